@@ -1,0 +1,1 @@
+"""What is there: surfaces, cameras, the operator. No time, no files."""

@@ -1,0 +1,86 @@
+"""What every noun of this room asks of what comes in: the checks, each said once."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from meshflow.errors import InputError
+
+Array = NDArray[Any]
+
+__all__ = ["Array", "mask_of", "positive", "real", "samples"]
+
+
+def real(values: ArrayLike, name: str) -> Array:
+    """An array of float32 or float64 in native byte order; integers become the float type that holds them.
+
+    (Up to 16 bit: float32; more: float64.) Nothing is copied that need not be; nothing of the caller's is changed.
+
+    :raises InputError: for complex numbers, objects, text, or an empty array.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise InputError(f"{name}: real numbers expected, got dtype {array.dtype}; take a real part or convert first")
+    if array.size == 0:
+        raise InputError(f"{name}: nothing to smooth, the array of shape {array.shape} is empty")
+    if array.dtype.kind == "f":
+        kind = np.float32 if array.dtype.itemsize <= 4 else np.float64
+    else:
+        kind = np.float32 if array.dtype.itemsize <= 2 else np.float64
+    return array.astype(kind, copy=False)
+
+
+def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...], name: str) -> tuple[Array, Array]:
+    """Values of a grid and the mask (h, w) of those that are missing.
+
+    Missing is: masked (numpy.ma), NaN or infinite in any channel, or named by ``missing``.
+
+    :raises InputError: for a grid of fewer than 2 x 2 samples, of wrong dimension, or with nothing but missing samples.
+    """
+    masked = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
+    array = real(np.ma.getdata(values), name)
+    if array.ndim not in ndim:
+        raise InputError(f"{name}: an array of {' or '.join(map(str, ndim))} dimensions expected, got shape {array.shape}")
+    if array.ndim == 3 and array.shape[2] == 0:
+        raise InputError(f"{name}: at least one channel expected, got shape {array.shape}")
+    if min(array.shape[:2]) < 2:
+        raise InputError(f"{name}: at least 2 x 2 samples are needed to span a triangle, got {array.shape}")
+    gone = ~np.isfinite(array)
+    if masked is not None:
+        gone |= masked
+    gone = gone if gone.ndim == 2 else gone.any(axis=2)
+    if missing is not None:
+        gone |= mask_of(missing, gone.shape, "missing")
+    if gone.all():
+        raise InputError(f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth")
+    return array, gone
+
+
+def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:
+    """A boolean mask of a given shape; ``None`` is nowhere.
+
+    :raises InputError: when the shape or the type does not fit.
+    """
+    if mask is None:
+        return np.zeros(shape, bool)
+    array = np.asarray(mask)
+    if array.dtype != bool:
+        raise InputError(f"{name}: a mask of booleans expected, got dtype {array.dtype}; write {name} != 0 if that is meant")
+    if array.shape != shape:
+        raise InputError(f"{name}: a mask of shape {shape} expected, got {array.shape}")
+    return array
+
+
+def positive(value: float, name: str, unit: str = "") -> float:
+    """A finite number above zero.
+
+    :raises InputError: otherwise.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as cause:
+        raise InputError(f"{name}: a positive number expected, got {value!r}") from cause
+    if not (np.isfinite(number) and number > 0):
+        raise InputError(f"{name}: a positive finite number{' of ' + unit if unit else ''} expected, got {value!r}")
+    return number

@@ -1,0 +1,311 @@
+"""The nouns: height field, image, range image, mesh. Each is lifted to a Surface, and lowered back to itself."""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshflow.errors import InputError
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.gates import Array, mask_of, positive, real, samples
+from meshflow.geometry.surface import Axes, Boundary, Rays, Surface
+from meshflow.geometry.triangulate import Diagonals, charts_of_rows, grid_sheets
+
+__all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "RangeImage"]
+
+Moves = Literal["points", "channels", "all"]
+
+
+@dataclass(frozen=True)
+class Lift:
+    """How a noun becomes a surface.
+
+    :param contrast: alpha of section 4.4, which multiplies the free coordinates before the flow and divides them after it:
+        length of the surface per unit of the value. No unit where value and spacing share theirs.
+    :param diagonals: of a grid's cells; ``alternate`` is as isotropic as ``both`` at half the cost.
+    :param boundary: ``natural | linear | fixed``; by default what suits the noun.
+    """
+
+    contrast: float = 1.0
+    diagonals: Diagonals = "alternate"
+    boundary: Boundary | None = None
+
+    def __post_init__(self) -> None:
+        positive(self.contrast, "contrast")
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """What all samples on a grid share."""
+
+    def _surface(self, coordinates: Array, missing: Array, spacing: tuple[Array | float, float], **more: object) -> Surface:
+        """Lift columns of free coordinates (h * w, k), already multiplied by the contrast, above a grid."""
+        h, w = missing.shape
+        dx, dy = spacing
+        lift: Lift = more.pop("lift")  # type: ignore[assignment]
+        rows, columns = np.mgrid[0:h, 0:w]
+        widths = np.broadcast_to(np.asarray(dx, dtype=np.float64), (h,))
+        x = (columns - (0 if np.ndim(dx) == 0 else (w - 1) / 2)) * widths[:, None]
+        points = np.column_stack([x.ravel(), -(rows * float(dy)).ravel(), coordinates])
+        points[missing.ravel(), 2:] = 0.0
+        sheets = grid_sheets(~missing, lift.diagonals)
+        charts = None if np.ndim(dx) == 0 else tuple(charts_of_rows(faces, w, widths, dy) for faces in sheets)
+        free = Axes(tuple(range(2, points.shape[1])))
+        turns = lift.diagonals == "alternate"
+        return Surface(points, sheets, free, charts=charts, turns=turns, **more)  # type: ignore[arg-type]
+
+
+def _spacing(spacing: object, rows: int) -> tuple[Array | float, float]:
+    """(dx, dy) with dx a number or one per row; a single number is both."""
+    pair = spacing if isinstance(spacing, (tuple, list)) else (spacing, spacing)
+    if len(pair) != 2:
+        raise InputError(f"spacing: one number or a pair (dx, dy) expected, got {spacing!r}")
+    dy = positive(pair[1], "spacing dy")
+    if np.ndim(pair[0]) == 0:
+        return positive(pair[0], "spacing dx"), dy
+    widths = np.asarray(pair[0], dtype=np.float64)
+    if widths.shape != (rows,) or not (np.isfinite(widths).all() and (widths > 0).all()):
+        raise InputError(f"spacing dx: a positive number or {rows} of them, one per row, expected; got shape {widths.shape}")
+    return widths, dy
+
+
+def _lowered(values: Array, start: Array, u: Array, contrast: float, missing: Array) -> Array:
+    """Values plus what moved; a sample that did not move, or is missing, keeps its bits."""
+    change = ((u - start) / contrast).reshape(values.shape)
+    gone = missing if values.ndim == missing.ndim else missing[..., None]
+    moved = np.add(values, change, where=~gone, out=values.astype(np.float64, copy=True))
+    return moved.astype(values.dtype)
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField(_Grid):
+    """Elevations on a grid; z alone is free.
+
+    :param z: (h, w), row 0 in the north; NaN, infinite and masked samples are missing. Integers become floating point.
+    :param spacing: one number or (dx, dy) in the horizontal unit, dx a number or one per row (degrees on an ellipsoid).
+    :param missing: (h, w), further samples that are missing.
+    :param fixed: (h, w), samples that stay.
+    :param unit: the name of the unit of z, for reports and pictures.
+    :raises InputError: for fewer than 2 x 2 samples, nothing but missing ones, or a spacing that is not positive.
+    """
+
+    z: Array
+    spacing: tuple[Array | float, float] = (1.0, 1.0)
+    missing: Array | None = None
+    fixed: Array | None = None
+    unit: str = ""
+    boundary: Boundary = field(default="linear", init=False)
+
+    def __post_init__(self) -> None:
+        z, missing = samples(self.z, self.missing, (2,), "height field")
+        object.__setattr__(self, "z", z)
+        object.__setattr__(self, "missing", missing)
+        object.__setattr__(self, "fixed", mask_of(self.fixed, z.shape, "fixed"))
+        object.__setattr__(self, "spacing", _spacing(self.spacing, z.shape[0]))
+
+    @property
+    def step(self) -> float:
+        """h: the typical distance of neighbours, in the horizontal unit (the geometric mean of dx and dy)."""
+        return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
+
+    def lifted(self, lift: Lift) -> Surface:
+        """The surface (x, y, contrast z), of h * w vertices; missing ones have no triangle."""
+        assert self.missing is not None
+        assert self.fixed is not None
+        column = self.z.reshape(-1, 1) * np.float64(lift.contrast)
+        return self._surface(column, self.missing, self.spacing, lift=lift, fixed=self.fixed.ravel(),
+                             boundary=lift.boundary or self.boundary)
+
+    def lowered(self, u: Array, lift: Lift) -> "HeightField":
+        """A copy whose elevations are u (h * w, 1) over the contrast."""
+        assert self.missing is not None
+        start = np.where(self.missing, 0.0, self.z * np.float64(lift.contrast)).reshape(-1, 1)
+        return replace(self, z=_lowered(self.z, start, u, lift.contrast, self.missing))
+
+
+@dataclass(frozen=True, eq=False)
+class Image(_Grid):
+    """Channels on a grid: grey, colour, a vector or tensor field; the channels are free, all together.
+
+    :param values: (h, w) or (h, w, k); a sample with a channel that is NaN, infinite or masked is missing.
+    :param spacing: one number or (dx, dy), pixels by default.
+    :param missing: (h, w), further samples that are missing.
+    :param fixed: (h, w), samples that stay.
+    :raises InputError: as :class:`HeightField`.
+    """
+
+    values: Array
+    spacing: tuple[Array | float, float] = (1.0, 1.0)
+    missing: Array | None = None
+    fixed: Array | None = None
+    boundary: Boundary = field(default="natural", init=False)
+
+    def __post_init__(self) -> None:
+        values, missing = samples(self.values, self.missing, (2, 3), "image")
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "missing", missing)
+        object.__setattr__(self, "fixed", mask_of(self.fixed, missing.shape, "fixed"))
+        object.__setattr__(self, "spacing", _spacing(self.spacing, missing.shape[0]))
+
+    @property
+    def step(self) -> float:
+        """h: the typical distance of neighbours (the geometric mean of dx and dy)."""
+        return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
+
+    def lifted(self, lift: Lift) -> Surface:
+        """The surface (x, y, contrast c1, ..., contrast ck), of h * w vertices."""
+        assert self.missing is not None
+        assert self.fixed is not None
+        columns = self.values.reshape(self.missing.size, -1) * np.float64(lift.contrast)
+        return self._surface(columns, self.missing, self.spacing, lift=lift, fixed=self.fixed.ravel(),
+                             boundary=lift.boundary or self.boundary)
+
+    def lowered(self, u: Array, lift: Lift) -> "Image":
+        """A copy whose channels are u (h * w, k) over the contrast."""
+        assert self.missing is not None
+        start = self.values.reshape(self.missing.size, -1) * np.float64(lift.contrast)
+        start[self.missing.ravel()] = 0.0
+        return replace(self, values=_lowered(self.values, start, u, lift.contrast, self.missing))
+
+
+@dataclass(frozen=True, eq=False)
+class RangeImage:
+    """Depths seen by a camera; each point may move along the ray of its pixel.
+
+    Time is counted in pixel footprints: the motion of a vertex is multiplied by h_i squared, h_i = z_i / f the width of its
+    pixel on the surface at the start, so that near and far are smoothed over the same number of pixels.
+
+    :param depth: (h, w), along the optical axis, in the unit that the result shall have (metres); 0, NaN, infinite and masked
+        samples are missing.
+    :param camera: the :class:`Pinhole` that saw it.
+    :param missing: (h, w), further samples that are missing.
+    :param fixed: (h, w), samples that stay.
+    :param jump: a triangle is left out where depths differ by more than this share of the nearest: what is behind does not
+        touch what is before it. None: no triangle is left out.
+    :raises InputError: for negative depths, fewer than 2 x 2 samples, or nothing but missing ones.
+    """
+
+    depth: Array
+    camera: Pinhole
+    missing: Array | None = None
+    fixed: Array | None = None
+    jump: float | None = 0.05
+    boundary: Boundary = field(default="linear", init=False)
+    step: float = field(default=1.0, init=False)
+
+    def __post_init__(self) -> None:
+        depth, missing = samples(self.depth, self.missing, (2,), "range image")
+        missing = missing | (depth == 0)
+        if missing.all():
+            raise InputError(f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth")
+        if (depth[~missing] < 0).any():
+            raise InputError(f"range image: depths above zero expected, got {depth[~missing].min()}; 0 or NaN mark what is missing")
+        if self.jump is not None:
+            positive(self.jump, "jump")
+        object.__setattr__(self, "depth", depth)
+        object.__setattr__(self, "missing", missing)
+        object.__setattr__(self, "fixed", mask_of(self.fixed, depth.shape, "fixed"))
+
+    def lifted(self, lift: Lift) -> Surface:
+        """The surface of points z (x', y', 1), each free along its ray.
+
+        :raises InputError: for a contrast other than 1: along rays through one point it scales the scene and nothing else.
+        """
+        if lift.contrast != 1.0:
+            raise InputError(f"contrast: for range images only 1 has a meaning (a factor on all depths scales the scene), "
+                             f"got {lift.contrast}; use gamma to keep edges")
+        assert self.missing is not None
+        assert self.fixed is not None
+        z = np.where(self.missing, 0.0, self.depth).astype(np.float64)
+        directions = self.camera.rays(z.shape).reshape(-1, 3)
+        sheets = grid_sheets(~self.missing, lift.diagonals)
+        if self.jump is not None:
+            corners = [z.ravel()[faces] for faces in sheets]
+            sheets = tuple(f[np.ptp(c, axis=1) <= self.jump * c.min(axis=1)] for f, c in zip(sheets, corners, strict=True))
+        rays = Rays(np.zeros_like(directions), directions, z.ravel())
+        pace = (z.ravel() * self.camera.pixel) ** 2
+        return Surface(z.reshape(-1, 1) * directions, sheets, rays, self.fixed.ravel(), lift.boundary or self.boundary,
+                       lift.diagonals == "alternate", pace)
+
+    def lowered(self, u: Array, lift: Lift) -> "RangeImage":
+        """A copy whose depths are u (h * w, 1)."""
+        assert self.missing is not None
+        start = np.where(self.missing, 0.0, self.depth).astype(np.float64).reshape(-1, 1)
+        return replace(self, depth=_lowered(self.depth, start, u, lift.contrast, self.missing))
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle mesh, its points or its channels or both free.
+
+    :param points: (n, d), d >= 2, finite.
+    :param faces: (m, 3), vertices 0 to n - 1. Degenerate triangles contribute nothing, isolated vertices stay.
+    :param channels: (n, k) per vertex: colour, temperature, a vector.
+    :param moves: ``points`` (the channels ride along), ``channels`` (on a surface that stays), or ``all`` (coupled).
+    :param fixed: (n,), vertices that stay.
+    :raises InputError: for an empty mesh, NaN or infinity, a face that names no vertex, or channels of another length.
+    """
+
+    points: Array
+    faces: Array
+    channels: Array | None = None
+    moves: Moves = "points"
+    fixed: Array | None = None
+    boundary: Boundary = field(default="linear", init=False)
+
+    def __post_init__(self) -> None:
+        points = real(self.points, "mesh points")
+        surface = Surface(points, (self.faces,), fixed=self.fixed)  # the gate of points, faces and fixed
+        if len(surface.sheets[0]) == 0:
+            raise InputError(f"mesh: at least one triangle expected, got {len(points)} points and none; a point cloud has no surface")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "faces", surface.sheets[0])
+        object.__setattr__(self, "fixed", surface.fixed)
+        object.__setattr__(self, "channels", self._checked(self.channels))
+        if self.moves not in ("points", "channels", "all"):
+            raise InputError(f"moves: points, channels or all expected, got {self.moves!r}")
+        if self.moves != "points" and self.channels is None:
+            raise InputError(f"moves={self.moves!r}: the mesh has no channels; give channels (n, k)")
+
+    def _checked(self, channels: ArrayLike | None) -> Array | None:
+        if channels is None:
+            return None
+        values = real(channels, "mesh channels")
+        values = values[:, None] if values.ndim == 1 else values
+        if values.ndim != 2 or len(values) != len(self.points):
+            raise InputError(f"mesh channels: shape ({len(self.points)}, k) expected, got {np.shape(channels)}")
+        if not np.isfinite(values).all():
+            raise InputError("mesh channels: finite numbers expected, got NaN or infinity")
+        return values
+
+    @property
+    def step(self) -> float:
+        """h: the mean length of the edges of the triangles, in the unit of the points."""
+        corners = self.points[self.faces].astype(np.float64)
+        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+
+    def lifted(self, lift: Lift) -> Surface:
+        """The surface in R^d, or in R^(d + k) where channels move; contrast multiplies the channels."""
+        d = self.points.shape[1]
+        points, free = self.points, tuple(range(d))
+        if self.channels is not None and self.moves != "points":
+            points = np.column_stack([self.points.astype(np.float64), self.channels * np.float64(lift.contrast)])
+            free = tuple(range(d if self.moves == "channels" else 0, points.shape[1]))
+        elif lift.contrast != 1.0:
+            raise InputError(f"contrast: a factor on the channels, and the points move alone; got {lift.contrast}")
+        return Surface(points, (self.faces,), Axes(free), self.fixed, lift.boundary or self.boundary)
+
+    def lowered(self, u: Array, lift: Lift) -> "Mesh":
+        """A copy with the points, the channels, or both of u (n, free coordinates)."""
+        d = self.points.shape[1]
+        points, channels = self.points, self.channels
+        if self.moves != "channels":
+            points = (points + (u[:, :d] - points)).astype(points.dtype)
+        if channels is not None and self.moves != "points":
+            part = u[:, -channels.shape[1]:]
+            channels = (channels + (part - channels * np.float64(lift.contrast)) / lift.contrast).astype(channels.dtype)
+        return replace(self, points=points, channels=channels)
+
+
+Noun = HeightField | Image | RangeImage | Mesh

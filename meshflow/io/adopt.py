@@ -1,0 +1,59 @@
+"""Other people's objects in, the same kind of object out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from meshflow.errors import InputError
+from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
+
+__all__ = ["Adopted", "adopt"]
+
+# Which module of this room knows the objects of which package, by the package of the object's class: nothing of theirs is
+# imported before one of their objects has come in.
+_HOMES = {
+    "numpy": "arrays",
+    "builtins": "arrays",
+    "xarray": "xarrays",
+    "trimesh": "trimeshes",
+    "pyvista": "pyvistas",
+    "open3d": "open3ds",
+}
+
+
+@dataclass(frozen=True)
+class Adopted:
+    """An object of somebody else's, taken in.
+
+    :param noun: its data, shared or copied, never changed.
+    :param restore: a noun of the same kind and size becomes an object of the kind that came in; a new one.
+    :param notes: what was done on the way in, sentences for the user.
+    """
+
+    noun: Noun
+    restore: Callable[[Any], Any]
+    notes: tuple[str, ...] = ()
+
+
+def adopt(thing: Any, **hints: Any) -> Adopted:
+    """Recognise what a thing is.
+
+    numpy arrays (h, w) are height fields, (h, w, k) images; ``(points, faces)`` is a mesh; objects of xarray, trimesh,
+    pyvista and open3d as they are; the nouns of meshflow pass.
+
+    :param hints: ``kind`` (``terrain | image | depth | mesh``), ``spacing``, ``camera``, ``missing``, ``fixed``, ``channels``,
+        ``moves``: what the object itself does not say.
+    :raises InputError: for a thing that is none of these, or a hint that does not belong to it.
+    """
+    hints = {name: hint for name, hint in hints.items() if hint is not None}
+    if isinstance(thing, (HeightField, Image, RangeImage, Mesh)):
+        if hints:
+            raise InputError(f"{type(thing).__name__} already says {', '.join(hints)}; set them there")
+        return Adopted(thing, lambda noun: noun)
+    for kind in type(thing).__mro__:  # a subclass of numpy.ndarray or trimesh.Trimesh is one of them
+        home = _HOMES.get(kind.__module__.partition(".")[0])
+        if home is not None and kind is not object:
+            return import_module(f"meshflow.io.{home}").adopt(thing, **hints)
+    raise InputError(f"{type(thing).__module__}.{type(thing).__qualname__}: expected a numpy array, (points, faces), a mesh of "
+                     "trimesh, pyvista or open3d, an xarray.DataArray, or a noun of meshflow; read a file with meshflow.read")

@@ -1,0 +1,135 @@
+"""Files in and out: which reader, which writer, and what must survive between them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.lift import Noun
+
+__all__ = ["Document", "Kind", "read", "write"]
+
+Kind = Literal["terrain", "image", "depth", "mesh"]
+
+MESHES = frozenset({".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".vtp", ".vtk", ".3mf"})
+ARRAYS = frozenset({".npy", ".npz"})
+PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a file held.
+
+    :param noun: the data, as a noun of ``meshflow.geometry.lift``.
+    :param kind: what it is.
+    :param path: where it came from.
+    :param about: everything that must survive around the data; known to the reader and the writer of ``family`` alone.
+    :param family: the module of ``meshflow.io`` that reads and writes it: rasters, pictures, depths, arrays, meshes.
+    :param notes: what was done on the way in, sentences for the user.
+    """
+
+    noun: Noun
+    kind: Kind
+    path: Path
+    about: Any
+    family: str
+    notes: tuple[str, ...] = ()
+
+    def holding(self, noun: Noun) -> "Document":
+        """The same document around another noun."""
+        return replace(self, noun=noun)
+
+
+def read(path: str | Path, *, kind: Kind | None = None, camera: Pinhole | str | Path | None = None, **options: Any) -> Document:
+    """Read whatever the file holds.
+
+    A mesh by its extension; ``.npy`` and ``.npz`` as arrays; a picture with a camera as a depth image, without as an image;
+    everything else as a raster that GDAL opens: one band is a terrain, several are an image.
+
+    :param kind: ``terrain | image | depth | mesh``, where the guess would be wrong.
+    :param camera: of a depth image: a :class:`Pinhole` or the path of its JSON.
+    :param options: for the reader: ``band``, ``nodata``, ``spacing`` (rasters, arrays), ``depth_scale`` (units per metre).
+    :raises FormatError: when the file cannot be read; the message says why and what would be read.
+    """
+    path = Path(path)
+    _must_be_a_file(path)
+    family = _family(path, kind, camera)
+    try:
+        return _module(family).read(path, kind=kind, **({"camera": camera} if camera is not None else {}), **options)
+    except TypeError as cause:
+        if "unexpected keyword argument" not in str(cause):
+            raise
+        option = str(cause).rsplit("'", 2)[-2]
+        raise InputError(f"{path.name}: the option {option} does not belong to {family}") from cause
+
+
+def write(document: Document, path: str | Path, *, overwrite: bool = False, tags: Mapping[str, str] | None = None,
+          **options: Any) -> tuple[str, ...]:
+    """Write a document in the format that the extension names; beside the old file first, then in its place.
+
+    :param overwrite: replace a file that is there.
+    :param tags: words about the run, kept in the file where the format has room for them.
+    :param options: for the writer: ``dtype`` (rasters, pictures, depths), ``depth_scale``.
+    :returns: what the user should know (rounding, what the format could not hold).
+    :raises FormatError: when the format cannot hold the data, or a file is there and ``overwrite`` is not given.
+    """
+    path = Path(path)
+    if path.exists() and not overwrite:
+        raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (--overwrite, overwrite=True)")
+    if not path.parent.is_dir():
+        raise FormatError(f"{path.parent} is no folder; make it first")
+    family = _target(document, path)
+    try:
+        return _module(family).write(document, path, tags=dict(tags or {}), **options)
+    except TypeError as cause:
+        if "unexpected keyword argument" not in str(cause):
+            raise
+        option = str(cause).rsplit("'", 2)[-2]
+        raise InputError(f"{path.name}: the option {option} does not belong to {family}") from cause
+
+
+def _module(family: str) -> Any:
+    return import_module(f"meshflow.io.{family}")
+
+
+def _must_be_a_file(path: Path) -> None:
+    if not path.exists():
+        raise FormatError(f"{path}: no such file")
+    if path.is_dir():
+        raise FormatError(f"{path} is a folder; a file is expected")
+    if path.stat().st_size == 0:
+        raise FormatError(f"{path} is empty (0 bytes)")
+
+
+def _family(path: Path, kind: Kind | None, camera: object) -> str:
+    suffix = path.suffix.lower()
+    if suffix in ARRAYS:
+        return "arrays"
+    if kind == "mesh" or (kind is None and suffix in MESHES):
+        return "meshes"
+    if kind == "depth" or (kind is None and camera is not None):
+        return "depths"
+    if kind == "image" or (kind is None and suffix in PICTURES):
+        return "pictures"
+    return "rasters"
+
+
+def _target(document: Document, path: Path) -> str:
+    """The family that writes a document to this extension."""
+    suffix = path.suffix.lower()
+    fits: dict[str, Callable[[], bool]] = {
+        "meshes": lambda: document.kind == "mesh" and suffix in MESHES,
+        "arrays": lambda: document.kind != "mesh" and suffix in ARRAYS,
+        "depths": lambda: document.kind == "depth" and suffix in {".png", ".tif", ".tiff"},
+        "pictures": lambda: document.kind == "image" and document.family != "rasters" and suffix in PICTURES | {".tif", ".tiff"},
+        "rasters": lambda: document.kind in ("terrain", "image") and suffix in {".tif", ".tiff", ".asc"},
+    }
+    for family, fit in fits.items():
+        if fit():
+            return family
+    room = {"mesh": sorted(MESHES - {".gltf", ".3mf"}), "depth": [".png", ".tif", ".npy"],
+            "image": [".png", ".tif", ".jpg", ".npy"], "terrain": [".tif", ".asc", ".npy"]}[document.kind]
+    raise FormatError(f"{path.name}: a {document.kind} does not fit into {suffix or 'a file without extension'}; use {' '.join(room)}")
