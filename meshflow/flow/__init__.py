@@ -1,0 +1,1 @@
+"""How it moves: knows u and its rate, not where u came from."""

@@ -1,0 +1,238 @@
+"""The contract of every engine, and the one formula of the flow on explicit triangles."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sparse
+
+from meshflow.geometry import operator
+from meshflow.geometry.connectivity import Connectivity, connect
+from meshflow.geometry.gates import Array
+from meshflow.geometry.member import Member
+from meshflow.geometry.surface import Axes, Rays, Surface
+
+__all__ = ["Flow", "MeshFlow", "System"]
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """What an implicit step solves: (mass + dt stiffness) change = dt mass rate, symmetric positive definite.
+
+    :ivar mass: (n,), M |d|^2 / s, one where a vertex does not move.
+    :ivar stiffness: (n, n), L_ij (d_i . d_j); rows and columns of vertices that do not move are zero.
+    """
+
+    mass: Array
+    stiffness: sparse.csr_matrix
+
+
+class Flow(Protocol):
+    """What a stepper asks of an engine. ``turn`` counts the evaluations, for engines whose triangles alternate."""
+
+    def start(self) -> Array:
+        """Free coordinates (n, k) at time zero."""
+        ...
+
+    def rate(self, u: Array, turn: int = 0) -> Array:
+        """du/dt, (n, k)."""
+        ...
+
+    def area(self, u: Array) -> float:
+        """The energy, for step control; squared length."""
+        ...
+
+    def bound(self, u: Array) -> float:
+        """Upper bound of the fastest decay, per time: an explicit step of at most 2 / bound is stable."""
+        ...
+
+    def system(self, u: Array, turn: int = 0) -> System:
+        """Mass and stiffness of the present metric."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class _Sheet:
+    """One set of triangles and what of it never changes."""
+
+    connectivity: Connectivity
+    charts: Array | None
+    forms: Array
+    flat: Array | None
+
+    @classmethod
+    def of(cls, faces: tuple[Array, ...], charts: Array | None, n: int) -> "_Sheet":
+        connectivity = connect(faces, n)
+        if charts is None:
+            return cls(connectivity, None, np.zeros((0, 4)), None)
+        forms = operator.forms(charts)
+        third = np.repeat(0.5 * np.sqrt(forms[:, 3]) / 3.0, 3)
+        flat = np.bincount(connectivity.faces.ravel(), weights=third, minlength=n)
+        return cls(connectivity, charts, forms, flat)
+
+
+@dataclass(frozen=True, eq=False)
+class _Metric:
+    """The surface measured at one moment: cotangents (m, 3), areas (m,), mass (n,)."""
+
+    cot: Array
+    area: Array
+    mass: Array
+
+
+class MeshFlow:
+    """dX/dt = -s P B on the triangles of a surface, s = (edge indicator)^gamma (7), (10), (14).
+
+    The engine of reference: every other engine must agree with it.
+
+    :param surface: where the points are and where they may go.
+    :param member: which flow of the family.
+    """
+
+    def __init__(self, surface: Surface, member: Member | None = None) -> None:
+        self.surface = surface
+        self.member = member or Member()
+        n = len(surface.points)
+        charts = self._charts(surface)
+        if surface.turns:
+            self._sheets = tuple(_Sheet.of((f,), c, n) for f, c in zip(surface.sheets, charts, strict=True))
+        else:
+            joined = None if charts[0] is None else np.concatenate([c for c in charts if c is not None])
+            self._sheets = (_Sheet.of(surface.sheets, joined, n),)
+        assert surface.fixed is not None
+        self.held = surface.fixed.copy()
+        if surface.boundary == "fixed":
+            for sheet in self._sheets:
+                c = sheet.connectivity
+                for turn in (1, 2):
+                    self.held[c.faces[c.border // 3, (c.border + turn) % 3]] = True
+
+    @staticmethod
+    def _charts(surface: Surface) -> tuple[Array | None, ...]:
+        """Corners of the triangles in the coordinates that stay, (m, 3, c) for each sheet; None where none stay."""
+        if surface.charts is not None:
+            return surface.charts
+        if isinstance(surface.free, Rays):
+            return (None,) * len(surface.sheets)
+        assert surface.free is not None
+        stay = [q for q in range(surface.points.shape[1]) if q not in surface.free.columns]
+        return tuple(surface.points[:, stay][faces] if stay else None for faces in surface.sheets)
+
+    def start(self) -> Array:
+        """Free coordinates (n, k) of the surface as it came."""
+        return self.surface.start
+
+    def rate(self, u: Array, turn: int = 0) -> Array:
+        """du/dt (n, k), free coordinate per time; zero where a vertex is fixed, isolated, or without area around it."""
+        sheet = self._sheets[turn % len(self._sheets)]
+        x = self._moving(u)
+        metric = self._measured(sheet, x)
+        gradient = operator.gather_gradient(sheet.connectivity, metric.cot, x, self.surface.boundary == "linear")
+        pull, inertia = self._along(gradient), self._inertia(sheet, x, metric, gradient)
+        moves = self._moves(inertia)
+        return -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
+
+    def area(self, u: Array) -> float:
+        """Area of the surface at u, squared length; the mean over its triangulations."""
+        x = self._moving(u)
+        total = sum(float(operator.cotangents(x, s.connectivity.faces, s.forms)[1].sum()) for s in self._sheets)
+        return total / len(self.surface.sheets)
+
+    def bound(self, u: Array) -> float:
+        """max over triangles of lambda_max(M_T^-1 L_T) times the largest factor of time at its corners; per time."""
+        x, fastest = self._moving(u), 0.0
+        for sheet in self._sheets:
+            metric = self._measured(sheet, x)
+            bounds = operator.rate_bound(metric.cot, metric.area, self.member.mass)
+            factor = self._speed(sheet, x, metric, None)
+            if factor is not None:
+                bounds = bounds * factor[sheet.connectivity.faces].max(axis=1)
+            fastest = max(fastest, float(bounds.max(initial=0.0)))
+        return fastest
+
+    def system(self, u: Array, turn: int = 0) -> System:
+        """Mass and stiffness of the surface at u, for implicit steps."""
+        sheet = self._sheets[turn % len(self._sheets)]
+        x = self._moving(u)
+        metric = self._measured(sheet, x)
+        inertia = self._inertia(sheet, x, metric, None)
+        moves = self._moves(inertia)
+        rays = self.surface.free.directions if isinstance(self.surface.free, Rays) else None
+        stiffness = operator.fill_stiffness(sheet.connectivity, metric.cot, rays)
+        rows = np.repeat(moves, np.diff(stiffness.indptr))
+        stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
+        return System(np.where(moves, inertia, 1.0), stiffness)
+
+    def _moving(self, u: Array) -> Array:
+        """Coordinates in which triangles are measured by points: the free ones, or all where the free ones are rays."""
+        return self.surface.points_at(u) if isinstance(self.surface.free, Rays) else np.ascontiguousarray(u)
+
+    def _measured(self, sheet: _Sheet, x: Array) -> _Metric:
+        cot, area = operator.cotangents(x, sheet.connectivity.faces, sheet.forms)
+        return _Metric(cot, area, operator.gather_mass(sheet.connectivity, cot, area, self.member.mass))
+
+    def _along(self, gradient: Array) -> Array:
+        """P of a gradient, as free coordinates (n, k): for rays, per squared length of d in the inertia."""
+        if isinstance(self.surface.free, Axes):
+            return gradient
+        assert isinstance(self.surface.free, Rays)
+        return np.einsum("ij,ij->i", gradient, self.surface.free.directions)[:, None]
+
+    def _inertia(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array:
+        """M |d|^2 / s (n,): what divides the pull to give the rate."""
+        inertia = metric.mass
+        if isinstance(self.surface.free, Rays):
+            inertia = inertia * np.einsum("ij,ij->i", self.surface.free.directions, self.surface.free.directions)
+        speed = self._speed(sheet, x, metric, gradient)
+        if speed is None:
+            return inertia
+        return np.divide(inertia, speed, out=np.zeros_like(inertia), where=speed > 0)
+
+    def _speed(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array | None:
+        """Factor of time (n,): the edge indicator to the power gamma, times the pace; None where it is 1 everywhere."""
+        pace = self.surface.pace
+        free_all = sheet.charts is None and not isinstance(self.surface.free, Rays)
+        if self.member.gamma == 0.0 or free_all:
+            return pace
+        if self.member.indicator == "metric":
+            indicator = self._expansion(sheet, x, metric)
+        else:
+            indicator = self._projection(sheet, x, metric, gradient)
+        speed = indicator**self.member.gamma
+        return speed if pace is None else speed * pace
+
+    def _expansion(self, sheet: _Sheet, x: Array, metric: _Metric) -> Array:
+        """1/W (3): area across the free directions over true area, of the triangles around each vertex (n,)."""
+        if isinstance(self.surface.free, Rays):
+            flat = operator.gather_seen(sheet.connectivity, x, self.surface.free.directions) / 3.0
+        else:
+            assert sheet.flat is not None
+            flat = sheet.flat
+        true = operator.gather_mass(sheet.connectivity, metric.cot, metric.area, "barycentric")
+        ratio = np.divide(flat, true, out=np.ones_like(true), where=true > 0)
+        # A vertex seen exactly edge-on has no footprint at all; it must not divide by zero where gamma < 0.
+        return np.clip(ratio, 1e-6, 1.0)
+
+    def _projection(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array:
+        """|PB| / |B| (10), at least the floor; 1 where the surface is flat and the ratio 0/0."""
+        linear = self.surface.boundary == "linear"
+        if gradient is None:
+            gradient = operator.gather_gradient(sheet.connectivity, metric.cot, x, linear)
+        if isinstance(self.surface.free, Rays):
+            directions = self.surface.free.directions
+            length = np.linalg.norm(directions, axis=1)
+            free = np.divide(np.abs(self._along(gradient)[:, 0]), length, out=np.zeros_like(length), where=length > 0)
+            whole = np.linalg.norm(gradient, axis=1)
+        else:
+            assert sheet.charts is not None
+            stays = operator.gather_chart_gradient(sheet.connectivity, metric.cot, sheet.charts, linear)
+            free = np.linalg.norm(gradient, axis=1)
+            whole = np.hypot(free, np.linalg.norm(stays, axis=1))
+        # |B| h below 1e-9 is rounding: the gradient of the area there is a length, compared with h = sqrt(M).
+        curved = whole > 1e-9 * np.sqrt(metric.mass)
+        ratio = np.divide(free, whole, out=np.ones_like(whole), where=curved)
+        return np.clip(ratio, self.member.floor, 1.0)
+
+    def _moves(self, inertia: Array) -> Array:
+        """Vertices (n,) that are neither fixed nor without triangles."""
+        return (inertia > 0) & np.isfinite(inertia) & ~self.held

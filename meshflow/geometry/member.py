@@ -1,0 +1,46 @@
+"""The member of the family of flows: which exponent, which edge indicator, which mass. Every engine reads it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.gates import positive
+
+__all__ = ["Indicator", "Member"]
+
+Indicator = Literal["metric", "projection"]
+
+
+@dataclass(frozen=True)
+class Member:
+    """One flow of the family dX/dt = -(edge indicator)^gamma P B.
+
+    :param gamma: exponent of the edge indicator, the convention of section 4.2, defined in every dimension: -2 graph flow
+        (the motion of the shape under mean curvature flow), -1 mean curvature diffusion (El-Fallah and Ford), 0 Beltrami
+        flow (14), above 0 stronger preservation of edges (10). The gamma of section 3 is this one plus 1. Where all
+        coordinates are free (a mesh), the indicator is 1 and gamma has no effect.
+    :param indicator: ``metric``: area of the triangles around a vertex projected across its free directions over their true
+        area, 1/W of a height field (3); ``projection``: \\|PB\\| / \\|B\\| as (10) writes it. Both lie in [0, 1].
+    :param mass: ``barycentric``: time as in the heat equation on flat data; ``voronoi`` (mixed): the same; ``ring``: the
+        whole ring, as (14): time runs three times slower.
+    :param floor: least value of the ``projection`` indicator, which is 0/0 on flat surfaces and, for gamma < 0, would let the
+        motion grow without bound.
+    :raises InputError: for an unknown word, a gamma that is not finite, or a floor outside (0, 1].
+    """
+
+    gamma: float = 0.0
+    indicator: Indicator = "metric"
+    mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
+    floor: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.gamma):
+            raise InputError(f"gamma: a finite number expected, got {self.gamma}")
+        if self.indicator not in ("metric", "projection"):
+            raise InputError(f"indicator: metric or projection expected, got {self.indicator!r}")
+        if self.mass not in ("barycentric", "voronoi", "ring"):
+            raise InputError(f"mass: barycentric, voronoi or ring expected, got {self.mass!r}")
+        if positive(self.floor, "floor") > 1:
+            raise InputError(f"floor: a number in (0, 1] expected, got {self.floor}")

@@ -1,0 +1,96 @@
+"""One triangle: its formulas, each once, as plain functions of scalars that loops, threads and tiles compile.
+
+A triangle is known by its quadratic form: at corner i, ``dot_i`` is the inner product of the two edges that leave it. Then
+the edge opposite corner 0 has squared length ``dot1 + dot2``, and four times the squared area is ``det = dot0 dot1 +
+dot1 dot2 + dot2 dot0``: lengths alone, so all of this holds in every dimension (Desbrun et al. 2000, section 5.4).
+"""
+
+import math
+
+from numba.extending import register_jitable
+
+__all__ = ["bound", "cotangents", "dots", "gram", "joint", "share"]
+
+# A triangle whose doubled area is below this share of its longest squared edge has no area: double precision has lost it.
+FLAT = 1e-12
+
+
+@register_jitable
+def dots(points, i, j, k):  # noqa: ANN001 - points (n, d), vertices i, j, k
+    """Inner products at the three corners: (X_j - X_i) . (X_k - X_i), and so on."""
+    dot0 = dot1 = dot2 = 0.0
+    for q in range(points.shape[1]):
+        a, b, c = points[i, q], points[j, q], points[k, q]
+        dot0 += (b - a) * (c - a)
+        dot1 += (c - b) * (a - b)
+        dot2 += (a - c) * (b - c)
+    return dot0, dot1, dot2
+
+
+@register_jitable
+def gram(points, i, j, k):  # noqa: ANN001
+    """Four times the squared area, |u|^2 |v|^2 - (u . v)^2, as the sum of squared 2 x 2 minors (Lagrange).
+
+    The difference of products loses all digits on slivers and steep cliffs; the sum of squares loses none.
+    """
+    det = 0.0
+    for p in range(points.shape[1]):
+        up, vp = points[j, p] - points[i, p], points[k, p] - points[i, p]
+        for q in range(p):
+            minor = up * (points[k, q] - points[i, q]) - vp * (points[j, q] - points[i, q])
+            det += minor * minor
+    return det
+
+
+@register_jitable
+def joint(a0, a1, a2, det_a, b0, b1, b2, det_b):  # noqa: ANN001
+    """Dots and determinant of the sum of two forms: a triangle measured in two spaces at once.
+
+    |D|^2 = |D in the one|^2 + |D in the other|^2 for every edge; det(A + B) = det A + det B + the mixed term.
+    """
+    mixed = a0 * (b1 + b2) + a1 * (b0 + b2) + a2 * (b0 + b1)
+    return a0 + b0, a1 + b1, a2 + b2, det_a + det_b + max(mixed, 0.0)
+
+
+@register_jitable
+def cotangents(dot0, dot1, dot2, det):  # noqa: ANN001
+    """Cotangents of the three angles and the area: cot_i = dot_i / 2T, T = sqrt(det) / 2.
+
+    A triangle without area contributes nothing: all four are zero.
+    """
+    longest = max(dot0 + dot1, dot1 + dot2, dot2 + dot0)
+    doubled = math.sqrt(max(det, 0.0))
+    if not doubled > FLAT * longest:
+        return 0.0, 0.0, 0.0, 0.0
+    return dot0 / doubled, dot1 / doubled, dot2 / doubled, 0.5 * doubled
+
+
+@register_jitable
+def share(kind, cot0, cot1, cot2, area):  # noqa: ANN001
+    """The part of a triangle's area that is the mass of its corner 0.
+
+    kind 0, barycentric: T / 3. Kind 1, Voronoi, mixed as Meyer et al. 2002: T (1 + cot1 cot2) / 4 where no angle is obtuse
+    (that is (b cot B + c cot C) / 8), else T / 2 at the obtuse corner and T / 4 at the others. Kind 2, ring: T.
+    """
+    if kind == 0:
+        return area / 3.0
+    if kind == 2:
+        return area
+    if cot0 < 0.0:
+        return 0.5 * area
+    if cot1 < 0.0 or cot2 < 0.0:
+        return 0.25 * area
+    return 0.25 * area * (1.0 + cot1 * cot2)
+
+
+@register_jitable
+def bound(cot0, cot1, cot2, area, smallest):  # noqa: ANN001
+    """Largest eigenvalue of the triangle's own stiffness over its smallest mass: an upper bound of lambda_max(M^-1 L).
+
+    (t / 2 + sqrt(t^2 / 4 - 3 / 4)) / smallest share, t = cot A + cot B + cot C = (a + b + c) / 4T >= sqrt 3; with the
+    barycentric third of T it is exact for the triangle alone. On a grid of spacing h and any heights it is at most 12 / h^2.
+    """
+    if not area > 0.0:
+        return 0.0
+    half = 0.5 * (cot0 + cot1 + cot2)
+    return (half + math.sqrt(max(half * half - 0.75, 0.0))) / smallest
