@@ -30,8 +30,14 @@ def square(n=500, seed=0, size=1.0):
     """A flat square with irregular points, z = 0; points (n, 3), faces, and the mask of its inside."""
     rng = np.random.default_rng(seed)
     border = np.linspace(0, 1, 20)
-    rim = np.concatenate([np.stack([border, 0 * border], 1), np.stack([border, 0 * border + 1], 1),
-                          np.stack([0 * border[1:-1], border[1:-1]], 1), np.stack([0 * border[1:-1] + 1, border[1:-1]], 1)])
+    rim = np.concatenate(
+        [
+            np.stack([border, 0 * border], 1),
+            np.stack([border, 0 * border + 1], 1),
+            np.stack([0 * border[1:-1], border[1:-1]], 1),
+            np.stack([0 * border[1:-1] + 1, border[1:-1]], 1),
+        ]
+    )
     inner = rng.uniform(0.02, 0.98, (n, 2))
     flat = np.concatenate([rim, inner])
     faces = Delaunay(flat).simplices.astype(np.int64)

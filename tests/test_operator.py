@@ -43,12 +43,17 @@ def test_stiffness_is_symmetric_semidefinite_and_its_rows_sum_to_zero(d):
 @pytest.mark.parametrize(("kind", "total"), [("barycentric", 1.0), ("voronoi", 1.0), ("ring", 3.0)])
 def test_masses_sum_to_the_area(kind, total):
     points, faces = shapes.soup(30, 60, 4)
-    assert operator.mass(points, faces, kind).sum() == pytest.approx(total * operator.total_area(points, faces), rel=1e-13)
+    assert operator.mass(points, faces, kind).sum() == pytest.approx(
+        total * operator.total_area(points, faces), rel=1e-13
+    )
 
 
 def _differences(points, faces):
     """Largest differences from libigl, relative to the largest entry: stiffness and two masses."""
-    found = [abs(operator.stiffness(points, faces) + igl.cotmatrix(points, faces)).max() / abs(igl.cotmatrix(points, faces)).max()]
+    found = [
+        abs(operator.stiffness(points, faces) + igl.cotmatrix(points, faces)).max()
+        / abs(igl.cotmatrix(points, faces)).max()
+    ]
     for kind, word in IGL_MASS.items():
         theirs = igl.massmatrix(points, faces, word).diagonal()
         found.append(np.abs(operator.mass(points, faces, kind) - theirs).max() / theirs.max())
@@ -86,9 +91,8 @@ def test_operator_equals_libigl_on_real_meshes(path):
     edges = points[faces] - np.roll(points[faces], 1, axis=1)
     longest = np.square(edges).sum(axis=2).max(axis=1)
     doubled = 2 * operator.cotangents(points, faces)[1]
-    # Slivers are where double precision itself has lost digits, in libigl's edge lengths as in ours: of a triangle with
-    # 2T / longest^2 = s, rounding of the points alone changes the cotangent by eps / s^2.
-    sound = faces[doubled > 1e-2 * longest]
+    # The horse has six triangles without area; everything else counts, its slivers of 1 : 10^4 too.
+    sound = faces[doubled > 1e-10 * longest]
     assert len(sound) > 0
     worst = max(_differences(points, sound.astype(np.int64)))
     print(f"{path.name}: {len(sound)} of {len(faces)} triangles, largest relative difference from libigl {worst:.1e}")
@@ -116,8 +120,11 @@ def test_every_inner_vertex_of_the_sampled_hemisphere_has_mean_curvature_one_wit
     assert error.max() < 0.02, f"largest error {error.max():.2%} (Figure 6)"
 
 
-@pytest.mark.parametrize(("profile", "length", "expected", "order"), [
-    (np.ones_like, np.pi, 0.5, 1.7), (np.cosh, 2.0, 0.0, 0.8)], ids=["cylinder", "catenoid"])
+@pytest.mark.parametrize(
+    ("profile", "length", "expected", "order"),
+    [(np.ones_like, np.pi, 0.5, 1.7), (np.cosh, 2.0, 0.0, 0.8)],
+    ids=["cylinder", "catenoid"],
+)
 def test_mean_curvature_of_a_surface_of_revolution_converges(profile, length, expected, order):
     errors = []
     for rings, around in ((20, 40), (40, 80), (80, 160)):

@@ -71,15 +71,19 @@ class Fixed:
         largest = stepper.largest(flow, u)
         if self.dt is not None:
             if self.dt > largest * (1.0 + 1e-9):
-                raise InputError(f"dt: {self.dt:.6g} is not stable with the {stepper.name} stepper here; the largest stable "
-                                 f"step is {largest:.6g}. Take that, or stepper='semi-implicit'")
+                raise InputError(
+                    f"dt: {self.dt:.6g} is not stable with the {stepper.name} stepper here; the largest stable "
+                    f"step is {largest:.6g}. Take that, or stepper='semi-implicit'"
+                )
             return self
         if np.isfinite(largest):
             return replace(self, dt=largest)
         if until.time is None:
             if flow.bound(u) == 0:
                 return replace(self, dt=1.0)  # nothing moves: any step will do
-            raise InputError(f"dt: the {stepper.name} stepper takes steps of any length; give dt beside steps, or a time")
+            raise InputError(
+                f"dt: the {stepper.name} stepper takes steps of any length; give dt beside steps, or a time"
+            )
         return replace(self, dt=max(until.time / IMPLICIT_STEPS, np.finfo(float).tiny))
 
     def length(self, limit: float) -> float:

@@ -37,8 +37,13 @@ class State:
     reason: str | None = None
 
 
-def march(flow: Flow, until: Until, stepper: Stepper | None = None, control: Fixed | AreaChange | None = None,
-          progress: Progress = None) -> Iterator[State]:
+def march(
+    flow: Flow,
+    until: Until,
+    stepper: Stepper | None = None,
+    control: Fixed | AreaChange | None = None,
+    progress: Progress = None,
+) -> Iterator[State]:
     """Move from the start to the end, yielding the start and the state after each step; the last one has a reason.
 
     The last step is cut to end at the time asked for. A step that is no longer stable, because the surface has changed, is
@@ -60,7 +65,9 @@ def march(flow: Flow, until: Until, stepper: Stepper | None = None, control: Fix
             moved = stepper.step(flow, u, dt, step)
             largest = float(np.sqrt(np.square(moved - u).sum(axis=1).max(initial=0.0)))
             if not np.isfinite(largest):
-                raise NotConverged(f"step {step + 1} of dt {dt:.3g}: the coordinates are no longer finite; take a smaller dt")
+                raise NotConverged(
+                    f"step {step + 1} of dt {dt:.3g}: the coordinates are no longer finite; take a smaller dt"
+                )
             before, area = area, flow.area(moved)
             u, time, step = moved, time + dt, step + 1
             steps = steps.after(dt, area, before)

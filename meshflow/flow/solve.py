@@ -1,9 +1,9 @@
 """Solve a sparse symmetric positive definite system for all channels at once, or fail loudly."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-import scipy.sparse as sparse
+import scipy.sparse
 from scipy.sparse.linalg import splu
 
 from meshflow.errors import InputError, NotConverged
@@ -11,6 +11,7 @@ from meshflow.geometry.gates import Array
 
 __all__ = ["Method", "choose", "solve"]
 
+Sparse = Any  # a scipy.sparse.csr_matrix; its type stubs do not know its methods
 Method = Literal["auto", "direct", "cg", "multigrid"]
 
 # Below SMALL unknowns a factorization costs less than an iteration's overhead; above STIFF (condition of the system scaled by
@@ -19,25 +20,42 @@ SMALL = 3000
 STIFF = 400.0
 
 
-def choose(matrix: sparse.csr_matrix, mass: Array) -> Method:
-    """The method that suits size and step: the typical ratio of a diagonal entry to its mass is the condition."""
-    if len(mass) <= SMALL:
+def choose(matrix: Sparse) -> Method:
+    """The method that suits size and step.
+
+    Rows of the stiffness sum to zero, so a row's sum is its mass, and the typical ratio of diagonal to mass the condition.
+    """
+    if matrix.shape[0] <= SMALL:
         return "direct"
-    return "multigrid" if 2.0 * float(np.median(matrix.diagonal() / mass)) > STIFF else "cg"
+    mass = np.asarray(matrix.sum(axis=1)).ravel()
+    ratio = np.divide(matrix.diagonal(), mass, out=np.ones_like(mass), where=mass > 0)
+    return "multigrid" if 2.0 * float(np.median(ratio)) > STIFF else "cg"
 
 
-def solve(matrix: sparse.csr_matrix, right: Array, guess: Array, method: Method, tolerance: float = 1e-9) -> Array:
+def solve(matrix: Sparse, right: Array, guess: Array, method: Method, tolerance: float = 1e-9) -> Array:
     """x (n, k) with matrix @ x = right (n, k), each column to a relative residual below the tolerance.
 
     :param matrix: (n, n), symmetric positive definite.
     :param guess: (n, k), where iterations begin.
-    :param method: ``direct`` (SuperLU), ``cg`` (conjugate gradients, Jacobi), ``multigrid`` (smoothed aggregation, pyamg).
+    :param method: ``direct`` (SuperLU), ``cg`` (conjugate gradients, Jacobi), ``multigrid`` (smoothed aggregation, pyamg);
+        ``auto``: what :func:`choose` names, and where slivers keep iterations from converging, the direct one after all.
     :raises NotConverged: with the residual reached, the iterations, and what to try.
     """
-    solvers = {"direct": _direct, "cg": _cg, "multigrid": _multigrid}
-    if method not in solvers:
-        raise InputError(f"solver: one of {', '.join(solvers)} expected, got {method!r}")
-    x, iterations = solvers[method](matrix, right, guess, tolerance)
+    if method == "auto":
+        first = choose(matrix)
+        try:
+            return solve(matrix, right, guess, first, tolerance)
+        except NotConverged:
+            if first == "direct":
+                raise
+            return solve(matrix, right, guess, "direct", tolerance)
+    if method not in _SOLVERS:
+        raise InputError(f"solver: auto, {', '.join(_SOLVERS)} expected, got {method!r}")
+    if not (np.isfinite(matrix.data).all() and np.isfinite(right).all()):
+        raise NotConverged(
+            f"solver {method}: the system holds NaN or infinity; a triangle or a rate is out of range, take a smaller dt"
+        )
+    x, iterations = _SOLVERS[method](matrix, right, guess, tolerance)
     scale = np.linalg.norm(right, axis=0)
     residual = np.linalg.norm(right - matrix @ x, axis=0)
     with np.errstate(invalid="ignore"):
@@ -45,12 +63,14 @@ def solve(matrix: sparse.csr_matrix, right: Array, guess: Array, method: Method,
     if not good.all():
         worst = float(np.max(residual / np.where(scale > 0, scale, 1.0)))
         other = "a smaller dt" if method == "direct" else "solver='direct', a smaller dt, or a larger tolerance"
-        raise NotConverged(f"solver {method}: relative residual {worst:.1e} after {iterations} iterations, {tolerance:.1e} was "
-                           f"asked for ({matrix.shape[0]} unknowns); try {other}")
+        raise NotConverged(
+            f"solver {method}: relative residual {worst:.1e} after {iterations} iterations, {tolerance:.1e} was "
+            f"asked for ({matrix.shape[0]} unknowns); try {other}"
+        )
     return x
 
 
-def _direct(matrix: sparse.csr_matrix, right: Array, guess: Array, tolerance: float) -> tuple[Array, int]:
+def _direct(matrix: Sparse, right: Array, guess: Array, tolerance: float) -> tuple[Array, int]:
     symmetric = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
     try:
         factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options=symmetric)
@@ -60,7 +80,7 @@ def _direct(matrix: sparse.csr_matrix, right: Array, guess: Array, tolerance: fl
     return x + factor.solve(right - matrix @ x), 1  # one refinement: slivers cost SuperLU digits
 
 
-def _cg(matrix: sparse.csr_matrix, right: Array, guess: Array, tolerance: float) -> tuple[Array, int]:
+def _cg(matrix: Sparse, right: Array, guess: Array, tolerance: float) -> tuple[Array, int]:
     """Conjugate gradients with Jacobi preconditioning; the columns share the products with the matrix."""
     jacobi = 1.0 / matrix.diagonal()[:, None]
     x, limit = guess.copy(), 20 * int(np.sqrt(len(right))) + 200
@@ -84,18 +104,27 @@ def _cg(matrix: sparse.csr_matrix, right: Array, guess: Array, tolerance: float)
     return x, limit
 
 
-def _multigrid(matrix: sparse.csr_matrix, right: Array, guess: Array, tolerance: float) -> tuple[Array, int]:
+def _multigrid(matrix: Sparse, right: Array, guess: Array, tolerance: float) -> tuple[Array, int]:
     """Conjugate gradients preconditioned by smoothed aggregation, for the system scaled to a unit diagonal."""
     import pyamg
 
-    half = 1.0 / np.sqrt(matrix.diagonal())
-    scaled = sparse.diags(half) @ matrix @ sparse.diags(half)
+    half: Array = 1.0 / np.sqrt(matrix.diagonal())
+    scaled = scipy.sparse.diags(half) @ matrix @ scipy.sparse.diags(half)
     hierarchy = pyamg.smoothed_aggregation_solver(scaled.tocsr(), symmetry="symmetric", max_coarse=200)
     x, most = np.empty_like(right), 0
     for column in range(right.shape[1]):
         residuals: list[float] = []
-        solution = hierarchy.solve(half * right[:, column], x0=guess[:, column] / half, tol=0.1 * tolerance, maxiter=300,
-                                   accel="cg", residuals=residuals)
+        solution: Any = hierarchy.solve(
+            half * right[:, column],
+            x0=guess[:, column] / half,
+            tol=0.1 * tolerance,
+            maxiter=300,
+            accel="cg",
+            residuals=residuals,
+        )
         x[:, column] = half * solution
         most = max(most, len(residuals))
     return x, most
+
+
+_SOLVERS = {"direct": _direct, "cg": _cg, "multigrid": _multigrid}

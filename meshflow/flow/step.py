@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 
 from meshflow.errors import InputError
 from meshflow.flow.rate import Flow
-from meshflow.flow.solve import Method, choose, solve
+from meshflow.flow.solve import Method, solve
 from meshflow.geometry.gates import Array, positive
 
 __all__ = ["Explicit", "SemiImplicit", "Stepper", "stepper_for"]
@@ -74,16 +74,17 @@ class SemiImplicit:
         system = flow.system(u, turn)
         matrix = (sparse.diags(system.mass) + dt * system.stiffness).tocsr()
         right = dt * system.mass[:, None] * rate
-        method = choose(matrix, system.mass) if self.solver == "auto" else self.solver
         guess = right / matrix.diagonal()[:, None]
-        return u + solve(matrix, right, guess, method, self.tolerance)
+        return u + solve(matrix, right, guess, self.solver, self.tolerance)
 
     def largest(self, flow: Flow, u: Array) -> float:
         """Infinite: every step lowers the Dirichlet energy of the present metric."""
         return np.inf
 
 
-def stepper_for(word: Stepper | Literal["auto", "explicit", "semi-implicit"], flow: Flow, time: float | None) -> Stepper:
+def stepper_for(
+    word: Stepper | Literal["auto", "explicit", "semi-implicit"], flow: Flow, time: float | None
+) -> Stepper:
     """The stepper of a name; ``auto`` takes the explicit one unless slivers or cliffs would make its steps too many.
 
     :raises InputError: for an unknown word.

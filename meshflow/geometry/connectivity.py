@@ -1,6 +1,7 @@
 """Who touches whom: computed once for each set of triangles, used at every step."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -45,16 +46,16 @@ def connect(sheets: tuple[Array, ...], n: int) -> Connectivity:
 
     The boundary is that of each triangulation by itself: an edge of one may be covered by a diagonal of the other.
     """
-    faces = np.concatenate(sheets) if len(sheets) > 1 else sheets[0]
-    offsets = np.cumsum([0, *(len(sheet) for sheet in sheets)])
-    border = np.concatenate([boundary_edges(sheet) + 3 * at for sheet, at in zip(sheets, offsets, strict=False)])
+    faces = np.concatenate(sheets)
+    offsets = [sum(map(len, sheets[:i])) for i in range(len(sheets))]
+    border = np.concatenate([boundary_edges(sheet) + 3 * at for sheet, at in zip(sheets, offsets, strict=True)])
     flat = faces.ravel()
     corners = np.argsort(flat, kind="stable")
     first = np.zeros(n + 1, np.int64)
     np.cumsum(np.bincount(flat, minlength=n), out=first[1:])
     rows = np.concatenate([faces[:, i] for i in (0, 1, 2, 1, 2, 0)] + [np.arange(n)])
     columns = np.concatenate([faces[:, i] for i in (1, 2, 0, 0, 1, 2)] + [np.arange(n)])
-    pattern = sparse.csr_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(n, n))
+    pattern: Any = sparse.csr_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(n, n))
     pattern.sum_duplicates()
     keys = np.repeat(np.arange(n), np.diff(pattern.indptr)) * n + pattern.indices  # sorted: rows, then columns
     own = flat[corners]

@@ -41,15 +41,17 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
     masked = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
     array = real(np.ma.getdata(values), name)
     if array.ndim not in ndim:
-        raise InputError(f"{name}: an array of {' or '.join(map(str, ndim))} dimensions expected, got shape {array.shape}")
+        raise InputError(
+            f"{name}: an array of {' or '.join(map(str, ndim))} dimensions expected, got shape {array.shape}"
+        )
     if array.ndim == 3 and array.shape[2] == 0:
         raise InputError(f"{name}: at least one channel expected, got shape {array.shape}")
     if min(array.shape[:2]) < 2:
         raise InputError(f"{name}: at least 2 x 2 samples are needed to span a triangle, got {array.shape}")
-    gone = ~np.isfinite(array)
+    gone = np.asarray(~np.isfinite(array))
     if masked is not None:
         gone |= masked
-    gone = gone if gone.ndim == 2 else gone.any(axis=2)
+    gone = gone if gone.ndim == 2 else np.asarray(gone.any(axis=2))
     if missing is not None:
         gone |= mask_of(missing, gone.shape, "missing")
     if gone.all():
@@ -66,7 +68,9 @@ def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:
         return np.zeros(shape, bool)
     array = np.asarray(mask)
     if array.dtype != bool:
-        raise InputError(f"{name}: a mask of booleans expected, got dtype {array.dtype}; write {name} != 0 if that is meant")
+        raise InputError(
+            f"{name}: a mask of booleans expected, got dtype {array.dtype}; write {name} != 0 if that is meant"
+        )
     if array.shape != shape:
         raise InputError(f"{name}: a mask of shape {shape} expected, got {array.shape}")
     return array

@@ -1,7 +1,7 @@
 """The nouns: height field, image, range image, mesh. Each is lifted to a Surface, and lowered back to itself."""
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from meshflow.geometry.triangulate import Diagonals, charts_of_rows, grid_sheets
 __all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "RangeImage"]
 
 Moves = Literal["points", "channels", "all"]
+Spacing = tuple[Array | float, float]
 
 
 @dataclass(frozen=True)
@@ -39,24 +40,36 @@ class Lift:
 class _Grid:
     """What all samples on a grid share."""
 
-    def _surface(self, coordinates: Array, missing: Array, spacing: tuple[Array | float, float], **more: object) -> Surface:
-        """Lift columns of free coordinates (h * w, k), already multiplied by the contrast, above a grid."""
+    boundary: Boundary = field(default="natural", init=False)
+
+    def _surface(self, columns: Array, missing: Array, spacing: Spacing, fixed: Array, lift: Lift) -> Surface:
+        """Lift free coordinates (h * w, k), already multiplied by the contrast, above a grid."""
         h, w = missing.shape
         dx, dy = spacing
-        lift: Lift = more.pop("lift")  # type: ignore[assignment]
-        rows, columns = np.mgrid[0:h, 0:w]
+        row, column = np.mgrid[0:h, 0:w]
         widths = np.broadcast_to(np.asarray(dx, dtype=np.float64), (h,))
-        x = (columns - (0 if np.ndim(dx) == 0 else (w - 1) / 2)) * widths[:, None]
-        points = np.column_stack([x.ravel(), -(rows * float(dy)).ravel(), coordinates])
+        x = (column - (0 if np.ndim(dx) == 0 else (w - 1) / 2)) * widths[:, None]
+        points = np.column_stack([x.ravel(), -(row * dy).ravel(), columns])
         points[missing.ravel(), 2:] = 0.0
         sheets = grid_sheets(~missing, lift.diagonals)
-        charts = None if np.ndim(dx) == 0 else tuple(charts_of_rows(faces, w, widths, dy) for faces in sheets)
-        free = Axes(tuple(range(2, points.shape[1])))
-        turns = lift.diagonals == "alternate"
-        return Surface(points, sheets, free, charts=charts, turns=turns, **more)  # type: ignore[arg-type]
+        return Surface(
+            points,
+            sheets,
+            free=Axes(tuple(range(2, points.shape[1]))),
+            fixed=fixed.ravel(),
+            boundary=lift.boundary or self.boundary,
+            turns=lift.diagonals == "alternate",
+            charts=None if np.ndim(dx) == 0 else tuple(charts_of_rows(faces, w, widths, dy) for faces in sheets),
+        )
 
 
-def _spacing(spacing: object, rows: int) -> tuple[Array | float, float]:
+def _where(mask: Array | None) -> Array:
+    """A mask that the gate of its noun has made."""
+    assert mask is not None
+    return mask
+
+
+def _spacing(spacing: Any, rows: int) -> Spacing:
     """(dx, dy) with dx a number or one per row; a single number is both."""
     pair = spacing if isinstance(spacing, (tuple, list)) else (spacing, spacing)
     if len(pair) != 2:
@@ -66,7 +79,9 @@ def _spacing(spacing: object, rows: int) -> tuple[Array | float, float]:
         return positive(pair[0], "spacing dx"), dy
     widths = np.asarray(pair[0], dtype=np.float64)
     if widths.shape != (rows,) or not (np.isfinite(widths).all() and (widths > 0).all()):
-        raise InputError(f"spacing dx: a positive number or {rows} of them, one per row, expected; got shape {widths.shape}")
+        raise InputError(
+            f"spacing dx: a positive number or {rows} of them, one per row, expected; got shape {widths.shape}"
+        )
     return widths, dy
 
 
@@ -91,7 +106,7 @@ class HeightField(_Grid):
     """
 
     z: Array
-    spacing: tuple[Array | float, float] = (1.0, 1.0)
+    spacing: Spacing = (1.0, 1.0)
     missing: Array | None = None
     fixed: Array | None = None
     unit: str = ""
@@ -111,17 +126,14 @@ class HeightField(_Grid):
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast z), of h * w vertices; missing ones have no triangle."""
-        assert self.missing is not None
-        assert self.fixed is not None
         column = self.z.reshape(-1, 1) * np.float64(lift.contrast)
-        return self._surface(column, self.missing, self.spacing, lift=lift, fixed=self.fixed.ravel(),
-                             boundary=lift.boundary or self.boundary)
+        return self._surface(column, _where(self.missing), self.spacing, _where(self.fixed), lift)
 
     def lowered(self, u: Array, lift: Lift) -> "HeightField":
         """A copy whose elevations are u (h * w, 1) over the contrast."""
-        assert self.missing is not None
-        start = np.where(self.missing, 0.0, self.z * np.float64(lift.contrast)).reshape(-1, 1)
-        return replace(self, z=_lowered(self.z, start, u, lift.contrast, self.missing))
+        missing = _where(self.missing)
+        start = np.where(missing, 0.0, self.z * np.float64(lift.contrast)).reshape(-1, 1)
+        return replace(self, z=_lowered(self.z, start, u, lift.contrast, missing))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +148,9 @@ class Image(_Grid):
     """
 
     values: Array
-    spacing: tuple[Array | float, float] = (1.0, 1.0)
+    spacing: Spacing = (1.0, 1.0)
     missing: Array | None = None
     fixed: Array | None = None
-    boundary: Boundary = field(default="natural", init=False)
 
     def __post_init__(self) -> None:
         values, missing = samples(self.values, self.missing, (2, 3), "image")
@@ -155,18 +166,15 @@ class Image(_Grid):
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast c1, ..., contrast ck), of h * w vertices."""
-        assert self.missing is not None
-        assert self.fixed is not None
-        columns = self.values.reshape(self.missing.size, -1) * np.float64(lift.contrast)
-        return self._surface(columns, self.missing, self.spacing, lift=lift, fixed=self.fixed.ravel(),
-                             boundary=lift.boundary or self.boundary)
+        columns = self.values.reshape(_where(self.missing).size, -1) * np.float64(lift.contrast)
+        return self._surface(columns, _where(self.missing), self.spacing, _where(self.fixed), lift)
 
     def lowered(self, u: Array, lift: Lift) -> "Image":
         """A copy whose channels are u (h * w, k) over the contrast."""
-        assert self.missing is not None
-        start = self.values.reshape(self.missing.size, -1) * np.float64(lift.contrast)
-        start[self.missing.ravel()] = 0.0
-        return replace(self, values=_lowered(self.values, start, u, lift.contrast, self.missing))
+        missing = _where(self.missing)
+        start = self.values.reshape(missing.size, -1) * np.float64(lift.contrast)
+        start[missing.ravel()] = 0.0
+        return replace(self, values=_lowered(self.values, start, u, lift.contrast, missing))
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,9 +206,13 @@ class RangeImage:
         depth, missing = samples(self.depth, self.missing, (2,), "range image")
         missing = missing | (depth == 0)
         if missing.all():
-            raise InputError(f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth")
+            raise InputError(
+                f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth"
+            )
         if (depth[~missing] < 0).any():
-            raise InputError(f"range image: depths above zero expected, got {depth[~missing].min()}; 0 or NaN mark what is missing")
+            raise InputError(
+                f"range image: depths above zero expected, got {depth[~missing].min()}; 0 or NaN mark what is missing"
+            )
         if self.jump is not None:
             positive(self.jump, "jump")
         object.__setattr__(self, "depth", depth)
@@ -213,26 +225,36 @@ class RangeImage:
         :raises InputError: for a contrast other than 1: along rays through one point it scales the scene and nothing else.
         """
         if lift.contrast != 1.0:
-            raise InputError(f"contrast: for range images only 1 has a meaning (a factor on all depths scales the scene), "
-                             f"got {lift.contrast}; use gamma to keep edges")
-        assert self.missing is not None
-        assert self.fixed is not None
-        z = np.where(self.missing, 0.0, self.depth).astype(np.float64)
+            raise InputError(
+                f"contrast: for range images only 1 has a meaning (a factor on all depths scales the scene), "
+                f"got {lift.contrast}; use gamma to keep edges"
+            )
+        missing = _where(self.missing)
+        z = np.where(missing, 0.0, self.depth).astype(np.float64)
         directions = self.camera.rays(z.shape).reshape(-1, 3)
-        sheets = grid_sheets(~self.missing, lift.diagonals)
+        sheets = grid_sheets(~missing, lift.diagonals)
         if self.jump is not None:
             corners = [z.ravel()[faces] for faces in sheets]
-            sheets = tuple(f[np.ptp(c, axis=1) <= self.jump * c.min(axis=1)] for f, c in zip(sheets, corners, strict=True))
+            sheets = tuple(
+                f[np.ptp(c, axis=1) <= self.jump * c.min(axis=1)] for f, c in zip(sheets, corners, strict=True)
+            )
         rays = Rays(np.zeros_like(directions), directions, z.ravel())
         pace = (z.ravel() * self.camera.pixel) ** 2
-        return Surface(z.reshape(-1, 1) * directions, sheets, rays, self.fixed.ravel(), lift.boundary or self.boundary,
-                       lift.diagonals == "alternate", pace)
+        return Surface(
+            z.reshape(-1, 1) * directions,
+            sheets,
+            free=rays,
+            fixed=_where(self.fixed).ravel(),
+            boundary=lift.boundary or self.boundary,
+            turns=lift.diagonals == "alternate",
+            pace=pace,
+        )
 
     def lowered(self, u: Array, lift: Lift) -> "RangeImage":
         """A copy whose depths are u (h * w, 1)."""
-        assert self.missing is not None
-        start = np.where(self.missing, 0.0, self.depth).astype(np.float64).reshape(-1, 1)
-        return replace(self, depth=_lowered(self.depth, start, u, lift.contrast, self.missing))
+        missing = _where(self.missing)
+        start = np.where(missing, 0.0, self.depth).astype(np.float64).reshape(-1, 1)
+        return replace(self, depth=_lowered(self.depth, start, u, lift.contrast, missing))
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,7 +280,9 @@ class Mesh:
         points = real(self.points, "mesh points")
         surface = Surface(points, (self.faces,), fixed=self.fixed)  # the gate of points, faces and fixed
         if len(surface.sheets[0]) == 0:
-            raise InputError(f"mesh: at least one triangle expected, got {len(points)} points and none; a point cloud has no surface")
+            raise InputError(
+                f"mesh: at least one triangle expected, got {len(points)} points and none; a point cloud has no surface"
+            )
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "faces", surface.sheets[0])
         object.__setattr__(self, "fixed", surface.fixed)
@@ -303,7 +327,7 @@ class Mesh:
         if self.moves != "channels":
             points = (points + (u[:, :d] - points)).astype(points.dtype)
         if channels is not None and self.moves != "points":
-            part = u[:, -channels.shape[1]:]
+            part = u[:, -channels.shape[1] :]
             channels = (channels + (part - channels * np.float64(lift.contrast)) / lift.contrast).astype(channels.dtype)
         return replace(self, points=points, channels=channels)
 

@@ -16,8 +16,20 @@ from meshflow.geometry import triangle
 from meshflow.geometry.connectivity import Connectivity, connect
 from meshflow.geometry.gates import Array
 
-__all__ = ["MASSES", "MassKind", "area_gradient", "cotangents", "curvature_normal", "forms", "mass", "mass_kind",
-           "mean_curvature", "rate_bound", "stiffness", "total_area"]
+__all__ = [
+    "MASSES",
+    "MassKind",
+    "area_gradient",
+    "cotangents",
+    "curvature_normal",
+    "forms",
+    "mass",
+    "mass_kind",
+    "mean_curvature",
+    "rate_bound",
+    "stiffness",
+    "total_area",
+]
 
 MassKind = Literal["barycentric", "voronoi", "ring"]
 MASSES = ("barycentric", "voronoi", "ring")
@@ -83,8 +95,9 @@ def area_gradient(points: Array, faces: Array, boundary: Literal["natural", "lin
     return gather_gradient(connectivity, cotangents(points, faces)[0], points, boundary == "linear")
 
 
-def curvature_normal(points: Array, faces: Array, kind: MassKind = "barycentric",
-                     boundary: Literal["natural", "linear"] = "natural") -> Array:
+def curvature_normal(
+    points: Array, faces: Array, kind: MassKind = "barycentric", boundary: Literal["natural", "linear"] = "natural"
+) -> Array:
     """B = grad A / A (n, d), per length (11), (12): twice the mean curvature along the normal; zero at isolated vertices."""
     gradient, share = area_gradient(points, faces, boundary), mass(points, faces, kind)
     return np.divide(gradient, share[:, None], out=np.zeros_like(gradient), where=share[:, None] > 0)
@@ -159,7 +172,9 @@ def _measure(points, faces, forms, cot, area):
         dot0, dot1, dot2 = triangle.dots(points, i, j, k)
         det = triangle.gram(points, i, j, k)
         if len(forms) > 0:
-            dot0, dot1, dot2, det = triangle.joint(dot0, dot1, dot2, det, forms[f, 0], forms[f, 1], forms[f, 2], forms[f, 3])
+            dot0, dot1, dot2, det = triangle.joint(
+                dot0, dot1, dot2, det, forms[f, 0], forms[f, 1], forms[f, 2], forms[f, 3]
+            )
         cot[f, 0], cot[f, 1], cot[f, 2], area[f] = triangle.cotangents(dot0, dot1, dot2, det)
 
 
@@ -174,8 +189,11 @@ def _forms(charts, out):
 def _bounds(cot, area, kind, out):
     for f in prange(len(area)):
         a, b, c = cot[f, 0], cot[f, 1], cot[f, 2]
-        smallest = min(triangle.share(kind, a, b, c, area[f]), triangle.share(kind, b, c, a, area[f]),
-                       triangle.share(kind, c, a, b, area[f]))
+        smallest = min(
+            triangle.share(kind, a, b, c, area[f]),
+            triangle.share(kind, b, c, a, area[f]),
+            triangle.share(kind, c, a, b, area[f]),
+        )
         out[f] = triangle.bound(a, b, c, area[f], smallest)
 
 

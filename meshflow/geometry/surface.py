@@ -69,7 +69,9 @@ class Surface:
             raise InputError(f"points: shape (n, d) with d >= 2 expected, got {points.shape}")
         if not np.isfinite(points).all():
             bad = int((~np.isfinite(points)).any(axis=1).sum())
-            raise InputError(f"points: finite numbers expected, {bad} of {len(points)} points hold NaN or infinity; drop them")
+            raise InputError(
+                f"points: finite numbers expected, {bad} of {len(points)} points hold NaN or infinity; drop them"
+            )
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "sheets", tuple(_faces(f, len(points)) for f in self.sheets))
         object.__setattr__(self, "fixed", mask_of(self.fixed, (len(points),), "fixed"))

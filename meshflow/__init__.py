@@ -1,0 +1,51 @@
+"""meshflow smooths anything that lives on a triangulated surface, with one cotangent operator.
+
+The public names are found on first use; importing the package costs numpy and nothing else.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
+    from meshflow.flow.control import AreaChange, Fixed, Until
+    from meshflow.flow.march import State, march
+    from meshflow.flow.rate import MeshFlow
+    from meshflow.flow.step import Explicit, SemiImplicit
+    from meshflow.geometry.camera import Pinhole
+    from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
+    from meshflow.geometry.member import Member
+    from meshflow.geometry.surface import Axes, Rays, Surface
+    from meshflow.io.files import Document, read, write
+    from meshflow.smoothing import smooth
+
+_HOMES = {
+    "errors": ("FormatError", "InputError", "MissingPackage", "NotConverged"),
+    "flow.control": ("AreaChange", "Fixed", "Until"),
+    "flow.march": ("State", "march"),
+    "flow.rate": ("MeshFlow",),
+    "flow.step": ("Explicit", "SemiImplicit"),
+    "geometry.camera": ("Pinhole",),
+    "geometry.lift": ("HeightField", "Image", "Lift", "Mesh", "RangeImage"),
+    "geometry.member": ("Member",),
+    "geometry.surface": ("Axes", "Rays", "Surface"),
+    "io.files": ("Document", "read", "write"),
+    "smoothing": ("smooth",),
+}
+_FOUND_IN = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = sorted(_FOUND_IN)  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    if name == "view":
+        return import_module("meshflow.view")
+    if name not in _FOUND_IN:
+        raise AttributeError(f"module 'meshflow' has no attribute {name!r}; it has {', '.join(__all__)}")
+    value = getattr(import_module(f"meshflow.{_FOUND_IN[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,188 @@
+"""The front door: any supported thing in, the same kind of thing out."""
+
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, Literal
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.flow.control import AreaChange, Fixed, Until
+from meshflow.flow.march import State, march
+from meshflow.flow.progress import Progress
+from meshflow.flow.rate import MeshFlow
+from meshflow.flow.step import Stepper, stepper_for
+from meshflow.flow.tune import noise_of
+from meshflow.geometry.gates import positive
+from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.geometry.member import Indicator, Member
+from meshflow.geometry.surface import Boundary
+from meshflow.geometry.triangulate import Diagonals
+from meshflow.io.adopt import adopt
+
+__all__ = ["Outcome", "Settings", "smooth", "smooth_noun"]
+
+# Times in squared sample distances where nobody names one: the paper's own member on grids (DESIGN.md, section 2), and half a
+# squared edge for a mesh, which smooths over one edge.
+GRID_TIME, MESH_TIME = 5.0, 0.5
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The words of the front door, checked once, each handed to the part that it steers.
+
+    :param time: how far to smooth, in squared length (horizontal unit of a grid, unit of a mesh; pixel footprints of a range
+        image). On flat data the flow is the heat equation.
+    :param scale: instead of ``time``: the standard deviation of the Gaussian that the flow equals on flat data, a length; time
+        is scale^2 / 2.
+    :param steps: instead of, or beside ``time``: the number of steps.
+    :param gamma: exponent of the edge indicator; 0 is the Beltrami flow, above 0 keeps edges more. See :class:`Member`.
+    :param contrast: length per unit of the value; by default 2 h / sigma, h the sample distance and sigma the noise found, and 1
+        for meshes and range images.
+    :param indicator: ``metric | projection``.
+    :param mass: ``barycentric | voronoi | ring``.
+    :param boundary: ``natural | linear | fixed``; by default linear for height fields, range images and meshes, natural for
+        images.
+    :param diagonals: of a grid's cells, ``forward | backward | both | alternate``.
+    :param stepper: ``auto | explicit | semi-implicit``, or a stepper with options of its own.
+    :param dt: length of a step, squared length; by default the largest stable one.
+    :param control: :class:`Fixed` or :class:`AreaChange`, instead of ``dt``.
+    :raises InputError: for options that exclude each other or make no sense.
+    """
+
+    time: float | None = None
+    scale: float | None = None
+    steps: int | None = None
+    gamma: float = 0.0
+    contrast: float | None = None
+    indicator: Indicator = "metric"
+    mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
+    boundary: Boundary | None = None
+    diagonals: Diagonals = "alternate"
+    stepper: Stepper | Literal["auto", "explicit", "semi-implicit"] = "auto"
+    dt: float | None = None
+    control: Fixed | AreaChange | None = None
+
+    def __post_init__(self) -> None:
+        if self.time is not None and self.scale is not None:
+            raise InputError(f"time {self.time} and scale {self.scale}: one of them expected (time is scale^2 / 2)")
+        if self.dt is not None and self.control is not None:
+            raise InputError(f"dt {self.dt} and a control: one of them expected; give dt to the control")
+        if self.scale is not None and not (np.isfinite(self.scale) and self.scale >= 0):
+            raise InputError(f"scale: a finite length, zero or more, expected, got {self.scale}")
+
+    def member(self) -> Member:
+        """The member of the family."""
+        return Member(gamma=self.gamma, indicator=self.indicator, mass=self.mass)
+
+    def lift(self, noun: Noun) -> Lift:
+        """How the noun becomes a surface; the contrast from its noise where none is given."""
+        contrast = _contrast(noun) if self.contrast is None else positive(self.contrast, "contrast")
+        return Lift(contrast, self.diagonals, self.boundary)
+
+    def until(self, noun: Noun) -> Until:
+        """When to stop; by default at 5 squared sample distances, half a squared edge for a mesh."""
+        time = self.scale**2 / 2 if self.scale is not None else self.time
+        if time is None and self.steps is None:
+            time = (MESH_TIME if isinstance(noun, Mesh) else GRID_TIME) * noun.step**2
+        return Until(time, self.steps)
+
+
+def _contrast(noun: Noun) -> float:
+    """2 h / sigma: an edge is what stands out of the noise over half a sample's width; 1 where no noise is found."""
+    if isinstance(noun, (Mesh, RangeImage)):
+        return 1.0
+    assert noun.missing is not None
+    sigma = noise_of(noun.z if isinstance(noun, HeightField) else noun.values, noun.missing).sigma
+    return 2.0 * noun.step / sigma if sigma > 0 else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a run did.
+
+    :ivar noun: the data, smoothed.
+    :ivar start: the state before the first step.
+    :ivar end: the last state, with the reason why it is the last.
+    :ivar facts: parameters as they were used, words to words: for tags and reports.
+    """
+
+    noun: Noun
+    start: State
+    end: State
+    facts: dict[str, str]
+
+
+def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None) -> Outcome:
+    """Smooth a noun of ``meshflow.geometry.lift``; a new one comes back, with what was done."""
+    lift, until = settings.lift(noun), settings.until(noun)
+    flow = MeshFlow(noun.lifted(lift), settings.member())
+    stepper = stepper_for(settings.stepper, flow, until.time)
+    control = settings.control or Fixed(settings.dt)
+    start = end = None
+    for end in march(flow, until, stepper, control, progress):
+        start = start or end
+    assert start is not None
+    assert end is not None
+    facts = _facts(noun, settings, lift, stepper, end, flow.surface.boundary)
+    return Outcome(noun.lowered(end.u, lift), start, end, facts)
+
+
+def _facts(noun: Noun, settings: Settings, lift: Lift, stepper: Stepper, end: State, boundary: str) -> dict[str, str]:
+    """Parameters of a run as they were used."""
+    try:
+        release = version("meshflow")
+    except PackageNotFoundError:  # run from a checkout that is not installed
+        release = "unknown"
+    facts = {
+        "version": release,
+        "gamma": f"{settings.gamma:g}",
+        "indicator": settings.indicator,
+        "mass": settings.mass,
+        "contrast": f"{lift.contrast:.6g}",
+        "boundary": boundary,
+        "time": f"{end.time:.6g}",
+        "steps": str(end.step),
+        "stepper": stepper.name,
+        "ended": end.reason or "",
+    }
+    if isinstance(noun, (HeightField, Image, RangeImage)):
+        facts["diagonals"] = lift.diagonals
+    return facts
+
+
+def smooth(
+    thing: Any,
+    *,
+    time: float | None = None,
+    scale: float | None = None,
+    steps: int | None = None,
+    gamma: float = 0.0,
+    contrast: float | None = None,
+    progress: Progress = None,
+    settings: dict[str, Any] | None = None,
+    **more: Any,
+) -> Any:
+    """Smooth anything that lives on a triangulated surface; the same kind of thing comes back, a new one.
+
+    :param thing: numpy array (h, w): a height field, (h, w, k): an image of k channels, masked arrays and NaN as missing;
+        ``(points, faces)``: a mesh; ``trimesh.Trimesh``, ``pyvista`` PolyData, ImageData, StructuredGrid, ``open3d`` triangle
+        meshes, ``xarray.DataArray``; a noun of meshflow. Files: :func:`meshflow.read`, or the command ``meshflow smooth``.
+    :param time: how far, in squared length; default 5 squared sample distances, for meshes half a squared mean edge.
+    :param scale: instead of ``time``, the standard deviation of the equal Gaussian on flat data, a length.
+    :param steps: instead of, or beside ``time``, the number of steps.
+    :param gamma: 0: Beltrami flow; above: edges kept more; -1, -2: mean curvature diffusion, graph flow.
+    :param contrast: length per unit of the value; default 2 h / noise.
+    :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
+    :param settings: further fields of :class:`Settings` by name (also accepted as keywords): ``indicator, mass, boundary,
+        diagonals, stepper, dt, control``.
+    :param more: those, and what the thing itself does not say: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
+        ``camera``, ``missing``, ``fixed``, ``channels``, ``moves``.
+    :returns: the same kind of thing, smoothed; integers come back as floating point, since rounding would undo the smoothing.
+    :raises InputError: for what cannot be smoothed or an option that does not exist; the message says what to do.
+    :raises NotConverged: when a solver fails.
+    """
+    known = {**(settings or {}), "time": time, "scale": scale, "steps": steps, "gamma": gamma, "contrast": contrast}
+    known |= {name: more.pop(name) for name in list(more) if name in Settings.__dataclass_fields__}
+    adopted = adopt(thing, **more)
+    return adopted.restore(smooth_noun(adopted.noun, Settings(**known), progress).noun)

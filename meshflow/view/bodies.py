@@ -1,0 +1,177 @@
+"""A noun as a body in space: its triangles, its colours, its side to the viewer. numpy only, but for the way to VTK."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.geometry.triangulate import grid_sheets
+from meshflow.view.look import Look, Up, View, camera_view, mesh_view, picture_view, terrain_view
+from meshflow.view.pair import holes
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+__all__ = ["Body", "as_shown", "drawable", "embodied"]
+
+_SAMPLES = 1000  # a side: more than a panel has pixels
+_RELIEF = 0.15  # height of a relief over its width where the exaggeration is ours to choose
+_FORWARD = Lift(diagonals="forward")  # a surface is drawn with one diagonal per cell, or each cell would be there twice
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What is drawn of a noun.
+
+    :param points: (n, 3), those that triangles use.
+    :param faces: (m, 3).
+    :param samples: (n,), the index of each point among the samples or vertices of the noun.
+    :param view: where it is seen from.
+    :param colours: (n, 3) of its own, uint8, where it has some.
+    """
+
+    points: Array
+    faces: Array
+    samples: Array
+    view: View
+    colours: Array | None = None
+
+    def polydata(self) -> "pv.PolyData":
+        """The same for VTK: no normals, so that it is shaded flat and noise shows."""
+        import pyvista as pv
+
+        return pv.PolyData.from_regular_faces(np.ascontiguousarray(self.points, dtype=np.float64), self.faces)
+
+
+def drawable(noun: Noun, look: Look) -> tuple[int, float, tuple[str, ...]]:
+    """What is chosen once for all panels: every which sample, the exaggeration, and what to say of both.
+
+    :raises InputError: for an exaggeration of what has no heights, an axis of what is no mesh.
+    """
+    if look.exaggeration is not None and not isinstance(noun, HeightField):
+        raise InputError(f"exaggeration: of height fields only, this is a {type(noun).__name__}; leave it out")
+    if look.up is not None and not isinstance(noun, Mesh):
+        raise InputError(f"up: of meshes only, this is a {type(noun).__name__}; leave it out")
+    step = _thinning(noun)
+    notes = [f"every {step}{'nd' if step == 2 else 'rd' if step == 3 else 'th'} sample"] if step > 1 else []
+    exaggeration = 1.0
+    if isinstance(noun, HeightField):
+        exaggeration = _exaggeration(noun) if look.exaggeration is None else float(look.exaggeration)
+        notes.append(f"heights × {exaggeration:g}")
+    if isinstance(noun, Mesh) and noun.points.shape[1] > 3:
+        notes.append(f"the first 3 of {noun.points.shape[1]} coordinates")
+    return step, exaggeration, tuple(notes)
+
+
+def embodied(noun: Noun, step: int = 1, exaggeration: float = 1.0, shown: Callable[[Array], Array] | None = None,
+             up: Up | None = None) -> Body:
+    """The body of a noun.
+
+    :param step: take every ``step``-th sample of a grid.
+    :param exaggeration: factor on the heights of a height field.
+    :param shown: for an image, its channels as colours: :func:`as_shown`.
+    :param up: for a mesh, the axis that is up.
+    :raises InputError: when there is no triangle to draw.
+    """
+    if isinstance(noun, Mesh):
+        points, faces, colours = _three(noun.points), noun.faces, _mesh_colours(noun)
+        view = mesh_view(points, up)
+    elif isinstance(noun, Image):
+        points, faces, colours = _sheet(noun, step, shown or as_shown(noun))
+        view = picture_view()
+    else:
+        surface = _thinned(noun, step).lifted(_FORWARD)
+        points, faces, colours = surface.points, surface.sheets[0], None
+        if isinstance(noun, HeightField):
+            points = points * (1.0, 1.0, exaggeration)
+        view = terrain_view() if isinstance(noun, HeightField) else camera_view()
+    if len(faces) == 0:
+        what = type(noun).__name__
+        raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, so much is missing")
+    samples, corners = np.unique(faces, return_inverse=True)
+    return Body(points[samples], corners.reshape(-1, 3), samples, view, None if colours is None else colours[samples])
+
+
+def _thinning(noun: Noun) -> int:
+    """Every which sample is drawn, so that a side has no more than a screen can show; of a mesh all."""
+    return 1 if isinstance(noun, Mesh) else -(-max(holes(noun).shape) // _SAMPLES)
+
+
+def as_shown(*images: Image) -> Callable[[Array], Array]:
+    """A function from channels (..., k) to colours (..., 3) in uint8, the same for all these images.
+
+    Three and four channels are red, green, blue; of any other number the mean is shown. Ranges from 0 to 1, 255 or
+    65535 are recognised; any other runs from black to white.
+    """
+    values = np.concatenate([image.values[~holes(image)].ravel() for image in images])
+    low, high = (float(v) for v in np.percentile(values, (1, 99)))
+    black, white = low, high if high > low else low + 1.0
+    for full in (1.0, 255.0, 65535.0):
+        if full / 4 <= high <= full * 1.1 and low >= -0.1 * full:
+            black, white = 0.0, full
+            break
+
+    def shown(channels: Array) -> Array:
+        coloured = channels.shape[-1] in (3, 4)
+        three = channels[..., :3] if coloured else np.repeat(channels.mean(axis=-1, keepdims=True), 3, axis=-1)
+        bright = np.clip((np.nan_to_num(three, nan=black) - black) / (white - black), 0, 1)
+        return np.round(255 * bright).astype(np.uint8)
+
+    return shown
+
+
+def _thinned(noun: HeightField | RangeImage, step: int) -> HeightField | RangeImage:
+    """Every ``step``-th sample, in the same place."""
+    if step == 1:
+        return noun
+    every = (slice(None, None, step),) * 2
+    missing = holes(noun)[every]
+    if isinstance(noun, HeightField):
+        dx, dy = noun.spacing
+        dx = dx * step if np.ndim(dx) == 0 else np.asarray(dx)[::step] * step
+        return replace(noun, z=noun.z[every], spacing=(dx, dy * step), missing=missing, fixed=None)
+    c = noun.camera
+    camera = replace(c, fx=c.fx / step, fy=c.fy / step, cx=c.cx / step, cy=c.cy / step)
+    return replace(noun, depth=noun.depth[every], camera=camera, missing=missing, fixed=None)
+
+
+def _exaggeration(field: HeightField) -> float:
+    """A round factor (1, 2 or 5 times a power of ten) that makes a relief a seventh as high as wide."""
+    low, high = np.percentile(field.z[~holes(field)], (1, 99))
+    h, w = field.z.shape
+    width = np.sqrt(h * field.spacing[1] * w * np.mean(field.spacing[0]))
+    if high <= low:
+        return 1.0
+    factor = _RELIEF * width / (float(high) - float(low))
+    power = 10.0 ** np.floor(np.log10(factor))
+    return float(power * max(digit for digit in (1, 2, 5) if digit <= factor / power * (1 + 1e-9)))
+
+
+def _sheet(image: Image, step: int, shown: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+    """An image as a flat sheet with a colour at each sample: points, faces, colours."""
+    every = (slice(None, None, step),) * 2
+    missing, values = holes(image)[every], image.values[every]
+    rows, columns = np.mgrid[0:missing.shape[0], 0:missing.shape[1]]
+    width = float(np.mean(image.spacing[0]))
+    points = np.stack([columns.ravel() * width, -rows.ravel() * image.spacing[1], np.zeros(missing.size)], axis=1)
+    return points, grid_sheets(~missing, "forward")[0], shown(values.reshape(missing.size, -1))
+
+
+def _three(points: Array) -> Array:
+    """Points (n, d) in space: a third coordinate where there are two, the first three where there are more."""
+    flat = points[:, :3].astype(np.float64)
+    return flat if flat.shape[1] == 3 else np.column_stack([flat, np.zeros(len(flat))])
+
+
+def _mesh_colours(mesh: Mesh) -> Array | None:
+    """Channels as colours where they move and are red, green, blue from 0 to 255, opacity left out."""
+    if mesh.moves == "points" or mesh.channels is None or mesh.channels.shape[1] not in (3, 4):
+        return None
+    low, high = np.percentile(mesh.channels, (1, 99))
+    if low < -25 or not 1 < high <= 280:  # noise may reach beyond what a byte holds
+        return None
+    return np.clip(np.round(mesh.channels[:, :3]), 0, 255).astype(np.uint8)

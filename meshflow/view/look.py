@@ -1,0 +1,137 @@
+"""The look of a picture: its light, its size, and where the viewer stands."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.gates import Array, positive
+
+__all__ = ["Look", "Up", "View", "camera_view", "mesh_view", "picture_view", "terrain_view"]
+
+Up = Literal["y", "z"]
+
+
+@dataclass(frozen=True)
+class Look:
+    """How things are to be shown.
+
+    :param exaggeration: factor on the heights of a height field; None: one that makes the relief visible.
+    :param azimuth: degrees from which the light comes, clockwise from north; of a mesh or a range image, which have no
+        north, from the top of the picture.
+    :param altitude: degrees of the light above the ground, or above the plane of the picture, 0 to 90.
+    :param up: the axis of a mesh that is up; None: guessed from its shape.
+    :param size: of the picture or window, pixels.
+    :param title: a line above it.
+    :raises InputError: for a size, an exaggeration or an altitude that cannot be.
+    """
+
+    exaggeration: float | None = None
+    azimuth: float = 315.0
+    altitude: float = 30.0
+    up: Up | None = None
+    size: tuple[int, int] = (1600, 1200)
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        if self.exaggeration is not None:
+            positive(self.exaggeration, "exaggeration")
+        if self.up not in (None, "y", "z"):
+            raise InputError(f"up: y or z expected, got {self.up!r}")
+        if not (np.isfinite(self.azimuth) and 0 < self.altitude <= 90):
+            raise InputError(f"light: an azimuth in degrees and an altitude above 0 and up to 90 expected, "
+                             f"got {self.azimuth} and {self.altitude}")
+        if len(self.size) != 2 or any(int(side) != side or not 240 <= side <= 16000 for side in self.size):
+            raise InputError(f"size: a width and a height of 240 to 16000 whole pixels expected, got {self.size}")
+
+    @property
+    def light(self) -> Array:
+        """The unit vector towards the light, (east, north, up)."""
+        turn, lift = np.radians((self.azimuth, self.altitude))
+        return np.array([np.sin(turn) * np.cos(lift), np.cos(turn) * np.cos(lift), np.sin(lift)])
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Where a body is seen from, and what its light is measured against.
+
+    :param toward: unit vector from the body to the viewer.
+    :param up: unit vector that is up in the picture, at a right angle to it.
+    :param ground: (3, 3), rows east, north and up of the light; of what has no north, the axes of the picture.
+    :param pinhole: seen from the origin in perspective, as by a camera, instead of from far away.
+    :param frame: what the picture shows: lower left and upper right corner in the plane of :meth:`flat`.
+    """
+
+    toward: Array
+    up: Array
+    ground: Array
+    pinhole: bool = False
+    frame: tuple[tuple[float, float], tuple[float, float]] = ((-1.0, -1.0), (1.0, 1.0))
+
+    @property
+    def right(self) -> Array:
+        """Unit vector to the right in the picture."""
+        return np.cross(self.up, self.toward)
+
+    def flat(self, points: Array) -> Array:
+        """Points (n, 3) as (n, 2) on the plane of the picture, to the right and up; of a pinhole at distance 1."""
+        flat = points @ np.stack([self.right, self.up], axis=1)
+        return flat / -(points @ self.toward)[:, None] if self.pinhole else flat
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Width and height of the frame."""
+        (left, low), (right, high) = self.frame
+        return right - left, high - low
+
+    def framing(self, *clouds: Array) -> "View":
+        """The same view of just these points, each array (n, 3)."""
+        corners = np.array([corner for points in clouds for corner in self._corners(points)])
+        (left, low), (right, high) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+        return replace(self, frame=((left, low), (right, high)))
+
+    def _corners(self, points: Array) -> tuple[Array, Array]:
+        flat = self.flat(points)
+        return flat.min(axis=0), flat.max(axis=0)
+
+
+def picture_view() -> View:
+    """Straight onto a sheet: x to the right, y up."""
+    return View(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.eye(3))
+
+
+def terrain_view() -> View:
+    """From the south-south-west, half from above, north away from the viewer; the light knows its north."""
+    turn, lift = np.radians((196.0, 48.0))
+    toward = (np.sin(turn) * np.cos(lift), np.cos(turn) * np.cos(lift), np.sin(lift))
+    return View(*_picture(toward, (0.0, 0.0, 1.0)), np.eye(3))
+
+
+def camera_view() -> View:
+    """From the camera that saw it: y down, z forward."""
+    toward, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0])
+    return View(toward, up, np.stack([np.cross(up, toward), up, toward]), pinhole=True)
+
+
+def mesh_view(points: Array, up: Up | None) -> View:
+    """From its broader side, a little turned and from above; a flat mesh from its front.
+
+    Where nobody says what is up, it is z, as in surveying and printing; or y, as in most scans, where z is the least
+    extent, as the depth of a bust is, and yet no thin one, as the relief of a terrain is.
+    """
+    x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
+    if z <= 1e-6 * max(x, y):
+        toward, upwards = _picture((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+    elif up == "y" or (up is None and 0.35 * max(x, y) <= z <= min(x, y / 1.1)):
+        toward, upwards = _picture((0.55, 0.4, 1.0) if x >= z else (1.0, 0.4, 0.55), (0.0, 1.0, 0.0))
+    else:
+        toward, upwards = _picture((0.55, -1.0, 0.4) if x >= y else (1.0, 0.55, 0.4), (0.0, 0.0, 1.0))
+    return View(toward, upwards, np.stack([np.cross(upwards, toward), upwards, toward]))
+
+
+def _picture(toward: Any, up: Any) -> tuple[Array, Array]:
+    """Two directions as unit vectors at a right angle."""
+    toward = np.asarray(toward, dtype=np.float64) / np.linalg.norm(toward)
+    up = np.asarray(up, dtype=np.float64) - np.dot(up, toward) * toward
+    return toward, up / np.linalg.norm(up)

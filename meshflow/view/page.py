@@ -1,0 +1,195 @@
+"""The page: panels, labels, the scale of the difference, laid out in whole pixels by matplotlib (Agg, no pyplot)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshflow.geometry.gates import Array
+from meshflow.view.look import Look
+from meshflow.view.pair import Scale
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["Box", "Layout", "compared_page", "layout", "single_page"]
+
+_DPI = 100.0
+_INK = "#26282b"
+_FAINT = "#6b7075"
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of the page, pixels, from its lower left corner."""
+
+    left: int
+    bottom: int
+    width: int
+    height: int
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.width, self.height
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where everything goes.
+
+    :param panels: before, after, difference; or the one thing shown.
+    :param scale: colour bar and histogram.
+    :param unit: pixels of a page of 1600 x 1200: what all lengths and letters are counted in.
+    :param header: pixels above the panels' labels, for the title.
+    """
+
+    page: tuple[int, int]
+    panels: tuple[Box, ...]
+    scale: Box
+    unit: float
+    header: int
+
+
+def layout(look: Look, aspect: float, panels: int = 3) -> Layout:
+    """The arrangement that suits panels of this aspect (width over height).
+
+    Three panels: before | after over difference | scale; or all in one row over the scale, if they are larger so.
+    """
+    width, height = look.size
+    unit = min(width / 1600, height / 1200)
+    gap, label, header, footer = (round(v * unit) for v in (20, 38, 62 if look.title else 14, 44))
+    if panels == 1:
+        strip = round(120 * unit)
+        box = Box(gap, footer + strip, width - 2 * gap, height - header - footer - strip)
+        return Layout(look.size, (box,), Box(gap, footer, width - 2 * gap, strip), unit, header)
+    w, h = (width - 3 * gap) // 2, (height - header - footer - 2 * label - gap) // 2
+    strip = round(300 * unit)
+    narrow, tall = (width - 4 * gap) // 3, height - header - footer - label - strip - gap
+    if 1.1 * min(h, w / aspect) >= min(tall, narrow / aspect):
+        low, high, right = footer, footer + h + label + gap, 2 * gap + w
+        return Layout(look.size, (Box(gap, high, w, h), Box(right, high, w, h), Box(gap, low, w, h)),
+                      Box(right, low, w, h), unit, header)
+    tall = min(tall, round(narrow / aspect))
+    foot = height - header - label - tall
+    row = tuple(Box(gap + k * (narrow + gap), foot, narrow, tall) for k in range(3))
+    return Layout(look.size, row, Box(width // 5, footer, width * 3 // 5, foot - footer - gap), unit, header)
+
+
+def compared_page(arrangement: Layout, pictures: tuple[Array, Array, Array], change: Scale, look: Look, foot: str,
+                  pixel: float = 1.0) -> "Figure":
+    """Before, after and difference with its scale.
+
+    :param pictures: (h, w, 3) in uint8, of any size.
+    :param foot: a line below.
+    :param pixel: height over width of a pixel of theirs.
+    """
+    figure = _blank(arrangement, look, foot)
+    for box, picture, label in zip(arrangement.panels, pictures, ("before", "after", "difference"), strict=True):
+        _panel(figure, arrangement, box, picture, label, pixel)
+    _histogram(figure, arrangement, change)
+    return figure
+
+
+def single_page(arrangement: Layout, picture: Array, scale: Scale | None, look: Look, foot: str,
+                pixel: float = 1.0) -> "Figure":
+    """One thing, with the scale of its colours where they stand for values."""
+    figure = _blank(arrangement, look, foot)
+    _panel(figure, arrangement, arrangement.panels[0], picture, "", pixel)
+    if scale is not None:
+        box, unit = arrangement.scale, arrangement.unit
+        bar = Box(box.left + box.width // 4, box.bottom + round(70 * unit), box.width // 2, round(20 * unit))
+        _bar(_axes(figure, arrangement, bar), arrangement, scale)
+    return figure
+
+
+def _blank(arrangement: Layout, look: Look, foot: str) -> "Figure":
+    """An empty page with its title and the line below."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    width, height = arrangement.page
+    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor="white")
+    FigureCanvasAgg(figure)
+    unit = arrangement.unit
+    if look.title:
+        figure.text(0.5, 1 - arrangement.header / 2 / height, look.title, ha="center", va="center", color=_INK,
+                    fontsize=_letters(unit, 30), parse_math=False)
+    figure.text(20 * unit / width, 20 * unit / height, foot, ha="left", va="center", color=_FAINT,
+                fontsize=_letters(unit, 18), parse_math=False)
+    return figure
+
+
+def _letters(unit: float, pixels: float) -> float:
+    """A size of letters in points, from pixels of a page of 1600 x 1200; never too small to read."""
+    return max(_points(unit, pixels), 5.0)
+
+
+def _points(unit: float, pixels: float) -> float:
+    """A length in points, from pixels of a page of 1600 x 1200."""
+    return pixels * unit * 72 / _DPI
+
+
+def _axes(figure: "Figure", arrangement: Layout, box: Box) -> "Axes":
+    """Axes that cover a box."""
+    width, height = arrangement.page
+    return figure.add_axes((box.left / width, box.bottom / height, box.width / width, box.height / height))
+
+
+def _panel(figure: "Figure", arrangement: Layout, box: Box, picture: Array, label: str, pixel: float) -> None:
+    """A picture in a box, its label above it."""
+    axes = _axes(figure, arrangement, box)
+    axes.imshow(picture, aspect=pixel, interpolation="antialiased")
+    axes.set_axis_off()
+    width, height = arrangement.page
+    figure.text((box.left + box.width / 2) / width, (box.bottom + box.height + 18 * arrangement.unit) / height, label,
+                ha="center", va="center", color=_INK, fontsize=_letters(arrangement.unit, 25))
+
+
+def _histogram(figure: "Figure", arrangement: Layout, change: Scale) -> None:
+    """The distribution of the difference, standing on the colour bar that is also its axis."""
+    box, unit = arrangement.scale, arrangement.unit
+    left, width = box.left + round(0.1 * box.width), round(0.8 * box.width)
+    foot, bar = round(108 * unit), round(20 * unit)
+    tall = min(box.height - foot - bar - round(66 * unit), round(260 * unit))
+    axes = _axes(figure, arrangement, Box(left, box.bottom + foot + bar, width, tall))
+    values = change.values[np.isfinite(change.values)].astype(np.float64)
+    counts, edges = np.histogram(values, bins=61, range=(change.low, change.high))
+    axes.bar(edges[:-1], counts, width=np.diff(edges), align="edge", color="#8d949b", linewidth=0)
+    axes.set_xlim(change.low, change.high)
+    axes.set_ylim(0, max(counts.max(), 1) * 1.04)
+    axes.set_axis_off()
+    words = _statistics(values, change.unit)
+    axes.text(0.5, 1 + 24 * unit / tall, words, transform=axes.transAxes, ha="center", va="bottom", color=_INK,
+              fontsize=_letters(unit, 20), parse_math=False)
+    bar_axes = _axes(figure, arrangement, Box(left, box.bottom + foot, width, bar))
+    _bar(bar_axes, arrangement, change)
+    bar_axes.text(0.5, -88 * unit / bar, change.ends, ha="center", va="center", transform=bar_axes.transAxes,
+                  fontsize=_letters(unit, 18), color=_FAINT)
+
+
+def _statistics(values: Array, unit: str) -> str:
+    """Three numbers in words; the mean to a thousandth of the rms, beyond which it is rounding."""
+    rms = float(np.sqrt(np.mean(values**2)))
+    digits = 3 - int(np.floor(np.log10(rms))) if rms > 0 else 0
+    numbers = {"rms": rms, "mean": round(float(values.mean()), digits) + 0.0, "largest": float(np.abs(values).max())}
+    suffix = f" {unit}" if unit else ""
+    return ",   ".join(f"{name} {number:.3g}{suffix}" for name, number in numbers.items()).replace("-", "−")
+
+
+def _bar(axes: "Axes", arrangement: Layout, scale: Scale) -> None:
+    """A horizontal colour bar with numbers and its label below."""
+    from matplotlib.ticker import MaxNLocator
+
+    ramp = np.linspace(0, 1, 256)[None, :]
+    axes.imshow(ramp, aspect="auto", cmap=scale.colours, extent=(scale.low, scale.high, 0, 1))
+    axes.set_yticks([])
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "−"))
+    axes.tick_params(axis="x", labelsize=_letters(arrangement.unit, 18), colors=_INK,
+                     length=_points(arrangement.unit, 5), pad=_points(arrangement.unit, 5))
+    axes.set_xlabel(scale.label, fontsize=_letters(arrangement.unit, 20), color=_INK, parse_math=False,
+                    labelpad=_points(arrangement.unit, 4))
+    for spine in axes.spines.values():
+        spine.set_color(_FAINT)

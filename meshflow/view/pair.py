@@ -1,0 +1,173 @@
+"""Two things of one kind, and what lies between them."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.io.adopt import adopt
+
+__all__ = ["Pair", "Scale", "holes", "paired", "spread"]
+
+_ENDS = 98.0  # percentile of |difference| at which the colours end: outliers do not bleach the rest
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """Values, and the colours that stand for them.
+
+    :param values: (h, w) of a grid or (n,) of a mesh, NaN where there is none.
+    :param low: the value of the first colour.
+    :param high: the value of the last colour.
+    :param colours: the name of a colour map of matplotlib.
+    :param what: what is shown, in words.
+    :param unit: its unit; may be empty.
+    :param ends: why the colours end where they do, a sentence; may be empty.
+    """
+
+    values: Array
+    low: float
+    high: float
+    colours: str
+    what: str
+    unit: str = ""
+    ends: str = ""
+
+    @property
+    def label(self) -> str:
+        """What is shown, with its unit."""
+        return f"{self.what} [{self.unit}]" if self.unit else self.what
+
+    def thinned(self, step: int) -> "Scale":
+        """Every ``step``-th value of a grid."""
+        return self if step == 1 else replace(self, values=self.values[::step, ::step])
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A thing before and after, on the same samples.
+
+    :param before: a noun.
+    :param after: one of the same kind and size.
+    :param change: after minus before as a scale that is symmetric about 0.
+    :param notes: sentences for the user.
+    """
+
+    before: Noun
+    after: Noun
+    change: Scale
+    notes: tuple[str, ...]
+
+
+def paired(before: Any, after: Any, unit: str | None) -> Pair:
+    """Two things that :func:`meshflow.io.adopt.adopt` recognises, as a pair.
+
+    A grid that comes after is shown with the spacing or the camera of the one before.
+
+    :param unit: of what changes; by default the unit that the noun names.
+    :raises InputError: for things of different kind, size or triangles.
+    """
+    first, second = adopt(before), adopt(after)
+    one, other = first.noun, second.noun
+    if type(one) is not type(other):
+        kinds = f"before is a {type(one).__name__}, after a {type(other).__name__}"
+        raise InputError(f"{kinds}: two things of one kind expected")
+    change, what = _change(one, other)
+    if isinstance(one, RangeImage) and isinstance(other, RangeImage):
+        other = replace(other, camera=one.camera)
+    elif not isinstance(one, (Mesh, RangeImage)) and not isinstance(other, (Mesh, RangeImage)):
+        other = replace(other, spacing=one.spacing)
+    if unit is None:
+        unit = one.unit if isinstance(one, HeightField) else ""
+    limit, ends = _limit(change)
+    scale = Scale(change, -limit, limit, "RdBu_r", what, unit, ends)
+    return Pair(one, other, scale, tuple(dict.fromkeys((*first.notes, *second.notes, ends))))
+
+
+def holes(noun: HeightField | Image | RangeImage) -> Array:
+    """The mask (h, w) of what is missing in a grid; every noun that was made has one."""
+    assert noun.missing is not None
+    return noun.missing
+
+
+def spread(values: Array) -> tuple[float, float]:
+    """The least and the greatest of the values that are there, never equal."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def _limit(change: Array) -> tuple[float, str]:
+    """Where the colours end, and why there."""
+    size = np.abs(change[np.isfinite(change)])
+    if size.size == 0:
+        raise InputError("before and after have no sample in common: one is missing wherever the other is there")
+    if size.max() == 0:
+        return 1.0, "before and after are equal"
+    limit = float(np.percentile(size, _ENDS))
+    if limit == 0:
+        return float(size.max()), f"colours end at ±{size.max():.3g}, the largest: almost nothing changed"
+    return limit, f"colours end at ±{limit:.3g}, the {_ENDS:.0f}th percentile of its size"
+
+
+def _change(before: Noun, after: Noun) -> tuple[Array, str]:
+    """After minus before, NaN where either is missing, and what it is called."""
+    if isinstance(before, Mesh) and isinstance(after, Mesh):
+        return _mesh_change(before, after)
+    columns = [_column(noun) for noun in (before, after)]
+    shapes = [noun.values.shape if isinstance(noun, Image) else column.shape
+              for noun, column in zip((before, after), columns, strict=True)]
+    if shapes[0] != shapes[1]:
+        raise InputError(f"before has shape {shapes[0]}, after {shapes[1]}: the same samples expected; crop one")
+    words = {HeightField: "height after − before", RangeImage: "depth after − before"}
+    channels = before.values.shape[2:] if isinstance(before, Image) else ()
+    brightness = "mean of the channels, after − before" if channels not in ((), (1,)) else "after − before"
+    return columns[1] - columns[0], words.get(type(before), brightness)
+
+
+def _column(noun: Noun) -> Array:
+    """The one number per sample (h, w) that is compared, NaN where missing."""
+    if isinstance(noun, Image):
+        return _grey(noun)
+    assert isinstance(noun, (HeightField, RangeImage))
+    values = noun.z if isinstance(noun, HeightField) else noun.depth
+    return np.where(holes(noun), np.nan, values.astype(np.float64))
+
+
+def _grey(image: Image) -> Array:
+    """The mean of the channels (h, w), NaN where missing."""
+    values = image.values.astype(np.float64)
+    values = values if values.ndim == 2 else values.mean(axis=2)
+    return np.where(holes(image), np.nan, values)
+
+
+def _mesh_change(before: Mesh, after: Mesh) -> tuple[Array, str]:
+    """Motion along the normals of before; of channels that move alone, the change of their mean."""
+    if before.points.shape != after.points.shape:
+        raise InputError(f"before has points {before.points.shape}, after {after.points.shape}: the same expected")
+    if not np.array_equal(before.faces, after.faces):
+        raise InputError(f"before has faces {before.faces.shape}, after {after.faces.shape}, not the same triangles: "
+                         "vertices can be compared on one triangulation only")
+    if after.moves == "channels" and after.channels is not None and before.channels is not None:
+        if before.channels.shape != after.channels.shape:
+            shapes = f"before has channels {before.channels.shape}, after {after.channels.shape}"
+            raise InputError(f"{shapes}: the same expected")
+        change = after.channels.astype(np.float64) - before.channels
+        return change.mean(axis=1), "mean of the channels, after − before"
+    moved = after.points.astype(np.float64) - before.points
+    if moved.shape[1] != 3:
+        return np.linalg.norm(moved, axis=1), "distance moved"
+    return np.einsum("nd,nd->n", moved, _vertex_normals(before)), "moved outwards along the normal"
+
+
+def _vertex_normals(mesh: Mesh) -> Array:
+    """Unit normals (n, 3), weighted by area; zero where there is no triangle."""
+    corners = mesh.points[mesh.faces].astype(np.float64)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros(mesh.points.shape)
+    for corner in range(3):
+        np.add.at(normals, mesh.faces[:, corner], across)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)

@@ -1,0 +1,117 @@
+"""Bodies drawn by VTK: panels for a page, and windows."""
+
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshflow.geometry.gates import Array
+from meshflow.view.bodies import Body
+from meshflow.view.look import Look
+from meshflow.view.pair import Scale
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+__all__ = ["Rows", "drawn", "opened", "windowed"]
+
+Rows = list[list[tuple[str, Body, Scale | None]]]
+"""Rows of panels of a window: label, body, the colours it wears instead of its own."""
+
+_STONE = "#eae3d6"  # pale and matt: shading, not colour, tells the shape
+_MARGIN = 1.04
+_BARS = {"title_font_size": 15, "label_font_size": 14, "color": "black", "fmt": "%.3g", "n_labels": 5, "vertical": True,
+         "width": 0.05, "height": 0.6, "position_x": 0.8, "position_y": 0.2}
+
+
+def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = None) -> Array:
+    """One body as a picture (height, width, 3) in uint8, on white.
+
+    :param size: width and height, pixels.
+    :param scale: colours for its samples, instead of stone.
+    """
+    import pyvista as pv
+
+    plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none", theme=pv.themes.DocumentTheme())
+    with closing(plotter):
+        _light(plotter, body, look)
+        _add(plotter, body, scale)
+        _aim(plotter, body, size[0] / size[1])
+        plotter.enable_anti_aliasing("ssaa")
+        picture = plotter.screenshot(None, return_img=True)
+    return np.asarray(picture)[..., :3]
+
+
+def opened(rows: Rows, look: Look) -> None:
+    """A window with rows of labelled bodies that turn together; returns when it is closed.
+
+    :param rows: one or two, the second of one body.
+    """
+    with closing(windowed(rows, look)) as plotter:
+        plotter.show()
+
+
+def windowed(rows: Rows, look: Look) -> "pv.Plotter":
+    """The window of :func:`opened`, not yet shown; the caller closes it."""
+    import pyvista as pv
+
+    shape, groups = (len(rows), len(rows[0])), [(1, slice(None))] if len(rows) == 2 else None
+    plotter = pv.Plotter(shape=shape, groups=groups, window_size=list(look.size), lighting="none",
+                         theme=pv.themes.DocumentTheme(), title=look.title or "meshflow")
+    _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
+    for r, row in enumerate(rows):
+        for c, (label, body, scale) in enumerate(row):
+            plotter.subplot(r, c)
+            _add(plotter, body, scale, bar=True)
+            plotter.add_text(label, position="upper_left", font_size=12, color="black")
+            _aim(plotter, body, look.size[0] / look.size[1])
+    plotter.link_views()
+    plotter.enable_anti_aliasing("ssaa")
+    return plotter
+
+
+def _add(plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = False) -> None:
+    """A body, shaded flat: of stone, in its own colours, or in those of a scale."""
+    shape = body.polydata()
+    if scale is not None:  # softly lit: the form is to be seen, the colour to be read
+        bars = {"title": f"{scale.label}\n", **_BARS} if bar else None
+        plotter.add_mesh(shape, scalars=scale.values.ravel()[body.samples], clim=(scale.low, scale.high),
+                         cmap=scale.colours, nan_color="lightgrey", show_scalar_bar=bar, scalar_bar_args=bars,
+                         smooth_shading=False, ambient=0.55, diffuse=0.5, specular=0.0)
+    elif body.colours is not None:
+        flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
+        plotter.add_mesh(shape, scalars=body.colours, rgb=True, smooth_shading=False, lighting=not flat, specular=0.0)
+    else:
+        plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
+
+
+def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:
+    """The raking light of the look, and a weak one at the viewer's head, so that no shadow is black."""
+    import pyvista as pv
+
+    toward = look.light @ body.view.ground
+    plotter.add_light(pv.Light(position=tuple(toward), focal_point=(0, 0, 0), light_type="scene light"))
+    plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))
+
+
+def _aim(plotter: "pv.Plotter", body: Body, aspect: float) -> None:
+    """The camera where the view says, its frame filled.
+
+    :param aspect: width over height of what it draws on.
+    """
+    view = body.view
+    wide, tall = view.extent
+    half = max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # a body may be a point
+    middle = np.mean(view.frame, axis=0) @ np.stack([view.right, view.up])
+    depth = body.points @ view.toward
+    if view.pinhole:
+        focus = float(np.median(-depth)) * (middle - view.toward)
+        plotter.camera_position = [(0.0, 0.0, 0.0), tuple(focus), tuple(view.up)]
+        plotter.camera.view_angle = float(np.degrees(2 * np.arctan(half)))
+    else:
+        focus = middle + view.toward * float(depth.min() + depth.max()) / 2
+        away = 2 * float(np.linalg.norm(np.ptp(body.points, axis=0))) or 1.0
+        plotter.camera_position = [tuple(focus + away * view.toward), tuple(focus), tuple(view.up)]
+        plotter.camera.parallel_projection = True
+        plotter.camera.parallel_scale = half
+    plotter.reset_camera_clipping_range()

@@ -1,0 +1,126 @@
+"""Which way things are drawn, decided once for all panels of a picture; then each panel."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from meshflow.errors import InputError, MissingPackage
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.view import relief, scene
+from meshflow.view.bodies import Body, as_shown, drawable, embodied
+from meshflow.view.look import Look
+from meshflow.view.pair import Scale, holes
+from meshflow.view.probe import rendering
+
+__all__ = ["How", "Stage", "staged"]
+
+How = Literal["pyvista", "relief"]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """How the nouns of one picture are drawn.
+
+    :param how: by VTK in space, or as a shaded relief.
+    :param step: every which sample of a grid is drawn.
+    :param exaggeration: factor on heights.
+    :param shown: of images, channels to colours.
+    :param notes: sentences for the user; those of ``caption`` stand below the picture.
+    """
+
+    look: Look
+    how: How
+    step: int
+    exaggeration: float
+    shown: Callable[[Array], Array] | None
+    caption: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def bodies(self, *nouns: Noun) -> tuple[Body, ...]:
+        """The bodies of nouns of one kind, seen from one side and framed alike."""
+        bodies = [embodied(noun, self.step, self.exaggeration, self.shown, self.look.up) for noun in nouns]
+        view = bodies[0].view.framing(*(body.points for body in bodies))
+        return tuple(replace(body, view=view) for body in bodies)
+
+    def panel(self, noun: Noun, body: Body, size: tuple[int, int], scale: Scale | None = None) -> Array:
+        """One panel (height, width, 3) in uint8: of that size from VTK, a pixel per sample as a relief.
+
+        :param scale: colours to show, thinned as the body is.
+        """
+        if self.how == "pyvista":
+            return scene.drawn(body, self.look, size, scale)
+        if scale is not None:
+            return relief.coloured(scale)
+        if isinstance(noun, Image):
+            assert self.shown is not None
+            return relief.imaged(noun, self.step, self.shown)
+        return relief.pictured(body, self._grid(noun), self.look)
+
+    def aspect(self, body: Body, noun: Noun) -> float:
+        """Width over height of what a panel is to hold."""
+        if self.how == "relief":
+            h, w = self._grid(noun)
+            return w / h / self.pixel(noun)
+        wide, tall = body.view.extent
+        return wide / tall if tall > 0 else 1.0
+
+    def pixel(self, noun: Noun) -> float:
+        """Height over width of a pixel of a panel."""
+        if self.how == "relief" and isinstance(noun, (HeightField, Image)):
+            return float(noun.spacing[1] / np.mean(noun.spacing[0]))
+        return 1.0
+
+    def foot(self) -> str:
+        """The line below the picture."""
+        return ",  ".join(self.caption)
+
+    def _grid(self, noun: Noun) -> tuple[int, int]:
+        """Rows and columns that are drawn."""
+        assert not isinstance(noun, Mesh)
+        h, w = holes(noun)[:: self.step, :: self.step].shape
+        return h, w
+
+
+def staged(nouns: tuple[Noun, ...], look: Look, how: How | None, window: bool) -> Stage:
+    """Decide how these nouns, all of one kind, are drawn.
+
+    :param how: what the caller asks for; None: VTK where it can draw, images as images.
+    :param window: it is to be a window, which only VTK can open.
+    :raises InputError: for a way that does not suit the noun.
+    :raises MissingPackage: where only VTK would do and it cannot draw; the message says what would mend it.
+    """
+    noun = nouns[0]
+    chosen, notes = _way(noun, how, window)
+    step, exaggeration, caption = drawable(noun, look)
+    images = [noun for noun in nouns if isinstance(noun, Image)]
+    if not images:
+        caption = (*caption, f"light from {look.azimuth:g}°, {look.altitude:g}° high")
+    return Stage(look, chosen, step, exaggeration, as_shown(*images) if images else None, caption, (*notes, *caption))
+
+
+def _way(noun: Noun, how: How | None, window: bool) -> tuple[How, tuple[str, ...]]:
+    """The way, and why, where it is not the one to be expected."""
+    name = type(noun).__name__
+    if how not in (None, "pyvista", "relief"):
+        raise InputError(f"how: pyvista or relief expected, got {how!r}")
+    if how == "relief" and isinstance(noun, Mesh):
+        raise InputError("how='relief': a mesh has no grid to be shown as a relief; leave it out")
+    if how == "relief" and window:
+        raise InputError("how='relief' makes pictures, not windows; give a path")
+    if how == "pyvista" and isinstance(noun, Image) and not window:
+        raise InputError("how='pyvista': an image is written as the image it is; leave it out")
+    if how == "relief" or (isinstance(noun, Image) and not window):
+        return "relief", ()
+    answer = rendering()
+    if answer.works:
+        if window and answer.window is not None:
+            raise InputError(f"a window needs a display that VTK can draw on, and here {answer.why}; give a path")
+        answer.prepare()
+        return "pyvista", ()
+    if window or how == "pyvista" or not isinstance(noun, (HeightField, RangeImage)):
+        what = "a window" if window else f"a {name} in space"
+        raise MissingPackage(f"{what} is drawn by VTK alone: {answer.why}")
+    return "relief", (f"shown as a relief: {answer.why}",)

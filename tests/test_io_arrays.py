@@ -1,0 +1,299 @@
+"""Arrays in memory and in files of numpy. meshflow.io.arrays."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.io import arrays
+from meshflow.io.adopt import adopt
+from meshflow.io.files import Document, read, write
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+CAMERA = Pinhole(525, 525, 3.5, 2.5)
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1]], dtype="float32")
+FACES = np.array([[0, 1, 2], [1, 3, 2]])
+
+
+def heights(dtype="float32"):
+    return (np.arange(48).reshape(6, 8) % 7 * 10).astype(dtype)
+
+
+def moved(noun):
+    """The noun, every sample that is there 0.25 higher, as a flow would hand it back."""
+    missing = noun.missing if noun.missing is not None else None
+    match noun:
+        case HeightField():
+            return replace(noun, z=np.where(missing, noun.z, noun.z + np.float32(0.25)))
+        case Image():
+            gone = missing if noun.values.ndim == 2 else missing[..., None]
+            return replace(noun, values=np.where(gone, noun.values, noun.values + np.float32(0.25)))
+        case RangeImage():
+            return replace(noun, depth=np.where(missing, noun.depth, noun.depth + np.float32(0.25)))
+    raise AssertionError(noun)
+
+
+# --- what is what
+
+
+def test_the_shape_and_the_camera_say_what_an_array_is():
+    assert isinstance(adopt(heights()).noun, HeightField)
+    assert isinstance(adopt(np.dstack([heights()] * 3)).noun, Image)
+    assert isinstance(adopt(heights(), kind="image").noun, Image)
+    depth = adopt(heights() + 1, camera=CAMERA).noun
+    assert isinstance(depth, RangeImage)
+    assert depth.jump == 0.05
+    assert isinstance(adopt((POINTS, FACES)).noun, Mesh)
+    assert isinstance(adopt([POINTS, FACES.tolist()]).noun, Mesh)
+
+
+def test_hints_reach_the_noun():
+    mask = np.zeros((6, 8), bool)
+    mask[2, 3] = True
+    noun = adopt(heights(), spacing=(2.0, 3.0), missing=mask, fixed=~mask).noun
+    assert noun.spacing == (2, 3)
+    assert np.array_equal(noun.missing, mask)
+    assert np.array_equal(noun.fixed, ~mask)
+    noun = adopt((POINTS, FACES), channels=np.arange(4.0), moves="channels", fixed=np.eye(4, dtype=bool)[0]).noun
+    assert noun.moves == "channels"
+    assert noun.channels.shape == (4, 1)
+    assert noun.fixed.tolist() == [True, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("thing", "hints", "expected"),
+    [
+        (heights(), {"channels": 1}, "channels: no hint for an array of heights; it takes spacing, missing, fixed"),
+        (heights(), {"kind": "image", "moves": "all"}, "moves: no hint for an array of channels"),
+        (heights() + 1, {"camera": CAMERA, "spacing": 2}, "spacing: no hint for an array of depths"),
+        ((POINTS, FACES), {"spacing": 2, "camera": CAMERA}, r"camera, spacing: no hint for \(points, faces\)"),
+        (heights(), {"kind": "mesh"}, "terrain, image, depth expected for an array, got 'mesh'"),
+        ((POINTS, FACES), {"kind": "terrain"}, "kind='terrain'"),
+        (heights(), {"kind": "depth"}, "needs its camera"),
+        ("dem.tif", {}, "dem.tif: an array expected, got the name of a file; read it with meshflow.read"),
+        ([[1, 2], [3, 4]], {}, r"\(points, faces\) of shapes .* make a grid of numbers an array first"),
+        ((POINTS, FACES, FACES), {}, "expected of a tuple, got 3 parts"),
+        ({"z": 1}, {}, "an array expected, got dict"),
+        (np.zeros(5), {}, r"2 dimensions expected, got shape \(5,\)"),
+        (heights() * 1j, {}, "real numbers expected, got dtype complex64"),
+        (np.full((3, 3), np.nan), {}, "all 9 samples are missing"),
+    ],
+)
+def test_what_cannot_be_adopted_is_refused_with_the_way_out(thing, hints, expected):
+    with pytest.raises(InputError, match=expected):
+        adopt(thing, **hints)
+
+
+def test_a_path_is_pointed_to_read():
+    with pytest.raises(InputError, match=r"meshflow\.read"):
+        arrays.adopt(Path("dem.tif"))
+    with pytest.raises(InputError, match=r"meshflow\.read"):
+        adopt(Path("dem.tif"))
+
+
+# --- what comes back
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [("uint8", "f4"), ("int16", "f4"), ("int32", "f8"), ("int64", "f8"), ("float16", "f4"), ("float32", "f4"), ("float64", "f8"),
+     (">f4", "f4"), (">i2", "f4"), (">f8", "f8"), ("bool", "f4")],
+)  # fmt: skip
+def test_numbers_come_back_as_native_floats_wide_enough(given, expected):
+    taken = adopt(heights(given))
+    back = taken.restore(moved(taken.noun))
+    assert back.dtype == np.dtype(expected)
+    assert back.dtype.isnative
+    assert np.array_equal(back, heights(given).astype(expected) + np.float32(0.25))
+
+
+def test_what_comes_back_is_never_a_view_and_what_came_in_is_never_changed():
+    for thing in (heights(), np.dstack([heights()] * 2), np.ma.masked_equal(heights(), 0)):
+        before = np.array(thing, copy=True)
+        taken = adopt(thing)
+        back = taken.restore(taken.noun)
+        assert not np.shares_memory(np.asarray(back), np.asarray(thing))
+        back[...] = -1
+        assert np.array_equal(np.asarray(thing), before)
+    taken = adopt((POINTS, FACES))
+    points, faces = taken.restore(taken.noun)
+    assert not np.shares_memory(points, POINTS)
+    assert not np.shares_memory(faces, FACES)
+
+
+@pytest.mark.parametrize("layout", ["strided", "reversed", "fortran", "read-only", "big-endian"])
+def test_the_layout_in_memory_does_not_matter(layout):
+    z = heights("float64")
+    views = {
+        "strided": np.repeat(z, 2, axis=1)[:, ::2],
+        "reversed": z[::-1].copy()[::-1],
+        "fortran": np.asfortranarray(z),
+        "read-only": z.copy(),
+        "big-endian": z.astype(">f8"),
+    }
+    thing = views[layout]
+    thing.flags.writeable = layout != "read-only"
+    taken = adopt(thing)
+    back = taken.restore(moved(taken.noun))
+    assert np.array_equal(back, z + 0.25)
+    assert back.flags.writeable
+
+
+def test_missing_samples_come_back_bit_for_bit():
+    z = heights()
+    z.view("uint32")[1, 1] = 0x7FC12345  # a NaN with a message
+    z[2, 2] = np.inf
+    taken = adopt(z)
+    back = taken.restore(moved(taken.noun))
+    assert taken.noun.missing.sum() == 2
+    assert back.view("uint32")[1, 1] == 0x7FC12345
+    assert back[2, 2] == np.inf
+
+
+def test_masked_arrays_come_back_with_their_mask():
+    z = np.ma.masked_equal(heights("int16"), 30)
+    taken = adopt(z)
+    assert np.array_equal(taken.noun.missing, z.mask)
+    back = taken.restore(moved(taken.noun))
+    assert isinstance(back, np.ma.MaskedArray)
+    assert np.array_equal(back.mask, z.mask)
+    assert not np.shares_memory(back.mask, z.mask)
+    assert np.array_equal(back.data, np.where(z.mask, z.data, z.data + np.float32(0.25)))
+    assert back.dtype == np.float32
+    channels = np.ma.array(np.dstack([heights()] * 2), mask=False)
+    channels[1, 1, 0] = np.ma.masked
+    back = adopt(channels).restore(adopt(channels).noun)
+    assert np.array_equal(back.mask, channels.mask)
+    assert np.ma.getmask(adopt(np.ma.array(heights())).restore(adopt(heights()).noun)) is np.ma.nomask
+
+
+def test_meshes_come_back_as_they_came():
+    taken = adopt((POINTS, FACES))
+    points, faces = taken.restore(replace(taken.noun, points=POINTS + 1))
+    assert np.array_equal(points, POINTS + 1)
+    assert points.dtype == np.float32
+    assert np.array_equal(faces, FACES)
+    for channels in (np.arange(4.0), np.arange(8.0).reshape(4, 2)):
+        taken = adopt((POINTS, FACES), channels=channels, moves="channels")
+        _, _, back = taken.restore(taken.noun)
+        assert np.array_equal(back, channels)
+        assert not np.shares_memory(back, channels)
+
+
+# --- files
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_files_of_arrays_come_out_as_they_came_in(tmp_path, suffix):
+    for z in (heights(), np.dstack([heights("float64")] * 3)):
+        z[1, 1] = np.nan
+        save = np.save if suffix == ".npy" else np.savez
+        save(tmp_path / f"a{suffix}", z)
+        document = read(tmp_path / f"a{suffix}", spacing=2.0)
+        assert document.noun.spacing == (2, 2)
+        assert write(document, tmp_path / f"b{suffix}", overwrite=True) == ()
+        back = np.load(tmp_path / f"b{suffix}")
+        back = back if suffix == ".npy" else back["arr_0"]
+        assert back.dtype == z.dtype
+        assert back.tobytes() == z.tobytes()
+
+
+def test_depths_in_an_array_are_metres_as_given(tmp_path):
+    depth = heights() / 10
+    np.savez(tmp_path / "a.npz", depth=depth, time=3.0)
+    document = read(tmp_path / "a.npz", camera=CAMERA)
+    assert document.kind == "depth"
+    assert np.array_equal(document.noun.missing, depth == 0)
+    write(document.holding(moved(document.noun)), tmp_path / "b.npz")
+    back = np.load(tmp_path / "b.npz")
+    assert np.array_equal(back["depth"], np.where(depth == 0, 0, depth + np.float32(0.25)))
+    assert back["time"] == 3.0
+
+
+def test_the_array_of_an_archive_is_found_by_its_name(tmp_path):
+    for key in ("z", "values", "depth", "data"):
+        np.savez(tmp_path / "a.npz", first=np.zeros(3), **{key: heights()})
+        assert np.array_equal(read(tmp_path / "a.npz").noun.z, heights())
+    np.savez(tmp_path / "b.npz", anything=heights())
+    assert np.array_equal(read(tmp_path / "b.npz").noun.z, heights())
+    np.savez(tmp_path / "c.npz", first=heights(), second=heights())
+    with pytest.raises(FormatError, match=r"c\.npz holds the arrays first, second; one named z, values, depth, data"):
+        read(tmp_path / "c.npz")
+
+
+def test_points_and_faces_are_a_mesh_and_stay_one(tmp_path):
+    np.savez(tmp_path / "a.npz", points=POINTS, faces=FACES, channels=np.arange(4.0), name="tetra")
+    document = read(tmp_path / "a.npz")
+    assert document.kind == "mesh"
+    write(document.holding(replace(document.noun, points=POINTS + 1)), tmp_path / "b.npz")
+    back = np.load(tmp_path / "b.npz")
+    assert np.array_equal(back["points"], POINTS + 1)
+    assert np.array_equal(back["faces"], FACES)
+    assert back["name"] == "tetra"
+    with pytest.raises(FormatError, match="a mesh does not fit into .npy"):
+        write(document, tmp_path / "b.npy")
+    with pytest.raises(FormatError, match="a mesh is two arrays, points and faces; write .npz"):
+        arrays.write(document, tmp_path / "b.npy", tags={})
+
+
+def test_nodata_of_the_caller_is_missing_and_kept(tmp_path):
+    z = heights("int16")
+    np.save(tmp_path / "a.npy", z)
+    document = read(tmp_path / "a.npy", nodata=30)
+    assert np.array_equal(document.noun.missing, z == 30)
+    write(document.holding(moved(document.noun)), tmp_path / "b.npy")
+    assert np.array_equal(np.load(tmp_path / "b.npy")[z == 30], z[z == 30])
+
+
+def test_what_a_raster_marks_as_missing_is_nan_in_an_array(tmp_path):
+    missing = heights() == 30
+    terrain = Document(HeightField(heights(), missing=missing), "terrain", tmp_path / "a.tif", None, "rasters")
+    write(terrain, tmp_path / "b.npy")
+    assert np.array_equal(np.isnan(np.load(tmp_path / "b.npy")), missing)
+    depth = Document(RangeImage(heights() + 1, CAMERA, missing), "depth", tmp_path / "a.png", None, "depths")
+    write(depth, tmp_path / "c.npy")
+    assert np.array_equal(np.load(tmp_path / "c.npy") == 0, missing)
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")
+def test_an_array_says_that_it_has_no_room_for_the_crs(tmp_path):
+    document = read(SHARED / "dem" / "SainteHelens.dem")
+    assert "no room for CRS" in write(document, tmp_path / "a.npy")[0]
+    assert np.array_equal(np.isnan(np.load(tmp_path / "a.npy")), document.noun.missing)
+
+
+def test_files_that_hold_no_numbers_are_refused(tmp_path):
+    np.save(tmp_path / "objects.npy", np.array([{}, None]), allow_pickle=True)
+    (tmp_path / "text.npy").write_text("words")
+    (tmp_path / "text.npz").write_text("words")
+    np.save(tmp_path / "whole.npy", heights())
+    (tmp_path / "short.npy").write_bytes((tmp_path / "whole.npy").read_bytes()[:200])
+    np.savez(tmp_path / "whole.npz", heights())
+    (tmp_path / "short.npz").write_bytes((tmp_path / "whole.npz").read_bytes()[:200])
+    for name in ("objects.npy", "text.npy", "text.npz", "short.npy", "short.npz"):
+        with pytest.raises(FormatError, match=rf"{name} cannot be read .*numpy.save"):
+            read(tmp_path / name)
+    (tmp_path / "empty.npy").touch()
+    with pytest.raises(FormatError, match="is empty"):
+        read(tmp_path / "empty.npy")
+
+
+def test_a_full_disk_leaves_the_old_array(tmp_path, monkeypatch):
+    np.save(tmp_path / "a.npy", heights())
+    document = read(tmp_path / "a.npy")
+    before = (tmp_path / "a.npy").read_bytes()
+
+    def full(path, *_, **__):
+        Path(path).write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "save", full)
+    with pytest.raises(FormatError, match="No space left on device"):
+        write(document, tmp_path / "a.npy", overwrite=True)
+    assert (tmp_path / "a.npy").read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["a.npy"]

@@ -1,0 +1,271 @@
+"""Mesh files: what must survive between a reader and a writer."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+import trimesh
+from meshfiles import again, cube_obj, moved, whole
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.lift import Mesh
+from meshflow.io.files import Document, read, write
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/data is not there")
+FILES = sorted(
+    path.relative_to(SHARED / "meshes").as_posix()
+    for folder in ("attributes", "messy", "irregular")
+    for path in (SHARED / "meshes" / folder).glob("*")
+    if path.suffix not in (".jpg", ".mtl")
+)
+
+
+@pytest.mark.shared
+@needs_shared
+@pytest.mark.parametrize("name", FILES)
+def test_a_real_file_comes_back_moved_and_otherwise_equal(name, tmp_path):
+    source = SHARED / "meshes" / name
+    target = tmp_path / f"out{source.suffix}"
+    document, _ = again(source, target)
+    back = read(target)
+    assert np.array_equal(back.noun.faces, document.noun.faces)
+    scale = np.abs(document.noun.points).max()
+    np.testing.assert_allclose(back.noun.points, document.noun.points + np.float32(0.01), atol=2e-7 * scale + 1e-9)
+    if source.suffix == ".vtp":
+        before, after = pyvista.read(source), pyvista.read(target)
+        assert np.array_equal(before.faces, after.faces)
+        assert before.points.dtype == after.points.dtype
+        return
+    before, after = (trimesh.load_scene(path, process=False) for path in (source, target))
+    assert sum(len(mesh.vertices) for mesh in before.geometry.values()) == sum(len(m.vertices) for m in after.geometry.values())
+    for old, new in zip(before.geometry.values(), after.geometry.values(), strict=True):
+        assert np.array_equal(old.faces, new.faces)
+        assert old.visual.kind == new.visual.kind
+        if old.visual.kind == "vertex":
+            assert np.array_equal(old.visual.vertex_colors, new.visual.vertex_colors)
+        if old.visual.kind == "texture":
+            assert np.array_equal(old.visual.uv, new.visual.uv)
+        assert ("vertex_normals" in old._cache.cache) == ("vertex_normals" in new._cache.cache)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtk"])
+def test_points_and_faces_survive_every_format(suffix, tmp_path):
+    points = trimesh.creation.icosphere(subdivisions=2)
+    path, target = tmp_path / f"in{suffix}", tmp_path / f"out{suffix}"
+    if suffix in (".vtp", ".vtk"):
+        pyvista.PolyData.from_regular_faces(points.vertices, points.faces).save(path)
+    else:
+        points.export(path)
+    document, _ = again(path, target)
+    assert document.noun.points.shape == (162, 3)
+    back = read(target).noun
+    assert np.array_equal(back.faces, document.noun.faces)
+    np.testing.assert_allclose(back.points, document.noun.points + 0.01, atol=3e-7)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".off", ".vtp", ".vtk"])
+def test_what_did_not_move_keeps_its_bits(suffix, tmp_path):
+    rng = np.random.default_rng(0)
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    points = mesh.vertices + rng.normal(size=mesh.vertices.shape) * 0.1
+    path, target = tmp_path / f"in{suffix}", tmp_path / f"out{suffix}"
+    if suffix in (".vtp", ".vtk"):
+        pyvista.PolyData.from_regular_faces(points, mesh.faces).save(path)
+    else:
+        trimesh.Trimesh(points, mesh.faces, process=False).export(path)
+    document = read(path)
+    write(document, target, tags={})
+    assert np.array_equal(read(target).noun.points, document.noun.points)
+    if suffix in (".ply", ".obj", ".off"):
+        assert target.read_bytes() == path.read_bytes()
+
+
+def test_colours_are_channels_that_are_rounded_and_clipped_and_alpha_is_untouched(tmp_path):
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    colors = np.random.default_rng(1).integers(0, 255, (len(mesh.vertices), 4)).astype(np.uint8)
+    mesh.visual.vertex_colors = colors
+    mesh.export(tmp_path / "in.ply")
+    document = read(tmp_path / "in.ply", channels="colors", moves="channels")
+    assert document.noun.moves == "channels"
+    np.testing.assert_array_equal(document.noun.channels, colors[:, :3])
+    louder = document.holding(replace(document.noun, channels=document.noun.channels + np.float32(60.4)))
+    write(louder, tmp_path / "out.ply", tags={})
+    back = whole(tmp_path / "out.ply")
+    np.testing.assert_array_equal(back.visual.vertex_colors[:, 3], colors[:, 3])
+    np.testing.assert_array_equal(back.visual.vertex_colors[:, :3], np.minimum(colors[:, :3].astype(int) + 60, 255))
+    np.testing.assert_array_equal(back.vertices, whole(tmp_path / "in.ply").vertices)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".glb", ".vtp"])
+def test_a_named_scalar_is_a_channel_and_returns_to_its_place(suffix, tmp_path):
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    heat = np.linspace(0, 1, len(mesh.vertices), dtype=np.float32)
+    mesh.vertex_attributes["_heat"] = heat
+    path = tmp_path / f"in{suffix}"
+    if suffix == ".vtp":
+        poly = pyvista.PolyData.from_regular_faces(mesh.vertices, mesh.faces)
+        poly["_heat"] = heat
+        poly.save(path)
+    else:
+        mesh.export(path)
+    document = read(path, channels="_heat", moves="all")
+    np.testing.assert_array_equal(document.noun.channels[:, 0], heat)
+    write(document.holding(replace(document.noun, channels=document.noun.channels * 2)), tmp_path / f"out{suffix}", tags={})
+    again_read = read(tmp_path / f"out{suffix}", channels="_heat")
+    np.testing.assert_allclose(again_read.noun.channels[:, 0], heat * 2, atol=1e-6)
+
+
+def test_colours_of_an_obj_are_channels(tmp_path):
+    lines = [f"v {x} {y} {z} {x} 0.5 0.25" for x, y, z in np.eye(4, 3)]
+    (tmp_path / "in.obj").write_text("\n".join([*lines, "f 1 2 3", "f 1 3 4"]))
+    document = read(tmp_path / "in.obj", channels="colors", moves="channels")
+    write(document.holding(replace(document.noun, channels=document.noun.channels / 2)), tmp_path / "out.obj", tags={})
+    words = [line.split() for line in (tmp_path / "out.obj").read_text().splitlines()]
+    assert words[0] == ["v", "1.0", "0.0", "0.0", "0.5", "0.25", "0.125"]
+    assert words[-1] == ["f", "1", "3", "4"]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".off", ".glb", ".vtp"])
+def test_an_unknown_channel_is_refused_by_name(suffix, tmp_path):
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    if suffix == ".vtp":
+        pyvista.wrap(mesh).save(tmp_path / "in.vtp")
+    else:
+        mesh.export(tmp_path / f"in{suffix}")
+    with pytest.raises(FormatError, match=rf"in\{suffix}.*nothing"):
+        read(tmp_path / f"in{suffix}", channels="nothing")
+
+
+def test_colours_that_an_obj_has_not_are_refused(tmp_path):
+    (tmp_path / "in.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(FormatError, match="have no colours"):
+        read(tmp_path / "in.obj", channels="colors")
+
+
+@pytest.mark.parametrize("suffix", [".vtp", ".vtk"])
+def test_every_array_survives_in_its_type(suffix, tmp_path):
+    poly = pyvista.Sphere(theta_resolution=8, phi_resolution=8)
+    poly.point_data["whole"] = np.arange(poly.n_points, dtype=np.int64) * 10**12
+    poly.point_data["vector"] = np.random.default_rng(0).random((poly.n_points, 3))
+    poly.cell_data["patch"] = np.arange(poly.n_cells, dtype=np.uint8)
+    poly.field_data["era"] = np.array([1.5])
+    poly.points = poly.points.astype(np.float64)
+    poly.save(tmp_path / f"in{suffix}")
+    document = read(tmp_path / f"in{suffix}")
+    write(moved(document), tmp_path / f"out{suffix}", tags={"scale": "2 m"})
+    back = pyvista.read(tmp_path / f"out{suffix}")
+    assert back.points.dtype == np.float64
+    for name, data in (("whole", "point_data"), ("vector", "point_data"), ("patch", "cell_data"), ("era", "field_data")):
+        before, after = getattr(poly, data)[name], getattr(back, data)[name]
+        assert before.dtype == after.dtype
+        assert np.array_equal(before, after)
+    assert back.field_data["meshflow:scale"][0] == "2 m"
+
+
+def test_other_data_sets_of_vtk_are_refused_with_the_way_out(tmp_path):
+    pyvista.ImageData(dimensions=(3, 3, 1)).save(tmp_path / "in.vtk")
+    with pytest.raises(FormatError, match=r"ImageData.*extract_surface"):
+        read(tmp_path / "in.vtk")
+
+
+def test_what_another_format_does_not_hold_is_said(tmp_path):
+    document = read(cube_obj(tmp_path / "a"))
+    (note, *_) = write(document, tmp_path / "out.stl", tags={})
+    assert note == "STL does not hold: texture coordinates, texture image, vertex normals"
+    notes = write(document, tmp_path / "out.off", tags={})
+    assert any("joined again" in note for note in notes)
+    assert read(tmp_path / "out.off").noun.points.shape == (8, 3)
+    (note,) = write(document, tmp_path / "out.vtp", tags={})
+    assert note == "VTP does not hold: texture image"
+    assert pyvista.read(tmp_path / "out.vtp").active_texture_coordinates.shape == (24, 2)
+
+
+def test_attributes_survive_from_ply_to_vtp_and_back(tmp_path):
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    mesh.vertex_attributes["heat"] = np.linspace(0, 1, 42)
+    mesh.face_attributes["patch"] = np.arange(80, dtype=np.int32)
+    mesh.visual.vertex_colors = np.random.default_rng(0).integers(0, 255, (42, 4)).astype(np.uint8)
+    mesh.export(tmp_path / "in.ply")
+    document = read(tmp_path / "in.ply", channels="heat")
+    document = document.holding(replace(document.noun, channels=document.noun.channels + 1))
+    assert write(document, tmp_path / "mid.vtp", tags={"a": "b"}) == ()
+    poly = pyvista.read(tmp_path / "mid.vtp")
+    np.testing.assert_allclose(poly.point_data["heat"], np.linspace(1, 2, 42))
+    assert poly.cell_data["patch"].dtype == np.int32
+    write(read(tmp_path / "mid.vtp"), tmp_path / "out.ply", tags={})
+    back = whole(tmp_path / "out.ply")
+    raw = back.metadata["_ply_raw"]
+    np.testing.assert_allclose(raw["vertex"]["data"]["heat"], np.linspace(1, 2, 42))
+    assert np.array_equal(raw["face"]["data"]["patch"], np.arange(80))
+    assert np.array_equal(back.visual.vertex_colors, mesh.visual.vertex_colors)
+
+
+def test_rounding_to_float32_is_said(tmp_path):
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    mesh.apply_translation([500000.123, 4000000.456, 10])
+    mesh.export(tmp_path / "in.off")
+    notes = write(read(tmp_path / "in.off"), tmp_path / "out.ply", tags={})
+    assert any("rounded to float32" in note and "0.1" in note for note in notes)
+
+
+def test_a_name_with_spaces_is_renamed_for_ply_and_said(tmp_path):
+    poly = pyvista.Icosphere(nsub=1)
+    poly["the heat"] = np.arange(poly.n_points)
+    poly["on"] = np.arange(poly.n_points) % 2 == 0
+    poly.save(tmp_path / "in.vtp")
+    notes = write(read(tmp_path / "in.vtp"), tmp_path / "out.ply", tags={})
+    assert any("the_heat" in note for note in notes)
+    raw = whole(tmp_path / "out.ply").metadata["_ply_raw"]["vertex"]
+    assert np.array_equal(raw["data"]["the_heat"], np.arange(poly.n_points))
+    assert raw["properties"]["on"] == "<u1"
+
+
+def test_an_obj_is_written_with_its_image_and_never_over_another_file(tmp_path):
+    mesh = whole(cube_obj(tmp_path / "a"))
+    mesh.export(tmp_path / "in.glb")
+    notes = write(read(tmp_path / "in.glb"), tmp_path / "out.obj", tags={})
+    assert any("out.mtl" in note for note in notes)
+    assert np.array_equal(np.asarray(whole(tmp_path / "out.obj").visual.material.image)[..., :3],
+                          np.arange(192, dtype=np.uint8).reshape(8, 8, 3))
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "out.mtl").write_text("mine")
+    with pytest.raises(FormatError, match="differs"):
+        write(read(tmp_path / "in.glb"), tmp_path / "c" / "out.obj", tags={})
+    assert (tmp_path / "c" / "out.mtl").read_text() == "mine"
+    assert not (tmp_path / "c" / "out.obj").exists()
+
+
+def test_parts_with_and_without_texture_do_not_go_into_one_obj(tmp_path):
+    textured = whole(cube_obj(tmp_path / "a"))
+    trimesh.Scene({"a": textured, "b": trimesh.creation.icosphere(subdivisions=1)}).export(tmp_path / "in.glb")
+    document = read(tmp_path / "in.glb")
+    with pytest.raises(FormatError, match="write .glb"):
+        write(document, tmp_path / "out.obj", tags={})
+
+
+def test_scalars_that_a_split_would_lose_are_refused_in_another_format(tmp_path):
+    path = tmp_path / "in.ply"
+    path.write_text("ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+                    "property float heat\nelement face 2\nproperty list uchar int vertex_indices\n"
+                    "property list uchar float texcoord\nend_header\n0 0 0 1\n1 0 0 2\n1 1 0 3\n0 1 0 4\n"
+                    "3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 .5 .5 1 1 0 1\n")
+    document = read(path)
+    with pytest.raises(FormatError, match="heat"):
+        write(document, tmp_path / "out.vtp", tags={})
+    assert write(moved(document), tmp_path / "out.ply", tags={}) == ()
+    assert (tmp_path / "out.ply").read_text().splitlines()[-1] == "3 0 2 3 6 .5 .5 1 1 0 1"
+
+
+def test_a_mesh_that_came_from_arrays_is_written(tmp_path):
+    noun = Mesh(np.eye(4, 3), np.array([[0, 1, 2], [0, 2, 3]]), np.arange(4.0))
+    document = Document(noun, "mesh", tmp_path / "x.npz", None, "arrays")
+    write(document, tmp_path / "out.vtp", tags={})
+    back = read(tmp_path / "out.vtp", channels="channels").noun
+    assert np.array_equal(back.points, noun.points)
+    assert np.array_equal(back.channels, noun.channels)
+    flat = replace(document, noun=Mesh(np.eye(3)[:, :2], np.array([[0, 1, 2]])))
+    with pytest.raises(InputError, match=r"R\^3"):
+        write(flat, tmp_path / "flat.ply", tags={})

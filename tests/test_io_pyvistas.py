@@ -1,0 +1,316 @@
+"""pyvista objects in, new ones out: arrays and their types are kept, the caller's is untouched."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import pyvista
+
+from meshflow.errors import InputError
+from meshflow.geometry.lift import HeightField, Image
+from meshflow.io.adopt import adopt
+
+
+def ball():
+    """A sphere in float64 with arrays of several types; "heat" is active."""
+    poly = pyvista.Icosphere(nsub=2)
+    poly.clear_data()
+    poly.points = poly.points.astype(np.float64)
+    poly.point_data["label"] = np.arange(poly.n_points, dtype=np.int64) * 10**12
+    poly.point_data["heat"] = np.random.default_rng(0).random(poly.n_points).astype(np.float32)
+    poly.point_data["RGBA"] = np.random.default_rng(0).integers(0, 255, (poly.n_points, 4)).astype(np.uint8)
+    poly.cell_data["patch"] = np.arange(poly.n_cells, dtype=np.uint8)
+    poly.field_data["era"] = np.array([1.5])
+    poly.set_active_scalars("heat")
+    return poly
+
+
+def everything(thing):
+    """All arrays of an object, as bytes."""
+    data = {name: np.asarray(thing[name]).tobytes() for name in thing.array_names}
+    return data | {"points": np.asarray(thing.points).tobytes()}
+
+
+def heights(h=4, w=5):
+    return np.random.default_rng(0).random((h, w))
+
+
+# polygons
+
+
+def test_arrays_types_and_the_active_one_come_back_and_points_move():
+    poly = ball()
+    taken = adopt(poly)
+    back = taken.restore(replace(taken.noun, points=taken.noun.points + 0.5))
+    assert type(back) is pyvista.PolyData
+    assert back.points.dtype == np.float64
+    np.testing.assert_array_equal(back.points, poly.points + 0.5)
+    np.testing.assert_array_equal(back.faces, poly.faces)
+    assert back.active_scalars_name == "heat"
+    for name in poly.array_names:
+        assert back[name].dtype == poly[name].dtype
+        np.testing.assert_array_equal(back[name], poly[name])
+    assert back.field_data["era"] == 1.5
+
+
+@pytest.mark.parametrize("make", [ball, lambda: pyvista.Plane(i_resolution=3, j_resolution=3)])
+def test_the_callers_polydata_keeps_its_bytes_and_shares_no_memory(make):
+    poly = make()
+    before, faces = everything(poly), poly.faces.copy()
+    taken = adopt(poly)
+    points = taken.noun.points + 1
+    back = taken.restore(replace(taken.noun, points=points))
+    assert not np.shares_memory(taken.noun.points, poly.points)
+    assert not np.shares_memory(back.points, points)
+    for name in poly.array_names:
+        assert not np.shares_memory(back[name], poly[name])
+        back[name][:] = 0
+    back.points[:] = 0
+    taken.noun.points[:] = 0
+    assert everything(poly) == before
+    assert np.array_equal(poly.faces, faces)
+
+
+def test_float32_points_stay_float32():
+    poly = pyvista.Icosphere(nsub=1)
+    poly.points = poly.points.astype(np.float32)
+    taken = adopt(poly)
+    assert taken.restore(replace(taken.noun, points=taken.noun.points.astype(np.float64) + 1 / 3)).points.dtype == np.float32
+
+
+def test_normals_of_points_and_cells_are_those_of_the_moved_shape():
+    poly = pyvista.Icosphere(nsub=2).compute_normals(cell_normals=True, point_normals=True, split_vertices=False)
+    taken = adopt(poly)
+    flat = taken.noun.points * np.float32([1, 1, 0.2])
+    back = taken.restore(replace(taken.noun, points=flat))
+    np.testing.assert_allclose(back.cell_data["Normals"], back.face_normals, atol=1e-5)
+    assert np.abs(back.cell_data["Normals"] - poly.cell_data["Normals"]).max() > 0.3
+    again = pyvista.PolyData(back.points, back.faces).compute_normals(split_vertices=False, consistent_normals=False)
+    # VTK weighs faces alike, trimesh by their angles
+    assert (np.einsum("ij,ij->i", back.point_data["Normals"], again.point_data["Normals"]) > 0.99).all()
+    assert back.point_data.active_normals_name == poly.point_data.active_normals_name
+
+
+def test_hard_edges_of_a_split_cube_stay_hard_and_closed():
+    cube = pyvista.Cube(clean=False).triangulate()
+    assert cube.n_points == 24
+    taken = adopt(cube)
+    assert taken.noun.points.shape == (8, 3)
+    back = taken.restore(replace(taken.noun, points=taken.noun.points * np.float32([1, 2, 3])))
+    np.testing.assert_allclose(back.point_data["Normals"], cube.point_data["Normals"], atol=1e-6)
+    assert len(np.unique(back.points, axis=0)) == 8
+
+
+def test_polygons_and_strips_are_triangulated_and_that_is_said():
+    plane = pyvista.Plane(i_resolution=3, j_resolution=2)
+    plane.cell_data["patch"] = np.arange(6, dtype=np.int32)
+    taken = adopt(plane)
+    assert taken.noun.faces.shape == (12, 3)
+    assert any("6 polygons triangulated: 6 faces became 12" in note for note in taken.notes)
+    back = taken.restore(taken.noun)
+    assert back.cell_data["patch"].dtype == np.int32
+    np.testing.assert_array_equal(np.sort(back.cell_data["patch"]), np.repeat(np.arange(6), 2))
+    strip = pyvista.PolyData(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]]), strips=[4, 0, 1, 2, 3])
+    taken = adopt(strip)
+    assert taken.noun.faces.shape == (2, 3)
+    assert any("1 strips triangulated" in note for note in taken.notes)
+
+
+@pytest.mark.parametrize("faces", [[3, 0, 1, 2, 3, 0, 2, 3], [4, 0, 1, 2, 3]])
+def test_lines_and_vertex_cells_stay_with_their_data(faces):
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    poly = pyvista.PolyData(points, faces=faces, lines=[2, 0, 2], verts=[1, 3])
+    poly.cell_data["n"] = np.arange(poly.n_cells)
+    poly.cell_data["Normals"] = np.tile([0.0, 0, 9], (poly.n_cells, 1))
+    taken = adopt(poly)
+    assert any("1 vertex cells and 1 lines stay" in note for note in taken.notes)
+    back = taken.restore(replace(taken.noun, points=taken.noun.points[:, [2, 0, 1]]))
+    assert (back.n_lines, back.n_verts, len(taken.noun.faces)) == (1, 1, 2)
+    np.testing.assert_array_equal(back.cell_data["n"][:2], [0, 1])
+    np.testing.assert_array_equal(back.cell_data["Normals"], [[0, 0, 9], [0, 0, 9], [1, 0, 0], [1, 0, 0]])
+
+
+def test_a_named_array_returns_in_its_type_and_stays_active():
+    poly = ball()
+    taken = adopt(poly, channels="heat", moves="channels")
+    back = taken.restore(replace(taken.noun, channels=taken.noun.channels * 2))
+    np.testing.assert_allclose(back["heat"], poly["heat"] * 2, rtol=1e-6)
+    assert back["heat"].dtype == np.float32
+    assert back.active_scalars_name == "heat"
+    np.testing.assert_array_equal(back.points, poly.points)
+
+
+def test_colours_are_rounded_and_clipped_and_alpha_stays():
+    poly = ball()
+    taken = adopt(poly, channels="colors", moves="channels")
+    assert taken.noun.channels.shape == (poly.n_points, 3)
+    back = taken.restore(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
+    np.testing.assert_array_equal(back["RGBA"][:, :3], np.minimum(poly["RGBA"][:, :3].astype(int) + 100, 255))
+    np.testing.assert_array_equal(back["RGBA"][:, 3], poly["RGBA"][:, 3])
+
+
+# images
+
+
+@pytest.mark.parametrize("flat", [0, 1, 2])
+def test_an_image_is_a_height_field_with_its_north_up_and_returns_in_order(flat):
+    z = heights()
+    dimensions, spacing = [5, 4], [0.5, 2.0]
+    dimensions.insert(flat, 1)
+    spacing.insert(flat, 9.0)
+    image = pyvista.ImageData(dimensions=dimensions, spacing=spacing, origin=(1, 2, 3))
+    image.point_data["z"] = z.ravel()
+    image.point_data["other"] = np.arange(20)
+    image.set_active_scalars("z")
+    before = everything(image)
+    taken = adopt(image)
+    assert isinstance(taken.noun, HeightField)
+    np.testing.assert_array_equal(taken.noun.z, z[::-1])
+    assert taken.noun.spacing == (0.5, 2.0)
+    back = taken.restore(replace(taken.noun, z=taken.noun.z + np.arange(20.0).reshape(4, 5)))
+    np.testing.assert_array_equal(back["z"].reshape(4, 5), z + np.arange(20.0).reshape(4, 5)[::-1])
+    np.testing.assert_array_equal(back["other"], np.arange(20))
+    assert (back.dimensions, back.spacing, back.origin) == (image.dimensions, image.spacing, image.origin)
+    assert back.active_scalars_name == "z"
+    assert not np.shares_memory(back["z"], image["z"])
+    assert everything(image) == before
+    taken.noun.z[:] = 0
+    assert everything(image) == before
+
+
+def test_cell_scalars_are_taken_where_there_are_none_at_points():
+    image = pyvista.ImageData(dimensions=(6, 5, 1))
+    image.cell_data["z"] = heights().ravel()
+    taken = adopt(image, kind="image")
+    assert isinstance(taken.noun, Image)
+    back = taken.restore(replace(taken.noun, values=taken.noun.values * 2))
+    np.testing.assert_array_equal(back.cell_data["z"], heights().ravel() * 2)
+
+
+def test_integers_become_floating_point_and_stay_active_and_colours_return_as_they_were():
+    image = pyvista.ImageData(dimensions=(5, 4, 1))
+    image.point_data["z"] = np.arange(20, dtype=np.int16)
+    image.point_data["rgb"] = np.full((20, 3), 100, np.uint8)
+    image.set_active_scalars("z")
+    taken = adopt(image)
+    assert any("int16 becomes floating point" in note for note in taken.notes)
+    back = taken.restore(replace(taken.noun, z=taken.noun.z + np.float32(0.25)))
+    assert back["z"].dtype == np.float32
+    np.testing.assert_array_equal(back["z"], np.arange(20) + 0.25)
+    assert back.active_scalars_name == "z"
+    taken = adopt(image, channels="rgb")
+    back = taken.restore(replace(taken.noun, values=taken.noun.values + np.float32(0.6)))
+    assert back["rgb"].dtype == np.uint8
+    assert (back["rgb"] == 101).all()
+    assert back.active_scalars_name == "z"
+
+
+def test_spacing_and_fixed_of_the_caller_are_taken_in_the_order_of_the_object():
+    image = pyvista.ImageData(dimensions=(5, 4, 1))
+    image.point_data["z"] = heights().ravel()
+    taken = adopt(image, spacing=3.0, fixed=np.arange(20) == 1)
+    assert taken.noun.spacing == (3.0, 3.0)
+    assert np.argwhere(taken.noun.fixed).tolist() == [[3, 1]]
+
+
+# terrains
+
+
+@pytest.mark.parametrize("layout", ["ij", "xy"])
+@pytest.mark.parametrize("signs", [(1, 1), (-1, 1), (1, -1), (-1, -1)])
+def test_a_terrain_of_any_layout_is_a_height_field_with_its_north_up(layout, signs):
+    x, y = np.meshgrid(np.arange(5) * 10.0 * signs[0], np.arange(4) * 30.0 * signs[1], indexing=layout)
+    z = 100 * y + x
+    grid = pyvista.StructuredGrid(x, y, z)
+    grid["heat"] = np.arange(20)
+    before = everything(grid)
+    taken = adopt(grid)
+    noun = taken.noun
+    assert isinstance(noun, HeightField)
+    assert noun.z.shape == (4, 5)
+    assert noun.spacing == (10.0, 30.0)
+    assert (np.diff(noun.z, axis=1) == 10).all()  # east is right
+    assert (np.diff(noun.z, axis=0) == -3000).all()  # north is up
+    back = taken.restore(replace(noun, z=noun.z * 2))
+    np.testing.assert_array_equal(back.points, grid.points * [1, 1, 2])
+    np.testing.assert_array_equal(back["heat"], np.arange(20))
+    assert back.dimensions == grid.dimensions
+    assert not np.shares_memory(back.points, grid.points)
+    noun.z[:] = 0
+    back.points[:] = 0
+    assert everything(grid) == before
+
+
+def test_a_hole_in_a_terrain_is_missing():
+    x, y = np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij")
+    z = x + y
+    z[2, 1] = np.nan
+    assert adopt(pyvista.StructuredGrid(x, y, z)).noun.missing.sum() == 1
+
+
+@pytest.mark.parametrize("bend", [lambda x, y: (x + 0.1 * y, y), lambda x, y: (x**2, y), lambda x, y: (x, y + 0.2 * np.sin(x))])
+def test_a_warped_grid_is_refused_with_the_way_out(bend):
+    x, y = np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij")
+    grid = pyvista.StructuredGrid(*bend(x, y), x * 0)
+    with pytest.raises(InputError, match=r"\.extract_surface\(\)\.triangulate\(\)"):
+        adopt(grid)
+    assert len(adopt(grid.extract_surface(algorithm="dataset_surface").triangulate()).noun.faces) == 24
+
+
+# refusals
+
+
+def volume():
+    image = pyvista.ImageData(dimensions=(3, 3, 3))
+    image["z"] = np.arange(27.0)
+    return image
+
+
+@pytest.mark.parametrize(("thing", "what"), [
+    (volume(), r"\(3, 3, 3\).*slice"),
+    (pyvista.ImageData(dimensions=(3, 3, 1)), "no arrays"),
+    (pyvista.StructuredGrid(*np.meshgrid(*[np.arange(3.0)] * 3)), r"\(3, 3, 3\).*extract_surface"),
+    (volume().cast_to_unstructured_grid(), "extract_surface"),
+    (pyvista.MultiBlock([pyvista.Cube()]), "one by one"),
+    (pyvista.RectilinearGrid([0.0, 1, 3], [0.0, 1]), "cast_to_structured_grid"),
+    (pyvista.PolyData(np.eye(3)), "reconstruct_surface"),
+    (pyvista.Line(), "reconstruct_surface"),
+    (pyvista.PointSet(np.eye(3)), "no surface"),
+])
+def test_what_is_no_surface_is_refused_with_the_way_out(thing, what):
+    with pytest.raises(InputError, match=what):
+        adopt(thing)
+
+
+def flat_image():
+    image = pyvista.ImageData(dimensions=(5, 4, 1))
+    image["z"] = np.arange(20.0)
+    image["rgb"] = np.zeros((20, 3))
+    image.set_active_scalars("z")
+    return image
+
+
+def terrain():
+    x, y = np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij")
+    return pyvista.StructuredGrid(x, y, x * 0)
+
+
+@pytest.mark.parametrize(("make", "hints", "what"), [
+    (ball, {"missing": 1}, "missing: no hint for"),
+    (ball, {"spacing": 1}, "spacing: no hint for"),
+    (ball, {"kind": "image"}, "kind='image'"),
+    (ball, {"channels": "nothing"}, "no such point array; there are label, heat, RGBA"),
+    (ball, {"channels": "patch"}, "cell_data_to_point_data"),
+    (ball, {"moves": "all"}, "no channels"),
+    (flat_image, {"moves": "points"}, "moves: no hint for"),
+    (flat_image, {"kind": "mesh"}, "kind='mesh'"),
+    (flat_image, {"channels": "nothing"}, "no such array; there are z, rgb"),
+    (flat_image, {"channels": np.zeros(20)}, "the name of an array"),
+    (flat_image, {"channels": "rgb", "kind": "terrain"}, "3 components"),
+    (flat_image, {"fixed": np.zeros((4, 5), bool)}, r"shape \(20,\)"),
+    (terrain, {"channels": "z"}, "channels: no hint for"),
+    (terrain, {"kind": "image"}, "kind='image'"),
+])
+def test_a_hint_that_does_not_fit_is_refused(make, hints, what):
+    with pytest.raises(InputError, match=what):
+        adopt(make(), **hints)

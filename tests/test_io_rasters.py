@@ -1,0 +1,531 @@
+"""Rasters in and out: nothing around the samples is lost, nothing is quantised unasked. meshflow.io.rasters, spacing, bands."""
+
+import resource
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.control import GroundControlPoint
+from rasterio.crs import CRS
+from rasterio.enums import ColorInterp
+from rasterio.transform import Affine, from_origin
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.lift import HeightField, Image
+from meshflow.io import bands, rasters
+from meshflow.io.files import Document, read, write
+from meshflow.io.spacing import between_samples, height_unit, on_ellipsoid, units_disagree
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+DEMS = sorted(p.name for p in (SHARED / "dem").glob("*") if p.suffix != ".IMG") if SHARED.exists() else []
+shared = [pytest.mark.shared, pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")]
+UTM = CRS.from_epsg(32611)
+UP = from_origin(376000, 3808000, 30, 30)
+MARS = CRS.from_wkt(
+    'GEOGCS["Mars",DATUM["Mars",SPHEROID["Mars",3396000,0]],PRIMEM["0",0],UNIT["degree",0.0174532925199433]]'
+)
+
+
+def heights(dtype="float32", h=6, w=8):
+    return (np.arange(h * w).reshape(h, w) % 7 * 10 + 100).astype(dtype)
+
+
+def make(path, samples, *, mask=None, tags=None, colours=None, scale=None, after=None, **profile):
+    samples = samples if samples.ndim == 3 else samples[None]
+    profile = {"driver": "GTiff", "crs": UTM, "transform": UP} | profile
+    count, height, width = samples.shape
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        with (
+            rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True),
+            rasterio.open(path, "w", count=count, height=height, width=width, dtype=samples.dtype, **profile) as target,
+        ):
+            if colours:
+                target.colorinterp = colours
+            if scale:
+                target.scales, target.offsets = [scale[0]] * count, [scale[1]] * count
+            if tags:
+                target.update_tags(**tags)
+            if after:
+                after(target)
+            target.write(samples)
+            if mask is not None:
+                target.write_mask(~mask)
+    return path
+
+
+def turned_by(degrees, dx, dy):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return Affine(dx * c, dy * s, 5, dx * s, -dy * c, 6)
+
+
+def same(path, **options):
+    """The file, read and written again unchanged: its document, the new one, and the notes."""
+    document = read(path, **options)
+    out = path.parent / f"again{path.suffix if path.suffix == '.asc' else '.tif'}"
+    notes = write(document, out, overwrite=True)
+    return document, read(out), notes
+
+
+# --- every file of the world outside
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=shared) for n in DEMS])
+def test_every_elevation_model_comes_out_as_it_came_in(name, tmp_path):
+    document = read(SHARED / "dem" / name)
+    out = tmp_path / "out.tif"
+    write(document, out, tags={"meshflow:time": "3"})
+    again = read(out)
+    assert isinstance(again.noun, HeightField)
+    assert np.array_equal(document.noun.missing, again.noun.missing)
+    there = ~document.noun.missing
+    assert np.array_equal(document.noun.z[there], again.noun.z[there])
+    assert again.noun.unit == document.noun.unit
+    assert np.array_equal(again.noun.spacing[0], document.noun.spacing[0])
+    assert again.noun.spacing[1] == document.noun.spacing[1]
+    with warnings.catch_warnings(), rasterio.open(SHARED / "dem" / name) as source, rasterio.open(out) as target:
+        assert target.dtypes == (str(document.noun.z.dtype),)
+        assert np.array_equal(source.read_masks(1), target.read_masks(1))
+        assert (source.crs, source.transform, source.shape) == (target.crs, target.transform, target.shape)
+        words = {k: v for k, v in source.tags().items() if v}
+        assert words.items() <= target.tags().items()
+        assert target.tags(ns="meshflow") == {"time": "3"}
+        assert source.overviews(1) == target.overviews(1)
+        assert (source.units, source.descriptions) == (target.units, target.descriptions)
+    assert [p.name for p in tmp_path.iterdir()] == ["out.tif"]
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")
+def test_the_data_file_of_a_label_is_refused_with_the_name_of_the_label():
+    with pytest.raises(FormatError, match="open MEGT90N000CB.LBL"):
+        read(SHARED / "dem" / "MEGT90N000CB.IMG")
+
+
+# --- what is missing
+
+
+@pytest.mark.parametrize(
+    ("dtype", "nodata"),
+    [("uint8", 0), ("int16", 32767), ("uint16", 65535), ("int32", -(2**31)), ("float32", -3.4e38), ("float32", np.nan),
+     ("float64", -1.7e308), ("float32", -9999)],
+)  # fmt: skip
+def test_the_mask_of_missing_samples_survives(tmp_path, dtype, nodata):
+    z = heights(dtype)
+    z[1, 2] = z[4, :3] = nodata
+    document, again, notes = same(make(tmp_path / "a.tif", z, nodata=nodata))
+    gone = np.zeros(z.shape, bool)
+    gone[1, 2] = gone[4, :3] = True
+    assert np.array_equal(document.noun.missing, gone)
+    assert np.array_equal(again.noun.missing, gone)
+    assert np.array_equal(again.noun.z[~gone], z[~gone])
+    assert again.about.nodata == pytest.approx(nodata, rel=1e-6, nan_ok=True)
+    assert notes == ()
+
+
+def test_an_internal_mask_becomes_nodata(tmp_path):
+    gone = np.zeros((6, 8), bool)
+    gone[2:4, 3] = True
+    document, again, _ = same(make(tmp_path / "a.tif", heights("int16"), mask=gone))
+    assert document.about.nodata is None
+    assert np.array_equal(document.noun.missing, gone)
+    assert np.array_equal(again.noun.missing, gone)
+    assert again.about.nodata == -9999
+
+
+def test_nodata_is_not_declared_where_nothing_is_missing(tmp_path):
+    assert same(make(tmp_path / "a.tif", heights()))[1].about.nodata is None
+
+
+def test_nan_without_a_nodata_value_gets_one(tmp_path):
+    z = heights()
+    z[0, 0] = np.nan
+    _, again, _ = same(make(tmp_path / "a.tif", z))
+    assert again.about.nodata == -9999
+    assert np.argwhere(again.noun.missing).tolist() == [[0, 0]]
+
+
+def test_a_sample_that_was_moved_onto_the_nodata_value_does_not_go_missing(tmp_path):
+    z = heights("uint16")
+    z[0, 0] = 0
+    document = read(make(tmp_path / "a.tif", z, nodata=0))
+    moved = document.noun.z.copy()
+    moved[3, 3] = 0.0
+    write(document.holding(replace(document.noun, z=moved)), tmp_path / "b.tif")
+    again = read(tmp_path / "b.tif")
+    assert np.array_equal(again.noun.missing, document.noun.missing)
+    assert again.noun.z[3, 3] == 0
+    assert again.about.nodata == -9999
+
+
+def test_nodata_of_the_caller_stands_in_for_the_declared_one(tmp_path):
+    z = heights("int16")
+    z[0, 0], z[0, 1] = -1, -2
+    path = make(tmp_path / "a.tif", z, nodata=-1)
+    document = read(path, nodata=-2)
+    assert np.argwhere(document.noun.missing).tolist() == [[0, 1]]
+    write(document, tmp_path / "b.tif")
+    assert np.argwhere(read(tmp_path / "b.tif").noun.missing).tolist() == [[0, 1]]
+
+
+def test_bands_keep_their_own_holes(tmp_path):
+    z = np.stack([heights(), heights() + 1, heights() + 2])
+    z[1, 2, 2] = -9999
+    document, _, _ = same(make(tmp_path / "a.tif", z, nodata=-9999))
+    assert document.noun.missing[2, 2]
+    with rasterio.open(tmp_path / "again.tif") as target:
+        assert np.array_equal(target.read(), z)
+
+
+# --- what is around the samples
+
+
+def test_tags_units_descriptions_and_colours_survive(tmp_path):
+    def after(target):
+        target.set_band_description(2, "green")
+        target.set_band_unit(1, "m")
+        target.update_tags(3, sensor="b", STATISTICS_MAXIMUM="7")
+        target.update_tags(ns="private", key="a:b=c")
+
+    colours = [ColorInterp.red, ColorInterp.green, ColorInterp.blue]
+    path = make(tmp_path / "a.tif", np.stack([heights("uint8")] * 3), colours=colours, after=after,
+                tags={"AREA_OR_POINT": "Point", "made": "by hand"})  # fmt: skip
+    document, _, _ = same(path)
+    assert isinstance(document.noun, Image)
+    assert document.noun.values.shape == (6, 8, 3)
+    with rasterio.open(tmp_path / "again.tif") as target:
+        assert target.colorinterp == tuple(colours)
+        assert target.descriptions[1] == "green"
+        assert target.units[0] == "m"
+        assert target.tags(3) == {"sensor": "b"}, "statistics of the old values are not true of the new ones"
+        assert target.tags(ns="private") == {"key": "a:b=c"}
+        assert target.tags()["AREA_OR_POINT"] == "Point"
+        assert target.tags()["made"] == "by hand"
+        assert (target.crs, target.transform) == (UTM, UP)
+
+
+def test_large_rasters_are_tiled_and_floats_have_their_predictor(tmp_path):
+    same(make(tmp_path / "a.tif", heights("int16", 300, 300)))
+    with rasterio.open(tmp_path / "again.tif") as target:
+        assert target.block_shapes == [(256, 256)]
+        assert target.compression.name == "deflate"
+        assert target.tags(ns="IMAGE_STRUCTURE")["PREDICTOR"] == "3"
+        assert target.dtypes == ("float32",)
+
+
+def test_alpha_is_carried_along_and_marks_what_is_missing(tmp_path):
+    rgba = np.stack([heights("uint8")] * 4)
+    rgba[3] = 255
+    rgba[3, 1, 1], rgba[3, 2, 2] = 0, 100
+    colours = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
+    document, again, _ = same(make(tmp_path / "a.tif", rgba, colours=colours))
+    assert document.noun.values.shape == (6, 8, 3)
+    assert np.argwhere(document.noun.missing).tolist() == [[1, 1]]
+    assert np.array_equal(again.noun.missing, document.noun.missing)
+    assert np.array_equal(again.about.alpha, rgba[3])
+    write(document, tmp_path / "bytes.tif", dtype="source")
+    with rasterio.open(tmp_path / "bytes.tif") as target:
+        assert np.array_equal(target.read(), rgba)
+        assert target.colorinterp == tuple(colours)
+
+
+def test_scale_and_offset_are_applied_once_and_said(tmp_path):
+    raw = heights("int16")
+    raw[0, 0] = -1
+    path = make(tmp_path / "a.tif", raw, scale=(0.1, 5.0), nodata=-1)
+    document, again, notes = same(path)
+    there = ~document.noun.missing
+    assert np.allclose(document.noun.z[there], raw[there] * 0.1 + 5, rtol=1e-6)
+    assert np.array_equal(again.noun.z[there], document.noun.z[there])
+    assert "scale 0.1 and offset 5" in document.notes[0]
+    assert "as they are" in notes[0]
+    notes = write(document, tmp_path / "packed.tif", dtype="source")
+    assert "in steps of 0.1" in notes[0]
+    with rasterio.open(tmp_path / "packed.tif") as target:
+        assert np.array_equal(target.read(1), raw)
+        assert (target.scales, target.offsets, target.nodata) == ((0.1,), (5.0,), -1)
+
+
+def test_one_band_of_several_can_be_chosen(tmp_path):
+    path = make(tmp_path / "a.tif", np.stack([heights(), heights() + 1]))
+    document, again, _ = same(path, band=2)
+    assert np.array_equal(document.noun.z, heights() + 1)
+    assert np.array_equal(again.noun.z, heights() + 1)
+    with pytest.raises(InputError, match="band 3 expected to be one of 1 to 2"):
+        read(path, band=3)
+    with pytest.raises(InputError, match="one band expected for a terrain, got 2; choose one: band=1"):
+        read(path, kind="terrain")
+    assert isinstance(rasters.read(path, kind="image", band=1).noun, Image)
+
+
+# --- quantisation, only when asked for
+
+
+def test_integers_become_floats_wide_enough_to_hold_them(tmp_path):
+    for dtype, expected in (("uint8", "float32"), ("int16", "float32"), ("int32", "float64"), ("float64", "float64")):
+        same(make(tmp_path / "a.tif", heights(dtype)))
+        with rasterio.open(tmp_path / "again.tif") as target:
+            assert target.dtypes == (expected,)
+
+
+def test_whole_numbers_are_written_only_when_asked_and_said(tmp_path):
+    document = read(make(tmp_path / "a.tif", heights("uint8")))
+    z = document.noun.z + np.float32(0.4)
+    z[0, 0], z[0, 1] = -5, 300
+    notes = write(document.holding(replace(document.noun, z=z)), tmp_path / "b.tif", dtype="source")
+    assert "quantised again" in notes[0]
+    assert "2 samples were clipped to 0 to 255" in notes[1]
+    with rasterio.open(tmp_path / "b.tif") as target:
+        assert target.dtypes == ("uint8",)
+        assert target.read(1)[0, :2].tolist() == [0, 255]
+        assert np.array_equal(target.read(1)[1:], heights("uint8")[1:])
+    with pytest.raises(InputError, match="dtype: source or one of .* expected, got 'int7'"):
+        write(document, tmp_path / "c.tif", dtype="int7")
+
+
+def test_a_type_without_a_value_left_for_missing_samples_is_refused(tmp_path):
+    z = np.arange(256, dtype="float32").reshape(16, 16).repeat(2, axis=0)
+    z[0, 0] = np.nan
+    document = read(make(tmp_path / "a.tif", z))
+    with pytest.raises(FormatError, match="1 samples are missing and uint8 has no value left"):
+        write(document, tmp_path / "b.tif", dtype="uint8")
+
+
+# --- ASCII grids
+
+
+def test_an_ascii_grid_keeps_its_place_and_its_floats(tmp_path):
+    z = np.random.default_rng(0).normal(1000, 100, (6, 8)).astype("float32")
+    z[1, 1] = -9999
+    path = make(tmp_path / "a.asc", z, driver="AAIGrid", crs=None, nodata=-9999)
+    document, again, notes = same(path)
+    assert np.array_equal(again.noun.z, document.noun.z)
+    assert np.array_equal(again.noun.missing, document.noun.missing)
+    assert (again.about.crs, again.about.transform) == (None, UP)
+    assert notes == ()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.asc", "again.asc"]
+
+
+def test_an_ascii_grid_says_that_it_has_no_room_for_the_crs(tmp_path):
+    document = read(make(tmp_path / "a.tif", heights()))
+    assert "no room for the CRS" in write(document, tmp_path / "b.asc")[0]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.tif", "b.asc"]
+
+
+def test_an_ascii_grid_refuses_what_it_cannot_hold(tmp_path):
+    turned = read(make(tmp_path / "a.tif", heights(), transform=turned_by(30, 20, 20)))
+    with pytest.raises(FormatError, match="rows from north to south"):
+        write(turned, tmp_path / "b.asc")
+    two = read(make(tmp_path / "a.tif", np.stack([heights()] * 2)))
+    with pytest.raises(FormatError, match=r"one band fits into \.asc, got 2"):
+        write(two, tmp_path / "b.asc")
+
+
+# --- spacing
+
+
+def test_a_turned_grid_has_the_lengths_of_its_columns(tmp_path):
+    document, again, _ = same(make(tmp_path / "a.tif", heights(), transform=turned_by(30, 20, 10)))
+    assert document.noun.spacing == pytest.approx((20, 10))
+    assert again.about.transform == document.about.transform
+
+
+def test_a_grid_from_south_to_north_is_as_good(tmp_path):
+    document, again, _ = same(make(tmp_path / "a.tif", heights(), transform=Affine(30, 0, 0, 0, 20, 0)))
+    assert document.noun.spacing == (30, 20)
+    assert np.array_equal(again.noun.z, heights())
+
+
+def test_a_sheared_grid_is_refused_with_the_way_out(tmp_path):
+    path = make(tmp_path / "a.tif", heights(), transform=Affine(30, 10, 0, 0, -30, 0))
+    with pytest.raises(InputError, match=r"sheared transform \(30.*gdalwarp"):
+        read(path)
+    assert read(path, spacing=30).noun.spacing == (30, 30)
+
+
+def test_no_georeference_is_one_pixel_and_said(tmp_path):
+    path = make(tmp_path / "a.tif", heights(), crs=None, transform=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        document, again, _ = same(path)
+    assert document.noun.spacing == (1, 1)
+    assert "no georeference: the spacing is 1" in document.notes[0]
+    assert again.about.transform.is_identity
+
+
+def test_ground_control_points_survive_and_the_spacing_is_said(tmp_path):
+    points = [GroundControlPoint(r, c, 100 + c, 200 - r, 0) for r, c in ((0, 0), (0, 7), (5, 0), (5, 7))]
+    document, again, _ = same(make(tmp_path / "a.tif", heights(), transform=None, crs=UTM, gcps=points))
+    assert "ground control points only" in document.notes[0]
+    assert [(p.row, p.col, p.x, p.y) for p in again.about.gcps[0]] == [(p.row, p.col, p.x, p.y) for p in points]
+    assert again.about.gcps[1] == UTM
+
+
+def test_degrees_become_metres_on_the_earth():
+    """A degree at latitude 45 on WGS 84: 78.847 km of longitude, 111.132 km of latitude (tables of the NGA)."""
+    (dx, dy), notes = on_ellipsoid(CRS.from_epsg(4326), np.array([45.5, 45.0, 44.5]), 1.0, 1.0)
+    assert dx[1] == pytest.approx(78847, abs=1)
+    assert dy == pytest.approx(111132, abs=1)
+    assert dx[0] < dx[1] < dx[2]
+    assert "6378137 m" in notes[0]
+
+
+def test_degrees_become_metres_on_a_sphere_that_is_not_the_earth(tmp_path):
+    transform = from_origin(200, 20, 0.25, 0.25)  # longitudes from 0 to 360
+    document = read(make(tmp_path / "a.tif", heights("int16", 80, 4), crs=MARS, transform=transform))
+    dx, dy = document.noun.spacing
+    degree = 3396000 * np.pi / 180
+    assert dy == pytest.approx(0.25 * degree, rel=1e-9)
+    latitudes = 20 - 0.25 * (np.arange(80) + 0.5)
+    assert np.allclose(dx, 0.25 * degree * np.cos(np.radians(latitudes)), rtol=1e-9)
+
+
+def test_the_metres_of_degrees_agree_with_geodesics():
+    geod = pytest.importorskip("pyproj").Geod(ellps="WGS84")
+    crs = CRS.from_epsg(4326)
+    for latitude in (-70.0, 0.0, 35.0, 80.0):
+        (dx, dy), _ = on_ellipsoid(crs, np.array([latitude]), 1e-4, 1e-4)
+        assert dx[0] == pytest.approx(geod.inv(7, latitude, 7 + 1e-4, latitude)[2], rel=1e-6)
+        assert dy == pytest.approx(geod.inv(7, latitude - 5e-5, 7, latitude + 5e-5)[2], rel=1e-6)
+
+
+@pytest.mark.parametrize("top", [90.5, 93.0])
+def test_a_row_on_a_pole_or_beyond_is_refused(tmp_path, top):
+    path = make(tmp_path / "a.tif", heights(), crs=CRS.from_epsg(4326), transform=from_origin(0, top, 1, 1))
+    with pytest.raises(InputError, match=rf"between the poles expected, got {top - 0.5:g}.*gdalwarp"):
+        read(path)
+    assert read(path, spacing=(3, 4)).noun.spacing == (3, 4)
+
+
+def test_a_turned_grid_in_degrees_is_refused():
+    with pytest.raises(InputError, match="turned transform.*gdalwarp"):
+        between_samples(CRS.from_epsg(4326), turned_by(20, 0.1, 0.1), (6, 8))
+
+
+def test_a_crs_in_feet_counts_feet_and_heights_in_metres_are_said(tmp_path):
+    feet = CRS.from_epsg(2277)  # Texas Central, US survey feet
+    path = make(tmp_path / "a.tif", heights(), crs=feet, after=lambda target: target.set_band_unit(1, "m"))
+    document = read(path)
+    assert document.noun.spacing == (30, 30)
+    assert document.noun.unit == "m"
+    assert "contrast=3.2808" in document.notes[0]
+    assert units_disagree(feet, "US survey foot") == ()
+    assert units_disagree(CRS.from_epsg(4326), "ft") != ()
+    assert units_disagree(UTM, "metres") == ()
+    assert units_disagree(UTM, "furlongs") == ()
+
+
+def test_a_vertical_crs_names_the_unit_of_heights():
+    assert height_unit(CRS.from_user_input("EPSG:6318+6360"), None) == "US survey foot"
+    assert height_unit(UTM, None) == ""
+    assert height_unit(None, "m") == "m"
+
+
+def test_degrees_without_a_crs_are_said(tmp_path):
+    path = make(
+        tmp_path / "a.asc", heights(), driver="AAIGrid", crs=None, transform=from_origin(7, 46, 1 / 1200, 1 / 1200)
+    )
+    assert "looks like degrees" in read(path).notes[0]
+
+
+# --- files that are not what they should be
+
+
+def test_a_file_that_cannot_be_read_is_refused_with_the_reason(tmp_path):
+    whole = make(tmp_path / "whole.tif", np.random.default_rng(0).normal(size=(200, 200)).astype("float32"))
+    short = tmp_path / "short.tif"
+    short.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    text = tmp_path / "text.tif"
+    text.write_text("not a raster at all")
+    for path, reason in ((short, "short.tif cannot be read"), (text, "not recognized")):
+        with pytest.raises(FormatError, match=reason):
+            read(path)
+    (tmp_path / "empty.tif").touch()
+    with pytest.raises(FormatError, match="is empty"):
+        read(tmp_path / "empty.tif")
+    with pytest.raises(FormatError, match="no such file"):
+        read(tmp_path / "nowhere.tif")
+
+
+def test_a_wrong_extension_does_not_matter_where_gdal_sees_what_it_is(tmp_path):
+    path = make(tmp_path / "a.tif", heights())
+    path.rename(tmp_path / "a.dem")
+    assert np.array_equal(read(tmp_path / "a.dem").noun.z, heights())
+
+
+def test_a_kind_or_option_that_does_not_belong_is_refused(tmp_path):
+    path = make(tmp_path / "a.tif", heights())
+    with pytest.raises(InputError, match="option depth_scale does not belong to rasters"):
+        read(path, depth_scale=1000)
+    with pytest.raises(InputError, match="a terrain or an image, got kind='soup'"):
+        read(path, kind="soup")
+
+
+def test_a_noun_of_another_size_is_refused(tmp_path):
+    document = read(make(tmp_path / "a.tif", heights()))
+    with pytest.raises(InputError, match=r"shape \(1, 6, 8\), as they were read, .* got \(1, 5, 8\)"):
+        write(document.holding(HeightField(heights(h=5))), tmp_path / "b.tif")
+
+
+# --- writing
+
+
+def test_a_full_disk_leaves_the_old_file(tmp_path):
+    """GDAL itself may say nothing of a full disk; a limit on the size of files stands in for one."""
+    noise = np.random.default_rng(0).normal(size=(600, 600)).astype("float32")
+    document = read(make(tmp_path / "a.tif", noise))
+    old = make(tmp_path / "old.tif", heights())
+    before = old.read_bytes()
+    write(document, tmp_path / "whole.tif")
+    size = (tmp_path / "whole.tif").stat().st_size
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for share in (0.0, 0.3, 0.9, 0.999):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (int(share * size), hard))
+        try:
+            with pytest.raises(FormatError) as refusal:
+                write(document, old, overwrite=True)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert "old.tif was not written" in str(refusal.value)
+        assert old.read_bytes() == before
+        assert sorted(p.name for p in tmp_path.iterdir()) == ["a.tif", "old.tif", "whole.tif"]
+
+
+def test_samples_that_are_not_there_when_read_back_are_an_error(tmp_path, monkeypatch):
+    """As on a full disk of which GDAL says nothing: the tiles are there, and hold zeros."""
+    document = read(make(tmp_path / "a.tif", heights()))
+    describe = bands._describe
+
+    def and_lose_the_samples(target, *rest):
+        describe(target, *rest)
+        target.write(np.zeros((1, 6, 8), "float32"))
+        target.close()
+
+    monkeypatch.setattr(rasterio.io.DatasetWriter, "write", lambda *_: None, raising=False)
+    monkeypatch.setattr(bands, "_describe", and_lose_the_samples)
+    with pytest.raises(FormatError, match="read back differs"):
+        write(document, tmp_path / "b.tif")
+    assert not (tmp_path / "b.tif").exists()
+
+
+def test_an_existing_file_is_replaced_only_on_purpose(tmp_path):
+    path = make(tmp_path / "a.tif", heights())
+    document = read(path)
+    with pytest.raises(FormatError, match="exists"):
+        write(document, path)
+    write(document.holding(replace(document.noun, z=document.noun.z + 1)), path, overwrite=True)
+    assert np.array_equal(read(path).noun.z, heights() + 1)
+
+
+def test_a_terrain_from_elsewhere_keeps_its_spacing_and_holes(tmp_path):
+    z = heights()
+    z[2, 2] = np.nan
+    document = Document(HeightField(z, (30.0, 20.0)), "terrain", tmp_path / "a.npy", None, "arrays")
+    write(document, tmp_path / "b.tif")
+    again = read(tmp_path / "b.tif")
+    assert again.noun.spacing == (30, 20)
+    assert np.argwhere(again.noun.missing).tolist() == [[2, 2]]
+    assert again.about.nodata == -9999
