@@ -30,9 +30,18 @@ def ply(path, *, kind="ascii", before=(), vertex=("float x", "float y", "float z
     corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     rows = rows or [" ".join(map(str, corner)) for corner in corners]
     faces = faces or ["3 0 2 1", "3 0 1 3", "3 1 2 3", "3 2 0 3"]
-    head = ["ply", f"format {kind} 1.0", "comment made by hand", *[line for line, _ in before], f"element vertex {len(rows)}",
-            *[f"property {line}" for line in vertex], f"element face {len(faces)}", "property list uchar int vertex_indices",
-            *[line for line, _ in extra], "end_header"]
+    head = [
+        "ply",
+        f"format {kind} 1.0",
+        "comment made by hand",
+        *[line for line, _ in before],
+        f"element vertex {len(rows)}",
+        *[f"property {line}" for line in vertex],
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        *[line for line, _ in extra],
+        "end_header",
+    ]
     path.write_text("\n".join([*head, *[row for _, row in before], *rows, *faces, *[row for _, row in extra]]) + "\n")
     return path
 
@@ -47,6 +56,8 @@ def cube_obj(folder):
     vn = ["vn -1 0 0", "vn 1 0 0", "vn 0 -1 0", "vn 0 1 0", "vn 0 0 -1", "vn 0 0 1"]
     quads = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
     f = ["f " + " ".join(f"{corner}/{k + 1}/{n + 1}" for k, corner in enumerate(quad)) for n, quad in enumerate(quads)]
-    text = "\n".join(["# a cube", "mtllib cube.mtl", *v, *vt, *vn, "g sides", "usemtl wood", "s off", *f[:4], "g lids", *f[4:]])
+    text = "\n".join(
+        ["# a cube", "mtllib cube.mtl", *v, *vt, *vn, "g sides", "usemtl wood", "s off", *f[:4], "g lids", *f[4:]]
+    )
     (folder / "cube.obj").write_text(text + "\n")
     return folder / "cube.obj"

@@ -47,8 +47,10 @@ def test_binary_ply_of_either_byte_order_survives_but_for_what_moved(kind, tmp_p
     vertex["x"], vertex["y"], vertex["z"], vertex["q"] = [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [5, -6, 7, 8]
     face = np.zeros(4, [("n", "u1"), ("i", order + "i4", 3)])
     face["n"], face["i"] = 3, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
-    header = (f"ply\nformat {kind} 1.0\ncomment TextureFile none.png\nelement vertex 4\nproperty double x\nproperty short q\n"
-              "property double y\nproperty double z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n")
+    header = (
+        f"ply\nformat {kind} 1.0\ncomment TextureFile none.png\nelement vertex 4\nproperty double x\nproperty short q\n"
+        "property double y\nproperty double z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n"
+    )
     (tmp_path / "in.ply").write_bytes(header.encode() + vertex.tobytes() + face.tobytes())
     document = read(tmp_path / "in.ply")
     assert document.noun.points.dtype == np.float64
@@ -105,11 +107,14 @@ def test_an_obj_keeps_all_lines_but_positions_and_normals(tmp_path):
     assert any("6 polygons are smoothed as 12 triangles" in note for note in document.notes)
     old, new = path.read_text().splitlines(), (tmp_path / "a" / "out.obj").read_text().splitlines()
     assert [line for line in old if not line.startswith(("v ", "vn "))] == [
-        line for line in new if not line.startswith(("v ", "vn "))]
+        line for line in new if not line.startswith(("v ", "vn "))
+    ]
     assert [line for line in new if line.startswith("v ")][0] == "v 0.25 0.25 0.25"
     # a shifted cube has the normals of the cube: hard edges stay hard
     normals = np.array([line.split()[1:] for line in new if line.startswith("vn ")], float)
-    np.testing.assert_allclose(normals, [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(
+        normals, [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], atol=1e-12
+    )
     assert notes == ()
 
 
@@ -145,14 +150,17 @@ def test_negative_indices_and_continued_faces_of_an_obj_are_read(tmp_path):
     assert read(tmp_path / "in.obj").noun.faces.tolist() == [[0, 1, 2], [0, 1, 3]]
 
 
-@pytest.mark.parametrize(("text", "what"), [
-    ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
-    ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "three corners"),
-    ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "vertices 0 to 2"),
-    ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1//1 2//1 3//7\n", "names normal 7"),
-    ("v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "could not convert"),
-    ("v 0 0 \\\n0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "several lines"),
-])
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "three corners"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "vertices 0 to 2"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1//1 2//1 3//7\n", "names normal 7"),
+        ("v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "could not convert"),
+        ("v 0 0 \\\n0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "several lines"),
+    ],
+)
 def test_a_broken_obj_is_refused_in_one_line(text, what, tmp_path):
     (tmp_path / "in.obj").write_text(text)
     with pytest.raises(FormatError, match=what) as refusal:
@@ -213,7 +221,8 @@ def test_parts_keep_names_transforms_and_materials(tmp_path):
     turn[:3, :3] *= 2
     ball, box = trimesh.creation.icosphere(subdivisions=1), trimesh.creation.box()
     ball.visual = trimesh.visual.TextureVisuals(
-        uv=ball.vertices[:, :2], material=trimesh.visual.material.PBRMaterial(name="steel", metallicFactor=0.7))
+        uv=ball.vertices[:, :2], material=trimesh.visual.material.PBRMaterial(name="steel", metallicFactor=0.7)
+    )
     scene.add_geometry(ball, node_name="A", geom_name="ball", transform=turn)
     scene.add_geometry(box, node_name="B", geom_name="box")
     scene.export(tmp_path / "in.glb")
@@ -259,7 +268,7 @@ def _as_primitives(content):
 def opened(content):
     """The header of a GLB, and what stands behind it."""
     length = struct.unpack_from("<I", content, 12)[0]
-    return json.loads(content[20:20 + length]), content[20 + length:]
+    return json.loads(content[20 : 20 + length]), content[20 + length :]
 
 
 def closed(header, rest=b""):

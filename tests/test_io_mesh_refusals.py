@@ -31,7 +31,7 @@ def test_a_file_that_is_cut_off_is_refused_in_one_line(suffix, share, tmp_path):
         mesh.export(path)
     content = path.read_bytes().rstrip()
     # an ASCII file that lost its last digits alone cannot be told from a whole one; cut at least a word
-    path.write_bytes(content[:min(int(len(content) * share), len(content) - 12)])
+    path.write_bytes(content[: min(int(len(content) * share), len(content) - 12)])
     with pytest.raises(FormatError) as refusal:
         read(path)
     assert "\n" not in str(refusal.value)
@@ -52,7 +52,9 @@ def test_a_file_that_is_something_else_is_refused(suffix, content, tmp_path):
     assert path.name in str(refusal.value)
 
 
-@pytest.mark.parametrize(("true", "false"), list(itertools.permutations([".ply", ".obj", ".stl", ".off", ".glb", ".vtp"], 2)))
+@pytest.mark.parametrize(
+    ("true", "false"), list(itertools.permutations([".ply", ".obj", ".stl", ".off", ".glb", ".vtp"], 2))
+)
 def test_a_wrong_extension_is_refused(true, false, tmp_path):
     mesh = trimesh.creation.box()
     path = tmp_path / f"in{false}"
@@ -60,8 +62,11 @@ def test_a_wrong_extension_is_refused(true, false, tmp_path):
         pyvista.wrap(mesh).save(tmp_path / "true.vtp")
         path.write_bytes((tmp_path / "true.vtp").read_bytes())
     else:
-        path.write_bytes(mesh.export(None, file_type=true[1:]) if true in (".ply", ".stl", ".glb")
-                         else mesh.export(None, file_type=true[1:]).encode())
+        path.write_bytes(
+            mesh.export(None, file_type=true[1:])
+            if true in (".ply", ".stl", ".glb")
+            else mesh.export(None, file_type=true[1:]).encode()
+        )
     with pytest.raises(FormatError, match=f"in{false}"):
         read(path)
 
@@ -96,11 +101,14 @@ def test_nan_is_refused_by_the_name_of_the_file(suffix, tmp_path):
         read(path)
 
 
-@pytest.mark.parametrize(("changes", "what"), [
-    ({"rows": ["0 0 0", "1 0 zero", "0 1 0", "0 0 1"]}, "no number"),
-    ({"vertex": ("int x", "int y", "int z")}, "store them as float"),
-    ({"faces": ["3 0 1 9"]}, "vertices 0 to 3"),
-])
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"rows": ["0 0 0", "1 0 zero", "0 1 0", "0 0 1"]}, "no number"),
+        ({"vertex": ("int x", "int y", "int z")}, "store them as float"),
+        ({"faces": ["3 0 1 9"]}, "vertices 0 to 3"),
+    ],
+)
 def test_a_ply_that_cannot_be_smoothed_is_refused(changes, what, tmp_path):
     with pytest.raises(FormatError, match=what):
         read(ply(tmp_path / "in.ply", **changes))
@@ -108,8 +116,10 @@ def test_a_ply_that_cannot_be_smoothed_is_refused(changes, what, tmp_path):
 
 @pytest.mark.parametrize("sizes", [(3, 4, 3), (4, 3, 3)])
 def test_a_binary_ply_of_mixed_polygons_is_refused_with_the_way_out(sizes, tmp_path):
-    header = ("ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-              f"element face {len(sizes)}\nproperty list uchar int vertex_indices\nend_header\n").encode()
+    header = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face {len(sizes)}\nproperty list uchar int vertex_indices\nend_header\n"
+    ).encode()
     faces = b"".join(struct.pack(f"<B{size}i", size, *range(size)) for size in sizes)
     (tmp_path / "in.ply").write_bytes(header + np.eye(4, 3, dtype="<f4").tobytes() + faces)
     with pytest.raises(FormatError, match="triangulate it first"):
@@ -117,8 +127,10 @@ def test_a_binary_ply_of_mixed_polygons_is_refused_with_the_way_out(sizes, tmp_p
 
 
 def test_a_binary_ply_whose_lists_only_add_up_is_refused(tmp_path):
-    header = (b"ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-              b"element face 3\nproperty list uchar int vertex_indices\nend_header\n")
+    header = (
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+        b"element face 3\nproperty list uchar int vertex_indices\nend_header\n"
+    )
     faces = b"".join(struct.pack(f"<B{size}i", size, *range(size)) for size in (3, 4, 2))
     (tmp_path / "in.ply").write_bytes(header + np.eye(4, 3, dtype="<f4").tobytes() + faces)
     with pytest.raises(FormatError, match="different length"):

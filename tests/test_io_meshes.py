@@ -40,7 +40,9 @@ def test_a_real_file_comes_back_moved_and_otherwise_equal(name, tmp_path):
         assert before.points.dtype == after.points.dtype
         return
     before, after = (trimesh.load_scene(path, process=False) for path in (source, target))
-    assert sum(len(mesh.vertices) for mesh in before.geometry.values()) == sum(len(m.vertices) for m in after.geometry.values())
+    assert sum(len(mesh.vertices) for mesh in before.geometry.values()) == sum(
+        len(m.vertices) for m in after.geometry.values()
+    )
     for old, new in zip(before.geometry.values(), after.geometry.values(), strict=True):
         assert np.array_equal(old.faces, new.faces)
         assert old.visual.kind == new.visual.kind
@@ -113,7 +115,11 @@ def test_a_named_scalar_is_a_channel_and_returns_to_its_place(suffix, tmp_path):
         mesh.export(path)
     document = read(path, channels="_heat", moves="all")
     np.testing.assert_array_equal(document.noun.channels[:, 0], heat)
-    write(document.holding(replace(document.noun, channels=document.noun.channels * 2)), tmp_path / f"out{suffix}", tags={})
+    write(
+        document.holding(replace(document.noun, channels=document.noun.channels * 2)),
+        tmp_path / f"out{suffix}",
+        tags={},
+    )
     again_read = read(tmp_path / f"out{suffix}", channels="_heat")
     np.testing.assert_allclose(again_read.noun.channels[:, 0], heat * 2, atol=1e-6)
 
@@ -158,7 +164,12 @@ def test_every_array_survives_in_its_type(suffix, tmp_path):
     write(moved(document), tmp_path / f"out{suffix}", tags={"scale": "2 m"})
     back = pyvista.read(tmp_path / f"out{suffix}")
     assert back.points.dtype == np.float64
-    for name, data in (("whole", "point_data"), ("vector", "point_data"), ("patch", "cell_data"), ("era", "field_data")):
+    for name, data in (
+        ("whole", "point_data"),
+        ("vector", "point_data"),
+        ("patch", "cell_data"),
+        ("era", "field_data"),
+    ):
         before, after = getattr(poly, data)[name], getattr(back, data)[name]
         assert before.dtype == after.dtype
         assert np.array_equal(before, after)
@@ -228,8 +239,10 @@ def test_an_obj_is_written_with_its_image_and_never_over_another_file(tmp_path):
     mesh.export(tmp_path / "in.glb")
     notes = write(read(tmp_path / "in.glb"), tmp_path / "out.obj", tags={})
     assert any("out.mtl" in note for note in notes)
-    assert np.array_equal(np.asarray(whole(tmp_path / "out.obj").visual.material.image)[..., :3],
-                          np.arange(192, dtype=np.uint8).reshape(8, 8, 3))
+    assert np.array_equal(
+        np.asarray(whole(tmp_path / "out.obj").visual.material.image)[..., :3],
+        np.arange(192, dtype=np.uint8).reshape(8, 8, 3),
+    )
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / "out.mtl").write_text("mine")
     with pytest.raises(FormatError, match="differs"):
@@ -248,10 +261,12 @@ def test_parts_with_and_without_texture_do_not_go_into_one_obj(tmp_path):
 
 def test_scalars_that_a_split_would_lose_are_refused_in_another_format(tmp_path):
     path = tmp_path / "in.ply"
-    path.write_text("ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-                    "property float heat\nelement face 2\nproperty list uchar int vertex_indices\n"
-                    "property list uchar float texcoord\nend_header\n0 0 0 1\n1 0 0 2\n1 1 0 3\n0 1 0 4\n"
-                    "3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 .5 .5 1 1 0 1\n")
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+        "property float heat\nelement face 2\nproperty list uchar int vertex_indices\n"
+        "property list uchar float texcoord\nend_header\n0 0 0 1\n1 0 0 2\n1 1 0 3\n0 1 0 4\n"
+        "3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 .5 .5 1 1 0 1\n"
+    )
     document = read(path)
     with pytest.raises(FormatError, match="heat"):
         write(document, tmp_path / "out.vtp", tags={})

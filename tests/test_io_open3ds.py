@@ -48,7 +48,15 @@ def tensor(kind=np.float32):
     return mesh
 
 
-LEGACY = ("vertices", "triangles", "vertex_colors", "vertex_normals", "triangle_normals", "triangle_uvs", "triangle_material_ids")
+LEGACY = (
+    "vertices",
+    "triangles",
+    "vertex_colors",
+    "vertex_normals",
+    "triangle_normals",
+    "triangle_uvs",
+    "triangle_material_ids",
+)
 
 
 def parts(mesh):
@@ -86,8 +94,11 @@ def test_the_callers_mesh_keeps_its_bytes_and_shares_no_memory(make):
     taken = adopt(mesh, channels="colors", moves="all")
     back = taken.restore(replace(taken.noun, points=taken.noun.points * 2, channels=taken.noun.channels * 0.5))
     taken.noun.points[:] = 7
-    views = ([np.asarray(getattr(back, name)) for name in LEGACY] if make is legacy
-             else [t.numpy() for _, t in (*back.vertex.items(), *back.triangle.items())])
+    views = (
+        [np.asarray(getattr(back, name)) for name in LEGACY]
+        if make is legacy
+        else [t.numpy() for _, t in (*back.vertex.items(), *back.triangle.items())]
+    )
     for view in views:
         view[:] = 1
     assert {name: array.tobytes() for name, array in parts(mesh).items()} == before
@@ -134,7 +145,9 @@ def test_a_named_attribute_returns_in_its_type_and_shape():
 def test_colours_return_as_what_they_were():
     taken = adopt(tensor(), channels="colors", moves="channels")
     back = taken.restore(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
-    np.testing.assert_array_equal(back.vertex.colors.numpy(), np.minimum(tensor().vertex.colors.numpy().astype(int) + 100, 255))
+    np.testing.assert_array_equal(
+        back.vertex.colors.numpy(), np.minimum(tensor().vertex.colors.numpy().astype(int) + 100, 255)
+    )
     taken = adopt(legacy(), channels="colors", moves="channels")
     back = taken.restore(replace(taken.noun, channels=taken.noun.channels * 2))
     np.testing.assert_allclose(np.asarray(back.vertex_colors), np.asarray(legacy().vertex_colors) * 2)
@@ -145,8 +158,9 @@ def test_a_soup_is_joined():
 
     sphere = legacy()
     points = np.asarray(sphere.vertices)[np.asarray(sphere.triangles)].reshape(-1, 3)
-    soup = open3d.geometry.TriangleMesh(open3d.utility.Vector3dVector(points),
-                                        open3d.utility.Vector3iVector(np.arange(len(points)).reshape(-1, 3)))
+    soup = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(points), open3d.utility.Vector3iVector(np.arange(len(points)).reshape(-1, 3))
+    )
     taken = adopt(soup)
     assert len(taken.noun.points) == len(sphere.vertices)
     assert taken.notes
@@ -173,15 +187,18 @@ def test_an_empty_mesh_is_refused(name):
         adopt(home.TriangleMesh())
 
 
-@pytest.mark.parametrize(("make", "hints", "what"), [
-    (legacy, {"missing": 1}, "missing: no hint for"),
-    (tensor, {"spacing": 1}, "spacing: no hint for"),
-    (legacy, {"kind": "depth"}, "kind='depth'"),
-    (legacy, {"channels": "heat"}, "it has colors"),
-    (tensor, {"channels": "nothing"}, "it has .*heat"),
-    (tensor, {"moves": "channels"}, "no channels"),
-    (legacy, {"fixed": np.zeros(3, bool)}, "fixed: a mask"),
-])
+@pytest.mark.parametrize(
+    ("make", "hints", "what"),
+    [
+        (legacy, {"missing": 1}, "missing: no hint for"),
+        (tensor, {"spacing": 1}, "spacing: no hint for"),
+        (legacy, {"kind": "depth"}, "kind='depth'"),
+        (legacy, {"channels": "heat"}, "it has colors"),
+        (tensor, {"channels": "nothing"}, "it has .*heat"),
+        (tensor, {"moves": "channels"}, "no channels"),
+        (legacy, {"fixed": np.zeros(3, bool)}, "fixed: a mask"),
+    ],
+)
 def test_a_hint_that_does_not_fit_is_refused(make, hints, what):
     with pytest.raises(InputError, match=what):
         adopt(make(), **hints)

@@ -75,7 +75,10 @@ def test_float32_points_stay_float32():
     poly = pyvista.Icosphere(nsub=1)
     poly.points = poly.points.astype(np.float32)
     taken = adopt(poly)
-    assert taken.restore(replace(taken.noun, points=taken.noun.points.astype(np.float64) + 1 / 3)).points.dtype == np.float32
+    assert (
+        taken.restore(replace(taken.noun, points=taken.noun.points.astype(np.float64) + 1 / 3)).points.dtype
+        == np.float32
+    )
 
 
 def test_normals_of_points_and_cells_are_those_of_the_moved_shape():
@@ -248,7 +251,9 @@ def test_a_hole_in_a_terrain_is_missing():
     assert adopt(pyvista.StructuredGrid(x, y, z)).noun.missing.sum() == 1
 
 
-@pytest.mark.parametrize("bend", [lambda x, y: (x + 0.1 * y, y), lambda x, y: (x**2, y), lambda x, y: (x, y + 0.2 * np.sin(x))])
+@pytest.mark.parametrize(
+    "bend", [lambda x, y: (x + 0.1 * y, y), lambda x, y: (x**2, y), lambda x, y: (x, y + 0.2 * np.sin(x))]
+)
 def test_a_warped_grid_is_refused_with_the_way_out(bend):
     x, y = np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij")
     grid = pyvista.StructuredGrid(*bend(x, y), x * 0)
@@ -266,17 +271,20 @@ def volume():
     return image
 
 
-@pytest.mark.parametrize(("thing", "what"), [
-    (volume(), r"\(3, 3, 3\).*slice"),
-    (pyvista.ImageData(dimensions=(3, 3, 1)), "no arrays"),
-    (pyvista.StructuredGrid(*np.meshgrid(*[np.arange(3.0)] * 3)), r"\(3, 3, 3\).*extract_surface"),
-    (volume().cast_to_unstructured_grid(), "extract_surface"),
-    (pyvista.MultiBlock([pyvista.Cube()]), "one by one"),
-    (pyvista.RectilinearGrid([0.0, 1, 3], [0.0, 1]), "cast_to_structured_grid"),
-    (pyvista.PolyData(np.eye(3)), "reconstruct_surface"),
-    (pyvista.Line(), "reconstruct_surface"),
-    (pyvista.PointSet(np.eye(3)), "no surface"),
-])
+@pytest.mark.parametrize(
+    ("thing", "what"),
+    [
+        (volume(), r"\(3, 3, 3\).*slice"),
+        (pyvista.ImageData(dimensions=(3, 3, 1)), "no arrays"),
+        (pyvista.StructuredGrid(*np.meshgrid(*[np.arange(3.0)] * 3)), r"\(3, 3, 3\).*extract_surface"),
+        (volume().cast_to_unstructured_grid(), "extract_surface"),
+        (pyvista.MultiBlock([pyvista.Cube()]), "one by one"),
+        (pyvista.RectilinearGrid([0.0, 1, 3], [0.0, 1]), "cast_to_structured_grid"),
+        (pyvista.PolyData(np.eye(3)), "reconstruct_surface"),
+        (pyvista.Line(), "reconstruct_surface"),
+        (pyvista.PointSet(np.eye(3)), "no surface"),
+    ],
+)
 def test_what_is_no_surface_is_refused_with_the_way_out(thing, what):
     with pytest.raises(InputError, match=what):
         adopt(thing)
@@ -295,22 +303,25 @@ def terrain():
     return pyvista.StructuredGrid(x, y, x * 0)
 
 
-@pytest.mark.parametrize(("make", "hints", "what"), [
-    (ball, {"missing": 1}, "missing: no hint for"),
-    (ball, {"spacing": 1}, "spacing: no hint for"),
-    (ball, {"kind": "image"}, "kind='image'"),
-    (ball, {"channels": "nothing"}, "no such point array; there are label, heat, RGBA"),
-    (ball, {"channels": "patch"}, "cell_data_to_point_data"),
-    (ball, {"moves": "all"}, "no channels"),
-    (flat_image, {"moves": "points"}, "moves: no hint for"),
-    (flat_image, {"kind": "mesh"}, "kind='mesh'"),
-    (flat_image, {"channels": "nothing"}, "no such array; there are z, rgb"),
-    (flat_image, {"channels": np.zeros(20)}, "the name of an array"),
-    (flat_image, {"channels": "rgb", "kind": "terrain"}, "3 components"),
-    (flat_image, {"fixed": np.zeros((4, 5), bool)}, r"shape \(20,\)"),
-    (terrain, {"channels": "z"}, "channels: no hint for"),
-    (terrain, {"kind": "image"}, "kind='image'"),
-])
+@pytest.mark.parametrize(
+    ("make", "hints", "what"),
+    [
+        (ball, {"missing": 1}, "missing: no hint for"),
+        (ball, {"spacing": 1}, "spacing: no hint for"),
+        (ball, {"kind": "image"}, "kind='image'"),
+        (ball, {"channels": "nothing"}, "no such point array; there are label, heat, RGBA"),
+        (ball, {"channels": "patch"}, "cell_data_to_point_data"),
+        (ball, {"moves": "all"}, "no channels"),
+        (flat_image, {"moves": "points"}, "moves: no hint for"),
+        (flat_image, {"kind": "mesh"}, "kind='mesh'"),
+        (flat_image, {"channels": "nothing"}, "no such array; there are z, rgb"),
+        (flat_image, {"channels": np.zeros(20)}, "the name of an array"),
+        (flat_image, {"channels": "rgb", "kind": "terrain"}, "3 components"),
+        (flat_image, {"fixed": np.zeros((4, 5), bool)}, r"shape \(20,\)"),
+        (terrain, {"channels": "z"}, "channels: no hint for"),
+        (terrain, {"kind": "image"}, "kind='image'"),
+    ],
+)
 def test_a_hint_that_does_not_fit_is_refused(make, hints, what):
     with pytest.raises(InputError, match=what):
         adopt(make(), **hints)

@@ -61,14 +61,24 @@ def test_face_colours_come_back():
 
 def test_the_callers_mesh_keeps_its_bytes_and_shares_no_memory():
     mesh = ball()
-    arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "heat": mesh.vertex_attributes["heat"],
-              "colors": mesh.visual.vertex_colors, "patch": mesh.face_attributes["patch"]}
+    arrays = {
+        "vertices": mesh.vertices,
+        "faces": mesh.faces,
+        "heat": mesh.vertex_attributes["heat"],
+        "colors": mesh.visual.vertex_colors,
+        "patch": mesh.face_attributes["patch"],
+    }
     before = {name: np.asarray(array).tobytes() for name, array in arrays.items()}
     taken = adopt(mesh, channels="heat", moves="all")
     taken.noun.points[:] = 7
     back = taken.restore(replace(taken.noun, channels=taken.noun.channels + 1))
-    others = {"vertices": back.vertices, "faces": back.faces, "heat": back.vertex_attributes["heat"],
-              "colors": back.visual.vertex_colors, "patch": back.face_attributes["patch"]}
+    others = {
+        "vertices": back.vertices,
+        "faces": back.faces,
+        "heat": back.vertex_attributes["heat"],
+        "colors": back.visual.vertex_colors,
+        "patch": back.face_attributes["patch"],
+    }
     for name, array in others.items():
         assert not np.shares_memory(np.asarray(array), np.asarray(arrays[name])), name
         np.asarray(array).setflags(write=True)
@@ -154,26 +164,32 @@ def test_channels_and_fixed_are_taken_as_arrays():
     np.testing.assert_array_equal(taken.noun.fixed, [False, True, False, False, False, False])
 
 
-@pytest.mark.parametrize(("thing", "what"), [
-    (trimesh.Scene([trimesh.creation.box()]), "to_mesh"),
-    (trimesh.PointCloud(np.eye(3)), "no surface"),
-    (trimesh.load_path(np.eye(3)), "trimesh.Trimesh expected"),
-])
+@pytest.mark.parametrize(
+    ("thing", "what"),
+    [
+        (trimesh.Scene([trimesh.creation.box()]), "to_mesh"),
+        (trimesh.PointCloud(np.eye(3)), "no surface"),
+        (trimesh.load_path(np.eye(3)), "trimesh.Trimesh expected"),
+    ],
+)
 def test_what_is_no_trimesh_is_refused_with_the_way_out(thing, what):
     with pytest.raises(InputError, match=what):
         adopt(thing)
 
 
-@pytest.mark.parametrize(("hints", "what"), [
-    ({"missing": np.zeros(42, bool)}, "missing: no hint for"),
-    ({"spacing": 2.0}, "spacing: no hint for"),
-    ({"kind": "terrain"}, "kind='terrain'"),
-    ({"channels": "nothing"}, "it has heat, label, colors"),
-    ({"channels": np.zeros((41, 2))}, r"shape \(42, k\)"),
-    ({"fixed": np.zeros(41, bool)}, r"fixed: a mask of shape \(42,\)"),
-    ({"moves": "channels"}, "no channels"),
-    ({"moves": "sideways"}, "sideways"),
-])
+@pytest.mark.parametrize(
+    ("hints", "what"),
+    [
+        ({"missing": np.zeros(42, bool)}, "missing: no hint for"),
+        ({"spacing": 2.0}, "spacing: no hint for"),
+        ({"kind": "terrain"}, "kind='terrain'"),
+        ({"channels": "nothing"}, "it has heat, label, colors"),
+        ({"channels": np.zeros((41, 2))}, r"shape \(42, k\)"),
+        ({"fixed": np.zeros(41, bool)}, r"fixed: a mask of shape \(42,\)"),
+        ({"moves": "channels"}, "no channels"),
+        ({"moves": "sideways"}, "sideways"),
+    ],
+)
 def test_a_hint_that_does_not_fit_is_refused(hints, what):
     with pytest.raises(InputError, match=what):
         adopt(ball(), **hints)

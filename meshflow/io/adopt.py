@@ -55,5 +55,7 @@ def adopt(thing: Any, **hints: Any) -> Adopted:
         home = _HOMES.get(kind.__module__.partition(".")[0])
         if home is not None and kind is not object:
             return import_module(f"meshflow.io.{home}").adopt(thing, **hints)
-    raise InputError(f"{type(thing).__module__}.{type(thing).__qualname__}: expected a numpy array, (points, faces), a mesh of "
-                     "trimesh, pyvista or open3d, an xarray.DataArray, or a noun of meshflow; read a file with meshflow.read")
+    raise InputError(
+        f"{type(thing).__module__}.{type(thing).__qualname__}: expected a numpy array, (points, faces), a mesh of "
+        "trimesh, pyvista or open3d, an xarray.DataArray, or a noun of meshflow; read a file with meshflow.read"
+    )

@@ -43,7 +43,9 @@ class Document:
         return replace(self, noun=noun)
 
 
-def read(path: str | Path, *, kind: Kind | None = None, camera: Pinhole | str | Path | None = None, **options: Any) -> Document:
+def read(
+    path: str | Path, *, kind: Kind | None = None, camera: Pinhole | str | Path | None = None, **options: Any
+) -> Document:
     """Read whatever the file holds.
 
     A mesh by its extension; ``.npy`` and ``.npz`` as arrays; a picture with a camera as a depth image, without as an image;
@@ -66,13 +68,19 @@ def read(path: str | Path, *, kind: Kind | None = None, camera: Pinhole | str | 
         raise InputError(f"{path.name}: the option {option} does not belong to {family}") from cause
 
 
-def write(document: Document, path: str | Path, *, overwrite: bool = False, tags: Mapping[str, str] | None = None,
-          **options: Any) -> tuple[str, ...]:
+def write(
+    document: Document,
+    path: str | Path,
+    *,
+    overwrite: bool = False,
+    tags: Mapping[str, str] | None = None,
+    **options: Any,
+) -> tuple[str, ...]:
     """Write a document in the format that the extension names; beside the old file first, then in its place.
 
     :param overwrite: replace a file that is there.
     :param tags: words about the run, kept in the file where the format has room for them.
-    :param options: for the writer: ``dtype`` (rasters, pictures, depths), ``depth_scale``.
+    :param options: for the writer: ``dtype`` (rasters, pictures), ``depth_scale``.
     :returns: what the user should know (rounding, what the format could not hold).
     :raises FormatError: when the format cannot hold the data, or a file is there and ``overwrite`` is not given.
     """
@@ -122,14 +130,22 @@ def _target(document: Document, path: Path) -> str:
     suffix = path.suffix.lower()
     fits: dict[str, Callable[[], bool]] = {
         "meshes": lambda: document.kind == "mesh" and suffix in MESHES,
-        "arrays": lambda: document.kind != "mesh" and suffix in ARRAYS,
+        "arrays": lambda: suffix in ARRAYS and (document.kind != "mesh" or suffix == ".npz"),
         "depths": lambda: document.kind == "depth" and suffix in {".png", ".tif", ".tiff"},
-        "pictures": lambda: document.kind == "image" and document.family != "rasters" and suffix in PICTURES | {".tif", ".tiff"},
+        "pictures": lambda: (
+            document.kind == "image" and document.family != "rasters" and suffix in PICTURES | {".tif", ".tiff"}
+        ),
         "rasters": lambda: document.kind in ("terrain", "image") and suffix in {".tif", ".tiff", ".asc"},
     }
     for family, fit in fits.items():
         if fit():
             return family
-    room = {"mesh": sorted(MESHES - {".gltf", ".3mf"}), "depth": [".png", ".tif", ".npy"],
-            "image": [".png", ".tif", ".jpg", ".npy"], "terrain": [".tif", ".asc", ".npy"]}[document.kind]
-    raise FormatError(f"{path.name}: a {document.kind} does not fit into {suffix or 'a file without extension'}; use {' '.join(room)}")
+    room = {
+        "mesh": sorted(MESHES - {".gltf", ".3mf"}),
+        "depth": [".png", ".tif", ".npy"],
+        "image": [".png", ".tif", ".jpg", ".npy"],
+        "terrain": [".tif", ".asc", ".npy"],
+    }[document.kind]
+    raise FormatError(
+        f"{path.name}: a {document.kind} does not fit into {suffix or 'a file without extension'}; use {' '.join(room)}"
+    )

@@ -1,0 +1,45 @@
+"""A file is written beside the old one and takes its place when it is whole; until then nothing has changed."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from shutil import copymode
+from uuid import uuid4
+
+from meshflow.errors import FormatError
+
+__all__ = ["beside"]
+
+# What GDAL keeps beside a raster (statistics, overviews, mask) tells of the old file: it goes when that file goes.
+_SIDECARS = (".aux.xml", ".ovr", ".msk")
+
+
+@contextmanager
+def beside(path: Path) -> Iterator[Path]:
+    """Give a temporary path in the folder of ``path``, with its extension; move what was written there onto ``path``.
+
+    On any failure, an interruption by the user among them, the temporary file and its sidecars are removed and the old file
+    stays as it was. A symbolic link stays one: the file that it points to is replaced. Permissions are kept.
+
+    :raises FormatError: for an OSError (no space, no permission), or when nothing was written.
+    """
+    path = path.resolve()
+    token = f".meshflow-{uuid4().hex[:12]}"
+    temporary = path.with_name(token + path.suffix)
+    try:
+        yield temporary
+        if path.exists():
+            copymode(path, temporary)
+        os.replace(temporary, path)
+        for sidecar in _SIDECARS:
+            path.with_name(path.name + sidecar).unlink(missing_ok=True)
+    except OSError as cause:
+        reason = cause.strerror or cause.__cause__ or cause
+        raise FormatError(
+            f"{path} was not written ({reason}); what was there before is as it was. "
+            "Make room, or name a folder where writing is allowed"
+        ) from cause
+    finally:
+        for left in path.parent.glob(f"{token}*"):
+            left.unlink()

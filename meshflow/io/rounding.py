@@ -1,0 +1,58 @@
+"""From floating point back to whole numbers, and the value that marks what is missing."""
+
+from typing import Any
+
+import numpy as np
+
+from meshflow.errors import FormatError
+from meshflow.geometry.gates import Array
+from meshflow.io.bands import Frame
+
+__all__ = ["DTYPES", "mark", "rounded"]
+
+DTYPES = ("uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
+
+
+def rounded(values: Array, gone: Array, dtype: np.dtype[Any]) -> tuple[Array, tuple[str, ...]]:
+    """A copy of the values in another dtype, integers rounded and clipped, and a note of what was clipped.
+
+    :param values: any shape, floating point.
+    :param gone: of the same shape: samples that do not count; where they do not fit they become 0 or the nearest that fits.
+    :param dtype: of up to 32 bits if an integer.
+    """
+    if dtype.kind == "f":
+        return values.astype(dtype), ()
+    ends = np.iinfo(dtype)
+    outside = int(((values < ends.min - 0.5) | (values > ends.max + 0.5))[~gone].sum())
+    whole = np.clip(np.rint(np.nan_to_num(values.astype(np.float64))), ends.min, ends.max).astype(dtype)
+    if outside:
+        return whole, (f"{outside} samples were clipped to {ends.min} to {ends.max}, the range of {dtype}",)
+    return whole, ()
+
+
+def mark(samples: Array, frame: Frame, dtype: np.dtype[Any]) -> float | None:
+    """A value for missing samples that no other sample has: the file's own, else -9999, else an end of the range, or NaN.
+
+    None where the file declared no such value and nothing is missing, or an alpha band says what is (GDAL asks it of whole
+    numbers only).
+
+    :raises FormatError: when every value is taken.
+    """
+    floating = dtype.kind == "f"
+    if frame.nodata is None and (not frame.gone.any() or (frame.alpha is not None and not floating)):
+        return None
+    ends = (np.nan,) if floating else (float(np.iinfo(dtype).min), float(np.iinfo(dtype).max))
+    for candidate in (frame.nodata, -9999.0, *ends):
+        if candidate is not None and _fits(candidate, dtype):
+            value = dtype.type(candidate)
+            if not (samples == value)[~frame.gone].any():
+                return float(value)
+    raise FormatError(
+        f"{int(frame.gone.sum())} samples are missing and {dtype} has no value left to mark them; write dtype='float32'"
+    )
+
+
+def _fits(value: float, dtype: np.dtype[Any]) -> bool:
+    if dtype.kind == "f":
+        return not np.isfinite(value) or abs(value) <= np.finfo(dtype).max
+    return bool(np.isfinite(value)) and value == int(value) and np.iinfo(dtype).min <= value <= np.iinfo(dtype).max
