@@ -34,7 +34,7 @@ _HOMES = {
 }
 _FOUND_IN = {name: home for home, names in _HOMES.items() for name in names}
 
-__all__ = sorted(_FOUND_IN)  # noqa: PLE0605
+__all__ = sorted(_FOUND_IN)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

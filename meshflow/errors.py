@@ -32,7 +32,9 @@ def need(package: str, extra: str) -> ModuleType:
     try:
         return import_module(package)
     except (ImportError, OSError) as cause:  # OSError: a shared library of the system is absent
-        hint = f"{package} is needed here and could not be imported ({cause}). Install it: pip install 'meshflow[{extra}]'"
+        hint = (
+            f"{package} is needed here and could not be imported ({cause}). Install it: pip install 'meshflow[{extra}]'"
+        )
         if package == "open3d":
             hint += " ; on a bare Debian also: apt-get install libegl1 libgl1 libusb-1.0-0"
         raise MissingPackage(hint) from cause

@@ -20,7 +20,7 @@ from meshflow.geometry.surface import Boundary
 from meshflow.geometry.triangulate import Diagonals
 from meshflow.io.adopt import adopt
 
-__all__ = ["Outcome", "Settings", "smooth", "smooth_noun"]
+__all__ = ["Outcome", "Settings", "noise", "smooth", "smooth_noun"]
 
 # Times in squared sample distances where nobody names one: the paper's own member on grids (DESIGN.md, section 2), and half a
 # squared edge for a mesh, which smooths over one edge.
@@ -92,9 +92,18 @@ def _contrast(noun: Noun) -> float:
     """2 h / sigma: an edge is what stands out of the noise over half a sample's width; 1 where no noise is found."""
     if isinstance(noun, (Mesh, RangeImage)):
         return 1.0
-    assert noun.missing is not None
-    sigma = noise_of(noun.z if isinstance(noun, HeightField) else noun.values, noun.missing).sigma
+    sigma = noise(noun)["noise"]
     return 2.0 * noun.step / sigma if sigma > 0 else 1.0
+
+
+def noise(noun: Noun) -> dict[str, float]:
+    """What a grid says of its own noise, in the unit of its values: standard deviation and quantum; {} for a mesh."""
+    if isinstance(noun, Mesh):
+        return {}
+    assert noun.missing is not None
+    values = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(noun)]
+    found = noise_of(getattr(noun, values), noun.missing)
+    return {"noise": found.sigma, "quantum": found.quantum}
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,8 +129,10 @@ def test_light_from_the_west_brightens_western_slopes():
 
 
 def test_faces_are_shaded_flat():
-    pyramid = Mesh(np.array([[1.0, 0, 0], [-0.5, 0.8, 0], [-0.5, -0.8, 0], [0, 0, 1.0]]),
-                   np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]]))
+    pyramid = Mesh(
+        np.array([[1.0, 0, 0], [-0.5, 0.8, 0], [-0.5, -0.8, 0], [0, 0, 1.0]]),
+        np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]]),
+    )
     picture = drawn(pyramid).reshape(-1, 3)
     colours, counts = np.unique(picture[(picture < 250).all(axis=1)], axis=0, return_counts=True)
     assert np.sort(counts)[-2:].sum() > 0.8 * counts.sum(), f"{len(colours)} colours on two visible faces"
@@ -148,7 +150,7 @@ def test_colours_that_move_are_shown_on_the_mesh():
     red = np.full((len(ball().points), 3), (200.0, 10.0, 10.0))
     picture = drawn(Mesh(ball().points, ball().faces, red, moves="channels"))
     assert (picture[..., 0] > picture[..., 1] + 60).mean() > 0.2
-    assert colourful(drawn(Mesh(ball().points, ball().faces, red))).max() < 40  # they only ride along
+    assert colourful(drawn(Mesh(ball().points, ball().faces, red, moves="points"))).max() < 40  # they only ride along
 
 
 def test_missing_samples_leave_a_hole():
@@ -181,8 +183,11 @@ def test_the_picture_has_the_size_asked_for_and_no_plotter_is_left(tmp_path, mon
     assert len(plotters._ALL_PLOTTERS) == open_before
 
 
-@pytest.mark.parametrize("noun", [hill(), ball(), wall(), Image(np.random.default_rng(0).random((48, 64, 3)))],
-                         ids=lambda noun: type(noun).__name__)
+@pytest.mark.parametrize(
+    "noun",
+    [hill(), ball(), wall(), Image(np.random.default_rng(0).random((48, 64, 3)))],
+    ids=lambda noun: type(noun).__name__,
+)
 def test_a_window_shows_all_panels_from_one_camera(noun, monkeypatch):
     pv = pytest.importorskip("pyvista")
     seen = {}

@@ -138,8 +138,15 @@ def test_two_panels_differ_where_the_data_differ_and_the_third_says_how(tmp_path
     assert np.abs(same - NEUTRAL).max() <= 2
 
 
-@pytest.mark.parametrize("noun", [plane(0.1, 0.2, (60, 90)), RangeImage(np.full((60, 90), 2.0), CAMERA),
-                                  Image(np.random.default_rng(0).random((60, 90, 3)))], ids=lambda n: type(n).__name__)
+@pytest.mark.parametrize(
+    "noun",
+    [
+        plane(0.1, 0.2, (60, 90)),
+        RangeImage(np.full((60, 90), 2.0), CAMERA),
+        Image(np.random.default_rng(0).random((60, 90, 3))),
+    ],
+    ids=lambda n: type(n).__name__,
+)
 def test_a_thing_that_did_not_change_has_a_neutral_difference(noun, tmp_path):
     told = compare(noun, noun, tmp_path / "a.png", size=(600, 450))
     first, second, change = panels(told.path, 1.5, Look(size=(600, 450)))
@@ -157,8 +164,11 @@ def test_where_vtk_cannot_draw_a_relief_is_made_and_the_reason_given(tmp_path):
 
 
 def test_what_only_vtk_can_draw_is_refused_with_the_reason(tmp_path, monkeypatch):
-    for call in (lambda: compare(TRIANGLE, TRIANGLE, tmp_path / "a.png"), lambda: show(TRIANGLE, tmp_path / "a.png"),
-                 lambda: show(plane(), tmp_path / "a.png", how="pyvista")):
+    for call in (
+        lambda: compare(TRIANGLE, TRIANGLE, tmp_path / "a.png"),
+        lambda: show(TRIANGLE, tmp_path / "a.png"),
+        lambda: show(plane(), tmp_path / "a.png", how="pyvista"),
+    ):
         with pytest.raises(MissingPackage, match="MESHFLOW_RENDERING=off"):
             call()
     monkeypatch.setenv("DISPLAY", ":0")
@@ -249,37 +259,46 @@ def _half(left):
     return HeightField(z)
 
 
-@pytest.mark.parametrize(("before", "after", "says"), [
-    (plane(), Image(plane().z), "before is a HeightField, after a Image"),
-    (plane(), plane(shape=(12, 16)), r"shape \(12, 15\), after \(12, 16\)"),
-    (Image(np.ones((4, 4, 3))), Image(np.ones((4, 4, 2))), r"shape \(4, 4, 3\), after \(4, 4, 2\)"),
-    (TRIANGLE, Mesh(np.eye(4)[:, :3], TRIANGLE.faces), r"points \(3, 3\), after \(4, 3\)"),
-    (TRIANGLE, Mesh(TRIANGLE.points, np.array([[0, 2, 1]])), "not the same triangles"),
-    (Mesh(np.eye(3), TRIANGLE.faces, np.ones((3, 1)), "channels"),
-     Mesh(np.eye(3), TRIANGLE.faces, np.ones((3, 2)), "channels"), r"channels \(3, 1\), after \(3, 2\)"),
-    (_half(left=True), _half(left=False), "no sample in common"),
-])
+@pytest.mark.parametrize(
+    ("before", "after", "says"),
+    [
+        (plane(), Image(plane().z), "before is a HeightField, after a Image"),
+        (plane(), plane(shape=(12, 16)), r"shape \(12, 15\), after \(12, 16\)"),
+        (Image(np.ones((4, 4, 3))), Image(np.ones((4, 4, 2))), r"shape \(4, 4, 3\), after \(4, 4, 2\)"),
+        (TRIANGLE, Mesh(np.eye(4)[:, :3], TRIANGLE.faces), r"points \(3, 3\), after \(4, 3\)"),
+        (TRIANGLE, Mesh(TRIANGLE.points, np.array([[0, 2, 1]])), "not the same triangles"),
+        (
+            Mesh(np.eye(3), TRIANGLE.faces, np.ones((3, 1)), "channels"),
+            Mesh(np.eye(3), TRIANGLE.faces, np.ones((3, 2)), "channels"),
+            r"channels \(3, 1\), after \(3, 2\)",
+        ),
+        (_half(left=True), _half(left=False), "no sample in common"),
+    ],
+)
 def test_two_things_that_cannot_be_compared_are_refused(before, after, says, tmp_path):
     with pytest.raises(InputError, match=says):
         compare(before, after, tmp_path / "a.png")
 
 
-@pytest.mark.parametrize(("thing", "options", "says"), [
-    (plane(), {"size": (100, 100)}, "240 to 16000"),
-    (plane(), {"size": (640,)}, "a width and a height"),
-    (plane(), {"altitude": 0}, "altitude above 0"),
-    (plane(), {"exaggeration": -1}, "exaggeration: a positive"),
-    (RangeImage(np.ones((3, 3)), CAMERA), {"exaggeration": 2}, "of height fields only"),
-    (plane(), {"up": "z"}, "of meshes only"),
-    (TRIANGLE, {"up": "w"}, "up: y or z expected"),
-    (plane(), {"how": "opengl"}, "pyvista or relief expected"),
-    (TRIANGLE, {"how": "relief"}, "a mesh has no grid"),
-    (Image(np.ones((3, 3))), {"how": "pyvista"}, "as the image it is"),
-    (plane(), {"scalars": np.ones((3, 3))}, r"of shape \(12, 15\); got \(3, 3\)"),
-    (plane(), {"scalars": np.full((12, 15), np.nan)}, "at least one finite number"),
-    (HeightField([[1.0, np.nan], [np.nan, 1.0]]), {}, "nothing to draw"),
-    (object(), {}, "meshflow"),
-])
+@pytest.mark.parametrize(
+    ("thing", "options", "says"),
+    [
+        (plane(), {"size": (100, 100)}, "240 to 16000"),
+        (plane(), {"size": (640,)}, "a width and a height"),
+        (plane(), {"altitude": 0}, "altitude above 0"),
+        (plane(), {"exaggeration": -1}, "exaggeration: a positive"),
+        (RangeImage(np.ones((3, 3)), CAMERA), {"exaggeration": 2}, "of height fields only"),
+        (plane(), {"up": "z"}, "of meshes only"),
+        (TRIANGLE, {"up": "w"}, "up: y or z expected"),
+        (plane(), {"how": "opengl"}, "pyvista or relief expected"),
+        (TRIANGLE, {"how": "relief"}, "a mesh has no grid"),
+        (Image(np.ones((3, 3))), {"how": "pyvista"}, "as the image it is"),
+        (plane(), {"scalars": np.ones((3, 3))}, r"of shape \(12, 15\); got \(3, 3\)"),
+        (plane(), {"scalars": np.full((12, 15), np.nan)}, "at least one finite number"),
+        (HeightField([[1.0, np.nan], [np.nan, 1.0]]), {}, "nothing to draw"),
+        (object(), {}, "meshflow"),
+    ],
+)
 def test_what_makes_no_sense_is_refused(thing, options, says, tmp_path):
     with pytest.raises(InputError, match=says):
         show(thing, tmp_path / "a.png", **options)
@@ -288,8 +307,12 @@ def test_what_makes_no_sense_is_refused(thing, options, says, tmp_path):
 
 def test_paths_that_cannot_be_written_are_refused_before_anything_is_drawn(tmp_path):
     (tmp_path / "folder.png").mkdir()
-    for name, says in (("a.svg", r"ends in \.png"), ("a", "no extension"), ("nowhere/a.png", "is not there"),
-                       ("folder.png", "is a folder")):
+    for name, says in (
+        ("a.svg", r"ends in \.png"),
+        ("a", "no extension"),
+        ("nowhere/a.png", "is not there"),
+        ("folder.png", "is a folder"),
+    ):
         with pytest.raises(FormatError, match=says):
             show(plane(), tmp_path / name)
 

@@ -2,11 +2,15 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from time import monotonic
 from typing import Literal
 
 from meshflow.errors import InputError
 
 __all__ = ["Progress", "reporting"]
+
+# Seconds before a bar appears: who waits less needs none.
+PATIENCE = 1.0
 
 Progress = Literal[True] | Callable[[float, float], object] | None
 
@@ -27,9 +31,18 @@ def reporting(progress: Progress, words: str) -> Iterator[Callable[[float], obje
 
         console = Console(stderr=True)
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-        with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-            task = bar.add_task(words, total=1.0)
-            yield lambda share: bar.update(task, completed=share)
+        bar = Bar(*columns, console=console, transient=True, disable=not console.is_terminal)
+        task, begun = bar.add_task(words, total=1.0), monotonic()
+
+        def report(share: float) -> None:
+            bar.update(task, completed=share)
+            if monotonic() - begun > PATIENCE and not bar.finished:
+                bar.start()  # does nothing once it has begun
+
+        try:
+            yield report
+        finally:
+            bar.stop()
     elif callable(progress):
         yield lambda share: progress(share, 1.0)
     else:

@@ -264,7 +264,8 @@ class Mesh:
     :param points: (n, d), d >= 2, finite.
     :param faces: (m, 3), vertices 0 to n - 1. Degenerate triangles contribute nothing, isolated vertices stay.
     :param channels: (n, k) per vertex: colour, temperature, a vector.
-    :param moves: ``points`` (the channels ride along), ``channels`` (on a surface that stays), or ``all`` (coupled).
+    :param moves: ``points`` (the channels ride along), ``channels`` (on a surface that stays), or ``all`` (coupled); by default
+        the channels where there are any, else the points.
     :param fixed: (n,), vertices that stay.
     :raises InputError: for an empty mesh, NaN or infinity, a face that names no vertex, or channels of another length.
     """
@@ -272,7 +273,7 @@ class Mesh:
     points: Array
     faces: Array
     channels: Array | None = None
-    moves: Moves = "points"
+    moves: Moves | None = None
     fixed: Array | None = None
     boundary: Boundary = field(default="linear", init=False)
 
@@ -287,6 +288,8 @@ class Mesh:
         object.__setattr__(self, "faces", surface.sheets[0])
         object.__setattr__(self, "fixed", surface.fixed)
         object.__setattr__(self, "channels", self._checked(self.channels))
+        if self.moves is None:
+            object.__setattr__(self, "moves", "points" if self.channels is None else "channels")
         if self.moves not in ("points", "channels", "all"):
             raise InputError(f"moves: points, channels or all expected, got {self.moves!r}")
         if self.moves != "points" and self.channels is None:

@@ -67,8 +67,13 @@ def drawable(noun: Noun, look: Look) -> tuple[int, float, tuple[str, ...]]:
     return step, exaggeration, tuple(notes)
 
 
-def embodied(noun: Noun, step: int = 1, exaggeration: float = 1.0, shown: Callable[[Array], Array] | None = None,
-             up: Up | None = None) -> Body:
+def embodied(
+    noun: Noun,
+    step: int = 1,
+    exaggeration: float = 1.0,
+    shown: Callable[[Array], Array] | None = None,
+    up: Up | None = None,
+) -> Body:
     """The body of a noun.
 
     :param step: take every ``step``-th sample of a grid.
@@ -155,7 +160,7 @@ def _sheet(image: Image, step: int, shown: Callable[[Array], Array]) -> tuple[Ar
     """An image as a flat sheet with a colour at each sample: points, faces, colours."""
     every = (slice(None, None, step),) * 2
     missing, values = holes(image)[every], image.values[every]
-    rows, columns = np.mgrid[0:missing.shape[0], 0:missing.shape[1]]
+    rows, columns = np.mgrid[0 : missing.shape[0], 0 : missing.shape[1]]
     width = float(np.mean(image.spacing[0]))
     points = np.stack([columns.ravel() * width, -rows.ravel() * image.spacing[1], np.zeros(missing.size)], axis=1)
     return points, grid_sheets(~missing, "forward")[0], shown(values.reshape(missing.size, -1))

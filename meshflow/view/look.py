@@ -40,8 +40,10 @@ class Look:
         if self.up not in (None, "y", "z"):
             raise InputError(f"up: y or z expected, got {self.up!r}")
         if not (np.isfinite(self.azimuth) and 0 < self.altitude <= 90):
-            raise InputError(f"light: an azimuth in degrees and an altitude above 0 and up to 90 expected, "
-                             f"got {self.azimuth} and {self.altitude}")
+            raise InputError(
+                f"light: an azimuth in degrees and an altitude above 0 and up to 90 expected, "
+                f"got {self.azimuth} and {self.altitude}"
+            )
         if len(self.size) != 2 or any(int(side) != side or not 240 <= side <= 16000 for side in self.size):
             raise InputError(f"size: a width and a height of 240 to 16000 whole pixels expected, got {self.size}")
 

@@ -69,16 +69,22 @@ def layout(look: Look, aspect: float, panels: int = 3) -> Layout:
     narrow, tall = (width - 4 * gap) // 3, height - header - footer - label - strip - gap
     if 1.1 * min(h, w / aspect) >= min(tall, narrow / aspect):
         low, high, right = footer, footer + h + label + gap, 2 * gap + w
-        return Layout(look.size, (Box(gap, high, w, h), Box(right, high, w, h), Box(gap, low, w, h)),
-                      Box(right, low, w, h), unit, header)
+        return Layout(
+            look.size,
+            (Box(gap, high, w, h), Box(right, high, w, h), Box(gap, low, w, h)),
+            Box(right, low, w, h),
+            unit,
+            header,
+        )
     tall = min(tall, round(narrow / aspect))
     foot = height - header - label - tall
     row = tuple(Box(gap + k * (narrow + gap), foot, narrow, tall) for k in range(3))
     return Layout(look.size, row, Box(width // 5, footer, width * 3 // 5, foot - footer - gap), unit, header)
 
 
-def compared_page(arrangement: Layout, pictures: tuple[Array, Array, Array], change: Scale, look: Look, foot: str,
-                  pixel: float = 1.0) -> "Figure":
+def compared_page(
+    arrangement: Layout, pictures: tuple[Array, Array, Array], change: Scale, look: Look, foot: str, pixel: float = 1.0
+) -> "Figure":
     """Before, after and difference with its scale.
 
     :param pictures: (h, w, 3) in uint8, of any size.
@@ -92,8 +98,9 @@ def compared_page(arrangement: Layout, pictures: tuple[Array, Array, Array], cha
     return figure
 
 
-def single_page(arrangement: Layout, picture: Array, scale: Scale | None, look: Look, foot: str,
-                pixel: float = 1.0) -> "Figure":
+def single_page(
+    arrangement: Layout, picture: Array, scale: Scale | None, look: Look, foot: str, pixel: float = 1.0
+) -> "Figure":
     """One thing, with the scale of its colours where they stand for values."""
     figure = _blank(arrangement, look, foot)
     _panel(figure, arrangement, arrangement.panels[0], picture, "", pixel)
@@ -114,10 +121,26 @@ def _blank(arrangement: Layout, look: Look, foot: str) -> "Figure":
     FigureCanvasAgg(figure)
     unit = arrangement.unit
     if look.title:
-        figure.text(0.5, 1 - arrangement.header / 2 / height, look.title, ha="center", va="center", color=_INK,
-                    fontsize=_letters(unit, 30), parse_math=False)
-    figure.text(20 * unit / width, 20 * unit / height, foot, ha="left", va="center", color=_FAINT,
-                fontsize=_letters(unit, 18), parse_math=False)
+        figure.text(
+            0.5,
+            1 - arrangement.header / 2 / height,
+            look.title,
+            ha="center",
+            va="center",
+            color=_INK,
+            fontsize=_letters(unit, 30),
+            parse_math=False,
+        )
+    figure.text(
+        20 * unit / width,
+        20 * unit / height,
+        foot,
+        ha="left",
+        va="center",
+        color=_FAINT,
+        fontsize=_letters(unit, 18),
+        parse_math=False,
+    )
     return figure
 
 
@@ -143,8 +166,15 @@ def _panel(figure: "Figure", arrangement: Layout, box: Box, picture: Array, labe
     axes.imshow(picture, aspect=pixel, interpolation="antialiased")
     axes.set_axis_off()
     width, height = arrangement.page
-    figure.text((box.left + box.width / 2) / width, (box.bottom + box.height + 18 * arrangement.unit) / height, label,
-                ha="center", va="center", color=_INK, fontsize=_letters(arrangement.unit, 25))
+    figure.text(
+        (box.left + box.width / 2) / width,
+        (box.bottom + box.height + 18 * arrangement.unit) / height,
+        label,
+        ha="center",
+        va="center",
+        color=_INK,
+        fontsize=_letters(arrangement.unit, 25),
+    )
 
 
 def _histogram(figure: "Figure", arrangement: Layout, change: Scale) -> None:
@@ -161,12 +191,29 @@ def _histogram(figure: "Figure", arrangement: Layout, change: Scale) -> None:
     axes.set_ylim(0, max(counts.max(), 1) * 1.04)
     axes.set_axis_off()
     words = _statistics(values, change.unit)
-    axes.text(0.5, 1 + 24 * unit / tall, words, transform=axes.transAxes, ha="center", va="bottom", color=_INK,
-              fontsize=_letters(unit, 20), parse_math=False)
+    axes.text(
+        0.5,
+        1 + 24 * unit / tall,
+        words,
+        transform=axes.transAxes,
+        ha="center",
+        va="bottom",
+        color=_INK,
+        fontsize=_letters(unit, 20),
+        parse_math=False,
+    )
     bar_axes = _axes(figure, arrangement, Box(left, box.bottom + foot, width, bar))
     _bar(bar_axes, arrangement, change)
-    bar_axes.text(0.5, -88 * unit / bar, change.ends, ha="center", va="center", transform=bar_axes.transAxes,
-                  fontsize=_letters(unit, 18), color=_FAINT)
+    bar_axes.text(
+        0.5,
+        -88 * unit / bar,
+        change.ends,
+        ha="center",
+        va="center",
+        transform=bar_axes.transAxes,
+        fontsize=_letters(unit, 18),
+        color=_FAINT,
+    )
 
 
 def _statistics(values: Array, unit: str) -> str:
@@ -187,9 +234,19 @@ def _bar(axes: "Axes", arrangement: Layout, scale: Scale) -> None:
     axes.set_yticks([])
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "−"))
-    axes.tick_params(axis="x", labelsize=_letters(arrangement.unit, 18), colors=_INK,
-                     length=_points(arrangement.unit, 5), pad=_points(arrangement.unit, 5))
-    axes.set_xlabel(scale.label, fontsize=_letters(arrangement.unit, 20), color=_INK, parse_math=False,
-                    labelpad=_points(arrangement.unit, 4))
+    axes.tick_params(
+        axis="x",
+        labelsize=_letters(arrangement.unit, 18),
+        colors=_INK,
+        length=_points(arrangement.unit, 5),
+        pad=_points(arrangement.unit, 5),
+    )
+    axes.set_xlabel(
+        scale.label,
+        fontsize=_letters(arrangement.unit, 20),
+        color=_INK,
+        parse_math=False,
+        labelpad=_points(arrangement.unit, 4),
+    )
     for spine in axes.spines.values():
         spine.set_color(_FAINT)

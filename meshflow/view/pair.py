@@ -117,8 +117,10 @@ def _change(before: Noun, after: Noun) -> tuple[Array, str]:
     if isinstance(before, Mesh) and isinstance(after, Mesh):
         return _mesh_change(before, after)
     columns = [_column(noun) for noun in (before, after)]
-    shapes = [noun.values.shape if isinstance(noun, Image) else column.shape
-              for noun, column in zip((before, after), columns, strict=True)]
+    shapes = [
+        noun.values.shape if isinstance(noun, Image) else column.shape
+        for noun, column in zip((before, after), columns, strict=True)
+    ]
     if shapes[0] != shapes[1]:
         raise InputError(f"before has shape {shapes[0]}, after {shapes[1]}: the same samples expected; crop one")
     words = {HeightField: "height after − before", RangeImage: "depth after − before"}
@@ -148,8 +150,10 @@ def _mesh_change(before: Mesh, after: Mesh) -> tuple[Array, str]:
     if before.points.shape != after.points.shape:
         raise InputError(f"before has points {before.points.shape}, after {after.points.shape}: the same expected")
     if not np.array_equal(before.faces, after.faces):
-        raise InputError(f"before has faces {before.faces.shape}, after {after.faces.shape}, not the same triangles: "
-                         "vertices can be compared on one triangulation only")
+        raise InputError(
+            f"before has faces {before.faces.shape}, after {after.faces.shape}, not the same triangles: "
+            "vertices can be compared on one triangulation only"
+        )
     if after.moves == "channels" and after.channels is not None and before.channels is not None:
         if before.channels.shape != after.channels.shape:
             shapes = f"before has channels {before.channels.shape}, after {after.channels.shape}"

@@ -1,8 +1,5 @@
 """The two calls of this room: compare a thing before and after, show one thing."""
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +11,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import real
 from meshflow.geometry.lift import Mesh, Noun
 from meshflow.io.adopt import adopt
+from meshflow.io.replace import beside
 from meshflow.view import page, scene
 from meshflow.view.look import Look, Up
 from meshflow.view.pair import Scale, holes, paired, spread
@@ -42,9 +40,20 @@ class Pictured:
     notes: tuple[str, ...] = ()
 
 
-def compare(before: Any, after: Any, path: str | Path | None = None, *, title: str = "", unit: str | None = None,
-            size: tuple[int, int] = (1600, 1200), exaggeration: float | None = None, azimuth: float = 315.0,
-            altitude: float = 30.0, up: Up | None = None, how: How | None = None) -> Pictured:
+def compare(
+    before: Any,
+    after: Any,
+    path: str | Path | None = None,
+    *,
+    title: str = "",
+    unit: str | None = None,
+    size: tuple[int, int] = (1600, 1200),
+    exaggeration: float | None = None,
+    azimuth: float = 315.0,
+    altitude: float = 30.0,
+    up: Up | None = None,
+    how: How | None = None,
+) -> Pictured:
     """Show a thing before and after, side by side in the same light, and the difference below.
 
     Surfaces are shaded flat, triangle by triangle, so that noise shows. The difference is the change of height, of
@@ -79,15 +88,29 @@ def compare(before: Any, after: Any, path: str | Path | None = None, *, title: s
         return Pictured(None, stage.how, notes)
     plan = page.layout(look, stage.aspect(one, pair.before))
     sizes = [panel.size for panel in plan.panels]
-    pictures = (stage.panel(pair.before, one, sizes[0]), stage.panel(pair.after, other, sizes[1]),
-                stage.panel(pair.after, other, sizes[2], change))
+    pictures = (
+        stage.panel(pair.before, one, sizes[0]),
+        stage.panel(pair.after, other, sizes[1]),
+        stage.panel(pair.after, other, sizes[2], change),
+    )
     _save(page.compared_page(plan, pictures, pair.change, look, stage.foot(), stage.pixel(pair.before)), target)
     return Pictured(target, stage.how, notes)
 
 
-def show(thing: Any, path: str | Path | None = None, *, scalars: ArrayLike | None = None, title: str = "",
-         unit: str | None = None, size: tuple[int, int] = (1600, 1200), exaggeration: float | None = None,
-         azimuth: float = 315.0, altitude: float = 30.0, up: Up | None = None, how: How | None = None) -> Pictured:
+def show(
+    thing: Any,
+    path: str | Path | None = None,
+    *,
+    scalars: ArrayLike | None = None,
+    title: str = "",
+    unit: str | None = None,
+    size: tuple[int, int] = (1600, 1200),
+    exaggeration: float | None = None,
+    azimuth: float = 315.0,
+    altitude: float = 30.0,
+    up: Up | None = None,
+    how: How | None = None,
+) -> Pictured:
     """Show one thing in a window, or as a picture.
 
     :param scalars: a number for each sample (h, w) or vertex (n,), shown as colour.
@@ -148,19 +171,5 @@ def _writable(path: str | Path | None) -> Path | None:
 
 def _save(figure: "Figure", target: Path) -> None:
     """Write a page as a picture: beside the old one first, then in its place."""
-    try:
-        with _beside(target) as draft:
-            figure.savefig(draft, format=target.suffix[1:].lower(), dpi=figure.dpi)
-    except OSError as cause:
-        raise FormatError(f"{target}: cannot be written ({cause})") from cause
-
-
-@contextmanager
-def _beside(target: Path) -> Iterator[Path]:
-    """A draft in the same folder, which takes the place of the target when all went well, and is gone when not."""
-    draft = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
-    try:
-        yield draft
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
+    with beside(target) as draft:
+        figure.savefig(draft, format=target.suffix[1:].lower(), dpi=figure.dpi)

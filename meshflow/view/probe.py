@@ -82,8 +82,16 @@ def _failure(window: str | None) -> str | None:
     if window is not None:
         surroundings[_CHOICE] = window
     try:
-        child = subprocess.run([sys.executable, "-c", _CHILD], env=surroundings, timeout=_PATIENCE, check=False,
-                               stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace")
+        child = subprocess.run(
+            [sys.executable, "-c", _CHILD],
+            env=surroundings,
+            timeout=_PATIENCE,
+            check=False,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+        )
     except subprocess.TimeoutExpired:
         return f"no picture within {_PATIENCE:.0f} s"
     except OSError as cause:

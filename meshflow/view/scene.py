@@ -1,7 +1,7 @@
 """Bodies drawn by VTK: panels for a page, and windows."""
 
 from contextlib import closing
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,8 +20,18 @@ Rows = list[list[tuple[str, Body, Scale | None]]]
 
 _STONE = "#eae3d6"  # pale and matt: shading, not colour, tells the shape
 _MARGIN = 1.04
-_BARS = {"title_font_size": 15, "label_font_size": 14, "color": "black", "fmt": "%.3g", "n_labels": 5, "vertical": True,
-         "width": 0.05, "height": 0.6, "position_x": 0.8, "position_y": 0.2}
+_BARS = {
+    "title_font_size": 15,
+    "label_font_size": 14,
+    "color": "black",
+    "fmt": "%.3g",
+    "n_labels": 5,
+    "vertical": True,
+    "width": 0.05,
+    "height": 0.6,
+    "position_x": 0.8,
+    "position_y": 0.2,
+}
 
 
 def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = None) -> Array:
@@ -55,9 +65,16 @@ def windowed(rows: Rows, look: Look) -> "pv.Plotter":
     """The window of :func:`opened`, not yet shown; the caller closes it."""
     import pyvista as pv
 
-    shape, groups = (len(rows), len(rows[0])), [(1, slice(None))] if len(rows) == 2 else None
-    plotter = pv.Plotter(shape=shape, groups=groups, window_size=list(look.size), lighting="none",
-                         theme=pv.themes.DocumentTheme(), title=look.title or "meshflow")
+    shape: Any = (len(rows), len(rows[0]))
+    groups: Any = [(1, slice(None))] if len(rows) == 2 else None
+    plotter = pv.Plotter(
+        shape=shape,
+        groups=groups,
+        window_size=list(look.size),
+        lighting="none",
+        theme=pv.themes.DocumentTheme(),
+        title=look.title or "meshflow",
+    )
     _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
     for r, row in enumerate(rows):
         for c, (label, body, scale) in enumerate(row):
@@ -74,10 +91,20 @@ def _add(plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = Fal
     """A body, shaded flat: of stone, in its own colours, or in those of a scale."""
     shape = body.polydata()
     if scale is not None:  # softly lit: the form is to be seen, the colour to be read
-        bars = {"title": f"{scale.label}\n", **_BARS} if bar else None
-        plotter.add_mesh(shape, scalars=scale.values.ravel()[body.samples], clim=(scale.low, scale.high),
-                         cmap=scale.colours, nan_color="lightgrey", show_scalar_bar=bar, scalar_bar_args=bars,
-                         smooth_shading=False, ambient=0.55, diffuse=0.5, specular=0.0)
+        bars: Any = {"title": f"{scale.label}\n", **_BARS} if bar else None
+        plotter.add_mesh(
+            shape,
+            scalars=scale.values.ravel()[body.samples],
+            clim=(scale.low, scale.high),
+            cmap=scale.colours,
+            nan_color="lightgrey",
+            show_scalar_bar=bar,
+            scalar_bar_args=bars,
+            smooth_shading=False,
+            ambient=0.55,
+            diffuse=0.5,
+            specular=0.0,
+        )
     elif body.colours is not None:
         flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
         plotter.add_mesh(shape, scalars=body.colours, rgb=True, smooth_shading=False, lighting=not flat, specular=0.0)

@@ -1,0 +1,5 @@
+"""``python -m meshflow`` is the command ``meshflow``."""
+
+from meshflow.cli import main
+
+main()
