@@ -12,7 +12,7 @@ from meshflow.flow.march import State, march
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.step import Stepper, stepper_for
-from meshflow.flow.tune import noise_of
+from meshflow.flow.tune import noise_of, noise_on
 from meshflow.geometry.gates import positive
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.geometry.member import Indicator, Member
@@ -22,8 +22,8 @@ from meshflow.io.adopt import adopt
 
 __all__ = ["Outcome", "Settings", "noise", "smooth", "smooth_noun"]
 
-# Times in squared sample distances where nobody names one: the paper's own member on grids (DESIGN.md, section 2), and half a
-# squared edge for a mesh, which smooths over one edge.
+# Times in squared sample distances where nobody names one: the paper's own member (DESIGN.md, section 2), and half a squared
+# edge where the points of a mesh move, which smooths over one edge and shrinks little.
 GRID_TIME, MESH_TIME = 5.0, 0.5
 
 
@@ -38,7 +38,7 @@ class Settings:
     :param steps: instead of, or beside ``time``: the number of steps.
     :param gamma: exponent of the edge indicator; 0 is the Beltrami flow, above 0 keeps edges more. See :class:`Member`.
     :param contrast: length per unit of the value; by default 2 h / sigma, h the sample distance and sigma the noise found, and 1
-        for meshes and range images.
+        for range images and where the points of a mesh move alone.
     :param indicator: ``metric | projection``.
     :param mass: ``barycentric | voronoi | ring``.
     :param boundary: ``natural | linear | fixed``; by default linear for height fields, range images and meshes, natural for
@@ -84,26 +84,28 @@ class Settings:
         """When to stop; by default at 5 squared sample distances, half a squared edge for a mesh."""
         time = self.scale**2 / 2 if self.scale is not None else self.time
         if time is None and self.steps is None:
-            time = (MESH_TIME if isinstance(noun, Mesh) else GRID_TIME) * noun.step**2
+            shrinks = isinstance(noun, Mesh) and noun.moves != "channels"
+            time = (MESH_TIME if shrinks else GRID_TIME) * noun.step**2
         return Until(time, self.steps)
 
 
 def _contrast(noun: Noun) -> float:
-    """2 h / sigma: an edge is what stands out of the noise over half a sample's width; 1 where no noise is found."""
-    if isinstance(noun, (Mesh, RangeImage)):
+    """2 h / sigma: an edge is what stands out of the noise over half a sample's width; 1 where no noise is found or asked for."""
+    if isinstance(noun, RangeImage) or (isinstance(noun, Mesh) and noun.moves == "points"):
         return 1.0
     sigma = noise(noun)["noise"]
     return 2.0 * noun.step / sigma if sigma > 0 else 1.0
 
 
 def noise(noun: Noun) -> dict[str, float]:
-    """What a grid says of its own noise, in the unit of its values: standard deviation and quantum; {} for a mesh."""
+    """What a thing says of its own noise, in the unit of its values: standard deviation and quantum; {} for bare points."""
     if isinstance(noun, Mesh):
-        return {}
-    assert noun.missing is not None
-    values = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(noun)]
-    found = noise_of(getattr(noun, values), noun.missing)
-    return {"noise": found.sigma, "quantum": found.quantum}
+        found = None if noun.channels is None else noise_on(noun.channels, noun.faces)
+    else:
+        assert noun.missing is not None
+        values = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(noun)]
+        found = noise_of(getattr(noun, values), noun.missing)
+    return {} if found is None else {"noise": found.sigma, "quantum": found.quantum}
 
 
 @dataclass(frozen=True, eq=False)

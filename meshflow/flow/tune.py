@@ -6,7 +6,7 @@ import numpy as np
 
 from meshflow.geometry.gates import Array
 
-__all__ = ["Noise", "noise_of"]
+__all__ = ["Noise", "noise_of", "noise_on"]
 
 # Median absolute deviation of a Gaussian to its standard deviation.
 MAD = 1.4826
@@ -44,6 +44,29 @@ def noise_of(values: Array, missing: Array) -> Noise:
         curvature = _second_difference(channel.astype(np.float64))[whole]
         deviation = MAD * float(np.median(np.abs(curvature))) / 6.0 if curvature.size else 0.0
         sigmas.append(max(deviation, step / np.sqrt(12.0)))
+    return Noise(float(np.sqrt(np.mean(np.square(sigmas)))), quantum)
+
+
+def noise_on(channels: Array, faces: Array) -> Noise:
+    """Estimate the noise of values on the vertices of a mesh, robustly.
+
+    Median absolute deviation of each value from the mean of its neighbours, which for noise is sigma sqrt(1 + 1 / neighbours).
+
+    :param channels: (n, k).
+    :param faces: (m, 3).
+    """
+    n = len(channels)
+    pairs = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)  # each neighbour once
+    degree = np.bincount(pairs[:, 0], minlength=n)
+    inner = degree > 0
+    sigmas = []
+    for channel in channels.T.astype(np.float64):
+        around = np.bincount(pairs[:, 0], weights=channel[pairs[:, 1]], minlength=n)[inner] / degree[inner]
+        residual = (channel[inner] - around) / np.sqrt(1.0 + 1.0 / degree[inner])
+        sigmas.append(MAD * float(np.median(np.abs(residual))) if residual.size else 0.0)
+    quantum = max(_quantum(channel) for channel in channels.T)
     return Noise(float(np.sqrt(np.mean(np.square(sigmas)))), quantum)
 
 
