@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.io.files import Document, read, write
+from meshflow.io.files import Document, read, writable, write
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -193,7 +193,6 @@ def smooth(
     """Smooth IN and write the same kind of thing to OUT."""
     from meshflow.smoothing import Settings, smooth_noun
 
-    _must_be_free(target, overwrite)
     settings = Settings(
         time=time,
         scale=scale,
@@ -208,6 +207,7 @@ def smooth(
         dt=dt,
     )
     document = _opened(source, kind, camera, depth_scale, band, nodata, spacing, channels, moves)
+    writable(document, target, overwrite=overwrite)  # what would be refused after the work is refused before it
     outcome = smooth_noun(document.noun, settings, progress=None if quiet else True)
     done = document.holding(outcome.noun)
     tags = {f"meshflow:{name}": word for name, word in outcome.facts.items()}
@@ -296,12 +296,6 @@ def _opened(
     return read(
         path, kind=kind.value if kind else None, **{name: value for name, value in given.items() if value is not None}
     )
-
-
-def _must_be_free(target: Path, overwrite: bool) -> None:
-    """Refuse before the work is done what would be refused after it."""
-    if target.exists() and not overwrite:
-        raise InputError(f"{target} exists; name another file or give --overwrite")
 
 
 def _pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,7 +11,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.lift import Noun
 
-__all__ = ["Document", "Kind", "read", "write"]
+__all__ = ["Document", "Kind", "read", "writable", "write"]
 
 Kind = Literal["terrain", "image", "depth", "mesh"]
 
@@ -59,13 +60,11 @@ def read(
     path = Path(path)
     _must_be_a_file(path)
     family = _family(path, kind, camera)
-    try:
-        return _module(family).read(path, kind=kind, **({"camera": camera} if camera is not None else {}), **options)
-    except TypeError as cause:
-        if "unexpected keyword argument" not in str(cause):
-            raise
-        option = str(cause).rsplit("'", 2)[-2]
-        raise InputError(f"{path.name}: the option {option} does not belong to {family}") from cause
+    if camera is not None:
+        options["camera"] = camera
+    reader = _module(family).read
+    _must_belong(options, reader, path, family)
+    return reader(path, kind=kind, **options)
 
 
 def write(
@@ -85,18 +84,30 @@ def write(
     :raises FormatError: when the format cannot hold the data, or a file is there and ``overwrite`` is not given.
     """
     path = Path(path)
+    family = writable(document, path, overwrite=overwrite)
+    writer = _module(family).write
+    _must_belong(options, writer, path, family)
+    return writer(document, path, tags=dict(tags or {}), **options)
+
+
+def writable(document: Document, path: str | Path, *, overwrite: bool = False) -> str:
+    """The family that would write a document to a path: to be asked before the work whose result goes there.
+
+    :raises FormatError: as :func:`write`.
+    """
+    path = Path(path)
     if path.exists() and not overwrite:
         raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (--overwrite, overwrite=True)")
     if not path.parent.is_dir():
         raise FormatError(f"{path.parent} is no folder; make it first")
-    family = _target(document, path)
-    try:
-        return _module(family).write(document, path, tags=dict(tags or {}), **options)
-    except TypeError as cause:
-        if "unexpected keyword argument" not in str(cause):
-            raise
-        option = str(cause).rsplit("'", 2)[-2]
-        raise InputError(f"{path.name}: the option {option} does not belong to {family}") from cause
+    return _target(document, path)
+
+
+def _must_belong(options: Mapping[str, Any], function: Callable[..., Any], path: Path, family: str) -> None:
+    known = signature(function).parameters
+    for option in options:
+        if option not in known:
+            raise InputError(f"{path.name}: the option {option} does not belong to {family}")
 
 
 def _module(family: str) -> Any:

@@ -84,7 +84,8 @@ def paired(before: Any, after: Any, unit: str | None) -> Pair:
         unit = one.unit if isinstance(one, HeightField) else ""
     limit, ends = _limit(change)
     scale = Scale(change, -limit, limit, "RdBu_r", what, unit, ends)
-    return Pair(one, other, scale, tuple(dict.fromkeys((*first.notes, *second.notes, ends))))
+    equal = (ends,) if not np.any(change[np.isfinite(change)]) else ()  # where colours end stands in the picture
+    return Pair(one, other, scale, tuple(dict.fromkeys((*first.notes, *second.notes, *equal))))
 
 
 def holes(noun: HeightField | Image | RangeImage) -> Array:

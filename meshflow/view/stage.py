@@ -95,10 +95,11 @@ def staged(nouns: tuple[Noun, ...], look: Look, how: How | None, window: bool) -
     noun = nouns[0]
     chosen, notes = _way(noun, how, window)
     step, exaggeration, caption = drawable(noun, look)
+    told = (*notes, *caption) if step > 1 else notes  # light and exaggeration stand in the picture
     images = [noun for noun in nouns if isinstance(noun, Image)]
     if not images:
         caption = (*caption, f"light from {look.azimuth:g}°, {look.altitude:g}° high")
-    return Stage(look, chosen, step, exaggeration, as_shown(*images) if images else None, caption, (*notes, *caption))
+    return Stage(look, chosen, step, exaggeration, as_shown(*images) if images else None, caption, told)
 
 
 def _way(noun: Noun, how: How | None, window: bool) -> tuple[How, tuple[str, ...]]:
