@@ -1,0 +1,37 @@
+"""Each example runs, is short, and ends in a number that holds."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def example(name):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda p: p.stem)
+def test_an_example_is_shorter_than_sixty_lines(path):
+    assert path.read_text().count("\n") < 60
+
+
+def test_a_range_scan_smoothed_along_its_rays_has_a_third_of_its_error():
+    assert 0 < example("smooth_range_scan").main() < 1 / 3
+
+
+def test_heights_that_move_alone_end_nearer_the_truth_than_points_that_move_in_space():
+    space, heights = example("compare_3d_and_graph_flow").main()
+    assert heights < 0.95 * space < 1.0
+
+
+@pytest.mark.needs_gl
+def test_a_terrain_is_written_and_pictured_before_and_after(tmp_path):
+    removed = example("view_before_after").main(tmp_path)
+    assert 1.0 < removed < 2.2  # the noise that went in is 2 m
+    assert (tmp_path / "smoothed.tif").stat().st_size > 100_000
+    assert (tmp_path / "before_after.png").stat().st_size > 50_000

@@ -1,0 +1,136 @@
+"""Metrics of what is known, and samples whose truth holds to rounding."""
+
+import numpy as np
+import pytest
+import shapes
+import trimesh
+
+from meshflow.errors import InputError
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.study import metrics, samples
+from meshflow.study.facts import describe
+
+RNG = np.random.default_rng(0)
+
+
+def test_a_thing_compared_with_itself_differs_by_nothing():
+    z = RNG.normal(size=(8, 9)) + 5
+    points, faces = shapes.sphere(200)
+    for noun in (HeightField(z), Image(np.stack([z, z], -1)), RangeImage(z, Pinhole(9, 9, 4, 4)), Mesh(points, faces)):
+        same = metrics.compare(noun, noun)
+        assert (same.rms, same.median, same.largest) == (0, 0, 0)
+        assert same.normal_angle in (0, None)
+        assert same.area_before == same.area_after > 0
+
+
+def test_differences_are_those_of_the_samples_that_both_have():
+    one, other = np.zeros((4, 5)), np.full((4, 5), 3.0)
+    one[0, 0], other[1, 1], other[2, 2] = np.nan, np.nan, 7.0
+    found = metrics.compare(HeightField(one), HeightField(other))
+    assert found.samples == 18
+    assert (found.missing_before, found.missing_after) == (1, 1)
+    assert found.largest == 7.0
+    assert found.median == 3.0
+    assert found.rms == pytest.approx(np.sqrt((17 * 9 + 49) / 18))
+
+
+def test_the_angle_between_two_tilted_planes_is_exact():
+    rows, columns = np.mgrid[0:6, 0:7]
+    for angle in (1e-6, 1.0, 30.0):
+        found = metrics.compare(HeightField(0.0 * columns), HeightField(np.tan(np.radians(angle)) * columns))
+        assert found.normal_angle == pytest.approx(angle, rel=1e-9)
+
+
+def test_volume_and_area_of_a_cube_are_exact_wherever_it_stands():
+    cube = trimesh.creation.box((2, 3, 4))
+    assert metrics.volume(cube.vertices + 1e6, np.asarray(cube.faces)) == pytest.approx(24, rel=1e-9)
+    assert metrics.area(cube.vertices, np.asarray(cube.faces)) == pytest.approx(52)
+    assert metrics.volume(cube.vertices, np.asarray(cube.faces)[:, ::-1]) == pytest.approx(-24)
+    found = metrics.compare(Mesh(cube.vertices, cube.faces), Mesh(2 * cube.vertices, cube.faces))
+    assert found.volume_after == pytest.approx(8 * found.volume_before)
+    with pytest.raises(InputError, match="a closed mesh expected"):
+        metrics.volume(cube.vertices, np.asarray(cube.faces)[1:])
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "words"),
+    [
+        (HeightField(np.ones((3, 3))), Image(np.ones((3, 3))), "one kind expected, got height field and image"),
+        (HeightField(np.ones((3, 3))), HeightField(np.ones((3, 4))), r"got shapes \(3, 3\) and \(3, 4\)"),
+        (HeightField(np.ones((3, 3)), 1.0), HeightField(np.ones((3, 3)), 2.0), "same spacing dx expected"),
+        (HeightField(np.ones((3, 3)), unit="m"), HeightField(np.ones((3, 3)), unit="ft"), "one unit, got|in one unit"),
+        (Mesh(np.eye(3), [[0, 1, 2]]), Mesh(np.eye(3), [[0, 2, 1]]), "the same triangles expected"),
+        (Mesh(np.eye(3), [[0, 1, 2]]), Mesh(np.eye(4)[:, :3], [[0, 1, 2]]), "the same points expected"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(one, other, words):
+    with pytest.raises(InputError, match=words):
+        metrics.compare(one, other)
+
+
+def test_samples_of_one_seed_are_equal_and_of_another_differ():
+    for make in (samples.terrain, samples.depth_scene, samples.irregular_mesh, samples.picture):
+        one, same, other = make(seed=3), make(seed=3), make(seed=4)
+        assert np.array_equal(one.noisy, same.noisy, equal_nan=True)
+        assert not np.array_equal(one.noisy, other.noisy, equal_nan=True)
+
+
+def test_noise_has_the_deviation_that_was_asked_for():
+    sample = samples.terrain(noise=3.0)
+    assert (sample.noisy - sample.truth).std() == pytest.approx(3.0, rel=0.02)
+    scene = samples.depth_scene(noise=0.004)
+    seen = np.isfinite(scene.truth)
+    assert ((scene.noisy - scene.truth) / scene.truth**2)[seen].std() == pytest.approx(0.004, rel=0.02)
+    mesh = samples.irregular_mesh(noise=0.02)
+    assert np.linalg.norm(mesh.noisy - mesh.truth, axis=1).std() < 0.02
+    assert metrics.distance_rms(mesh.noisy, mesh.body.distance) == pytest.approx(0.02, rel=0.1)
+
+
+def test_true_points_lie_on_the_true_surface():
+    mesh = samples.irregular_mesh(800)
+    assert np.abs(mesh.body.distance(mesh.truth)).max() < 1e-12
+    assert metrics.is_closed(mesh.faces)
+    assert metrics.volume(mesh.truth, mesh.faces) > 0
+    scene = samples.depth_scene()
+    ball = next(i for i, solid in enumerate(scene.solids) if type(solid).__name__ == "Ball")
+    points = (samples.CAMERA.rays(scene.truth.shape) * scene.truth[..., None])[scene.seen == ball]
+    assert len(points) > 1000
+    centre, radius = np.array(scene.solids[ball].centre), scene.solids[ball].radius
+    assert np.abs(np.linalg.norm(points - centre, axis=1) - radius).max() < 1e-12
+
+
+def test_a_sampling_is_as_irregular_as_it_says():
+    mesh = samples.irregular_mesh(4000, density=5.0)
+    dense, sparse = (np.mean(sign * mesh.truth[:, 0] > 0.6) for sign in (1, -1))
+    assert 3.0 < dense / sparse < 6.0
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda: samples.terrain(8), lambda: samples.irregular_mesh(50), lambda: samples.irregular_mesh(density=0.5)],
+)
+def test_samples_too_small_to_mean_anything_are_refused(make):
+    with pytest.raises(InputError, match="expected, got"):
+        make()
+
+
+def test_facts_name_what_is_wrong_with_a_mesh():
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [9, 9, 9], [0, 0, 1], [0, 0, -1]])
+    facts = describe(Mesh(points, [[0, 1, 2], [0, 1, 3], [0, 1, 5], [0, 1, 6]]))
+    assert facts["isolated points"] == 1
+    assert facts["triangles without area"] == 1
+    assert facts["non-manifold edges"] == 1
+    assert facts["boundary edges"] == 8
+    assert facts["area"] == pytest.approx(1.5)
+
+
+def test_facts_of_grids_name_size_spacing_and_what_is_missing():
+    z = np.ones((4, 5))
+    z[0, 0] = np.nan
+    facts = describe(HeightField(z, (np.linspace(1, 2, 4), 3.0)))
+    assert facts["rows x columns"] == "4 x 5"
+    assert facts["spacing"] == "1 to 2 (per row) x 3"
+    assert facts["missing"] == "1 of 20 samples (5.0%)"
+    assert describe(RangeImage(np.ones((4, 5)), Pinhole(9, 9, 4, 4)))["kind"] == "range image"
+    assert describe(Image(np.ones((4, 5, 3))))["channels"] == 3
