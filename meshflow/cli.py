@@ -134,7 +134,7 @@ Contrast = Annotated[
     float | None,
     _option(
         FLOW,
-        "Length per unit of the value: larger keeps smaller edges. Default: 2 samples over the noise that is found.",
+        "Length per unit of the value: larger keeps smaller edges. Default: 1.5 samples over the noise that is found.",
     ),
 ]
 BoundaryOption = Annotated[

@@ -1,0 +1,135 @@
+"""Real data of ../shared/data, smoothed and measured against its truth: ``pytest -m bench -s tests/bench_show.py``."""
+
+from pathlib import Path
+
+import matplotlib.cbook
+import numpy as np
+import pytest
+import rasterio
+import trimesh
+
+import meshflow
+from meshflow.smoothing import Settings, noise, smooth_noun
+from meshflow.study import metrics
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+pytestmark = [pytest.mark.bench, pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")]
+
+
+def rms(error):
+    return float(np.sqrt(np.mean(np.square(error))))
+
+
+def test_mola_quantised_to_200_m():
+    coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
+    truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z.astype(float)
+    default = smooth_noun(coarse, Settings())
+    known = smooth_noun(coarse, Settings(contrast=coarse.step / 115, time=coarse.step**2))
+    print(f"\nMOLA, 200 m steps: rms to the unquantised truth {rms(coarse.z - truth):.1f} m before")
+    for name, run in (("defaults", default), ("contrast h / 115 m, time 1 h²", known)):
+        print(f"  gamma 0, {name}: {rms(run.noun.z - truth):.1f} m after {run.end.step} steps")
+    assert max(rms(known.noun.z - truth), rms(default.noun.z - truth)) < 40 < rms(coarse.z - truth)
+
+
+def _scenes():
+    rng, data = np.random.default_rng(0), Path(__file__).parents[1] / "data"
+    steps = np.kron(rng.integers(0, 8, (8, 8)) * 12.0, np.ones((16, 16)))
+    yield "steps, sigma 2", meshflow.HeightField(steps + 2 * rng.normal(size=steps.shape)), steps
+    relief = np.load(matplotlib.cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False))["elevation"].astype(
+        float
+    )
+    yield "Jacksboro, sigma 5 m", meshflow.HeightField(relief + 5 * rng.normal(size=relief.shape)), relief
+    yield "data/terrain.tif", meshflow.read(data / "terrain.tif").noun, meshflow.read(data / "terrain_truth.tif").noun.z
+    yield (
+        "data/picture.png",
+        meshflow.read(data / "picture.png").noun,
+        meshflow.read(data / "picture_truth.png").noun.values,
+    )
+    coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
+    yield "MOLA, 200 m steps", coarse, meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z
+
+
+def test_default_contrast_and_time_against_the_best_of_a_grid():
+    print("\nrms error: before, by default, the best of contrast 0.5 to 3 h / noise and time 1 to 8 h²")
+    for name, noun, truth in _scenes():
+        key = "values" if isinstance(noun, meshflow.Image) else "z"
+        found = noise(noun)["noise"]
+
+        def error(smoothed, key=key, truth=truth, there=~noun.missing):
+            return rms((getattr(smoothed, key).astype(float) - truth)[there])
+
+        runs = {
+            (c, t): error(smooth_noun(noun, Settings(contrast=c * noun.step / found, time=t * noun.step**2)).noun)
+            for c in (0.5, 1.0, 1.5, 2.0, 3.0)
+            for t in (1, 2, 3, 5, 8)
+        }
+        best, default = min(runs, key=runs.__getitem__), error(smooth_noun(noun, Settings()).noun)
+        print(f"  {name:21} {error(noun):8.3f} {default:8.3f} {runs[best]:8.3f} at contrast {best[0]}, time {best[1]}")
+        assert default < error(noun)
+
+
+def test_saint_helens_keeps_its_ragged_mask(tmp_path):
+    path = SHARED / "dem/SainteHelens.dem"
+    document = meshflow.read(path)
+    run = smooth_noun(document.noun, Settings())
+    meshflow.write(document.holding(run.noun), tmp_path / "out.tif")
+    with rasterio.open(path) as before, rasterio.open(tmp_path / "out.tif") as after:
+        same = np.array_equal(before.read_masks(1), after.read_masks(1))
+    removed = rms((run.noun.z - document.noun.z)[~document.noun.missing])
+    print(
+        f"\nSt Helens: {document.noun.missing.sum()} samples missing, mask {'identical' if same else 'CHANGED'}; ",
+        end="",
+    )
+    print(f"noise found {noise(document.noun)['noise']:.2f} m, rms removed {removed:.2f} m")
+    assert same
+
+
+def test_horse_with_noise_of_a_quarter_of_its_edges():
+    clean = meshflow.read(SHARED / "meshes/irregular/horse.vtp").noun
+    points = clean.points.astype(float)
+    normals = trimesh.Trimesh(points, clean.faces, process=False).vertex_normals
+    noisy = points + 0.25 * clean.step * np.random.default_rng(0).normal(size=(len(points), 1)) * normals
+    run = smooth_noun(meshflow.Mesh(noisy, clean.faces), Settings())
+    print(
+        "\nHorse, noise of a quarter of its mean edge along the normals; distance to the points that it came from, normals:"
+    )
+    for name, p in (("noisy", noisy), ("smoothed by default", run.noun.points)):
+        angle = metrics.normal_angle(p, points, clean.faces)
+        print(
+            f"  {name}: rms {rms(np.linalg.norm(p - points, axis=1)) / clean.step:.3f} edges, mean angle {angle:.1f} degrees"
+        )
+    assert metrics.normal_angle(run.noun.points, points, clean.faces) < 0.5 * metrics.normal_angle(
+        noisy, points, clean.faces
+    )
+
+
+def _scored(name, points, camera, clean):
+    """Error of points (n, 3) at the pixels where they are seen now: median, rms, and how many left their pixel."""
+    h, w = clean.shape
+    u, v = camera.fx * points[:, 0] / points[:, 2] + camera.cx, camera.fy * points[:, 1] / points[:, 2] + camera.cy
+    column, row = np.clip(np.rint(u), 0, w - 1).astype(int), np.clip(np.rint(v), 0, h - 1).astype(int)
+    seen = clean[row, column] > 0
+    error = 1000 * (points[:, 2] - clean[row, column])[seen]
+    print(f"  {name}: median |error| {np.median(np.abs(error)):.2f} mm, rms {rms(error):.1f} mm, ", end="")
+    near = error[np.abs(error) < 50]
+    print(f"rms of the errors below 50 mm {rms(near):.2f} mm ({len(near) / len(error):.1%})")
+    return np.median(np.abs(error)), rms(near)
+
+
+@pytest.mark.parametrize("frame", [0, 1])
+def test_livingroom_along_rays_and_in_space(frame):
+    folder = SHARED / "range/icl_livingroom_pairs"
+    camera = folder / "camera_primesense.json"
+    noisy = meshflow.read(folder / f"noisy_0000{frame}.png", camera=camera).noun
+    clean = meshflow.read(folder / f"clean_0000{frame}.png", camera=camera).noun.depth
+    lift, until = meshflow.Lift(), meshflow.Until(time=5.0)
+    surface = noisy.lifted(lift)
+    valid = ~noisy.missing.ravel()
+    free = meshflow.Surface(surface.points, surface.sheets, boundary="linear", turns=True, pace=surface.pace)
+    *_, along = meshflow.march(meshflow.MeshFlow(surface), until)
+    *_, space = meshflow.march(meshflow.MeshFlow(free), until, meshflow.SemiImplicit())
+    print(f"\nICL living room, frame {frame}, 5 pixel footprints:")
+    _scored("noisy", surface.points[valid], noisy.camera, clean)
+    rays = _scored("along the rays", surface.points_at(along.u)[valid], noisy.camera, clean)
+    flat = _scored("in space (3D)", space.u[valid], noisy.camera, clean)
+    assert rays < flat
