@@ -2,9 +2,8 @@
 
 import json as notation
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -23,61 +22,8 @@ app = typer.Typer(
 out, err = Console(), Console(stderr=True, highlight=False)
 
 
-class Kind(StrEnum):
-    """What a file holds, where the guess would be wrong."""
-
-    terrain = "terrain"
-    image = "image"
-    depth = "depth"
-    mesh = "mesh"
-
-
-class Boundary(StrEnum):
-    """What happens at borders and holes."""
-
-    natural = "natural"
-    linear = "linear"
-    fixed = "fixed"
-
-
-class Diagonals(StrEnum):
-    """How cells become triangles."""
-
-    forward = "forward"
-    backward = "backward"
-    both = "both"
-    alternate = "alternate"
-
-
-class StepperName(StrEnum):
-    """How time is stepped."""
-
-    auto = "auto"
-    explicit = "explicit"
-    semi_implicit = "semi-implicit"
-
-
-class Indicator(StrEnum):
-    """How edges are told."""
-
-    metric = "metric"
-    projection = "projection"
-
-
-class Mass(StrEnum):
-    """Which area belongs to a vertex."""
-
-    barycentric = "barycentric"
-    voronoi = "voronoi"
-    ring = "ring"
-
-
-class Moves(StrEnum):
-    """What of a mesh moves."""
-
-    points = "points"
-    channels = "channels"
-    all = "all"
+Kind = Literal["terrain", "image", "depth", "mesh"]
+Moves = Literal["points", "channels", "all"]
 
 
 def _option(panel: str, words: str, *flags: str) -> Any:
@@ -138,19 +84,24 @@ Contrast = Annotated[
     ),
 ]
 BoundaryOption = Annotated[
-    Boundary | None,
+    Literal["natural", "linear", "fixed"] | None,
     _option(
         FLOW,
         "linear: tilted planes rest at borders and holes; natural: no flux; fixed: borders stay. Default: natural for "
         "images, else linear.",
     ),
 ]
-DiagonalsOption = Annotated[Diagonals, _option(FLOW, "How the cells of a grid become triangles.")]
-IndicatorOption = Annotated[Indicator, _option(FLOW, "How edges are told, for gamma other than 0.")]
-MassOption = Annotated[
-    Mass, _option(FLOW, "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+DiagonalsOption = Annotated[
+    Literal["forward", "backward", "both", "alternate"], _option(FLOW, "How the cells of a grid become triangles.")
 ]
-StepperOption = Annotated[StepperName, _option(FLOW, "How time is stepped.")]
+IndicatorOption = Annotated[
+    Literal["metric", "projection"], _option(FLOW, "How edges are told, for gamma other than 0.")
+]
+MassOption = Annotated[
+    Literal["barycentric", "voronoi", "ring"],
+    _option(FLOW, "Area of a vertex; with ring, as in the paper, time runs three times slower."),
+]
+StepperOption = Annotated[Literal["auto", "explicit", "semi-implicit"], _option(FLOW, "How time is stepped.")]
 Dt = Annotated[float | None, _option(FLOW, "Length of a step, squared length. Default: the largest stable one.")]
 Picture = Annotated[Path | None, _option(OUTPUT, "A picture of before, after and the difference (.png).")]
 Dtype = Annotated[
@@ -171,10 +122,10 @@ def smooth(
     gamma: Gamma = 0.0,
     contrast: Contrast = None,
     boundary: BoundaryOption = None,
-    diagonals: DiagonalsOption = Diagonals.alternate,
-    indicator: IndicatorOption = Indicator.metric,
-    mass: MassOption = Mass.barycentric,
-    stepper: StepperOption = StepperName.auto,
+    diagonals: DiagonalsOption = "alternate",
+    indicator: IndicatorOption = "metric",
+    mass: MassOption = "barycentric",
+    stepper: StepperOption = "auto",
     dt: Dt = None,
     kind: KindOption = None,
     camera: Camera = None,
@@ -199,11 +150,11 @@ def smooth(
         steps=steps,
         gamma=gamma,
         contrast=contrast,
-        indicator=indicator.value,
-        mass=mass.value,
-        boundary=boundary.value if boundary else None,
-        diagonals=diagonals.value,
-        stepper=stepper.value,
+        indicator=indicator,
+        mass=mass,
+        boundary=boundary,
+        diagonals=diagonals,
+        stepper=stepper,
         dt=dt,
     )
     document = _opened(source, kind, camera, depth_scale, band, nodata, spacing, channels, moves)
@@ -291,11 +242,9 @@ def _opened(
         "nodata": nodata,
         "spacing": spacing,
         "channels": channels,
-        "moves": moves.value if moves else None,
+        "moves": moves,
     }
-    return read(
-        path, kind=kind.value if kind else None, **{name: value for name, value in given.items() if value is not None}
-    )
+    return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})
 
 
 def _pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:

@@ -9,6 +9,8 @@ import math
 
 from numba.extending import register_jitable
 
+from meshflow.geometry.gates import Array
+
 __all__ = ["bound", "cotangents", "dots", "gram", "joint", "share"]
 
 # A triangle whose doubled area is below this share of its longest squared edge has no area: double precision has lost it.
@@ -16,7 +18,7 @@ FLAT = 1e-12
 
 
 @register_jitable
-def dots(points, i, j, k):  # noqa: ANN001 - points (n, d), vertices i, j, k
+def dots(points: Array, i: int, j: int, k: int) -> tuple[float, float, float]:
     """Inner products at the three corners: (X_j - X_i) . (X_k - X_i), and so on."""
     dot0 = dot1 = dot2 = 0.0
     for q in range(points.shape[1]):
@@ -28,7 +30,7 @@ def dots(points, i, j, k):  # noqa: ANN001 - points (n, d), vertices i, j, k
 
 
 @register_jitable
-def gram(points, i, j, k):  # noqa: ANN001
+def gram(points: Array, i: int, j: int, k: int) -> float:
     """Four times the squared area, |u|^2 |v|^2 - (u . v)^2, as the sum of squared 2 x 2 minors (Lagrange).
 
     The difference of products loses all digits on slivers and steep cliffs; the sum of squares loses none.
@@ -43,7 +45,9 @@ def gram(points, i, j, k):  # noqa: ANN001
 
 
 @register_jitable
-def joint(a0, a1, a2, det_a, b0, b1, b2, det_b):  # noqa: ANN001
+def joint(
+    a0: float, a1: float, a2: float, det_a: float, b0: float, b1: float, b2: float, det_b: float
+) -> tuple[float, float, float, float]:
     """Dots and determinant of the sum of two forms: a triangle measured in two spaces at once.
 
     |D|^2 = |D in the one|^2 + |D in the other|^2 for every edge; det(A + B) = det A + det B + the mixed term.
@@ -53,7 +57,7 @@ def joint(a0, a1, a2, det_a, b0, b1, b2, det_b):  # noqa: ANN001
 
 
 @register_jitable
-def cotangents(dot0, dot1, dot2, det):  # noqa: ANN001
+def cotangents(dot0: float, dot1: float, dot2: float, det: float) -> tuple[float, float, float, float]:
     """Cotangents of the three angles and the area: cot_i = dot_i / 2T, T = sqrt(det) / 2.
 
     A triangle without area contributes nothing: all four are zero.
@@ -66,7 +70,7 @@ def cotangents(dot0, dot1, dot2, det):  # noqa: ANN001
 
 
 @register_jitable
-def share(kind, cot0, cot1, cot2, area):  # noqa: ANN001
+def share(kind: int, cot0: float, cot1: float, cot2: float, area: float) -> float:
     """The part of a triangle's area that is the mass of its corner 0.
 
     kind 0, barycentric: T / 3. Kind 1, Voronoi, mixed as Meyer et al. 2002: T (1 + cot1 cot2) / 4 where no angle is obtuse
@@ -84,7 +88,7 @@ def share(kind, cot0, cot1, cot2, area):  # noqa: ANN001
 
 
 @register_jitable
-def bound(cot0, cot1, cot2, area, smallest):  # noqa: ANN001
+def bound(cot0: float, cot1: float, cot2: float, area: float, smallest: float) -> float:
     """Largest eigenvalue of the triangle's own stiffness over its smallest mass: an upper bound of lambda_max(M^-1 L).
 
     (t / 2 + sqrt(t^2 / 4 - 3 / 4)) / smallest share, t = cot A + cot B + cot C = (a + b + c) / 4T >= sqrt 3; with the
