@@ -163,16 +163,16 @@ def smooth(
     done = document.holding(outcome.noun)
     tags = {f"meshflow:{name}": word for name, word in outcome.facts.items()}
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **({"dtype": dtype} if dtype else {}))
+    if not quiet:
+        area = f"area {outcome.start.area:.6g} → {outcome.end.area:.6g}"
+        _said(f"{source} → {target}: {outcome.facts['ended']}, contrast {outcome.facts['contrast']}, {area}", notes)
     if picture is not None:
-        notes += _pictured(document, done, picture, f"{source.name}, {outcome.facts['ended']}")
+        drawn = _pictured(document, done, picture, f"{source.name}, {outcome.facts['ended']}")
+        notes += drawn
+        if not quiet:
+            _said("", drawn)
     if json:
         out.print_json(notation.dumps({"in": str(source), "out": str(target), **outcome.facts, "notes": list(notes)}))
-    if not quiet:
-        _said(
-            f"{source} → {target}: {outcome.facts['ended']}, contrast {outcome.facts['contrast']}, "
-            f"area {outcome.start.area:.6g} → {outcome.end.area:.6g}",
-            notes,
-        )
 
 
 @app.command()

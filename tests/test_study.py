@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapes
 import trimesh
+from scipy.spatial import cKDTree
 
 from meshflow.errors import InputError
 from meshflow.geometry.camera import Pinhole
@@ -59,7 +60,11 @@ def test_volume_and_area_of_a_cube_are_exact_wherever_it_stands():
         (HeightField(np.ones((3, 3))), Image(np.ones((3, 3))), "one kind expected, got height field and image"),
         (HeightField(np.ones((3, 3))), HeightField(np.ones((3, 4))), r"got shapes \(3, 3\) and \(3, 4\)"),
         (HeightField(np.ones((3, 3)), 1.0), HeightField(np.ones((3, 3)), 2.0), "same spacing dx expected"),
-        (HeightField(np.ones((3, 3)), unit="m"), HeightField(np.ones((3, 3)), unit="ft"), "one unit, got|in one unit"),
+        (
+            HeightField(np.ones((3, 3)), unit="m"),
+            HeightField(np.ones((3, 3)), unit="ft"),
+            "in one unit expected, got ft and m",
+        ),
         (Mesh(np.eye(3), [[0, 1, 2]]), Mesh(np.eye(3), [[0, 2, 1]]), "the same triangles expected"),
         (Mesh(np.eye(3), [[0, 1, 2]]), Mesh(np.eye(4)[:, :3], [[0, 1, 2]]), "the same points expected"),
     ],
@@ -83,21 +88,95 @@ def test_noise_has_the_deviation_that_was_asked_for():
     seen = np.isfinite(scene.truth)
     assert ((scene.noisy - scene.truth) / scene.truth**2)[seen].std() == pytest.approx(0.004, rel=0.02)
     mesh = samples.irregular_mesh(noise=0.02)
-    assert np.linalg.norm(mesh.noisy - mesh.truth, axis=1).std() < 0.02
-    assert metrics.distance_rms(mesh.noisy, mesh.body.distance) == pytest.approx(0.02, rel=0.1)
+    moved = np.linalg.norm(mesh.noisy - mesh.truth, axis=1)
+    assert np.sqrt(np.mean(moved**2)) == pytest.approx(0.02, rel=0.03)
+    smooth = np.ones(len(moved), bool)  # away from the rims: there a normal leads straight away from the surface
+    for axis, height in zip(mesh.body.axes, mesh.body.heights, strict=True):
+        smooth &= np.abs(np.arccos(mesh.truth @ axis / np.linalg.norm(mesh.truth, axis=1)) - np.arccos(height)) > 0.1
+    assert np.allclose(mesh.body.distance(mesh.noisy)[smooth], moved[smooth], atol=1e-12)
 
 
-def test_true_points_lie_on_the_true_surface():
+def test_cast_depths_lie_on_the_analytic_surfaces_and_the_nearest_hides_the_others():
+    scene = samples.depth_scene()
+    rays = samples.CAMERA.rays(scene.truth.shape)
+    points = rays * scene.truth[..., None]
+    for index, solid in enumerate(scene.solids):
+        seen = scene.seen == index
+        assert seen.sum() > 1000
+        assert np.abs(solid.distance(points[seen])).max() < 1e-12
+        assert (solid.cast(rays)[~np.isnan(scene.truth)] >= scene.truth[~np.isnan(scene.truth)]).all()
+    panel, other, ball, block = scene.solids
+    assert np.abs(points[scene.seen == 0] @ panel.normal - panel.offset).max() < 1e-12
+    assert (points[scene.seen == 1][:, 0] > other.low).all()
+    from_ball = np.linalg.norm(points[scene.seen == 2] - ball.centre, axis=1)
+    assert np.abs(from_ball - ball.radius).max() < 1e-12
+    from_block = np.linalg.norm(points[scene.seen == 3] - block.centre, axis=1)
+    assert block.half <= from_block.min() < 1.01 * block.half
+    assert from_block.max() <= np.sqrt(3) * block.half
+    assert np.array_equal(np.isnan(scene.truth), scene.seen == -1)
+    assert 0.01 < np.isnan(scene.truth).mean() < 0.2
+
+
+def test_true_vertices_lie_on_the_capped_ball_and_close_it():
     mesh = samples.irregular_mesh(800)
     assert np.abs(mesh.body.distance(mesh.truth)).max() < 1e-12
     assert metrics.is_closed(mesh.faces)
-    assert metrics.volume(mesh.truth, mesh.faces) > 0
-    scene = samples.depth_scene()
-    ball = next(i for i, solid in enumerate(scene.solids) if type(solid).__name__ == "Ball")
-    points = (samples.CAMERA.rays(scene.truth.shape) * scene.truth[..., None])[scene.seen == ball]
-    assert len(points) > 1000
-    centre, radius = np.array(scene.solids[ball].centre), scene.solids[ball].radius
-    assert np.abs(np.linalg.norm(points - centre, axis=1) - radius).max() < 1e-12
+    caps = sum(np.pi * (1 - h) ** 2 * (2 + h) / 3 for h in mesh.body.heights)
+    assert metrics.volume(mesh.truth, mesh.faces) == pytest.approx(4 * np.pi / 3 - caps, rel=0.02)
+
+
+def test_the_distance_from_the_capped_ball_is_that_of_its_nearest_point():
+    dense = samples.irregular_mesh(20_000, density=1.0)
+    points = RNG.uniform(-1.3, 1.3, (2000, 3))
+    exact, sampled = dense.body.distance(points), cKDTree(dense.truth).query(points)[0]
+    gap = 0.04  # no point of the surface is farther from a vertex
+    assert (exact <= sampled + 1e-12).all()
+    assert (sampled <= exact + gap).all()
+    far = exact > 0.2
+    assert (sampled[far] <= np.hypot(exact[far], 0.15)).all()
+
+
+def test_a_spacing_per_row_measures_each_triangle_in_its_own_chart():
+    rows, columns = np.mgrid[0:5, 0:6]
+    dx = np.linspace(1.0, 2.0, 5)
+    found = metrics.compare(HeightField(0.0 * rows, (dx, 3.0)), HeightField(4.0 * rows, (dx, 3.0)))
+    # Each triangle has one leg in a row: rows 1 to 3 bear triangles on both sides, the first and the last on one.
+    base = 5 * 3.0 * 0.5 * (dx[:-1] + dx[1:]).sum()
+    assert found.area_before == pytest.approx(base, rel=1e-12)
+    assert found.area_after == pytest.approx(base * 5 / 3, rel=1e-12)
+    assert found.normal_angle == pytest.approx(np.degrees(np.arctan(4 / 3)), rel=1e-12)
+
+
+def test_triangles_across_a_jump_of_depth_in_either_count_in_neither():
+    camera, flat = Pinhole(9, 9, 4, 4), np.full((6, 8), 2.0)
+    stepped = np.where(np.arange(8) < 4, 2.0, 3.0)[None] * np.ones((6, 1))
+    one = metrics.compare(RangeImage(flat, camera), RangeImage(stepped, camera))
+    other = metrics.compare(RangeImage(stepped, camera), RangeImage(flat, camera))
+    whole = metrics.compare(RangeImage(flat, camera), RangeImage(flat, camera))
+    assert one.area_before == other.area_after == pytest.approx(whole.area_before * 6 / 7)
+    assert one.normal_angle == pytest.approx(0, abs=1e-9)
+
+
+def test_words_leave_out_what_does_not_apply_and_name_the_unit():
+    z = np.ones((4, 5))
+    words = metrics.compare(HeightField(z, unit="m"), HeightField(z + 1, unit="m")).words()
+    assert (words["unit"], words["rms difference"], words["samples compared"]) == ("m", 1.0, 20)
+    assert "volume before" not in words
+    image = metrics.compare(Image(np.ones((4, 5, 3))), Image(np.ones((4, 5, 3)))).words()
+    assert not {"unit", "mean angle of normals [degrees]"} & set(image)
+
+
+def test_nothing_in_common_is_refused():
+    one, other = np.ones((4, 4)), np.ones((4, 4))
+    one[:2], other[2:] = np.nan, np.nan
+    with pytest.raises(InputError, match="one is missing wherever the other is there"):
+        metrics.compare(HeightField(one), HeightField(other))
+    with pytest.raises(InputError, match="finite in both"):
+        metrics.rms_difference(one, other)
+    with pytest.raises(InputError, match=r"one shape expected, got \(4, 4\) and \(4,\)"):
+        metrics.largest_difference(one, one[0])
+    with pytest.raises(InputError, match="one camera expected"):
+        metrics.compare(RangeImage(one, Pinhole(9, 9, 4, 4)), RangeImage(one, Pinhole(9, 9, 4, 5)))
 
 
 def test_a_sampling_is_as_irregular_as_it_says():

@@ -123,11 +123,11 @@ def rate_bound(cot: Array, area: Array, kind: MassKind = "barycentric") -> Array
 
 def fill_stiffness(connectivity: Connectivity, cot: Array, directions: Array | None = None) -> sparse.csr_matrix:
     """L, or L_ij (d_i . d_j) for vertices that move along directions (n, 3): still symmetric positive semidefinite."""
-    data = np.zeros(len(connectivity.indices))
+    c, pattern = connectivity, connectivity.pattern
+    data = np.zeros(len(pattern.indices))
     rays = np.zeros((0, 0)) if directions is None else np.ascontiguousarray(directions, dtype=np.float64)
-    c = connectivity
-    _fill(c.faces, c.first, c.corners, c.slots, c.diagonal, c.indptr, cot, rays, data)
-    return sparse.csr_matrix((data, c.indices, c.indptr), shape=(c.size, c.size))
+    _fill(c.faces, c.first, c.corners, pattern.slots, pattern.diagonal, pattern.indptr, cot, rays, data)
+    return sparse.csr_matrix((data, pattern.indices, pattern.indptr), shape=(c.size, c.size))
 
 
 def gather_mass(connectivity: Connectivity, cot: Array, area: Array, kind: MassKind) -> Array:
