@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.io.files import Document, read, writable, write
@@ -260,7 +261,8 @@ def _table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
         return
     table = Table.grid(padding=(0, 2))
     for name, value in facts.items():
-        table.add_row(f"[bold]{name}[/bold]", f"{value:.6g}" if isinstance(value, float) else str(value))
+        # Text, not markup: brackets in a name or a path are not styles.
+        table.add_row(Text(name, style="bold"), Text(f"{value:.6g}" if isinstance(value, float) else str(value)))
     out.print(table)
     _said("", notes)
 

@@ -11,7 +11,7 @@ from meshflow.flow.control import AreaChange, Fixed, Until
 from meshflow.flow.march import State, march
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import Stepper, stepper_for
+from meshflow.flow.step import Stepper, StepperName
 from meshflow.flow.tune import noise_of, noise_on
 from meshflow.geometry.gates import positive
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
@@ -62,7 +62,7 @@ class Settings:
     mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
     boundary: Boundary | None = None
     diagonals: Diagonals = "alternate"
-    stepper: Stepper | Literal["auto", "explicit", "semi-implicit"] = "auto"
+    stepper: Stepper | StepperName = "auto"
     dt: float | None = None
     control: Fixed | AreaChange | None = None
 
@@ -131,18 +131,17 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None) -> Ou
     """Smooth a noun of ``meshflow.geometry.lift``; a new one comes back, with what was done."""
     lift, until = settings.lift(noun), settings.until(noun)
     flow = MeshFlow(noun.lifted(lift), settings.member())
-    stepper = stepper_for(settings.stepper, flow, until.time)
     control = settings.control or Fixed(settings.dt)
     start = end = None
-    for end in march(flow, until, stepper, control, progress):
+    for end in march(flow, until, settings.stepper, control, progress):
         start = start or end
     assert start is not None
     assert end is not None
-    facts = _facts(noun, settings, lift, stepper, end, flow.surface.boundary)
+    facts = _facts(noun, settings, lift, end, flow.surface.boundary)
     return Outcome(noun.lowered(end.u, lift), start, end, facts)
 
 
-def _facts(noun: Noun, settings: Settings, lift: Lift, stepper: Stepper, end: State, boundary: str) -> dict[str, str]:
+def _facts(noun: Noun, settings: Settings, lift: Lift, end: State, boundary: str) -> dict[str, str]:
     """Parameters of a run as they were used."""
     try:
         release = version("meshflow")
@@ -157,7 +156,7 @@ def _facts(noun: Noun, settings: Settings, lift: Lift, stepper: Stepper, end: St
         "boundary": boundary,
         "time": f"{end.time:.6g}",
         "steps": str(end.step),
-        "stepper": stepper.name,
+        "stepper": end.stepper,
         "ended": end.reason or "",
     }
     if isinstance(noun, (HeightField, Image, RangeImage)):

@@ -14,6 +14,7 @@ from meshflow.flow.rate import MeshFlow
 from meshflow.flow.solve import solve
 from meshflow.flow.step import Explicit, SemiImplicit, stepper_for
 from meshflow.geometry.lift import HeightField, Lift, Mesh
+from meshflow.geometry.surface import Surface
 
 
 def noisy(n=24, sigma=2.0, seed=0, **lift):
@@ -104,6 +105,29 @@ def test_automatic_choice_takes_the_implicit_step_where_slivers_make_the_explici
     flow = MeshFlow(Mesh(points, faces).lifted(Lift()))
     assert stepper_for("auto", flow, 1e-9).name == "explicit"
     assert stepper_for("auto", flow, 1e-1).name == "semi-implicit"
+
+
+def collapsing():
+    """Steep noise as a mesh that moves in space: its triangles become slivers, and explicit steps ever shorter."""
+    z = 3 * np.random.default_rng(0).normal(size=(20, 20))
+    surface = HeightField(z).lifted(Lift(diagonals="forward"))
+    return MeshFlow(Surface(surface.points, surface.sheets, boundary="linear"))
+
+
+def test_automatic_choice_changes_to_the_implicit_step_when_triangles_become_slivers():
+    flow = collapsing()
+    assert stepper_for("auto", flow, 2.0).name == "explicit"
+    states = list(march(flow, Until(time=2.0), "auto"))
+    assert states[-1].time == pytest.approx(2.0)
+    assert states[1].stepper == "explicit"
+    assert states[-1].stepper == "semi-implicit"
+    assert len(states) < 600
+
+
+def test_explicit_steps_by_name_that_would_not_arrive_are_given_up_with_the_way_out(monkeypatch):
+    monkeypatch.setattr("meshflow.flow.march.HOPELESS", 1000)
+    with pytest.raises(NotConverged, match=r"so thin that explicit steps are at most .* take stepper='semi-implicit'"):
+        list(march(collapsing(), Until(time=2.0), "explicit"))
 
 
 def test_progress_is_told_and_may_end_the_run():

@@ -163,7 +163,7 @@ def test_words_leave_out_what_does_not_apply_and_name_the_unit():
     assert (words["unit"], words["rms difference"], words["samples compared"]) == ("m", 1.0, 20)
     assert "volume before" not in words
     image = metrics.compare(Image(np.ones((4, 5, 3))), Image(np.ones((4, 5, 3)))).words()
-    assert not {"unit", "mean angle of normals [degrees]"} & set(image)
+    assert not {"unit", "mean angle of normals (degrees)"} & set(image)
 
 
 def test_nothing_in_common_is_refused():

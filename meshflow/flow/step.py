@@ -11,7 +11,9 @@ from meshflow.flow.rate import Flow
 from meshflow.flow.solve import Method, solve
 from meshflow.geometry.gates import Array, positive
 
-__all__ = ["Explicit", "SemiImplicit", "Stepper", "stepper_for"]
+__all__ = ["MANY", "Explicit", "SemiImplicit", "Stepper", "StepperName", "stepper_for"]
+
+StepperName = Literal["auto", "explicit", "semi-implicit"]
 
 # An explicit run of more steps than this costs more than ten linear solves.
 MANY = 400
@@ -82,9 +84,7 @@ class SemiImplicit:
         return np.inf
 
 
-def stepper_for(
-    word: Stepper | Literal["auto", "explicit", "semi-implicit"], flow: Flow, time: float | None
-) -> Stepper:
+def stepper_for(word: Stepper | StepperName, flow: Flow, time: float | None) -> Stepper:
     """The stepper of a name; ``auto`` takes the explicit one unless slivers or cliffs would make its steps too many.
 
     :raises InputError: for an unknown word.

@@ -156,7 +156,7 @@ class Comparison:
             "rms difference": self.rms,
             "median difference": self.median,
             "largest difference": self.largest,
-            "mean angle of normals [degrees]": self.normal_angle,
+            "mean angle of normals (degrees)": self.normal_angle,
             "area before": self.area_before,
             "area after": self.area_after,
             "volume before": self.volume_before,
