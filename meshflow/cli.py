@@ -32,6 +32,8 @@ def _option(panel: str, words: str, *flags: str) -> Any:
     return typer.Option(*flags, help=words, rich_help_panel=panel)
 
 
+# What typer exits with on Ctrl-C, as shells do.
+INTERRUPTED = 130
 INPUT, FLOW, OUTPUT = "What the file is", "How it is smoothed", "What is written"
 FILES = "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK; PNG, JPEG; .npy, .npz."
 In = Annotated[Path, typer.Argument(metavar="IN", help=FILES)]
@@ -280,6 +282,7 @@ def main() -> None:
     except (InputError, MissingPackage, NotConverged, OSError) as refusal:
         err.print(f"meshflow: {refusal}", markup=False, soft_wrap=True, style="red")
         sys.exit(1)
-    except KeyboardInterrupt:
-        err.print("meshflow: interrupted; nothing was written", markup=False)
-        sys.exit(130)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            err.print("meshflow: interrupted; what was not yet written is not there", markup=False)
+        raise

@@ -13,7 +13,7 @@ from rasterio.transform import from_origin
 from typer.testing import CliRunner
 
 import meshflow
-from meshflow.cli import app
+from meshflow.cli import app, main
 
 PROFILE = {
     "driver": "GTiff",
@@ -195,6 +195,19 @@ def test_a_refusal_is_one_line_and_leaves_nothing_behind(words, expected, terrai
     ]
     assert expected in refused(*words)
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_interruption_says_so_and_writes_nothing(terrain, tmp_path, monkeypatch, capsys):
+    def interrupted(*words, **more):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("meshflow.smoothing.smooth_noun", interrupted)
+    monkeypatch.setattr(sys, "argv", ["meshflow", "smooth", str(terrain), str(tmp_path / "out.tif")])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+    assert "interrupted; what was not yet written is not there" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["in.tif"]
 
 
 def test_an_unknown_option_is_an_error_of_use(terrain, tmp_path):
