@@ -3,7 +3,7 @@
 import json as notation
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -12,6 +12,9 @@ from rich.text import Text
 
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.io.files import Document, read, writable, write
+
+if TYPE_CHECKING:
+    from meshflow.smoothing import Outcome
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -161,19 +164,18 @@ def smooth(
         dt=dt,
     )
     document = _opened(source, kind, camera, depth_scale, band, nodata, spacing, channels, moves)
-    writable(document, target, overwrite=overwrite)  # what would be refused after the work is refused before it
+    _must_be_writable(document, target, picture, overwrite)
     outcome = smooth_noun(document.noun, settings, progress=None if quiet else True)
     done = document.holding(outcome.noun)
     tags = {f"meshflow:{name}": word for name, word in outcome.facts.items()}
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **({"dtype": dtype} if dtype else {}))
+    notes += _warned(document, outcome)
     if not quiet:
-        area = f"area {outcome.start.area:.6g} → {outcome.end.area:.6g}"
-        _said(f"{source} → {target}: {outcome.facts['ended']}, contrast {outcome.facts['contrast']}, {area}", notes)
+        _said(f"{source} → {target}: {_summary(outcome)}", notes)
     if picture is not None:
         drawn = _pictured(document, done, picture, f"{source.name}, {outcome.facts['ended']}")
         notes += drawn
-        if not quiet:
-            _said("", drawn)
+        _said("", () if quiet else drawn)
     if json:
         out.print_json(notation.dumps({"in": str(source), "out": str(target), **outcome.facts, "notes": list(notes)}))
 
@@ -248,6 +250,30 @@ def _opened(
         "moves": moves,
     }
     return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})
+
+
+def _summary(outcome: "Outcome") -> str:
+    area = f"area {outcome.start.area:.6g} → {outcome.end.area:.6g}"
+    return f"{outcome.facts['ended']}, contrast {outcome.facts['contrast']}, {area}"
+
+
+def _warned(document: Document, outcome: "Outcome") -> tuple[str, ...]:
+    """A word where a mesh is about to vanish."""
+    if document.kind != "mesh" or outcome.end.area > 0.8 * outcome.start.area:
+        return ()
+    lost = 1 - outcome.end.area / outcome.start.area
+    return (f"the surface lost {lost:.0%} of its area; a smaller --time keeps more",)
+
+
+def _must_be_writable(document: Document, target: Path, picture: Path | None, overwrite: bool) -> None:
+    """Refuse before the work what would be refused after it."""
+    from meshflow.view.picture import writable as drawable
+
+    writable(document, target, overwrite=overwrite)
+    if picture is not None:
+        drawable(picture)
+        if picture.exists() and not overwrite:
+            raise InputError(f"{picture} exists; name another picture or give --overwrite")
 
 
 def _pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:

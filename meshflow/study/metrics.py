@@ -256,7 +256,8 @@ def _must_share_a_frame(before: HeightField | Image | RangeImage, after: HeightF
     assert not isinstance(after, RangeImage)
     for axis, one, other in zip(("dx", "dy"), before.spacing, after.spacing, strict=True):
         if not np.allclose(one, other, rtol=1e-6, atol=0.0):
-            raise InputError(f"compare: the same spacing {axis} expected, got {one} and {other}; resample one")
+            got = f"{np.mean(one):g} and {np.mean(other):g}"
+            raise InputError(f"compare: the same spacing {axis} expected, got {got}; give spacing, or resample one")
     units = {noun.unit for noun in (before, after) if isinstance(noun, HeightField) and noun.unit}
     if len(units) > 1:
         raise InputError(f"compare: heights in one unit expected, got {' and '.join(sorted(units))}; convert one")

@@ -77,7 +77,7 @@ def compare(
     :raises MissingPackage: for a mesh, or a window, where VTK cannot draw.
     """
     look = Look(exaggeration, azimuth, altitude, up, size, title)
-    target = _writable(path)
+    target = writable(path)
     pair = paired(before, after, unit)
     stage = staged((pair.before, pair.after), look, how, window=target is None)
     notes = (*pair.notes, *stage.notes)
@@ -119,7 +119,7 @@ def show(
     Everything else, and what is raised, as in :func:`compare`.
     """
     look = Look(exaggeration, azimuth, altitude, up, size, title)
-    target = _writable(path)
+    target = writable(path)
     adopted = adopt(thing)
     noun = adopted.noun
     scale = None if scalars is None else _scale(noun, scalars, unit)
@@ -152,7 +152,7 @@ def _scale(noun: Noun, scalars: ArrayLike, unit: str | None) -> Scale:
     return Scale(values, *spread(values), "viridis", "", unit or "")
 
 
-def _writable(path: str | Path | None) -> Path | None:
+def writable(path: str | Path | None) -> Path | None:
     """A path to write to, or None for a window that can be opened: asked before anything is drawn."""
     if path is None:
         if not displayed():
