@@ -103,6 +103,7 @@ def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[s
     :returns: what the format could not hold.
     :raises FormatError: for a format that is only read, or cannot hold the mesh; nothing is then written.
     """
+    tags = {name.removeprefix("meshflow:"): word for name, word in tags.items()}  # the formats below put it before each
     suffix = path.suffix.lower()
     if suffix not in _WRITTEN:
         raise FormatError(
