@@ -8,7 +8,7 @@ from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Axes, Rays, Surface
-from meshflow.geometry.triangulate import grid_sheets
+from meshflow.geometry.triangulate import grid_sheets, triangles_there
 
 TRIANGLE = (np.eye(3), np.array([[0, 1, 2]]))
 CAMERA = Pinhole(100, 100, 2, 2)
@@ -105,7 +105,7 @@ def test_a_missing_sample_removes_its_triangles():
     valid = np.ones((5, 6), bool)
     valid[2, 2] = False
     for diagonals, sheets, lost in (("forward", 1, 6), ("backward", 1, 6), ("both", 2, 6), ("alternate", 2, 6)):
-        found = grid_sheets(valid, diagonals)
+        found = grid_sheets(triangles_there(~valid), diagonals)
         assert len(found) == sheets
         for faces in found:
             assert len(faces) == 2 * 4 * 5 - lost

@@ -38,9 +38,13 @@ class Pinhole:
     def rays(self, shape: tuple[int, int]) -> Array:
         """Rays (h, w, 3) of all pixels, z = 1, so that depth along the axis times ray is the point."""
         rays = np.ones((*shape, 3))
-        rays[..., 0] = (np.arange(shape[1]) - self.cx) / self.fx
-        rays[..., 1] = ((np.arange(shape[0]) - self.cy) / self.fy)[:, None]
+        x, y = self.spread(shape)
+        rays[..., 0], rays[..., 1] = x, y[:, None]
         return rays
+
+    def spread(self, shape: tuple[int, int]) -> tuple[Array, Array]:
+        """x' (w,) of all columns and y' (h,) of all rows."""
+        return (np.arange(shape[1]) - self.cx) / self.fx, (np.arange(shape[0]) - self.cy) / self.fy
 
     @property
     def pixel(self) -> float:

@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.gates import Array, mask_of, positive, real, samples
-from meshflow.geometry.surface import Axes, Boundary, Rays, Surface
-from meshflow.geometry.triangulate import Diagonals, charts_of_rows, grid_sheets
+from meshflow.geometry.lattice import Fibres, Lattice, Spacing
+from meshflow.geometry.surface import Axes, Boundary, Surface
+from meshflow.geometry.triangulate import Diagonals
 
 __all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "RangeImage"]
 
 Moves = Literal["points", "channels", "all"]
-Spacing = tuple[Array | float, float]
 
 
 @dataclass(frozen=True)
@@ -42,25 +42,10 @@ class _Grid:
 
     boundary: Boundary = field(default="natural", init=False)
 
-    def _surface(self, columns: Array, missing: Array, spacing: Spacing, fixed: Array, lift: Lift) -> Surface:
-        """Lift free coordinates (h * w, k), already multiplied by the contrast, above a grid."""
-        h, w = missing.shape
-        dx, dy = spacing
-        row, column = np.mgrid[0:h, 0:w]
-        widths = np.broadcast_to(np.asarray(dx, dtype=np.float64), (h,))
-        x = (column - (0 if np.ndim(dx) == 0 else (w - 1) / 2)) * widths[:, None]
-        points = np.column_stack([x.ravel(), -(row * dy).ravel(), columns])
-        points[missing.ravel(), 2:] = 0.0
-        sheets = grid_sheets(~missing, lift.diagonals)
-        return Surface(
-            points,
-            sheets,
-            free=Axes(tuple(range(2, points.shape[1]))),
-            fixed=fixed.ravel(),
-            boundary=lift.boundary or self.boundary,
-            turns=lift.diagonals == "alternate",
-            charts=None if np.ndim(dx) == 0 else tuple(charts_of_rows(faces, w, widths, dy) for faces in sheets),
-        )
+    def _lattice(self, planes: Array, missing: Array, fixed: Array, spacing: Spacing, lift: Lift) -> Lattice:
+        """Free coordinates (k, h, w) above a grid."""
+        boundary = lift.boundary or self.boundary
+        return Lattice(planes, missing, fixed, spacing, lift.contrast, lift.diagonals, boundary)
 
 
 def _where(mask: Array | None) -> Array:
@@ -91,6 +76,15 @@ def _lowered(values: Array, start: Array, u: Array, contrast: float, missing: Ar
     gone = missing if values.ndim == missing.ndim else missing[..., None]
     moved = np.add(values, change, where=~gone, out=values.astype(np.float64, copy=True))
     return moved.astype(values.dtype)
+
+
+def _held(values: Array, moved: Array, missing: Array) -> Array:
+    """Moved values in the number type of those that came; missing samples keep their bits. Nothing is copied that need not be."""
+    moved = moved.astype(values.dtype, copy=False)
+    if not missing.any():
+        return moved
+    gone = missing if values.ndim == missing.ndim else missing[..., None]
+    return np.where(gone, values, moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +118,17 @@ class HeightField(_Grid):
         """h: the typical distance of neighbours, in the horizontal unit (the geometric mean of dx and dy)."""
         return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
 
+    def gridded(self, lift: Lift) -> Lattice:
+        """The grid that a grid engine moves, z as it is; nothing is copied."""
+        return self._lattice(self.z[None], _where(self.missing), _where(self.fixed), self.spacing, lift)
+
+    def holding(self, planes: Array) -> "HeightField":
+        """A copy whose elevations are planes (1, h, w); missing ones keep their bits."""
+        return replace(self, z=_held(self.z, planes[0], _where(self.missing)))
+
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast z), of h * w vertices; missing ones have no triangle."""
-        column = self.z.reshape(-1, 1) * np.float64(lift.contrast)
-        return self._surface(column, _where(self.missing), self.spacing, _where(self.fixed), lift)
+        return self.gridded(lift).surface()
 
     def lowered(self, u: Array, lift: Lift) -> "HeightField":
         """A copy whose elevations are u (h * w, 1) over the contrast."""
@@ -164,10 +165,19 @@ class Image(_Grid):
         """h: the typical distance of neighbours (the geometric mean of dx and dy)."""
         return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
 
+    def gridded(self, lift: Lift) -> Lattice:
+        """The grid that a grid engine moves, the channels as they are; nothing is copied."""
+        planes = self.values[None] if self.values.ndim == 2 else np.moveaxis(self.values, 2, 0)
+        return self._lattice(planes, _where(self.missing), _where(self.fixed), self.spacing, lift)
+
+    def holding(self, planes: Array) -> "Image":
+        """A copy whose channels are planes (k, h, w); missing samples keep their bits."""
+        values = planes[0] if self.values.ndim == 2 else np.ascontiguousarray(np.moveaxis(planes, 0, 2))
+        return replace(self, values=_held(self.values, values, _where(self.missing)))
+
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast c1, ..., contrast ck), of h * w vertices."""
-        columns = self.values.reshape(_where(self.missing).size, -1) * np.float64(lift.contrast)
-        return self._surface(columns, _where(self.missing), self.spacing, _where(self.fixed), lift)
+        return self.gridded(lift).surface()
 
     def lowered(self, u: Array, lift: Lift) -> "Image":
         """A copy whose channels are u (h * w, k) over the contrast."""
@@ -219,8 +229,8 @@ class RangeImage:
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, depth.shape, "fixed"))
 
-    def lifted(self, lift: Lift) -> Surface:
-        """The surface of points z (x', y', 1), each free along its ray.
+    def gridded(self, lift: Lift) -> Lattice:
+        """The grid that a grid engine moves, the depths as they are; nothing is copied.
 
         :raises InputError: for a contrast other than 1: along rays through one point it scales the scene and nothing else.
         """
@@ -229,26 +239,30 @@ class RangeImage:
                 f"contrast: for range images only 1 has a meaning (a factor on all depths scales the scene), "
                 f"got {lift.contrast}; use gamma to keep edges"
             )
-        missing = _where(self.missing)
-        z = np.where(missing, 0.0, self.depth).astype(np.float64)
-        directions = self.camera.rays(z.shape).reshape(-1, 3)
-        sheets = grid_sheets(~missing, lift.diagonals)
-        if self.jump is not None:
-            corners = [z.ravel()[faces] for faces in sheets]
-            sheets = tuple(
-                f[np.ptp(c, axis=1) <= self.jump * c.min(axis=1)] for f, c in zip(sheets, corners, strict=True)
-            )
-        rays = Rays(np.zeros_like(directions), directions, z.ravel())
-        pace = (z.ravel() * self.camera.pixel) ** 2
-        return Surface(
-            z.reshape(-1, 1) * directions,
-            sheets,
-            free=rays,
-            fixed=_where(self.fixed).ravel(),
-            boundary=lift.boundary or self.boundary,
-            turns=lift.diagonals == "alternate",
-            pace=pace,
+        still = np.zeros((1, 1))
+        x, y = self.camera.spread(self.depth.shape)
+        fibres = Fibres((still, still, still), (x[None, :], y[:, None], still + 1.0), self.camera.pixel)
+        boundary = lift.boundary or self.boundary
+        return Lattice(
+            self.depth[None],
+            _where(self.missing),
+            _where(self.fixed),
+            diagonals=lift.diagonals,
+            boundary=boundary,
+            fibres=fibres,
+            jump=self.jump,
         )
+
+    def holding(self, planes: Array) -> "RangeImage":
+        """A copy whose depths are planes (1, h, w); missing ones keep their bits."""
+        return replace(self, depth=_held(self.depth, planes[0], _where(self.missing)))
+
+    def lifted(self, lift: Lift) -> Surface:
+        """The surface of points z (x', y', 1), each free along its ray.
+
+        :raises InputError: for a contrast other than 1.
+        """
+        return self.gridded(lift).surface()
 
     def lowered(self, u: Array, lift: Lift) -> "RangeImage":
         """A copy whose depths are u (h * w, 1)."""

@@ -1,4 +1,4 @@
-"""The member of the family of flows: which exponent, which edge indicator, which mass. Every engine reads it."""
+"""The member of the family of flows: which exponents, which edge indicator, which mass. Every engine reads it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,16 +21,22 @@ class Member:
         (the motion of the shape under mean curvature flow), -1 mean curvature diffusion (El-Fallah and Ford), 0 Beltrami
         flow (14), above 0 stronger preservation of edges (10). The gamma of section 3 is this one plus 1. Where all
         coordinates are free (a mesh), the indicator is 1 and gamma has no effect.
+    :param sharpness: q, above 0: in each triangle the free part of lengths is stretched so that a triangle of slope s has area
+        W^q instead of W = sqrt(1 + s^2), all channels together. 1 is the paper. With gamma = -1 the flux across an edge is then
+        grad / W^q: q = 1 [FEF98], q = 2 Perona and Malik (1), q = 4 Geman and McClure. No effect where all coordinates are
+        free; not defined along rays.
     :param indicator: ``metric``: area of the triangles around a vertex projected across its free directions over their true
         area, 1/W of a height field (3); ``projection``: \\|PB\\| / \\|B\\| as (10) writes it. Both lie in [0, 1].
     :param mass: ``barycentric``: time as in the heat equation on flat data; ``voronoi`` (mixed): the same; ``ring``: the
         whole ring, as (14): time runs three times slower.
     :param floor: least value of the ``projection`` indicator, which is 0/0 on flat surfaces and, for gamma < 0, would let the
         motion grow without bound.
-    :raises InputError: for an unknown word, a gamma that is not finite, or a floor outside (0, 1].
+    :raises InputError: for an unknown word, a gamma that is not finite, a sharpness that is not positive, or a floor outside
+        (0, 1].
     """
 
     gamma: float = 0.0
+    sharpness: float = 1.0
     indicator: Indicator = "metric"
     mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
     floor: float = 0.05
@@ -38,9 +44,21 @@ class Member:
     def __post_init__(self) -> None:
         if not np.isfinite(self.gamma):
             raise InputError(f"gamma: a finite number expected, got {self.gamma}")
+        positive(self.sharpness, "sharpness")
         if self.indicator not in ("metric", "projection"):
             raise InputError(f"indicator: metric or projection expected, got {self.indicator!r}")
         if self.mass not in ("barycentric", "voronoi", "ring"):
             raise InputError(f"mass: barycentric, voronoi or ring expected, got {self.mass!r}")
         if positive(self.floor, "floor") > 1:
             raise InputError(f"floor: a number in (0, 1] expected, got {self.floor}")
+
+    def check(self, along_rays: bool) -> None:
+        """Refuse a member that has no meaning on a surface.
+
+        :raises InputError: for a sharpness other than 1 along rays: no common base holds the triangles there, and tilted planes
+            would no longer rest.
+        """
+        if along_rays and self.sharpness != 1.0:
+            raise InputError(
+                f"sharpness: along rays only 1 is defined, got {self.sharpness}; use gamma to keep edges of a range image"
+            )

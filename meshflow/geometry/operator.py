@@ -22,6 +22,7 @@ __all__ = [
     "area_gradient",
     "cotangents",
     "curvature_normal",
+    "form_cotangents",
     "forms",
     "mass",
     "mass_kind",
@@ -46,15 +47,16 @@ def mass_kind(kind: str) -> int:
     return MASSES.index(kind)
 
 
-def cotangents(points: Array, faces: Array, forms: Array = _NOWHERE) -> tuple[Array, Array]:
+def cotangents(points: Array, faces: Array, forms: Array = _NOWHERE, sharpness: float = 1.0) -> tuple[Array, Array]:
     """Cotangents (m, 3) of the angles at the corners, and areas (m,), of triangles in R^d (section 5.4).
 
     :param points: (n, d).
     :param faces: (m, 3).
     :param forms: (m, 4) of :func:`forms`, lengths measured in further coordinates and added to those of ``points``.
+    :param sharpness: q of :class:`Member`, which stretches the lengths of ``points`` against those of ``forms``.
     """
     cot, area = np.empty((len(faces), 3)), np.empty(len(faces))
-    _measure(np.ascontiguousarray(points, dtype=np.float64), faces, forms, cot, area)
+    _measure(np.ascontiguousarray(points, dtype=np.float64), faces, forms, float(sharpness), cot, area)
     return cot, area
 
 
@@ -63,6 +65,13 @@ def forms(charts: Array) -> Array:
     out = np.empty((len(charts), 4))
     _forms(np.ascontiguousarray(charts, dtype=np.float64), out)
     return out
+
+
+def form_cotangents(forms: Array) -> tuple[Array, Array]:
+    """Cotangents (m, 3) and areas (m,) of triangles known by their quadratic forms (m, 4)."""
+    cot, area = np.empty((len(forms), 3)), np.empty(len(forms))
+    _measure_forms(forms, cot, area)
+    return cot, area
 
 
 def total_area(points: Array, faces: Array) -> float:
@@ -166,16 +175,24 @@ def gather_seen(connectivity: Connectivity, points: Array, directions: Array) ->
 
 
 @njit(cache=True, parallel=True)
-def _measure(points, faces, forms, cot, area):
+def _measure(points, faces, forms, sharpness, cot, area):
     for f in prange(len(faces)):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         dot0, dot1, dot2 = triangle.dots(points, i, j, k)
         det = triangle.gram(points, i, j, k)
         if len(forms) > 0:
-            dot0, dot1, dot2, det = triangle.joint(
-                dot0, dot1, dot2, det, forms[f, 0], forms[f, 1], forms[f, 2], forms[f, 3]
+            dot0, dot1, dot2, det = triangle.sharpened(
+                dot0, dot1, dot2, det, forms[f, 0], forms[f, 1], forms[f, 2], forms[f, 3], sharpness
             )
         cot[f, 0], cot[f, 1], cot[f, 2], area[f] = triangle.cotangents(dot0, dot1, dot2, det)
+
+
+@njit(cache=True, parallel=True)
+def _measure_forms(forms, cot, area):
+    for f in prange(len(forms)):
+        cot[f, 0], cot[f, 1], cot[f, 2], area[f] = triangle.cotangents(
+            forms[f, 0], forms[f, 1], forms[f, 2], forms[f, 3]
+        )
 
 
 @njit(cache=True, parallel=True)

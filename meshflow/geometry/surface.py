@@ -36,6 +36,10 @@ class Rays:
     directions: Array
     along: Array
 
+    def at(self, u: Array) -> Array:
+        """Points (n, 3) at u (n, 1) along the lines."""
+        return self.origins + u * self.directions
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -104,7 +108,7 @@ class Surface:
     def points_at(self, u: Array) -> Array:
         """Points (n, d) when the free coordinates are u (n, k)."""
         if isinstance(self.free, Rays):
-            return self.free.origins + u * self.free.directions
+            return self.free.at(u)
         assert self.free is not None
         points = self.points.copy()
         points[:, self.free.columns] = u

@@ -11,7 +11,7 @@ from numba.extending import register_jitable
 
 from meshflow.geometry.gates import Array
 
-__all__ = ["bound", "cotangents", "dots", "gram", "joint", "share"]
+__all__ = ["bound", "cotangents", "dots", "gram", "joint", "share", "sharpened", "stretch"]
 
 # A triangle whose doubled area is below this share of its longest squared edge has no area: double precision has lost it.
 FLAT = 1e-12
@@ -54,6 +54,35 @@ def joint(
     """
     mixed = a0 * (b1 + b2) + a1 * (b0 + b2) + a2 * (b0 + b1)
     return a0 + b0, a1 + b1, a2 + b2, det_a + det_b + max(mixed, 0.0)
+
+
+@register_jitable
+def stretch(slope2: float, q: float) -> float:
+    """(W^(2q) - 1) / (W^2 - 1) with W^2 = 1 + slope2: what the free part of a form is multiplied by for sharpness q.
+
+    For one channel the area of a triangle is then W^q times that of its base; q where the surface is flat (DESIGN.md, section 2).
+    """
+    one = type(slope2)(1)
+    if q == one:
+        return one
+    if q == one + one:
+        return one + one + slope2
+    if q == type(slope2)(1.5):
+        w = math.sqrt(one + slope2)
+        return w + one / (w + one)
+    if not slope2 > type(slope2)(0):
+        return q
+    return type(slope2)(math.expm1(q * math.log1p(slope2)) / slope2)
+
+
+@register_jitable
+def sharpened(
+    a0: float, a1: float, a2: float, det_a: float, b0: float, b1: float, b2: float, det_b: float, q: float
+) -> tuple[float, float, float, float]:
+    """:func:`joint` of a free form A, stretched for sharpness q, and its base B: |gradient|^2 = trace(A B^-1) = mixed / det B."""
+    mixed = max(a0 * (b1 + b2) + a1 * (b0 + b2) + a2 * (b0 + b1), 0.0)
+    by = stretch(mixed / det_b, q) if det_b > 0.0 else 1.0
+    return joint(by * a0, by * a1, by * a2, by * by * det_a, b0, b1, b2, det_b)
 
 
 @register_jitable

@@ -9,7 +9,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
-from meshflow.geometry.triangulate import grid_sheets
+from meshflow.geometry.triangulate import grid_sheets, triangles_there
 from meshflow.view.look import Look, Up, View, camera_view, mesh_view, picture_view, terrain_view
 from meshflow.view.pair import holes
 
@@ -163,7 +163,7 @@ def _sheet(image: Image, step: int, shown: Callable[[Array], Array]) -> tuple[Ar
     rows, columns = np.mgrid[0 : missing.shape[0], 0 : missing.shape[1]]
     width = float(np.mean(image.spacing[0]))
     points = np.stack([columns.ravel() * width, -rows.ravel() * image.spacing[1], np.zeros(missing.size)], axis=1)
-    return points, grid_sheets(~missing, "forward")[0], shown(values.reshape(missing.size, -1))
+    return points, grid_sheets(triangles_there(missing), "forward")[0], shown(values.reshape(missing.size, -1))
 
 
 def _three(points: Array) -> Array:

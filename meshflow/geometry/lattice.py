@@ -1,0 +1,112 @@
+"""Samples on a grid, each free along its channels or along its ray: what the nouns of a grid have in common."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from meshflow.geometry.gates import Array
+from meshflow.geometry.surface import Axes, Boundary, Rays, Surface
+from meshflow.geometry.triangulate import Diagonals, charts_of_rows, grid_sheets, triangles_there, triangulations
+
+__all__ = ["Fibres", "Lattice", "Spacing"]
+
+Spacing = tuple[Array | float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Fibres:
+    """The line of each sample, p(u) = o + u d, in R^3.
+
+    :param origins: the three coordinates of o, each an array that broadcasts to (h, w): (h or 1, w or 1).
+    :param directions: the three coordinates of d, likewise; none of length zero where a sample may move.
+    :param pixel: angle of a pixel: time is counted in footprints (pixel u)^2 at the start; None: in squared length.
+    """
+
+    origins: tuple[Array, Array, Array]
+    directions: tuple[Array, Array, Array]
+    pixel: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """A grid of samples as an engine sees it. The nouns have checked it.
+
+    :param planes: (k, h, w), the free coordinates of each sample as they came: float32 or float64, anything where missing.
+    :param missing: (h, w).
+    :param fixed: (h, w), samples that stay.
+    :param spacing: (dx, dy), dx a number or one per row.
+    :param contrast: length per unit of the planes, 1 along fibres.
+    :param diagonals: ``forward | backward | both | alternate``.
+    :param boundary: ``natural | linear | fixed``.
+    :param fibres: the lines along which the samples move; None: straight up from their places on the grid.
+    :param jump: a triangle is left out where its planes differ by more than this share of the least; None: none is.
+    :raises InputError: for an unknown word for the diagonals.
+    """
+
+    planes: Array
+    missing: Array
+    fixed: Array
+    spacing: Spacing = (1.0, 1.0)
+    contrast: float = 1.0
+    diagonals: Diagonals = "alternate"
+    boundary: Boundary = "natural"
+    fibres: Fibres | None = None
+    jump: float | None = None
+
+    def __post_init__(self) -> None:
+        triangulations(self.diagonals)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(h, w)."""
+        h, w = self.missing.shape
+        return h, w
+
+    @cached_property
+    def there(self) -> Array | None:
+        """Which triangles are there, :func:`triangles_there`; None: all."""
+        if self.jump is None and not self.missing.any():
+            return None
+        return triangles_there(self.missing, self.planes[0], self.jump)
+
+    def surface(self) -> Surface:
+        """The same with explicit points and triangles, vertex r * w + c; free coordinates are contrast times the planes."""
+        there = self.there
+        if there is None:
+            there = np.full((self.shape[0] - 1, self.shape[1] - 1), 15, np.uint8)
+        u = self.planes.reshape(len(self.planes), -1).T * np.float64(self.contrast)
+        u[self.missing.ravel()] = 0.0
+        flat = Surface(
+            self._grid(u),
+            grid_sheets(there, self.diagonals),
+            free=Axes(tuple(range(2, 2 + u.shape[1]))),
+            fixed=self.fixed.ravel(),
+            boundary=self.boundary,
+            turns=self.diagonals == "alternate",
+        )
+        if self.fibres is not None:
+            return self._along(flat, self.fibres, u)
+        dx, dy = self.spacing
+        if np.ndim(dx) == 0:
+            return flat
+        return replace(flat, charts=tuple(charts_of_rows(f, self.shape[1], np.asarray(dx), dy) for f in flat.sheets))
+
+    def _grid(self, u: Array) -> Array:
+        """Points (h * w, 2 + k) of the grid, u above it."""
+        h, w = self.shape
+        dx, dy = self.spacing
+        row, column = np.mgrid[0:h, 0:w]
+        widths = np.broadcast_to(np.asarray(dx, dtype=np.float64), (h,))
+        x = (column - (0 if np.ndim(dx) == 0 else (w - 1) / 2)) * widths[:, None]
+        return np.column_stack([x.ravel(), -(row * dy).ravel(), u])
+
+    def _along(self, flat: Surface, fibres: Fibres, u: Array) -> Surface:
+        """Its samples moved onto their lines."""
+        origins, directions = (
+            np.stack([np.broadcast_to(part, self.shape).ravel() for part in parts], axis=-1).astype(np.float64)
+            for parts in (fibres.origins, fibres.directions)
+        )
+        rays = Rays(origins, directions, u[:, 0])
+        pace = None if fibres.pixel is None else (u[:, 0] * fibres.pixel) ** 2
+        return replace(flat, points=rays.at(u), free=rays, pace=pace)
