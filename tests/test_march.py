@@ -116,10 +116,10 @@ def collapsing():
 
 def test_automatic_choice_changes_to_the_implicit_step_when_triangles_become_slivers():
     flow = collapsing()
-    assert stepper_for("auto", flow, 2.0).name == "explicit"
+    assert stepper_for("auto", flow, 2.0).name == "super-time"
     states = list(march(flow, Until(time=2.0), "auto"))
     assert states[-1].time == pytest.approx(2.0)
-    assert states[1].stepper == "explicit"
+    assert states[1].stepper == "super-time"
     assert states[-1].stepper == "semi-implicit"
     assert len(states) < 600
 
@@ -160,7 +160,7 @@ def test_progress_true_writes_nothing_where_nobody_looks(capfd):
         (lambda: AreaChange(target=0), "target: a positive"),
         (lambda: SemiImplicit("qr"), "solver: auto, direct, cg or multigrid expected, got 'qr'"),
         (lambda: SemiImplicit(tolerance=-1), "tolerance: a positive"),
-        (lambda: stepper_for("midpoint", noisy(), 1.0), "explicit or semi-implicit expected, got 'midpoint'"),
+        (lambda: stepper_for("midpoint", noisy(), 1.0), "semi-implicit, super-time expected, got 'midpoint'"),
         (lambda: list(march(noisy(), Until(steps=1), progress="yes")), "progress: None, True or a callable"),
         (lambda: list(march(noisy(), Until(steps=1), SemiImplicit())), "give dt beside steps"),
     ],

@@ -1,15 +1,16 @@
 """How long a step is, and when to stop."""
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.flow.rate import Flow
-from meshflow.flow.step import Stepper
+from meshflow.flow.contract import Flow
+from meshflow.flow.step import Embedding, Explicit, Stepper
 from meshflow.geometry.gates import Array, positive
 
-__all__ = ["AreaChange", "Fixed", "Until"]
+__all__ = ["AreaChange", "Control", "Embedded", "Fixed", "Taken", "Until"]
 
 # Steps over which a semi-implicit run is spread where nobody says otherwise: the metric is lagged by a tenth of the way.
 IMPLICIT_STEPS = 10
@@ -50,6 +51,49 @@ class Until:
         return None
 
 
+class Taken(Protocol):
+    """A step that was taken, as a control sees it; ways and areas are measured when they are asked for."""
+
+    @property
+    def dt(self) -> float:
+        """Its length."""
+        ...
+
+    @property
+    def error(self) -> float | None:
+        """Root mean square of what it leaves out; None where the stepper does not say."""
+        ...
+
+    @property
+    def way(self) -> float:
+        """Root mean square of the way from the start of the run to its end."""
+        ...
+
+    def areas(self) -> tuple[float, float]:
+        """The area before and after it."""
+        ...
+
+
+class Control(Protocol):
+    """How long the next step is."""
+
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "Control":
+        """A copy that is settled for this run."""
+        ...
+
+    def length(self, limit: float) -> float:
+        """The next step, no longer than what is stable now."""
+        ...
+
+    def accepts(self, taken: Taken) -> bool:
+        """Whether a step is good enough to be kept; if not, :meth:`after` says how long the next trial is."""
+        ...
+
+    def after(self, taken: Taken) -> "Control":
+        """The control after a step, kept or not."""
+        ...
+
+
 @dataclass(frozen=True)
 class Fixed:
     """Steps of one length.
@@ -76,6 +120,9 @@ class Fixed:
                     f"step is {largest:.6g}. Take that, or stepper='semi-implicit'"
                 )
             return self
+        if isinstance(stepper, Embedding):
+            first = Explicit().largest(flow, u) * stepper.few
+            return replace(self, dt=first if np.isfinite(first) else 1.0)  # where nothing moves any step will do
         if np.isfinite(largest):
             return replace(self, dt=largest)
         if until.time is None:
@@ -91,8 +138,12 @@ class Fixed:
         assert self.dt is not None
         return min(self.dt, limit)
 
-    def after(self, dt: float, area: float, before: float) -> "Fixed":
-        """The control after a step of dt that took the area from ``before`` to ``area``."""
+    def accepts(self, taken: Taken) -> bool:
+        """Every step."""
+        return True
+
+    def after(self, taken: Taken) -> "Fixed":
+        """The same."""
         return self
 
 
@@ -124,8 +175,70 @@ class AreaChange:
         assert self.dt is not None
         return min(self.dt * self.share, limit)
 
-    def after(self, dt: float, area: float, before: float) -> "AreaChange":
-        """The control after a step of dt that took the area from ``before`` to ``area``."""
+    def accepts(self, taken: Taken) -> bool:
+        """Every step."""
+        return True
+
+    def after(self, taken: Taken) -> "AreaChange":
+        """The control after a step."""
         assert self.dt is not None
-        loss = max(before - area, 0.0) / before * self.dt / dt if before > 0 else 0.0
+        before, area = taken.areas()
+        loss = max(before - area, 0.0) / before * self.dt / taken.dt if before > 0 else 0.0
         return replace(self, share=float(np.clip(loss / self.target, 0.01, 1.0)))
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """Steps as long as their embedded error allows, for :class:`SuperTime`.
+
+    The error of a step is measured against the way that the surface has come since the start. Noise decays within a few
+    steps, and the errors made on it with it: the first steps are as short as three stages reach (six explicit steps, or two
+    and a half for second order), whatever their error; then they grow.
+
+    :param tolerance: error of a step, root mean square, as a share of the way from the start.
+    :param dt: the first step, squared length; by default what three stages reach. None is shorter.
+    """
+
+    tolerance: float = 0.01
+    dt: float | None = None
+    least: float = 0.0  # settled when a run is opened
+
+    def __post_init__(self) -> None:
+        positive(self.tolerance, "tolerance")
+        if self.dt is not None:
+            positive(self.dt, "dt", "squared length")
+
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "Embedded":
+        """A copy whose first step is settled for this run.
+
+        :raises InputError: for a stepper that does not know its error.
+        """
+        if not isinstance(stepper, Embedding):
+            raise InputError(f"control: the {stepper.name} stepper does not know its error; take Fixed or AreaChange")
+        dt = Fixed(self.dt).opened(flow, stepper, u, until).dt
+        assert dt is not None
+        return replace(self, dt=dt, least=dt)
+
+    def length(self, limit: float) -> float:
+        """The next step, no longer than what is stable now."""
+        assert self.dt is not None
+        return min(self.dt, limit)
+
+    def accepts(self, taken: Taken) -> bool:
+        """A step of at most twice the error allowed, or one that may not be shorter."""
+        excess = self._excess(taken)
+        return excess <= 2.0 or (np.isfinite(excess) and taken.dt <= self.least * (1.0 + 1e-9))
+
+    def after(self, taken: Taken) -> "Embedded":
+        """Longer or shorter by the root of the error over what is allowed, no more than twice as long."""
+        excess = self._excess(taken)
+        factor = 2.0 if excess == 0 else float(np.clip(0.9 / np.sqrt(excess), 0.3, 2.0))
+        if np.isinf(excess):
+            return replace(self, dt=taken.dt * factor, least=min(self.least, taken.dt * factor))
+        return replace(self, dt=max(self.least, taken.dt * factor))
+
+    def _excess(self, taken: Taken) -> float:
+        """The error over what is allowed; where nothing has moved it is rounding, unless the step was not stable at all."""
+        if not taken.error or (np.isfinite(taken.error) and taken.way == 0):
+            return 0.0
+        return taken.error / (self.tolerance * max(taken.way, np.finfo(float).tiny))

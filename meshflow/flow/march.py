@@ -1,15 +1,17 @@
 """The loop: yields states, ends with a reason that reads as a sentence."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import ceil
 
 import numpy as np
 
 from meshflow.errors import NotConverged
-from meshflow.flow.control import AreaChange, Fixed, Until
+from meshflow.flow.contract import Flow
+from meshflow.flow.control import Control, Embedded, Fixed, Until
 from meshflow.flow.progress import Progress, reporting
-from meshflow.flow.rate import Flow
-from meshflow.flow.step import MANY, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.flow.step import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.gates import Array
 
 __all__ = ["State", "march"]
@@ -27,28 +29,71 @@ class State:
     :ivar time: since the start, squared length.
     :ivar dt: length of the step that led here; 0 at the start.
     :ivar step: number of steps taken.
-    :ivar area: of the surface, squared length.
-    :ivar largest: largest displacement of a vertex in this step, length.
     :ivar reason: why the run ended here, a sentence; None where it goes on.
     :ivar stepper: name of the stepper that led here; empty at the start.
+    :ivar error: root mean square of what the step leaves out; None where the stepper does not say.
     """
 
     u: Array
     time: float
     dt: float
     step: int
-    area: float
-    largest: float
     reason: str | None = None
     stepper: str = ""
+    error: float | None = None
+    flow: Flow | None = field(default=None, repr=False)
+    before: Array | None = field(default=None, repr=False)
+
+    @cached_property
+    def area(self) -> float:
+        """Of the surface, squared length; measured when it is first asked for."""
+        assert self.flow is not None
+        return self.flow.area(self.u)
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest displacement of a vertex in this step, in the unit of u; measured when it is first asked for."""
+        if self.before is None:
+            return 0.0
+        assert self.flow is not None
+        return self.flow.size((1.0, self.u), (-1.0, self.before))[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """A step, for its control."""
+
+    old: State
+    new: State
+    flow: Flow
+
+    @property
+    def dt(self) -> float:
+        return self.new.dt
+
+    @property
+    def error(self) -> float | None:
+        return self.new.error
+
+    @property
+    def way(self) -> float:
+        return self._way
+
+    @cached_property
+    def _way(self) -> float:
+        return self.flow.size((1.0, self.new.u), (-1.0, self.flow.start()), roughly=True)[0]
+
+    def areas(self) -> tuple[float, float]:
+        return self.old.area, self.new.area
 
 
 def march(
     flow: Flow,
     until: Until,
     stepper: Stepper | StepperName | None = None,
-    control: Fixed | AreaChange | None = None,
+    control: Control | None = None,
     progress: Progress = None,
+    recycle: bool = False,
 ) -> Iterator[State]:
     """Move from the start to the end, yielding the start and the state after each step; the last one has a reason.
 
@@ -56,43 +101,60 @@ def march(
     shortened; with ``auto``, the implicit stepper takes over where that would take too many steps.
 
     :param stepper: a stepper or its name; :class:`Explicit` by default.
+    :param control: by default :class:`Embedded` for a stepper that knows its error, else :class:`Fixed`.
+    :param recycle: the memory of a state is used again once the next one has been taken: for callers who ask each one at once.
     :raises InputError: for a dt that is not stable at the start.
     :raises NotConverged: when a solver fails, coordinates are no longer finite, or explicit steps have become hopelessly short.
     """
-    control = control or Fixed()
-    u = flow.start()
-    time, step, area = 0.0, 0, flow.area(u)
     changes, stepper = stepper == "auto", stepper_for(stepper or Explicit(), flow, until.time)
-    steps = control.opened(flow, stepper, u, until)
-    yield State(u, time, 0.0, step, area, 0.0, until.reason(time, step))
+    state = State(flow.start(), 0.0, 0.0, 0, until.reason(0.0, 0), flow=flow)
+    control = control or (Embedded() if isinstance(stepper, Embedding) else Fixed())
+    steps = control.opened(flow, stepper, state.u, until)
+    yield state
     with reporting(progress, f"{stepper.name} flow") as report:
-        while until.reason(time, step) is None:
-            limit = stepper.largest(flow, u)
-            if until.time is not None and _too_short(limit, until.time - time, MANY if changes else HOPELESS):
-                stepper = _implicit_instead(changes, step, time, limit)
-                steps = control.opened(flow, stepper, u, Until(time=until.time - time))
-                limit = stepper.largest(flow, u)
-            dt = steps.length(limit)
-            if until.time is not None:
-                dt = min(dt, until.time - time)
-            moved = stepper.step(flow, u, dt, step)
-            largest = float(np.sqrt(np.square(moved - u).sum(axis=1).max(initial=0.0)))
-            if not np.isfinite(largest):
-                raise NotConverged(
-                    f"step {step + 1} of dt {dt:.3g}: the coordinates are no longer finite; take a smaller dt"
-                )
-            before, area = area, flow.area(moved)
-            u, time, step = moved, time + dt, step + 1
-            steps = steps.after(dt, area, before)
-            report(until.share(time, step))
-            yield State(u, time, dt, step, area, largest, until.reason(time, step), stepper.name)
+        while state.reason is None:
+            limit = stepper.largest(flow, state.u)
+            left = np.inf if until.time is None else until.time - state.time
+            most = MANY if changes else HOPELESS
+            if flow.slivers and np.isfinite(left) and limit * most < left * stepper.rates:
+                stepper = _implicit_instead(changes, state, limit)
+                steps = Fixed().opened(flow, stepper, state.u, Until(time=left))
+                limit = stepper.largest(flow, state.u)
+            new, steps = _stepped(flow, state, stepper, steps, limit, left, until)
+            report(until.share(new.time, new.step))
+            yield new
+            if recycle and state.step > 0:
+                flow.done(state.u)
+            state = new
 
 
-def _too_short(limit: float, left: float, most: int) -> bool:
-    return limit * most < left
+def _stepped(
+    flow: Flow, old: State, stepper: Stepper, control: Control, limit: float, left: float, until: Until
+) -> tuple[State, Control]:
+    """The next state that the control accepts, and the control after it."""
+    while True:
+        dt = min(control.length(limit), left)
+        if isinstance(stepper, Embedding) and dt < left < 2 * dt:
+            dt = left / ceil(left / dt)  # two alike instead of one and a rest
+        if isinstance(control, Embedded) and isinstance(stepper, Embedding):
+            u, error = stepper.tried(flow, old.u, dt, old.step)
+        else:
+            u, error = stepper.step(flow, old.u, dt, old.step), None
+        if not np.isfinite(flow.size((1.0, u), (-1.0, old.u), roughly=True)[0]):
+            raise NotConverged(
+                f"step {old.step + 1} of dt {dt:.3g}: the coordinates are no longer finite; take a smaller dt"
+            )
+        time, step = old.time + dt, old.step + 1
+        new = State(u, time, dt, step, until.reason(time, step), stepper.name, error, flow, old.u)
+        taken = _Taken(old, new, flow)
+        kept = control.accepts(taken)
+        control = control.after(taken)
+        if kept:
+            return new, control
+        flow.done(u)
 
 
-def _implicit_instead(changes: bool, step: int, time: float, limit: float) -> Stepper:
+def _implicit_instead(changes: bool, state: State, limit: float) -> Stepper:
     """The implicit stepper, where triangles have become so thin that explicit steps would not arrive.
 
     :raises NotConverged: when the caller asked for explicit steps by name.
@@ -100,6 +162,6 @@ def _implicit_instead(changes: bool, step: int, time: float, limit: float) -> St
     if changes:
         return SemiImplicit()
     raise NotConverged(
-        f"after {step} steps, at time {time:.3g}, triangles have become so thin that explicit steps are at most {limit:.1e} "
-        "long; take stepper='semi-implicit', or stop earlier"
+        f"after {state.step} steps, at time {state.time:.3g}, triangles have become so thin that explicit steps are at "
+        f"most {limit:.1e} long; take stepper='semi-implicit', or stop earlier"
     )

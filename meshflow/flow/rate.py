@@ -1,7 +1,8 @@
-"""The contract of every engine, and the one formula of the flow on explicit triangles."""
+"""The one formula of the flow, on explicit triangles."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -12,43 +13,23 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Axes, Rays, Surface
 
-__all__ = ["Flow", "MeshFlow", "System"]
+__all__ = ["MeshFlow", "MeshSystem"]
 
 
 @dataclass(frozen=True, eq=False)
-class System:
-    """What an implicit step solves: (mass + dt stiffness) change = dt mass rate, symmetric positive definite.
+class MeshSystem:
+    """A system of explicit triangles.
 
-    :ivar mass: (n,), M |d|^2 / s, one where a vertex does not move.
+    :ivar mass: (n,).
     :ivar stiffness: (n, n), L_ij (d_i . d_j); rows and columns of vertices that do not move are zero.
     """
 
     mass: Array
     stiffness: sparse.csr_matrix
 
-
-class Flow(Protocol):
-    """What a stepper asks of an engine. ``turn`` counts the evaluations, for engines whose triangles alternate."""
-
-    def start(self) -> Array:
-        """Free coordinates (n, k) at time zero."""
-        ...
-
-    def rate(self, u: Array, turn: int = 0) -> Array:
-        """du/dt, (n, k)."""
-        ...
-
-    def area(self, u: Array) -> float:
-        """The energy, for step control; squared length."""
-        ...
-
-    def bound(self, u: Array) -> float:
-        """Upper bound of the fastest decay, per time: an explicit step of at most 2 / bound is stable."""
-        ...
-
-    def system(self, u: Array, turn: int = 0) -> System:
-        """Mass and stiffness of the present metric."""
-        ...
+    def matrix(self, dt: float) -> Any:
+        """mass + dt stiffness, (n, n)."""
+        return (sparse.diags(self.mass) + dt * self.stiffness).tocsr()
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +70,12 @@ class MeshFlow:
     :param member: which flow of the family.
     """
 
+    slivers = True
+
     def __init__(self, surface: Surface, member: Member | None = None) -> None:
         self.surface = surface
         self.member = member or Member()
+        self.member.check(along_rays=isinstance(surface.free, Rays))
         n = len(surface.points)
         charts = self._charts(surface)
         if surface.turns:
@@ -132,14 +116,73 @@ class MeshFlow:
         moves = self._moves(inertia)
         return -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
 
+    def advance(
+        self,
+        u: Array,
+        dt: float,
+        turn: int = 0,
+        toward: Sequence[tuple[float, Array]] = (),
+        drift: tuple[float, Array] | None = None,
+        out: Array | None = None,
+    ) -> Array:
+        """u + dt rate(u) + the sum of c (a - u) over ``toward`` + c a of ``drift``, into ``out``."""
+        change = self.rate(u, turn)
+        change *= dt
+        for c, a in toward:
+            change += c * (a - u)
+        if drift is not None:
+            change += drift[0] * drift[1]
+        return np.add(u, change, out=change if out is None else out)
+
+    def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
+        """The sum of c a over ``terms``, (n, k): root mean square of the vertices, and the greatest length."""
+        squares = np.square(sum(c * a for c, a in terms)).sum(axis=1)
+        return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max(initial=0.0)))
+
+    def spare(self) -> Array:
+        """An array (n, k) to write to."""
+        return np.empty(self.surface.start.shape)
+
+    def done(self, array: Array) -> None:
+        """Nothing: the memory of a mesh is not the limit."""
+
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
         x = self._moving(u)
-        total = sum(float(operator.cotangents(x, s.connectivity.faces, s.forms)[1].sum()) for s in self._sheets)
+        total = sum(float(self._measured(s, x).area.sum()) for s in self._sheets)
         return total / len(self.surface.sheets)
 
     def bound(self, u: Array) -> float:
-        """max over triangles of lambda_max(M_T^-1 L_T) times the largest factor of time at its corners; per time."""
+        """max over triangles of lambda_max(M_T^-1 L_T) times the largest factor of time at its corners; per time.
+
+        One channel over charts moves along the gradient of its area, whose second derivatives are at most those of the flat
+        Dirichlet energy, whatever the sharpness: the bound of the flat triangles holds as well, times what M / s is less than the
+        flat mass.
+        """
+        dynamic, m = self._dynamic_bound(u), self.member
+        alone = isinstance(self.surface.free, Axes) and len(self.surface.free.columns) == 1
+        if not alone or m.mass == "voronoi" or (m.gamma < 0 and m.indicator == "projection"):
+            return dynamic
+        flat = 0.0
+        for sheet in self._sheets:
+            if sheet.flat is None:
+                return dynamic
+            bounds = operator.rate_bound(*operator.form_cotangents(sheet.forms), m.mass)
+            lighter = 1.0 if m.gamma >= -1 else self._lightening(sheet, self._moving(u))
+            flat = max(flat, float(bounds.max(initial=0.0)) * lighter)
+        return min(dynamic, flat)
+
+    def _lightening(self, sheet: _Sheet, x: Array) -> float:
+        """The flat mass over M / s where that is greatest."""
+        metric = self._measured(sheet, x)
+        speed = self._speed(sheet, x, metric, None)
+        assert speed is not None
+        assert sheet.flat is not None
+        whole = 3.0 if self.member.mass == "ring" else 1.0
+        lighter = np.divide(whole * sheet.flat * speed, metric.mass, out=np.ones_like(speed), where=metric.mass > 0)
+        return float(lighter.max(initial=1.0))
+
+    def _dynamic_bound(self, u: Array) -> float:
         x, fastest = self._moving(u), 0.0
         for sheet in self._sheets:
             metric = self._measured(sheet, x)
@@ -150,7 +193,7 @@ class MeshFlow:
             fastest = max(fastest, float(bounds.max(initial=0.0)))
         return fastest
 
-    def system(self, u: Array, turn: int = 0) -> System:
+    def system(self, u: Array, turn: int = 0) -> MeshSystem:
         """Mass and stiffness of the surface at u, for implicit steps."""
         sheet = self._sheets[turn % len(self._sheets)]
         x = self._moving(u)
@@ -161,14 +204,14 @@ class MeshFlow:
         stiffness = operator.fill_stiffness(sheet.connectivity, metric.cot, rays)
         rows = np.repeat(moves, np.diff(stiffness.indptr))
         stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
-        return System(np.where(moves, inertia, 1.0), stiffness)
+        return MeshSystem(np.where(moves, inertia, 1.0), stiffness)
 
     def _moving(self, u: Array) -> Array:
         """Coordinates in which triangles are measured by points: the free ones, or all where the free ones are rays."""
         return self.surface.points_at(u) if isinstance(self.surface.free, Rays) else np.ascontiguousarray(u)
 
     def _measured(self, sheet: _Sheet, x: Array) -> _Metric:
-        cot, area = operator.cotangents(x, sheet.connectivity.faces, sheet.forms)
+        cot, area = operator.cotangents(x, sheet.connectivity.faces, sheet.forms, self.member.sharpness)
         return _Metric(cot, area, operator.gather_mass(sheet.connectivity, cot, area, self.member.mass))
 
     def _along(self, gradient: Array) -> Array:
@@ -203,15 +246,17 @@ class MeshFlow:
 
     def _expansion(self, sheet: _Sheet, x: Array, metric: _Metric) -> Array:
         """1/W (3): area across the free directions over true area, of the triangles around each vertex (n,)."""
+        least = 0.0
         if isinstance(self.surface.free, Rays):
             flat = operator.gather_seen(sheet.connectivity, x, self.surface.free.directions) / 3.0
+            # A vertex seen exactly edge-on has no footprint at all; it must not divide by zero where gamma < 0.
+            least = 1e-6
         else:
             assert sheet.flat is not None
             flat = sheet.flat
         true = operator.gather_mass(sheet.connectivity, metric.cot, metric.area, "barycentric")
-        ratio = np.divide(flat, true, out=np.ones_like(true), where=true > 0)
-        # A vertex seen exactly edge-on has no footprint at all; it must not divide by zero where gamma < 0.
-        return np.clip(ratio, 1e-6, 1.0)
+        ratio = np.divide(flat, true, out=np.ones_like(true), where=(true > 0) & (flat > 0))
+        return np.clip(ratio, least, 1.0)
 
     def _projection(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array:
         """|PB| / |B| (10), at least the floor; 1 where the surface is flat and the ratio 0/0."""

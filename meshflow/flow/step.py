@@ -1,22 +1,27 @@
-"""One step in time: explicit Euler and semi-implicit Euler."""
+"""One step in time: explicit Euler, semi-implicit Euler, super-time-stepping."""
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
-import scipy.sparse as sparse
 
-from meshflow.errors import InputError
-from meshflow.flow.rate import Flow
+from meshflow.errors import InputError, NotConverged
+from meshflow.flow.contract import Flow, MatrixFree, System
+from meshflow.flow.rkl import reach, schedule, stages
 from meshflow.flow.solve import Method, solve
 from meshflow.geometry.gates import Array, positive
 
-__all__ = ["MANY", "Explicit", "SemiImplicit", "Stepper", "StepperName", "stepper_for"]
+__all__ = ["FEW", "MANY", "Embedding", "Explicit", "SemiImplicit", "Stepper", "StepperName", "SuperTime", "stepper_for"]
 
-StepperName = Literal["auto", "explicit", "semi-implicit"]
+StepperName = Literal["auto", "explicit", "semi-implicit", "super-time"]
+STEPPERS = ("auto", "explicit", "semi-implicit", "super-time")
 
 # An explicit run of more steps than this costs more than ten linear solves.
 MANY = 400
+# Explicit steps that three stages of super-time-stepping reach: below that there is nothing to win.
+FEW = 6
+# How much more than at its start the bound may be at the end of a step: it is itself above the fastest decay by as much.
+SLACK = 1.25
 
 
 class Stepper(Protocol):
@@ -24,12 +29,31 @@ class Stepper(Protocol):
 
     name: str
 
+    @property
+    def rates(self) -> int:
+        """How many rates the largest step takes."""
+        ...
+
     def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
-        """The free coordinates (n, k) after time dt."""
+        """The free coordinates (n, k) after time dt, new or from ``flow.spare()``."""
         ...
 
     def largest(self, flow: Flow, u: Array) -> float:
         """The largest step that is stable at u; infinite where every step is."""
+        ...
+
+
+@runtime_checkable
+class Embedding(Stepper, Protocol):
+    """A stepper that knows its error."""
+
+    @property
+    def few(self) -> float:
+        """How many explicit steps the shortest step is worth."""
+        ...
+
+    def tried(self, flow: Flow, u: Array, dt: float, turn: int) -> tuple[Array, float]:
+        """A step, and the root mean square of what it leaves out."""
         ...
 
 
@@ -38,10 +62,11 @@ class Explicit:
     """u + dt rate(u): first order, stable for dt <= 2 / bound (h^2 / 6 on a grid of spacing h, whatever its data)."""
 
     name = "explicit"
+    rates = 1
 
     def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
         """The free coordinates (n, k) after time dt."""
-        return u + dt * flow.rate(u, turn)
+        return flow.advance(u, dt, turn, out=flow.spare())
 
     def largest(self, flow: Flow, u: Array) -> float:
         """2 / bound of the triangles as they are at u."""
@@ -50,18 +75,96 @@ class Explicit:
 
 
 @dataclass(frozen=True)
+class SuperTime:
+    """Super-time-stepping, Runge-Kutta-Legendre (Meyer, Balsara, Aslam 2014): s rates reach s^2 / 2 explicit steps.
+
+    As many stages as the step needs, each the metric of its own; three arrays beside u, and for second order four.
+
+    :param order: 1, or 2, whose stages reach half as far.
+    :param stages: the most that a step may have.
+    """
+
+    order: Literal[1, 2] = 1
+    stages: int = 50
+    name = "super-time"
+
+    def __post_init__(self) -> None:
+        if self.order not in (1, 2):
+            raise InputError(f"order: 1 or 2 expected, got {self.order!r}")
+        if int(self.stages) != self.stages or self.stages < 3:
+            raise InputError(f"stages: a whole number, 3 or more, expected, got {self.stages}")
+
+    @property
+    def rates(self) -> int:
+        """The most stages."""
+        return self.stages
+
+    @property
+    def few(self) -> float:
+        """What three stages reach."""
+        return reach(self.order, 3)
+
+    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+        """The free coordinates (n, k) after time dt."""
+        last, *spent = self._stages(flow, u, dt, turn, self._count(flow, u, dt))
+        for array in spent:
+            flow.done(array)
+        return last
+
+    def tried(self, flow: Flow, u: Array, dt: float, turn: int) -> tuple[Array, float]:
+        """A step, and the root mean square of what it leaves out, to its own order.
+
+        Infinite where triangles have become so thin on the way that its stages were not stable.
+        """
+        count = self._count(flow, u, dt)
+        last, before, *drift = self._stages(flow, u, dt, turn, count)
+        of_last, of_before, of_start, of_rate = schedule(self.order, count).error
+        terms = [(of_last, last), (of_before, before), (of_start, u), *((of_rate * dt, rate) for rate in drift)]
+        stable = SLACK * Explicit().largest(flow, last) * reach(self.order, count) >= dt
+        error = flow.size(*terms, roughly=True)[0] if stable else np.inf
+        for array in (before, *drift):
+            flow.done(array)
+        return last, error
+
+    def largest(self, flow: Flow, u: Array) -> float:
+        """What the most stages reach, of explicit steps as they are stable at u."""
+        return Explicit().largest(flow, u) * reach(self.order, self.stages)
+
+    def _count(self, flow: Flow, u: Array, dt: float) -> int:
+        """Stages of a step, enough to compare the last with the one before."""
+        return max(self.order + 1, stages(self.order, dt / Explicit().largest(flow, u)))
+
+    def _stages(self, flow: Flow, u: Array, dt: float, turn: int, count: int) -> tuple[Array, ...]:
+        """The last stage, the one before it, and for second order the rate at u."""
+        plan = schedule(self.order, count)
+        drift = (flow.rate(u, turn),) if self.order == 2 else ()
+        if drift:
+            last = flow.advance(u, 0.0, turn, (), (plan.first * dt, drift[0]), flow.spare())
+        else:
+            last = flow.advance(u, plan.first * dt, turn, out=flow.spare())
+        before = u
+        for j, (back, home, rate, begin) in enumerate(zip(plan.back, plan.home, plan.rate, plan.begin, strict=True), 1):
+            out = flow.spare() if before is u else before
+            toward = ((back, before), (home, u)) if drift else ((back, before),)
+            more = (begin * dt, drift[0]) if drift else None
+            before, last = last, flow.advance(last, rate * dt, turn + j, toward, more, out)
+        return (last, before, *drift)
+
+
+@dataclass(frozen=True)
 class SemiImplicit:
     """(M / s + dt L) (u+ - u) = dt (M / s) rate(u): metric of now, positions of the end [DMSB99]; stable for every dt.
 
     Solved for the change, so that what rests, rests to the last bit; corrections of the boundary are lagged in the rate.
 
-    :param solver: ``auto | direct | cg | multigrid``.
+    :param solver: ``auto | direct | cg | multigrid``; on grids ``auto`` and ``cg`` need no matrix.
     :param tolerance: relative residual of the change.
     """
 
     solver: Method = "auto"
     tolerance: float = 1e-9
     name = "semi-implicit"
+    rates = 1
 
     def __post_init__(self) -> None:
         if self.solver not in ("auto", "direct", "cg", "multigrid"):
@@ -71,29 +174,42 @@ class SemiImplicit:
     def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
         """The free coordinates (n, k) after time dt."""
         rate = flow.rate(u, turn)
+        out = flow.spare()
         if not rate.any():
-            return u.copy()
+            out[:] = u
+            return out
         system = flow.system(u, turn)
-        matrix = (sparse.diags(system.mass) + dt * system.stiffness).tocsr()
-        right = dt * system.mass[:, None] * rate
-        guess = right / matrix.diagonal()[:, None]
-        return u + solve(matrix, right, guess, self.solver, self.tolerance)
+        change = self._solved(system, dt, dt * system.mass[:, None] * rate)
+        return np.add(u, change, out=out, casting="same_kind")
 
     def largest(self, flow: Flow, u: Array) -> float:
         """Infinite: every step lowers the Dirichlet energy of the present metric."""
         return np.inf
 
+    def _solved(self, system: System, dt: float, right: Array) -> Array:
+        if self.solver in ("auto", "cg") and isinstance(system, MatrixFree):
+            try:
+                return system.conjugate_gradients(dt, right, self.tolerance)
+            except NotConverged:
+                if self.solver == "cg":
+                    raise
+        matrix = system.matrix(dt)
+        return solve(matrix, right, right / matrix.diagonal()[:, None], self.solver, self.tolerance)
+
 
 def stepper_for(word: Stepper | StepperName, flow: Flow, time: float | None) -> Stepper:
-    """The stepper of a name; ``auto`` takes the explicit one unless slivers or cliffs would make its steps too many.
+    """The stepper of a name; ``auto`` takes the one that suits.
+
+    Explicit steps where they are few, super-time-stepping where it saves some, and the semi-implicit stepper where slivers of a
+    mesh would make even those too many.
 
     :raises InputError: for an unknown word.
     """
     if not isinstance(word, str):
         return word
+    if word not in STEPPERS:
+        raise InputError(f"stepper: {', '.join(STEPPERS)} expected, got {word!r}")
     if word == "auto":
-        steps = np.inf if time is None else time * flow.bound(flow.start()) / 2.0
-        return SemiImplicit() if time is not None and steps > MANY else Explicit()
-    if word not in ("explicit", "semi-implicit"):
-        raise InputError(f"stepper: auto, explicit or semi-implicit expected, got {word!r}")
-    return Explicit() if word == "explicit" else SemiImplicit()
+        steps = 0.0 if time is None else time * flow.bound(flow.start()) / 2.0
+        word = "explicit" if steps <= FEW else "semi-implicit" if flow.slivers and steps > MANY else "super-time"
+    return {"explicit": Explicit(), "semi-implicit": SemiImplicit(), "super-time": SuperTime()}[word]
