@@ -1,0 +1,1 @@
+"""The same rate, faster, where points sit on a grid."""

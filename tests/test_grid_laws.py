@@ -1,0 +1,298 @@
+"""What holds for the grid engine alone: tiles, threads, precision, memory of others, odd grids, and being stopped."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+
+import meshflow
+from meshflow.errors import InputError
+from meshflow.flow.control import Fixed, Until
+from meshflow.flow.march import march
+from meshflow.flow.rate import MeshFlow
+from meshflow.flow.step import Explicit, SemiImplicit, SuperTime
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.lift import HeightField, Image, Lift, RangeImage
+from meshflow.geometry.member import Member
+from meshflow.grid.rate import GridFlow
+
+CAMERA = Pinhole(120, 120, 70.3, 55.1)
+RNG = np.random.default_rng(0)
+
+
+def nouns(h=90, w=140, dtype=np.float64, seed=0):
+    """One channel, three, and depth, with ragged holes."""
+    rng = np.random.default_rng(seed)
+    missing = rng.random((h, w)) < 0.02
+    missing[h // 3 : h // 2, w // 4 : w // 2] |= rng.random((h // 2 - h // 3, w // 2 - w // 4)) < 0.8
+    x, y = CAMERA.spread((h, w))
+    depth = 2 / (1 + 0.3 * x[None] - 0.2 * y[:, None]) + 0.004 * rng.normal(size=(h, w))
+    waves = 5 * np.sin(np.arange(h) / 9)[:, None] * np.cos(np.arange(w) / 7)
+    return {
+        "one": HeightField((waves + rng.normal(size=(h, w))).astype(dtype), (1.3, 0.8), missing),
+        "rows": HeightField((waves + rng.normal(size=(h, w))).astype(dtype), (np.linspace(1, 1.4, h), 0.8), missing),
+        "three": Image((waves[..., None] + rng.normal(size=(h, w, 3))).astype(dtype), missing=missing),
+        "range": RangeImage(depth.astype(dtype), CAMERA, missing),
+    }
+
+
+KINDS = ("one", "rows", "three", "range")
+
+
+def run(noun, steps=6, dt=0.02, threads=None, member=None, stepper=None):
+    flow = GridFlow(noun.gridded(Lift()), member or Member(), threads)
+    *_, last = march(flow, Until(steps=steps), stepper or Explicit(), Fixed(dt))
+    return flow.planes(last.u)
+
+
+# --- one grid, many ways to walk it ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("kind", ["one", "rows", "three"])
+@pytest.mark.parametrize("gamma", [0.0, -1.0, 1.0])
+def test_tiles_with_a_halo_of_n_equal_the_whole_bit_for_bit_after_n_steps(kind, dtype, gamma):
+    noun, steps, member = nouns(dtype=dtype)[kind], 6, Member(gamma=gamma, sharpness=1.5 if gamma == -1 else 1.0)
+    dt = 0.001 if kind == "three" else 0.02
+    whole = run(noun, steps, dt, member=member)
+    for top, left, height, width in ((0, 0, 40, 60), (33, 41, 40, 60), (51, 80, 39, 60), (20, 7, 1, 1)):
+        rows = slice(max(top - steps, 0), min(top + height + steps, 90))
+        columns = slice(max(left - steps, 0), min(left + width + steps, 140))
+        values = noun.values if kind == "three" else noun.z
+        spacing = (noun.spacing[0][rows], noun.spacing[1]) if kind == "rows" else noun.spacing
+        part = type(noun)(values[rows, columns], spacing, noun.missing[rows, columns])
+        tile = run(part, steps, dt, member=member)
+        inside = tile[
+            :,
+            top - rows.start : top - rows.start + height,
+            left - columns.start : left - columns.start + width,
+        ]
+        assert inside.tobytes() == whole[:, top : top + height, left : left + width].tobytes()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("stepper", [Explicit(), SuperTime(), SuperTime(2), SemiImplicit("cg")], ids=lambda s: s.name)
+def test_results_do_not_depend_on_the_number_of_threads(kind, stepper):
+    noun = nouns(h=240, w=300)[kind]  # several bands
+    results = [run(noun, 2, 0.02, threads, stepper=stepper).tobytes() for threads in (1, 2, 5)]
+    assert results[0] == results[1] == results[2]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("diagonals", ["both", "alternate"])
+def test_a_run_on_the_grid_is_the_run_on_its_triangles(kind, diagonals):
+    noun = nouns(20, 24)[kind]
+    lift = Lift(diagonals=diagonals)
+    grid, mesh = GridFlow(noun.gridded(lift), Member(gamma=1.0)), MeshFlow(noun.lifted(lift), Member(gamma=1.0))
+    for stepper, dt in ((Explicit(), 0.05), (SuperTime(), 0.3), (SuperTime(2), 0.3), (SemiImplicit("direct"), 0.5)):
+        ends = [list(march(flow, Until(steps=5), stepper, Fixed(dt)))[-1] for flow in (grid, mesh)]
+        way = np.abs(ends[1].u - mesh.start()).max()
+        assert np.abs(ends[0].u - ends[1].u).max() < 1e-11 * max(way, 1.0)
+        assert ends[0].area == pytest.approx(ends[1].area, rel=1e-12)
+        assert ends[0].largest == pytest.approx(ends[1].largest, rel=1e-8)
+
+
+# Stated in README: single precision keeps six digits of the way that a sample goes, of its value what float32 holds.
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("gamma", [0.0, -1.0, 1.0])
+def test_single_precision_is_within_its_bound_of_double_precision(kind, gamma):
+    single, double = nouns(dtype=np.float32)[kind], nouns(dtype=np.float64)[kind]
+    values = {"three": "values", "range": "depth"}.get(kind, "z")
+    exact = type(double)(
+        getattr(single, values).astype(np.float64), *([CAMERA] if kind == "range" else [double.spacing]), double.missing
+    )
+    member = Member(gamma=gamma)
+    dt = 0.001 if kind == "three" else 0.02
+    ours, truth = run(single, 20, dt, member=member), run(exact, 20, dt, member=member)
+    start = np.where(exact.missing, 0, np.moveaxis(np.atleast_3d(getattr(exact, values)), 2, 0))
+    assert ours.dtype == np.float32
+    bound = 3e-6 * np.abs(truth - start).max() + 20 * np.finfo(np.float32).eps * np.abs(start).max()
+    worst = np.abs(ours - truth).max()
+    assert worst < bound, f"{worst:.2e} against {bound:.2e}"
+
+
+def test_slopes_too_steep_for_single_precision_are_measured_in_double():
+    z = (1e25 * RNG.normal(size=(12, 12))).astype(np.float32)
+    flow = GridFlow(HeightField(z).gridded(Lift()))
+    assert flow.dtype == np.float64
+    smoothed = meshflow.smooth(z, contrast=1e-25)
+    assert smoothed.dtype == np.float32
+    assert np.isfinite(smoothed).all()
+    assert np.ptp(smoothed) < np.ptp(z)
+    assert GridFlow(HeightField(np.float32(1e25) * np.ones((3, 3), np.float32)).gridded(Lift())).dtype == np.float64
+
+
+def test_slopes_whose_powers_no_number_holds_are_refused():
+    z = 1e160 * RNG.normal(size=(5, 5))
+    with pytest.raises(InputError, match=r"powers of such slopes do not fit .* scale the data"):
+        GridFlow(HeightField(z).gridded(Lift()))
+    with pytest.raises(InputError, match="do not fit into double precision"):
+        GridFlow(HeightField(RNG.normal(size=(5, 5)), 1e-200).gridded(Lift()))
+
+
+# --- what rests and what is kept --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stepper", [Explicit(), SuperTime(), SuperTime(2), SemiImplicit("cg")], ids=lambda s: s.name)
+@pytest.mark.parametrize("member", [Member(), Member(1.0), Member(-1.0, 1.5), Member(-2.0)], ids=str)
+def test_tilted_planes_with_ragged_holes_rest_and_what_is_held_keeps_its_bits(stepper, member):
+    rows, columns = np.mgrid[0:40, 0:50]
+    plane = 3.0 + 0.7 * columns - 0.4 * rows
+    noun = nouns(40, 50)["one"]
+    moved = run(HeightField(plane, (1.3, 0.8), noun.missing), 5, 0.02, member=member, stepper=stepper)[0]
+    assert np.abs(moved - plane)[~noun.missing].max() < 1e-12 * np.abs(plane).max()
+    fixed = RNG.random(noun.missing.shape) < 0.2
+    noun = HeightField(noun.z, noun.spacing, noun.missing, fixed)
+    moved = run(noun, 5, 0.02, member=member, stepper=stepper)[0]
+    assert (moved[fixed & ~noun.missing] == noun.z[fixed & ~noun.missing]).all()
+    assert (moved[~fixed & ~noun.missing] != noun.z[~fixed & ~noun.missing]).mean() > 0.9
+
+
+def test_planes_seen_by_a_camera_rest_in_single_precision_too():
+    x, y = CAMERA.spread((40, 50))
+    depth = (2 / (1 + 0.5 * x[None] - 0.3 * y[:, None])).astype(np.float32)
+    moved = run(RangeImage(depth, CAMERA), 20, 0.1)[0]
+    assert np.abs(moved - depth).max() < 1e-5 * depth.max()
+
+
+def test_a_single_island_stays():
+    z = np.full((7, 9), np.nan)
+    z[3, 4] = 5.0
+    z[0:2, 0:2] = [[0.0, 1.0], [2.0, 4.0]]
+    smoothed = meshflow.smooth(z, contrast=1.0)
+    assert smoothed[3, 4] == 5.0
+    assert (np.isnan(smoothed) == np.isnan(z)).all()
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (2, 9), (9, 2), (3, 3), (2, 700), (700, 2), (4, 1030)])
+@pytest.mark.parametrize("diagonals", ["forward", "alternate", "both"])
+def test_the_smallest_grids_are_smoothed_as_their_triangles_are(shape, diagonals):
+    noun = HeightField(RNG.normal(size=shape))
+    for boundary in ("natural", "linear", "fixed"):
+        lift = Lift(1.0, diagonals, boundary)
+        grid, mesh = GridFlow(noun.gridded(lift)), MeshFlow(noun.lifted(lift))
+        for turn in (0, 1):
+            assert np.allclose(grid.rate(grid.start(), turn), mesh.rate(mesh.start(), turn), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: np.zeros((1, 9)), "at least 2 x 2 samples"),
+        (lambda: np.zeros((9, 1)), "at least 2 x 2 samples"),
+        (lambda: np.full((4, 4), np.nan), "all 16 samples are missing"),
+        (lambda: np.zeros((4, 4, 0)), "empty|at least one channel"),
+    ],
+)
+def test_grids_without_a_triangle_are_refused(make, words):
+    with pytest.raises(InputError, match=words):
+        meshflow.smooth(make())
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_the_order_of_the_callers_memory_changes_nothing_and_it_keeps_its_bytes(dtype):
+    z = RNG.normal(size=(30, 41)).astype(dtype)
+    truth = meshflow.smooth(z, contrast=0.7)
+    wide = np.zeros((60, 123), dtype)
+    wide[::2, ::3] = z
+    frozen = z.copy()
+    frozen.flags.writeable = False
+    for same in (np.asfortranarray(z), wide[::2, ::3], frozen, z.astype(z.dtype.newbyteorder()), z[::-1][::-1]):
+        before = same.tobytes()
+        assert meshflow.smooth(same, contrast=0.7).tobytes() == truth.tobytes()
+        assert same.tobytes() == before
+    still = meshflow.smooth(z, steps=0)
+    assert still.tobytes() == z.tobytes()
+    assert not np.shares_memory(still, z)
+    still[:] = 0  # and may be written to
+
+
+def test_states_of_a_run_stay_as_they_were_unless_their_memory_is_recycled():
+    flow = GridFlow(nouns()["one"].gridded(Lift()))
+    kept = list(march(flow, Until(time=3.0), SuperTime(), Fixed(0.5)))
+    copies = [state.u.copy() for state in march(flow, Until(time=3.0), SuperTime(), Fixed(0.5), recycle=True)]
+    assert all((state.u == copy).all() for state, copy in zip(kept, copies, strict=True))
+
+
+def test_the_memory_of_a_run_is_at_most_four_more_of_the_array():
+    code = """
+        import resource, sys
+        import numpy as np, meshflow
+        meshflow.smooth(np.random.default_rng(0).normal(size=(64, 64)).astype(np.float32))  # compiled, imported
+        n = int(sys.argv[1])
+        z = np.random.default_rng(0).standard_normal((n, n), np.float32)
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        smoothed = meshflow.smooth(z)
+        print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / z.nbytes)
+    """
+    found = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code), "5000"], capture_output=True, text=True, check=True
+    )
+    assert float(found.stdout) <= 4.0, f"{found.stdout} of the array's size"
+
+
+# --- beside the machine -----------------------------------------------------------------------------------------------
+
+
+def test_without_numba_the_same_is_computed(tmp_path):
+    code = """
+        import sys
+        import numpy as np
+        sys.path.insert(0, sys.argv[2])
+        from test_grid_laws import KINDS, nouns, run
+        from meshflow.flow.step import SemiImplicit, SuperTime
+        from meshflow.geometry.member import Member
+        results = {}
+        for kind in KINDS:
+            noun = nouns(9, 11)[kind]
+            for i, member in enumerate((Member(), Member(1.0), Member(-1.0, 1.0 if kind == "range" else 1.5), Member(0.3),
+                                        Member(1.0, 1.0, "projection", "voronoi"))):
+                results[f"{kind} {i}"] = run(noun, 2, 0.001, member=member)
+            results[f"{kind} super"] = run(noun, 1, 0.05, stepper=SuperTime())
+            results[f"{kind} cg"] = run(noun, 1, 0.1, stepper=SemiImplicit("cg"))
+        np.savez(sys.argv[1], **results)
+    """
+    found = {}
+    for disabled in ("0", "1"):
+        path = tmp_path / f"{disabled}.npz"
+        subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", textwrap.dedent(code), str(path), os.path.dirname(__file__)],
+            env={**os.environ, "NUMBA_DISABLE_JIT": disabled},
+            check=True,
+        )
+        found[disabled] = np.load(path)
+    assert len(found["0"].files) == 28
+    for name in found["0"].files:
+        assert np.allclose(found["0"][name], found["1"][name], rtol=1e-12, atol=1e-12), name
+
+
+def test_ctrl_c_stops_a_long_run_within_a_second_and_leaves_the_array_as_it_was():
+    code = """
+        import sys, time
+        import numpy as np, meshflow
+        meshflow.smooth(np.random.default_rng(0).normal(size=(64, 64)))  # compiled
+        z = np.random.default_rng(0).normal(size=(3000, 3000))
+        copy = z.copy()
+        print("begun", flush=True)
+        try:
+            meshflow.smooth(z, time=1e5, stepper="explicit")
+        except KeyboardInterrupt:
+            print("stopped", (z == copy).all(), flush=True)
+    """
+    process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline().strip() == "begun"
+        time.sleep(1.5)
+        process.send_signal(signal.SIGINT)
+        asked = time.monotonic()
+        assert process.stdout.readline().strip() == "stopped True"
+        heard = time.monotonic() - asked
+        process.wait(30)
+    finally:
+        process.kill()
+    assert heard < 10, f"{heard:.1f} s"  # a second on a quiet machine; the wait is for a busy one
