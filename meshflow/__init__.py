@@ -8,27 +8,29 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
-    from meshflow.flow.control import AreaChange, Fixed, Until
+    from meshflow.flow.control import AreaChange, Embedded, Fixed, Until
     from meshflow.flow.march import State, march
     from meshflow.flow.rate import MeshFlow
-    from meshflow.flow.step import Explicit, SemiImplicit
+    from meshflow.flow.step import Explicit, SemiImplicit, SuperTime
     from meshflow.geometry.camera import Pinhole
     from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
     from meshflow.geometry.member import Member
     from meshflow.geometry.surface import Axes, Rays, Surface
+    from meshflow.grid.rate import GridFlow
     from meshflow.io.files import Document, read, write
     from meshflow.smoothing import smooth
 
 _HOMES = {
     "errors": ("FormatError", "InputError", "MissingPackage", "NotConverged"),
-    "flow.control": ("AreaChange", "Fixed", "Until"),
+    "flow.control": ("AreaChange", "Embedded", "Fixed", "Until"),
     "flow.march": ("State", "march"),
     "flow.rate": ("MeshFlow",),
-    "flow.step": ("Explicit", "SemiImplicit"),
+    "flow.step": ("Explicit", "SemiImplicit", "SuperTime"),
     "geometry.camera": ("Pinhole",),
     "geometry.lift": ("HeightField", "Image", "Lift", "Mesh", "RangeImage"),
     "geometry.member": ("Member",),
     "geometry.surface": ("Axes", "Rays", "Surface"),
+    "grid.rate": ("GridFlow",),
     "io.files": ("Document", "read", "write"),
     "smoothing": ("smooth",),
 }

@@ -107,8 +107,18 @@ MassOption = Annotated[
     Literal["barycentric", "voronoi", "ring"],
     _option(FLOW, "Area of a vertex; with ring, as in the paper, time runs three times slower."),
 ]
-StepperOption = Annotated[Literal["auto", "explicit", "semi-implicit"], _option(FLOW, "How time is stepped.")]
-Dt = Annotated[float | None, _option(FLOW, "Length of a step, squared length. Default: the largest stable one.")]
+Sharpness = Annotated[
+    float,
+    _option(
+        FLOW,
+        "Above 1: less flux across edges; 2 with --gamma -1 is Perona and Malik. Not for depth, nor for points.",
+    ),
+]
+StepperOption = Annotated[
+    Literal["auto", "explicit", "super-time", "semi-implicit"], _option(FLOW, "How time is stepped.")
+]
+Dt = Annotated[float | None, _option(FLOW, "Length of a step, squared length. Default: what suits the stepper.")]
+Threads = Annotated[int | None, _option(FLOW, "Threads for grids. Default: NUMBA_NUM_THREADS, or one for each core.")]
 Picture = Annotated[Path | None, _option(OUTPUT, "A picture of before, after and the difference (.png).")]
 Dtype = Annotated[
     str | None, _option(OUTPUT, "Number type of a raster or picture; 'source' rounds back to whole numbers.")
@@ -126,6 +136,7 @@ def smooth(
     scale: Scale = None,
     steps: Steps = None,
     gamma: Gamma = 0.0,
+    sharpness: Sharpness = 1.0,
     contrast: Contrast = None,
     boundary: BoundaryOption = None,
     diagonals: DiagonalsOption = "alternate",
@@ -133,6 +144,7 @@ def smooth(
     mass: MassOption = "barycentric",
     stepper: StepperOption = "auto",
     dt: Dt = None,
+    threads: Threads = None,
     kind: KindOption = None,
     camera: Camera = None,
     depth_scale: DepthScale = None,
@@ -148,21 +160,10 @@ def smooth(
     json: Json = False,
 ) -> None:
     """Smooth IN and write the same kind of thing to OUT."""
+    given = locals()
     from meshflow.smoothing import Settings, smooth_noun
 
-    settings = Settings(
-        time=time,
-        scale=scale,
-        steps=steps,
-        gamma=gamma,
-        contrast=contrast,
-        indicator=indicator,
-        mass=mass,
-        boundary=boundary,
-        diagonals=diagonals,
-        stepper=stepper,
-        dt=dt,
-    )
+    settings = Settings(**{name: given[name] for name in Settings.__dataclass_fields__ if name in given})
     document = _opened(source, kind, camera, depth_scale, band, nodata, spacing, channels, moves)
     _must_be_writable(document, target, picture, overwrite)
     outcome = smooth_noun(document.noun, settings, progress=None if quiet else True)

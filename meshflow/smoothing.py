@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.flow.control import AreaChange, Fixed, Until
+from meshflow.flow.control import AreaChange, Control, Embedded, Fixed, Until
 from meshflow.flow.march import State, march
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
@@ -18,6 +18,7 @@ from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeIm
 from meshflow.geometry.member import Indicator, Member
 from meshflow.geometry.surface import Boundary
 from meshflow.geometry.triangulate import Diagonals
+from meshflow.grid.rate import GridFlow
 from meshflow.io.adopt import adopt
 
 __all__ = ["Outcome", "Settings", "noise", "smooth", "smooth_noun"]
@@ -40,6 +41,7 @@ class Settings:
         is scale^2 / 2.
     :param steps: instead of, or beside ``time``: the number of steps.
     :param gamma: exponent of the edge indicator; 0 is the Beltrami flow, above 0 keeps edges more. See :class:`Member`.
+    :param sharpness: above 1 keeps edges more by the flux across them; 2 with gamma -1 is Perona and Malik. See :class:`Member`.
     :param contrast: length per unit of the value; by default 1.5 h / sigma, h the sample distance, sigma the noise found, and 1
         for range images and where the points of a mesh move alone.
     :param indicator: ``metric | projection``.
@@ -47,9 +49,10 @@ class Settings:
     :param boundary: ``natural | linear | fixed``; by default linear for height fields, range images and meshes, natural for
         images.
     :param diagonals: of a grid's cells, ``forward | backward | both | alternate``.
-    :param stepper: ``auto | explicit | semi-implicit``, or a stepper with options of its own.
-    :param dt: length of a step, squared length; by default the largest stable one.
-    :param control: :class:`Fixed` or :class:`AreaChange`, instead of ``dt``.
+    :param stepper: ``auto | explicit | super-time | semi-implicit``, or a stepper with options of its own.
+    :param dt: length of a step, squared length; by default what suits the stepper.
+    :param control: :class:`Fixed`, :class:`AreaChange` or :class:`Embedded`, instead of ``dt``.
+    :param threads: for grids; by default as many as numba uses.
     :raises InputError: for options that exclude each other or make no sense.
     """
 
@@ -57,6 +60,7 @@ class Settings:
     scale: float | None = None
     steps: int | None = None
     gamma: float = 0.0
+    sharpness: float = 1.0
     contrast: float | None = None
     indicator: Indicator = "metric"
     mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
@@ -64,7 +68,8 @@ class Settings:
     diagonals: Diagonals = "alternate"
     stepper: Stepper | StepperName = "auto"
     dt: float | None = None
-    control: Fixed | AreaChange | None = None
+    control: Fixed | AreaChange | Embedded | None = None
+    threads: int | None = None
 
     def __post_init__(self) -> None:
         if self.time is not None and self.scale is not None:
@@ -76,7 +81,7 @@ class Settings:
 
     def member(self) -> Member:
         """The member of the family."""
-        return Member(gamma=self.gamma, indicator=self.indicator, mass=self.mass)
+        return Member(gamma=self.gamma, sharpness=self.sharpness, indicator=self.indicator, mass=self.mass)
 
     def lift(self, noun: Noun) -> Lift:
         """How the noun becomes a surface; the contrast from its noise where none is given."""
@@ -130,18 +135,25 @@ class Outcome:
 def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None) -> Outcome:
     """Smooth a noun of ``meshflow.geometry.lift``; a new one comes back, with what was done."""
     lift, until = settings.lift(noun), settings.until(noun)
-    flow = MeshFlow(noun.lifted(lift), settings.member())
-    control = settings.control or Fixed(settings.dt)
+    if isinstance(noun, Mesh):
+        flow = MeshFlow(noun.lifted(lift), settings.member())
+    else:
+        flow = GridFlow(noun.gridded(lift), settings.member(), settings.threads)
+    control: Control | None = settings.control or (None if settings.dt is None else Fixed(settings.dt))
     start = end = None
-    for end in march(flow, until, settings.stepper, control, progress):
+    for end in march(flow, until, settings.stepper, control, progress, recycle=True):
         start = start or end
     assert start is not None
     assert end is not None
-    facts = _facts(noun, settings, lift, end, flow.surface.boundary)
-    return Outcome(noun.lowered(end.u, lift), start, end, facts)
+    facts = _facts(noun, settings, lift, end)
+    if isinstance(noun, Mesh):
+        return Outcome(noun.lowered(end.u, lift), start, end, facts)
+    assert isinstance(flow, GridFlow)
+    flow.release()
+    return Outcome(noun.holding(flow.planes(end.u)), start, end, facts)
 
 
-def _facts(noun: Noun, settings: Settings, lift: Lift, end: State, boundary: str) -> dict[str, str]:
+def _facts(noun: Noun, settings: Settings, lift: Lift, end: State) -> dict[str, str]:
     """Parameters of a run as they were used."""
     try:
         release = version("meshflow")
@@ -150,10 +162,11 @@ def _facts(noun: Noun, settings: Settings, lift: Lift, end: State, boundary: str
     facts = {
         "version": release,
         "gamma": f"{settings.gamma:g}",
+        "sharpness": f"{settings.sharpness:g}",
         "indicator": settings.indicator,
         "mass": settings.mass,
         "contrast": f"{lift.contrast:.6g}",
-        "boundary": boundary,
+        "boundary": lift.boundary or noun.boundary,
         "time": f"{end.time:.6g}",
         "steps": str(end.step),
         "stepper": end.stepper,
@@ -185,10 +198,11 @@ def smooth(
     :param scale: instead of ``time``, the standard deviation of the equal Gaussian on flat data, a length.
     :param steps: instead of, or beside ``time``, the number of steps.
     :param gamma: 0: Beltrami flow; above: edges kept more; -1, -2: mean curvature diffusion, graph flow.
+    :param sharpness: above 1 keeps edges more by the flux across them; 2 with gamma -1 is Perona and Malik. See :class:`Member`.
     :param contrast: length per unit of the value; default 1.5 h / noise.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param settings: further fields of :class:`Settings` by name (also accepted as keywords): ``indicator, mass, boundary,
-        diagonals, stepper, dt, control``.
+        diagonals, stepper, dt, control, sharpness, threads``.
     :param more: those, and what the thing itself does not say: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
         ``camera``, ``missing``, ``fixed``, ``channels``, ``moves``.
     :returns: the same kind of thing, smoothed; integers come back as floating point, since rounding would undo the smoothing.

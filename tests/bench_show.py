@@ -133,19 +133,3 @@ def test_livingroom_along_rays_and_in_space(frame):
     rays = _scored("along the rays", surface.points_at(along.u)[valid], noisy.camera, clean)
     flat = _scored("in space (3D)", space.u[valid], noisy.camera, clean)
     assert rays < flat
-
-
-def test_cost_of_a_megapixel():
-    import resource
-    import time
-
-    z = np.random.default_rng(0).normal(size=(1024, 1024)).astype(np.float32)
-    smooth_noun(meshflow.HeightField(z[:9, :9]), Settings(steps=1))  # compiled
-    before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
-    run = smooth_noun(meshflow.HeightField(z), Settings())
-    took = time.perf_counter() - begun
-    peak = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / z.size
-    print(
-        f"\n1024²: {took:.1f} s for {run.end.step} steps, at most {peak:.0f} bytes per sample beyond what was held before"
-    )
-    assert run.end.step > 0
