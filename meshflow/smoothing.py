@@ -13,7 +13,7 @@ from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.step import Stepper, StepperName
 from meshflow.flow.tune import noise_of, noise_on
-from meshflow.geometry.gates import positive
+from meshflow.geometry.gates import positive, whole
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.geometry.member import Indicator, Member
 from meshflow.geometry.surface import Boundary
@@ -76,6 +76,8 @@ class Settings:
             raise InputError(f"time {self.time} and scale {self.scale}: one of them expected (time is scale^2 / 2)")
         if self.dt is not None and self.control is not None:
             raise InputError(f"dt {self.dt} and a control: one of them expected; give dt to the control")
+        if self.threads is not None:
+            whole(self.threads, "threads", 1)
         if self.scale is not None and not (np.isfinite(self.scale) and self.scale >= 0):
             raise InputError(f"scale: a finite length, zero or more, expected, got {self.scale}")
 

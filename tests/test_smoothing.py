@@ -127,6 +127,8 @@ def test_the_quantum_of_quantised_data_is_found_and_its_rounding_counts_as_noise
         (lambda z: meshflow.smooth(z, dt=9.0, stepper="explicit"), "the largest stable step is"),
         (lambda z: meshflow.smooth(z, contrast=0), "contrast: a positive"),
         (lambda z: meshflow.smooth(z, gamma=np.inf), "gamma: a finite number"),
+        (lambda z: meshflow.smooth(z, threads=0), "threads: a whole number, 1 or more, expected, got 0"),
+        (lambda z: meshflow.smooth(z, threads=1.5), "threads: a whole number"),
         (lambda z: meshflow.smooth(z, stepper="leapfrog"), "auto, explicit, semi-implicit, super-time expected"),
         (lambda z: meshflow.smooth(z, dt=0.1, control=meshflow.AreaChange()), "one of them expected"),
         (lambda z: meshflow.smooth(z[0]), "2 or 3 dimensions|2 dimensions"),

@@ -9,7 +9,7 @@ from meshflow.errors import InputError
 
 Array = NDArray[Any]
 
-__all__ = ["Array", "mask_of", "positive", "real", "samples"]
+__all__ = ["Array", "mask_of", "positive", "real", "samples", "whole"]
 
 
 def real(values: ArrayLike, name: str) -> Array:
@@ -87,4 +87,18 @@ def positive(value: float, name: str, unit: str = "") -> float:
         raise InputError(f"{name}: a positive number expected, got {value!r}") from cause
     if not (np.isfinite(number) and number > 0):
         raise InputError(f"{name}: a positive finite number{' of ' + unit if unit else ''} expected, got {value!r}")
+    return number
+
+
+def whole(value: Any, name: str, least: int) -> int:
+    """A whole number of at least ``least``.
+
+    :raises InputError: otherwise.
+    """
+    try:
+        number = int(value)
+    except (TypeError, ValueError, OverflowError) as cause:
+        raise InputError(f"{name}: a whole number, {least} or more, expected, got {value!r}") from cause
+    if number != value or number < least:
+        raise InputError(f"{name}: a whole number, {least} or more, expected, got {value!r}")
     return number

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array
+from meshflow.geometry.gates import Array, whole
 from meshflow.geometry.lattice import Lattice
 from meshflow.geometry.member import Member
 from meshflow.geometry.operator import mass_kind
@@ -41,7 +41,8 @@ class GridFlow:
     slivers = False
 
     def __init__(self, lattice: Lattice, member: Member | None = None, threads: int | None = None) -> None:
-        self.lattice, self.member, self.threads = lattice, member or Member(), threads
+        self.lattice, self.member = lattice, member or Member()
+        self.threads = None if threads is None else whole(threads, "threads", 1)
         self.member.check(along_rays=lattice.fibres is not None)
         self.shape = (len(lattice.planes), *lattice.shape)
         widths = np.broadcast_to(np.asarray(lattice.spacing[0], dtype=np.float64), (self.shape[1],))
