@@ -9,10 +9,10 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.control import AreaChange, Control, Embedded, Fixed, Until
 from meshflow.flow.march import State, march
+from meshflow.flow.noise import noise_of, noise_on
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.step import Stepper, StepperName
-from meshflow.flow.tune import noise_of, noise_on
 from meshflow.geometry.gates import positive, whole
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.geometry.member import Indicator, Member

@@ -8,6 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.step import Embedding, Explicit, Stepper
+from meshflow.flow.stop import Stop
 from meshflow.geometry.gates import Array, positive
 
 __all__ = ["AreaChange", "Control", "Embedded", "Fixed", "Taken", "Until"]
@@ -18,13 +19,14 @@ IMPLICIT_STEPS = 10
 
 @dataclass(frozen=True)
 class Until:
-    """When to stop: at a time (squared length), after a number of steps, or at what comes first.
+    """When to stop: at a time (squared length), after a number of steps, at one of the ``stops``, or at what comes first.
 
     :raises InputError: when neither is given, or one is negative.
     """
 
     time: float | None = None
     steps: int | None = None
+    stops: tuple[Stop, ...] = ()
 
     def __post_init__(self) -> None:
         if self.time is None and self.steps is None:

@@ -1,17 +1,19 @@
 """The loop: yields states, ends with a reason that reads as a sentence."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil
 
 import numpy as np
 
 from meshflow.errors import NotConverged
+from meshflow.flow.constraint import Limit
 from meshflow.flow.contract import Flow
 from meshflow.flow.control import Control, Embedded, Fixed, Until
 from meshflow.flow.progress import Progress, reporting
 from meshflow.flow.step import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.flow.stop import crossing, unmet
 from meshflow.geometry.gates import Array
 
 __all__ = ["State", "march"]
@@ -94,15 +96,18 @@ def march(
     control: Control | None = None,
     progress: Progress = None,
     recycle: bool = False,
+    limit: Limit | None = None,
 ) -> Iterator[State]:
     """Move from the start to the end, yielding the start and the state after each step; the last one has a reason.
 
-    The last step is cut to end at the time asked for. A step that is no longer stable, because the surface has changed, is
+    The last step is cut to end at the time asked for, and where a stop is met within it, there, on the straight line between its
+    ends. A step that is no longer stable, because the surface has changed, is
     shortened; with ``auto``, the implicit stepper takes over where that would take too many steps.
 
     :param stepper: a stepper or its name; :class:`Explicit` by default.
     :param control: by default :class:`Embedded` for a stepper that knows its error, else :class:`Fixed`.
     :param recycle: the memory of a state is used again once the next one has been taken: for callers who ask each one at once.
+    :param limit: what no coordinate leaves.
     :raises InputError: for a dt that is not stable at the start.
     :raises NotConverged: when a solver fails, coordinates are no longer finite, or explicit steps have become hopelessly short.
     """
@@ -113,14 +118,15 @@ def march(
     yield state
     with reporting(progress, f"{stepper.name} flow") as report:
         while state.reason is None:
-            limit = stepper.largest(flow, state.u)
+            longest = stepper.largest(flow, state.u)
             left = np.inf if until.time is None else until.time - state.time
             most = MANY if changes else HOPELESS
-            if flow.slivers and np.isfinite(left) and limit * most < left * stepper.rates:
-                stepper = _implicit_instead(changes, state, limit)
+            if flow.slivers and np.isfinite(left) and longest * most < left * stepper.rates:
+                stepper = _implicit_instead(changes, state, longest)
                 steps = Fixed().opened(flow, stepper, state.u, Until(time=left))
-                limit = stepper.largest(flow, state.u)
-            new, steps = _stepped(flow, state, stepper, steps, limit, left, until)
+                longest = stepper.largest(flow, state.u)
+            new, steps = _stepped(flow, state, stepper, steps, min(longest, left), left, until, limit)
+            new = _stopped(flow, state, new, until)
             report(until.share(new.time, new.step))
             yield new
             if recycle and state.step > 0:
@@ -129,11 +135,18 @@ def march(
 
 
 def _stepped(
-    flow: Flow, old: State, stepper: Stepper, control: Control, limit: float, left: float, until: Until
+    flow: Flow,
+    old: State,
+    stepper: Stepper,
+    control: Control,
+    longest: float,
+    left: float,
+    until: Until,
+    limit: Limit | None,
 ) -> tuple[State, Control]:
     """The next state that the control accepts, and the control after it."""
     while True:
-        dt = min(control.length(limit), left)
+        dt = min(control.length(longest), left)
         if isinstance(stepper, Embedding) and dt < left < 2 * dt:
             dt = left / ceil(left / dt)  # two alike instead of one and a rest
         if isinstance(control, Embedded) and isinstance(stepper, Embedding):
@@ -144,6 +157,7 @@ def _stepped(
             raise NotConverged(
                 f"step {old.step + 1} of dt {dt:.3g}: the coordinates are no longer finite; take a smaller dt"
             )
+        u = u if limit is None else limit.hold(u)
         time, step = old.time + dt, old.step + 1
         new = State(u, time, dt, step, until.reason(time, step), stepper.name, error, flow, old.u)
         taken = _Taken(old, new, flow)
@@ -154,7 +168,22 @@ def _stepped(
         flow.done(u)
 
 
-def _implicit_instead(changes: bool, state: State, limit: float) -> Stepper:
+def _stopped(flow: Flow, old: State, new: State, until: Until) -> State:
+    """The new state, or where a stop was met before it; at the end of its time, what it did not come to is said."""
+    if not until.stops:
+        return new
+    found = crossing(until.stops, flow, (old.u, old.time), (new.u, new.time))
+    if found is None:
+        return (
+            new if new.reason is None else replace(new, reason=new.reason + unmet(until.stops, flow, new.u, new.time))
+        )
+    u, time, words = found
+    count = f"{new.step} step{'' if new.step == 1 else 's'}"
+    reason = f"came to {words} at time {time:.6g} in {count}"
+    return State(u, time, time - old.time, new.step, reason, new.stepper, new.error, flow, old.u)
+
+
+def _implicit_instead(changes: bool, state: State, longest: float) -> Stepper:
     """The implicit stepper, where triangles have become so thin that explicit steps would not arrive.
 
     :raises NotConverged: when the caller asked for explicit steps by name.
@@ -163,5 +192,5 @@ def _implicit_instead(changes: bool, state: State, limit: float) -> Stepper:
         return SemiImplicit()
     raise NotConverged(
         f"after {state.step} steps, at time {state.time:.3g}, triangles have become so thin that explicit steps are at "
-        f"most {limit:.1e} long; take stepper='semi-implicit', or stop earlier"
+        f"most {longest:.1e} long; take stepper='semi-implicit', or stop earlier"
     )

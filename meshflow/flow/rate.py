@@ -75,7 +75,7 @@ class MeshFlow:
     def __init__(self, surface: Surface, member: Member | None = None) -> None:
         self.surface = surface
         self.member = member or Member()
-        self.member.check(along_rays=isinstance(surface.free, Rays))
+        self.member.check(along_rays=isinstance(surface.free, Rays), on_grid=False)
         n = len(surface.points)
         charts = self._charts(surface)
         if surface.turns:

@@ -6,11 +6,13 @@ from typing import Literal
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import positive
+from meshflow.geometry.gates import Array, positive
 
 __all__ = ["Indicator", "Member"]
 
 Indicator = Literal["metric", "projection"]
+# The widest patch: the taps must fit beside the rows of a grid.
+WIDEST = 6.0
 
 
 @dataclass(frozen=True)
@@ -29,10 +31,13 @@ class Member:
         area, 1/W of a height field (3); ``projection``: \\|PB\\| / \\|B\\| as (10) writes it. Both lie in [0, 1].
     :param mass: ``barycentric``: time as in the heat equation on flat data; ``voronoi`` (mixed): the same; ``ring``: the
         whole ring, as (14): time runs three times slower.
+    :param patch: rho, in samples: lengths are measured in the space of patches, the Gaussian neighbourhoods of this width that
+        each sample carries (DESIGN.md, section 2; on grids, not along rays). 0: of single samples. With gamma = -1 it leaks along
+        edges; with gamma = 0, 0.5 to 1 lowers the error of the flow on noisy data.
     :param floor: least value of the ``projection`` indicator, which is 0/0 on flat surfaces and, for gamma < 0, would let the
         motion grow without bound.
-    :raises InputError: for an unknown word, a gamma that is not finite, a sharpness that is not positive, or a floor outside
-        (0, 1].
+    :raises InputError: for an unknown word, a gamma that is not finite, a sharpness that is not positive, a floor outside
+        (0, 1], or a patch that is negative or wider than 6 samples.
     """
 
     gamma: float = 0.0
@@ -40,6 +45,7 @@ class Member:
     indicator: Indicator = "metric"
     mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
     floor: float = 0.05
+    patch: float = 0.0
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.gamma):
@@ -52,13 +58,26 @@ class Member:
         if positive(self.floor, "floor") > 1:
             raise InputError(f"floor: a number in (0, 1] expected, got {self.floor}")
 
-    def check(self, along_rays: bool) -> None:
+        if not (np.isfinite(self.patch) and 0 <= self.patch <= WIDEST):
+            raise InputError(f"patch: a width between 0 and {WIDEST:g} samples expected, got {self.patch}")
+
+    @property
+    def taps(self) -> Array:
+        """The Gaussian of the patches, from its middle outwards, of sum 1 with both its sides; one tap where there is none."""
+        far = int(np.ceil(2.5 * self.patch))
+        taps = np.exp(-0.5 * np.square(np.arange(far + 1) / self.patch)) if far else np.ones(1)
+        return taps / (2.0 * taps.sum() - taps[0])
+
+    def check(self, along_rays: bool, on_grid: bool) -> None:
         """Refuse a member that has no meaning on a surface.
 
         :raises InputError: for a sharpness other than 1 along rays: no common base holds the triangles there, and tilted planes
-            would no longer rest.
+            would no longer rest; for patches along rays or on a mesh.
         """
         if along_rays and self.sharpness != 1.0:
             raise InputError(
                 f"sharpness: along rays only 1 is defined, got {self.sharpness}; use gamma to keep edges of a range image"
             )
+        if self.patch > 0 and (along_rays or not on_grid):
+            where = "along rays" if along_rays else "on a mesh"
+            raise InputError(f"patch: {where} samples have no patches, got {self.patch}; height fields and images have")

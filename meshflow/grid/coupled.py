@@ -19,6 +19,7 @@ from meshflow.grid.compiled import FORMULA
 
 __all__ = [
     "along",
+    "averaged",
     "bordered_corners",
     "edges",
     "legs",
@@ -121,6 +122,20 @@ def measured(sharp, q, scale, row, uu, vv, uv, squares, third):
     """:func:`over_grid` in the place of the sums of the legs."""
     for j in range(len(uu)):
         w = over_grid(sharp, q, scale, row, uu[j], vv[j], uv[j], squares[j])
+        uu[j], vv[j], uv[j], third[j] = w[0], w[1], w[2], w[3]
+
+
+@njit(**FORMULA)
+def averaged(sharp, q, scale, row, share, uu, vv, uv, third):
+    """:func:`over_grid` in the place of weighted sums of the products of legs, ``share`` being one over the sum of the weights.
+
+    The squared minors of a mean are no longer a sum of squares: the difference is taken, and held above zero.
+    """
+    none = type(share[0])(0)
+    for j in range(len(uu)):
+        a, b, c = uu[j] * share[j], vv[j] * share[j], uv[j] * share[j]
+        squares = a * b - c * c
+        w = over_grid(sharp, q, scale, row, a, b, c, squares if squares > none else none)
         uu[j], vv[j], uv[j], third[j] = w[0], w[1], w[2], w[3]
 
 

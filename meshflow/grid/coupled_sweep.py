@@ -7,27 +7,30 @@ from meshflow.grid import coupled_rows as work
 from meshflow.grid.compiled import ROW, SWEEP
 from meshflow.grid.coupled_rows import MASS
 from meshflow.grid.indicator_rows import along, indicated, sped
+from meshflow.grid.patch_rows import patch_buffers, patched
 from meshflow.grid.sweep import moved_row, stay_row, total
 
 __all__ = ["coupled_measured", "coupled_swept"]
 
 
 @njit(**SWEEP)
-def coupled_swept(rows, sheets, u, out, mix, fixed, lines, begin, kinds, exponents, edges, inverses):
+def coupled_swept(rows, sheets, u, out, mix, fixed, lines, begin, kinds, exponents, taps, edges, inverses):
     """One step of the samples in a band, as :func:`meshflow.grid.sweep.swept`, of k channels or along fibres.
 
     :param out: as u, or of no size where the weights shall be kept instead.
     :param lines: origins and directions of :class:`meshflow.geometry.lattice.Fibres`, two triples.
     :param begin: (h, w), where the samples began along their fibres, for their pace; of no size where there is none.
     :param kinds: 1 where the sharpness is not 1; four times gamma as :func:`stencil.power` takes it; the kind of mass; 1 for the
-        projection indicator; 1 for fibres.
+        projection indicator; 1 for fibres; 1 where triangles are missing.
     :param exponents: sharpness, gamma, floor, alpha^2, angle of a pixel, and the length below which a pull is rounding.
+    :param taps: the Gaussian of the patches, from its middle outwards; one tap where there is none.
     :param edges: (4, h, w), zeros, where the weights of the edges to the right and downwards are kept, and those of the forward
         and backward diagonals; with ``inverses`` (h, w), s / M |d|^2. Of no size where they are not.
     """
     h, w, start = u.shape[1], u.shape[2], max(rows[0] - 1, 0)
     k, held = 3 if kinds[4] == 1 else len(u), fixed[3]
     points, rays, weights, thirds, joints, sums, buffers, counts, inverse = work.buffers_for(k, w, u.dtype)
+    patches = patch_buffers(taps, w, u.dtype)
     work.placed(u, start, lines, kinds[4], points[start % 2], rays[start % 2])
     for r in range(start, rows[1]):
         here, below = sums[r % 2], sums[1 - r % 2]
@@ -37,7 +40,7 @@ def coupled_swept(rows, sheets, u, out, mix, fixed, lines, begin, kinds, exponen
         for side in range(sheets[0], sheets[1]):
             if r < h - 1:
                 cell = _cell(side, sheets, w, fixed, r, start)
-                work.measured(side, w, k, pair, kinds, exponents, fixed[0], r, weights, thirds)
+                _measured(side, u, k, pair, kinds, exponents, taps, patches, fixed, r, weights, thirds)
                 _given(cell, kinds, k, pair, sights, weights, thirds, joints[side], buffers, counts, here, below)
             else:
                 work.pulled_level(w, k, pair[0], joints[side], here)
@@ -56,7 +59,7 @@ def coupled_swept(rows, sheets, u, out, mix, fixed, lines, begin, kinds, exponen
 
 
 @njit(**SWEEP)
-def coupled_measured(rows, sheets, u, fixed, lines, begin, kinds, exponents):
+def coupled_measured(rows, sheets, u, fixed, lines, begin, kinds, exponents, taps):
     """The surface measured: parameters as of :func:`coupled_swept`.
 
     :returns: the area of the cells that begin in the band, and the greatest bound of their triangles times the factor of time
@@ -67,6 +70,7 @@ def coupled_measured(rows, sheets, u, fixed, lines, begin, kinds, exponents):
     points, rays, weights, thirds, joints, sums, buffers, counts, speed = work.buffers_for(k, w, u.dtype)
     bounds, speeds = np.zeros((2, 4, w)), np.zeros((2, w))
     area, fastest = 0.0, 0.0
+    patches = patch_buffers(taps, w, u.dtype)
     work.placed(u, start, lines, kinds[4], points[start % 2], rays[start % 2])
     for r in range(start, min(rows[1] + 1, h)):  # the last cells end at the first row of the next band
         here, below = sums[r % 2], sums[1 - r % 2]
@@ -76,7 +80,7 @@ def coupled_measured(rows, sheets, u, fixed, lines, begin, kinds, exponents):
         for side in range(sheets[0], sheets[1]):
             if r < h - 1:
                 cell = _cell(side, sheets, w, fixed, r, start)
-                work.measured(side, w, k, pair, kinds, exponents, fixed[0], r, weights, thirds)
+                _measured(side, u, k, pair, kinds, exponents, taps, patches, fixed, r, weights, thirds)
                 _given(cell, kinds, k, pair, sights, weights, thirds, joints[side], buffers, counts, here, below)
                 work.bounded(w, kinds[2], weights, thirds, bounds[r % 2, 2 * side : 2 * side + 2])
                 area += total(thirds, w) if rows[0] <= r < rows[1] else 0.0
@@ -99,6 +103,15 @@ def _cell(side, sheets, w, fixed, r, start):
     geometry, cells, same, _ = fixed
     part = (cells[1][side][cells[0][side][r] : cells[0][side][r + 1]], cells[2][side])
     return side == sheets[0], side, w, geometry, r, part, r - 1 > start and same[r] and same[r - 1]
+
+
+@njit(**ROW)
+def _measured(side, u, k, pair, kinds, exponents, taps, patches, fixed, r, weights, thirds):
+    """Weights and thirds of a row of cells, of single samples or of patches."""
+    if len(taps) > 1:
+        patched(side, r, u, fixed[1], kinds[5] == 1, taps, patches, kinds, exponents, fixed[0], weights, thirds)
+    else:
+        work.measured(side, u.shape[2], k, pair, kinds, exponents, fixed[0], r, weights, thirds)
 
 
 @njit(**ROW)

@@ -43,7 +43,7 @@ class GridFlow:
     def __init__(self, lattice: Lattice, member: Member | None = None, threads: int | None = None) -> None:
         self.lattice, self.member = lattice, member or Member()
         self.threads = None if threads is None else whole(threads, "threads", 1)
-        self.member.check(along_rays=lattice.fibres is not None)
+        self.member.check(along_rays=lattice.fibres is not None, on_grid=True)
         self.shape = (len(lattice.planes), *lattice.shape)
         widths = np.broadcast_to(np.asarray(lattice.spacing[0], dtype=np.float64), (self.shape[1],))
         # A power of two, so that counting lengths in it costs no bit and tiles of a grid agree with the whole.
@@ -56,7 +56,7 @@ class GridFlow:
         self._turns = [(i, i + 1) for i in which] if lattice.diagonals == "alternate" else [(which[0], which[-1] + 1)]
         self._free: list[Array] = []
         m = self.member
-        plain = len(lattice.planes) == 1 and lattice.fibres is None
+        plain = len(lattice.planes) == 1 and lattice.fibres is None and m.patch == 0
         self._alone = plain and m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric")
 
     # --- the contract ---------------------------------------------------------------------------------------------------
@@ -282,15 +282,17 @@ class GridFlow:
     @cached_property
     def _coupled(self) -> tuple[Any, ...]:
         """What the sweeps of several coordinates ask beside: lines, where they began, kinds and exponents."""
-        m, fibres, number = self.member, self.lattice.fibres, self.dtype.type
+        m, lattice, number = self.member, self.lattice, self.dtype.type
+        fibres = lattice.fibres
         pixel = 0.0 if fibres is None or fibres.pixel is None else fibres.pixel
         begin = (np.empty((0, 0), self.dtype) if pixel == 0.0 else self._begin[0]).view()
         begin.flags.writeable = False
-        scale, small = (self.lattice.contrast / self._unit) ** 2, 1e-9 if self.dtype == np.float64 else 1e-5
+        scale, small = (lattice.contrast / self._unit) ** 2, 1e-9 if self.dtype == np.float64 else 1e-5
         sharp, projection, spatial = m.sharpness != 1.0, m.indicator == "projection", fibres is not None
-        kinds = (int(sharp), _quarters(m.gamma), mass_kind(m.mass), int(projection), int(spatial))
+        gaps = int(lattice.there is not None)
+        kinds = (int(sharp), _quarters(m.gamma), mass_kind(m.mass), int(projection), int(spatial), gaps)
         exponents = tuple(number(x) for x in (m.sharpness, m.gamma, m.floor, scale, pixel, small))
-        return self._lines, begin, kinds, exponents
+        return self._lines, begin, kinds, exponents, m.taps.astype(self.dtype)
 
     def _worked(self, work: Any) -> list[Any]:
         return worked(work, bands(self.shape[1], self.shape[2]), self.threads)
