@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from meshflow.geometry.surface import Axes, Rays, Surface
     from meshflow.grid.rate import GridFlow
     from meshflow.io.files import Document, read, write
-    from meshflow.smoothing import smooth
+    from meshflow.result import Result
+    from meshflow.settings import Settings
+    from meshflow.smoothing import denoise, smooth
 
 _HOMES = {
     "errors": ("FormatError", "InputError", "MissingPackage", "NotConverged"),
@@ -32,7 +34,9 @@ _HOMES = {
     "geometry.surface": ("Axes", "Rays", "Surface"),
     "grid.rate": ("GridFlow",),
     "io.files": ("Document", "read", "write"),
-    "smoothing": ("smooth",),
+    "result": ("Result",),
+    "settings": ("Settings",),
+    "smoothing": ("denoise", "smooth"),
 }
 _FOUND_IN = {name: home for home, names in _HOMES.items() for name in names}
 

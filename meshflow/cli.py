@@ -2,19 +2,24 @@
 
 import json as notation
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from meshflow import options as words
 from meshflow.errors import InputError, MissingPackage, NotConverged
+from meshflow.geometry.lift import Mesh
 from meshflow.io.files import Document, read, writable, write
 
 if TYPE_CHECKING:
-    from meshflow.smoothing import Outcome
+    from meshflow.geometry.gates import Array
+    from meshflow.result import Result
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -26,172 +31,110 @@ app = typer.Typer(
 out, err = Console(), Console(stderr=True, highlight=False)
 
 
-Kind = Literal["terrain", "image", "depth", "mesh"]
-Moves = Literal["points", "channels", "all"]
-
-
-def _option(panel: str, words: str, *flags: str) -> Any:
-    """An option of the command line, in its panel of the help."""
-    return typer.Option(*flags, help=words, rich_help_panel=panel)
-
-
 # What typer exits with on Ctrl-C, as shells do.
 INTERRUPTED = 130
-INPUT, FLOW, OUTPUT = "What the file is", "How it is smoothed", "What is written"
-FILES = "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK; PNG, JPEG; .npy, .npz."
-In = Annotated[Path, typer.Argument(metavar="IN", help=FILES)]
-Out = Annotated[Path, typer.Argument(metavar="OUT", help="Where to write; the extension names the format.")]
-Other = Annotated[Path, typer.Argument(metavar="OTHER", help="The same kind of thing on the same samples.")]
-KindOption = Annotated[Kind | None, _option(INPUT, "What the file holds, where the guess would be wrong.")]
-Camera = Annotated[
-    Path | None,
-    _option(INPUT, "JSON of the camera: IN is a depth image. Open3D intrinsics, or fx, fy, cx, cy in pixels."),
-]
-DepthScale = Annotated[
-    float | None, _option(INPUT, "Units of a depth image per metre; 1000 (millimetres) for whole numbers.")
-]
-Band = Annotated[int | None, _option(INPUT, "Band of a raster, from 1; several are smoothed together otherwise.")]
-Nodata = Annotated[float | None, _option(INPUT, "Value that marks missing samples, where the file does not say.")]
-Spacing = Annotated[
-    float | None,
-    _option(INPUT, "Distance of neighbouring samples; the raster's own by default, metres where it is in degrees."),
-]
-Channels = Annotated[str | None, _option(INPUT, "Vertex attribute of a mesh to smooth: its name, or 'colors'.")]
-MovesOption = Annotated[Moves | None, _option(INPUT, "What of a mesh with --channels moves; channels by default.")]
-Time = Annotated[
-    float | None,
-    _option(
-        FLOW,
-        "How far, in squared length: m² of a terrain, pixels² of an image or a range image. Default: 5 samples²; half an "
-        "edge² for a mesh.",
-    ),
-]
-Scale = Annotated[
-    float | None,
-    _option(
-        FLOW,
-        "Instead of --time: standard deviation of the Gaussian that the flow equals on flat data, a length; time = scale²/2.",
-    ),
-]
-Steps = Annotated[int | None, _option(FLOW, "Stop after this many steps.")]
-Gamma = Annotated[
-    float,
-    _option(
-        FLOW,
-        "0: Beltrami flow; above 0: edges kept more; -1: mean curvature diffusion; -2: graph flow. No effect on a mesh "
-        "whose points move.",
-    ),
-]
-Contrast = Annotated[
-    float | None,
-    _option(
-        FLOW,
-        "Length per unit of the value: larger keeps smaller edges. Default: 1.5 samples over the noise that is found.",
-    ),
-]
-BoundaryOption = Annotated[
-    Literal["natural", "linear", "fixed"] | None,
-    _option(
-        FLOW,
-        "linear: tilted planes rest at borders and holes; natural: no flux; fixed: borders stay. Default: natural for "
-        "images, else linear.",
-    ),
-]
-DiagonalsOption = Annotated[
-    Literal["forward", "backward", "both", "alternate"], _option(FLOW, "How the cells of a grid become triangles.")
-]
-IndicatorOption = Annotated[
-    Literal["metric", "projection"], _option(FLOW, "How edges are told, for gamma other than 0.")
-]
-MassOption = Annotated[
-    Literal["barycentric", "voronoi", "ring"],
-    _option(FLOW, "Area of a vertex; with ring, as in the paper, time runs three times slower."),
-]
-Sharpness = Annotated[
-    float,
-    _option(
-        FLOW,
-        "Above 1: less flux across edges; 2 with --gamma -1 is Perona and Malik. Not for depth, nor for points.",
-    ),
-]
-StepperOption = Annotated[
-    Literal["auto", "explicit", "super-time", "semi-implicit"], _option(FLOW, "How time is stepped.")
-]
-Dt = Annotated[float | None, _option(FLOW, "Length of a step, squared length. Default: what suits the stepper.")]
-Threads = Annotated[int | None, _option(FLOW, "Threads for grids. Default: NUMBA_NUM_THREADS, or one for each core.")]
-Picture = Annotated[Path | None, _option(OUTPUT, "A picture of before, after and the difference (.png).")]
-Dtype = Annotated[
-    str | None, _option(OUTPUT, "Number type of a raster or picture; 'source' rounds back to whole numbers.")
-]
-Overwrite = Annotated[bool, _option(OUTPUT, "Replace OUT if it is there.", "--overwrite")]
-Quiet = Annotated[bool, _option(OUTPUT, "Say nothing but errors.", "--quiet", "-q")]
-Json = Annotated[bool, _option(OUTPUT, "JSON on stdout.", "--json")]
 
 
 @app.command()
 def smooth(
-    source: In,
-    target: Out,
-    time: Time = None,
-    scale: Scale = None,
-    steps: Steps = None,
-    gamma: Gamma = 0.0,
-    sharpness: Sharpness = 1.0,
-    contrast: Contrast = None,
-    boundary: BoundaryOption = None,
-    diagonals: DiagonalsOption = "alternate",
-    indicator: IndicatorOption = "metric",
-    mass: MassOption = "barycentric",
-    stepper: StepperOption = "auto",
-    dt: Dt = None,
-    threads: Threads = None,
-    kind: KindOption = None,
-    camera: Camera = None,
-    depth_scale: DepthScale = None,
-    band: Band = None,
-    nodata: Nodata = None,
-    spacing: Spacing = None,
-    channels: Channels = None,
-    moves: MovesOption = None,
-    picture: Picture = None,
-    dtype: Dtype = None,
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-    json: Json = False,
+    source: words.In,
+    target: words.Out,
+    time: words.Time = None,
+    scale: words.Scale = None,
+    steps: words.Steps = None,
+    strength: words.Strength = 1.0,
+    method: words.Method = None,
+    gamma: words.Gamma = None,
+    sharpness: words.Sharpness = None,
+    patch: words.Patch = None,
+    contrast: words.Contrast = None,
+    twice: words.Twice = None,
+    sigma: words.Sigma = None,
+    search: words.Search = True,
+    boundary: words.BoundaryOption = None,
+    diagonals: words.DiagonalsOption = "alternate",
+    indicator: words.IndicatorOption = "metric",
+    mass: words.MassOption = "barycentric",
+    stepper: words.StepperOption = "auto",
+    dt: words.Dt = None,
+    threads: words.Threads = None,
+    residual: words.Residual = None,
+    area_loss: words.AreaLoss = None,
+    displacement: words.Displacement = None,
+    limit: words.Limit = None,
+    confidence: words.Confidence = None,
+    only: words.Only = None,
+    fixed: words.FixedMask = None,
+    kind: words.KindOption = None,
+    camera: words.Camera = None,
+    depth_scale: words.DepthScale = None,
+    band: words.Band = None,
+    nodata: words.Nodata = None,
+    spacing: words.Spacing = None,
+    channels: words.Channels = None,
+    moves: words.MovesOption = None,
+    picture: words.Picture = None,
+    report: words.Report = None,
+    dtype: words.Dtype = None,
+    overwrite: words.Overwrite = False,
+    quiet: words.Quiet = False,
+    verbose: words.Verbose = False,
+    json: words.Json = False,
 ) -> None:
-    """Smooth IN and write the same kind of thing to OUT."""
-    given = locals()
-    from meshflow.smoothing import Settings, smooth_noun
+    """Smooth IN and write the same kind of thing to OUT; what is not given is estimated from the data."""
+    _smoothed(**locals())
 
-    settings = Settings(**{name: given[name] for name in Settings.__dataclass_fields__ if name in given})
-    document = _opened(source, kind, camera, depth_scale, band, nodata, spacing, channels, moves)
-    _must_be_writable(document, target, picture, overwrite)
-    outcome = smooth_noun(document.noun, settings, progress=None if quiet else True)
-    done = document.holding(outcome.noun)
-    tags = {f"meshflow:{name}": word for name, word in outcome.facts.items()}
+
+def _smoothed(
+    source: Path,
+    target: Path,
+    picture: Path | None,
+    report: Path | None,
+    fixed: Path | None,
+    dtype: str | None,
+    overwrite: bool,
+    quiet: bool,
+    verbose: bool,
+    json: bool,
+    **given: Any,
+) -> None:
+    """The command ``smooth``, with its options by name."""
+    from meshflow.settings import Settings
+    from meshflow.smoothing import smooth_noun
+
+    document = _opened(source, **{name: given.pop(name) for name in INPUTS})
+    held = {name: read_as(given[name]) for name, read_as in HELD.items()}
+    settings = Settings(**{**given, **held})
+    _must_be_writable(document, target, (picture, report), overwrite)
+    noun = document.noun if fixed is None else replace(document.noun, fixed=_mask(fixed))
+    result = smooth_noun(noun, settings, progress=None if quiet else True, record=json or report is not None)
+    done = document.holding(result.noun)
+    tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **({"dtype": dtype} if dtype else {}))
-    notes += _warned(document, outcome)
+    notes += (*result.warnings, *_warned(document, result))
     if not quiet:
-        _said(f"{source} → {target}: {_summary(outcome)}", notes)
+        _said(f"{source} → {target}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
     if picture is not None:
-        drawn = _pictured(document, done, picture, f"{source.name}, {outcome.facts['ended']}")
+        drawn = _pictured(document, done, picture, f"{source.name}, {result.reason}")
         notes += drawn
         _said("", () if quiet else drawn)
+    if report is not None:
+        notes += (_reported(result, report, source.name, quiet),)
     if json:
-        out.print_json(notation.dumps({"in": str(source), "out": str(target), **outcome.facts, "notes": list(notes)}))
+        out.print_json(notation.dumps({"in": str(source), "out": str(target), **result.words(), "notes": list(notes)}))
 
 
 @app.command()
 def info(
-    source: In,
-    kind: KindOption = None,
-    camera: Camera = None,
-    depth_scale: DepthScale = None,
-    band: Band = None,
-    nodata: Nodata = None,
-    spacing: Spacing = None,
-    channels: Channels = None,
-    json: Json = False,
+    source: words.In,
+    kind: words.KindOption = None,
+    camera: words.Camera = None,
+    depth_scale: words.DepthScale = None,
+    band: words.Band = None,
+    nodata: words.Nodata = None,
+    spacing: words.Spacing = None,
+    channels: words.Channels = None,
+    json: words.Json = False,
 ) -> None:
     """Say what IN is: size, spacing, missing samples, noise, area, quality of its triangles."""
     from meshflow.smoothing import noise
@@ -204,17 +147,17 @@ def info(
 
 @app.command()
 def compare(
-    one: In,
-    other: Other,
-    kind: KindOption = None,
-    camera: Camera = None,
-    depth_scale: DepthScale = None,
-    band: Band = None,
-    nodata: Nodata = None,
-    spacing: Spacing = None,
-    channels: Channels = None,
-    picture: Picture = None,
-    json: Json = False,
+    one: words.In,
+    other: words.Other,
+    kind: words.KindOption = None,
+    camera: words.Camera = None,
+    depth_scale: words.DepthScale = None,
+    band: words.Band = None,
+    nodata: words.Nodata = None,
+    spacing: words.Spacing = None,
+    channels: words.Channels = None,
+    picture: words.Picture = None,
+    json: words.Json = False,
 ) -> None:
     """Compare IN with OTHER: differences, normals, area, volume."""
     from meshflow.study.metrics import compare as measured
@@ -231,14 +174,14 @@ def compare(
 
 def _opened(
     path: Path,
-    kind: Kind | None,
+    kind: words.Kind | None,
     camera: Path | None,
     depth_scale: float | None,
     band: int | None,
     nodata: float | None,
     spacing: float | None,
     channels: str | None,
-    moves: Moves | None,
+    moves: words.Moves | None,
 ) -> Document:
     """Read a file with the options that were given, and no others."""
     given = {
@@ -253,26 +196,69 @@ def _opened(
     return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})
 
 
-def _summary(outcome: "Outcome") -> str:
-    area = f"area {outcome.start.area:.6g} → {outcome.end.area:.6g}"
-    return f"{outcome.facts['ended']}, contrast {outcome.facts['contrast']}, {area}"
+def _samples(path: Path | None) -> "Array | None":
+    """The samples of a raster, a picture or an array file: weights, limits."""
+    if path is None:
+        return None
+    from meshflow.plan import data_of
+
+    return data_of(read(path).noun)
 
 
-def _warned(document: Document, outcome: "Outcome") -> tuple[str, ...]:
+def _limit(word: str | None) -> "float | Array | None":
+    """A number, or the samples of a file."""
+    if word is None:
+        return None
+    try:
+        return float(word)
+    except ValueError:
+        return _samples(Path(word))
+
+
+def _mask(path: Path | None) -> "Array | None":
+    """Where the samples of a file are there and not zero, in any channel."""
+    if path is None:
+        return None
+    from meshflow.plan import data_of
+
+    noun = read(path).noun
+    if isinstance(noun, Mesh) or noun.missing is None:
+        raise InputError(f"{path}: a raster, a picture or an array is a mask, a mesh is none")
+    values = np.nan_to_num(data_of(noun))
+    return (values if values.ndim == 2 else values.any(axis=2)).astype(bool) & ~noun.missing
+
+
+INPUTS = ("kind", "camera", "depth_scale", "band", "nodata", "spacing", "channels", "moves")
+HELD = {"limit": _limit, "confidence": _samples, "only": _mask}
+
+
+def _reported(result: "Result", path: Path, name: str, quiet: bool) -> str:
+    from meshflow.view.report import report as drawn
+
+    drawn(result, path, title=name)
+    line = f"report: {path}"
+    _said("", () if quiet else (line,))
+    return line
+
+
+def _warned(document: Document, result: "Result") -> tuple[str, ...]:
     """A word where a mesh is about to vanish."""
-    if document.kind != "mesh" or outcome.end.area > 0.8 * outcome.start.area:
+    if document.kind != "mesh" or result.end.area > 0.8 * result.start.area:
         return ()
-    lost = 1 - outcome.end.area / outcome.start.area
+    lost = 1 - result.end.area / result.start.area
     return (f"the surface lost {lost:.0%} of its area; a smaller --time keeps more",)
 
 
-def _must_be_writable(document: Document, target: Path, picture: Path | None, overwrite: bool) -> None:
+def _must_be_writable(document: Document, target: Path, pictures: tuple[Path | None, ...], overwrite: bool) -> None:
     """Refuse before the work what would be refused after it."""
     from meshflow.view.picture import writable as drawable
 
     writable(document, target, overwrite=overwrite)
-    if picture is not None:
-        drawable(picture)
+    for picture in pictures:
+        if picture is None:
+            continue
+        if picture.suffix.lower() != ".html":
+            drawable(picture)
         if picture.exists() and not overwrite:
             raise InputError(f"{picture} exists; name another picture or give --overwrite")
 
@@ -297,9 +283,9 @@ def _table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
 
 
 def _said(line: str, notes: tuple[str, ...]) -> None:
-    for words in (line, *notes):
-        if words:
-            err.print(words, markup=False, soft_wrap=True)
+    for said in (line, *notes):
+        if said:
+            err.print(said, markup=False, soft_wrap=True)
 
 
 def main() -> None:
@@ -311,5 +297,5 @@ def main() -> None:
         sys.exit(1)
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            err.print("meshflow: interrupted; what was not yet written is not there", markup=False)
+            err.print("meshflow: interrupted; OUT is whole, or as it was before", markup=False)
         raise

@@ -16,9 +16,14 @@ MAY = {
     "io": {"geometry"},
     "study": {"geometry"},
     "view": {"geometry", "io"},
-    "smoothing": {"io", "grid", "flow", "geometry"},
+    "settings": {"flow", "geometry"},
+    "choice": {"grid", "flow", "geometry"},
+    "plan": {"settings", "choice", "flow", "geometry"},
+    "result": {"plan", "flow", "geometry"},
+    "smoothing": {"settings", "plan", "result", "io", "grid", "flow", "geometry"},
     "accessors": {"smoothing"},
-    "cli": {"smoothing", "io", "study", "view"},
+    "options": set(),
+    "cli": {"options", "settings", "plan", "result", "smoothing", "geometry", "io", "study", "view"},
     "__main__": {"cli"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))

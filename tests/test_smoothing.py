@@ -121,7 +121,7 @@ def test_the_quantum_of_quantised_data_is_found_and_its_rounding_counts_as_noise
     [
         (lambda z: meshflow.smooth(z, sharpen=3), "sharpen"),
         (lambda z: meshflow.smooth(z, time=-1), "time: a finite number, zero or more"),
-        (lambda z: meshflow.smooth(z, scale=-1), "scale: a finite length"),
+        (lambda z: meshflow.smooth(z, scale=-1), "scale: a finite number, zero or more"),
         (lambda z: meshflow.smooth(z, time=1, scale=1), "one of them expected"),
         (lambda z: meshflow.smooth(z, dt=-0.1), "dt: a positive"),
         (lambda z: meshflow.smooth(z, dt=9.0, stepper="explicit"), "the largest stable step is"),

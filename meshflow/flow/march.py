@@ -119,7 +119,7 @@ def march(
     with reporting(progress, f"{stepper.name} flow") as report:
         while state.reason is None:
             longest = stepper.largest(flow, state.u)
-            left = np.inf if until.time is None else until.time - state.time
+            left = until.left(state.time)
             most = MANY if changes else HOPELESS
             if flow.slivers and np.isfinite(left) and longest * most < left * stepper.rates:
                 stepper = _implicit_instead(changes, state, longest)

@@ -11,15 +11,26 @@ from meshflow.flow.rkl import reach, schedule, stages
 from meshflow.flow.solve import Method, solve
 from meshflow.geometry.gates import Array, positive
 
-__all__ = ["FEW", "MANY", "Embedding", "Explicit", "SemiImplicit", "Stepper", "StepperName", "SuperTime", "stepper_for"]
+__all__ = [
+    "FEW",
+    "MANY",
+    "Embedding",
+    "Explicit",
+    "SemiImplicit",
+    "Stepper",
+    "StepperName",
+    "SuperTime",
+    "stepper_for",
+    "stepper_word",
+]
 
 StepperName = Literal["auto", "explicit", "semi-implicit", "super-time"]
 STEPPERS = ("auto", "explicit", "semi-implicit", "super-time")
 
 # An explicit run of more steps than this costs more than ten linear solves.
 MANY = 400
-# Explicit steps that three stages of super-time-stepping reach: below that there is nothing to win.
-FEW = 6
+# Explicit steps up to which nothing is won: super-time steps short enough to be as accurate take as many rates.
+FEW = 48
 # How much more than at its start the bound may be at the end of a step: it is itself above the fastest decay by as much.
 SLACK = 1.25
 
@@ -46,11 +57,6 @@ class Stepper(Protocol):
 @runtime_checkable
 class Embedding(Stepper, Protocol):
     """A stepper that knows its error."""
-
-    @property
-    def few(self) -> float:
-        """How many explicit steps the shortest step is worth."""
-        ...
 
     def tried(self, flow: Flow, u: Array, dt: float, turn: int) -> tuple[Array, float]:
         """A step, and the root mean square of what it leaves out."""
@@ -98,11 +104,6 @@ class SuperTime:
     def rates(self) -> int:
         """The most stages."""
         return self.stages
-
-    @property
-    def few(self) -> float:
-        """What three stages reach."""
-        return reach(self.order, 3)
 
     def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
         """The free coordinates (n, k) after time dt."""
@@ -197,6 +198,17 @@ class SemiImplicit:
         return solve(matrix, right, right / matrix.diagonal()[:, None], self.solver, self.tolerance)
 
 
+def stepper_word(word: Stepper | StepperName) -> Stepper | StepperName:
+    """A stepper, or the name of one.
+
+    :raises InputError: for an unknown word, or what is neither.
+    """
+    known = word in STEPPERS if isinstance(word, str) else isinstance(word, (Explicit, SuperTime, SemiImplicit))
+    if not known and not hasattr(word, "step"):
+        raise InputError(f"stepper: {', '.join(STEPPERS)} expected, got {word!r}")
+    return word
+
+
 def stepper_for(word: Stepper | StepperName, flow: Flow, time: float | None) -> Stepper:
     """The stepper of a name; ``auto`` takes the one that suits.
 
@@ -205,10 +217,9 @@ def stepper_for(word: Stepper | StepperName, flow: Flow, time: float | None) -> 
 
     :raises InputError: for an unknown word.
     """
+    word = stepper_word(word)
     if not isinstance(word, str):
         return word
-    if word not in STEPPERS:
-        raise InputError(f"stepper: {', '.join(STEPPERS)} expected, got {word!r}")
     if word == "auto":
         steps = 0.0 if time is None else time * flow.bound(flow.start()) / 2.0
         word = "explicit" if steps <= FEW else "semi-implicit" if flow.slivers and steps > MANY else "super-time"

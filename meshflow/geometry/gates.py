@@ -9,7 +9,7 @@ from meshflow.errors import InputError
 
 Array = NDArray[Any]
 
-__all__ = ["Array", "mask_of", "positive", "real", "samples", "whole"]
+__all__ = ["Array", "mask_of", "number", "positive", "real", "samples", "whole"]
 
 
 def real(values: ArrayLike, name: str) -> Array:
@@ -82,12 +82,28 @@ def positive(value: float, name: str, unit: str = "") -> float:
     :raises InputError: otherwise.
     """
     try:
-        number = float(value)
+        found = float(value)
     except (TypeError, ValueError) as cause:
         raise InputError(f"{name}: a positive number expected, got {value!r}") from cause
-    if not (np.isfinite(number) and number > 0):
+    if isinstance(value, (str, bytes)) or not (np.isfinite(found) and found > 0):
         raise InputError(f"{name}: a positive finite number{' of ' + unit if unit else ''} expected, got {value!r}")
-    return number
+    return found
+
+
+def number(value: Any, name: str) -> float:
+    """A finite number.
+
+    :raises InputError: otherwise; text is none, even where it reads as one.
+    """
+    if isinstance(value, (str, bytes)) or np.ndim(value) != 0:
+        raise InputError(f"{name}: a finite number expected, got {value!r}")
+    try:
+        found = float(value)
+    except (TypeError, ValueError) as cause:
+        raise InputError(f"{name}: a finite number expected, got {value!r}") from cause
+    if not np.isfinite(found):
+        raise InputError(f"{name}: a finite number expected, got {value}")
+    return found
 
 
 def whole(value: Any, name: str, least: int) -> int:
@@ -96,9 +112,9 @@ def whole(value: Any, name: str, least: int) -> int:
     :raises InputError: otherwise.
     """
     try:
-        number = int(value)
+        found = int(value)
     except (TypeError, ValueError, OverflowError) as cause:
         raise InputError(f"{name}: a whole number, {least} or more, expected, got {value!r}") from cause
-    if number != value or number < least:
+    if found != value or found < least:
         raise InputError(f"{name}: a whole number, {least} or more, expected, got {value!r}")
-    return number
+    return found

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.surface import Axes, Boundary, Rays, Surface
 from meshflow.geometry.triangulate import Diagonals, charts_of_rows, grid_sheets, triangles_there, triangulations
@@ -41,7 +42,7 @@ class Lattice:
     :param boundary: ``natural | linear | fixed``.
     :param fibres: the lines along which the samples move; None: straight up from their places on the grid.
     :param jump: a triangle is left out where its planes differ by more than this share of the least; None: none is.
-    :raises InputError: for an unknown word for the diagonals.
+    :raises InputError: for an unknown word for the diagonals or the boundary.
     """
 
     planes: Array
@@ -56,6 +57,8 @@ class Lattice:
 
     def __post_init__(self) -> None:
         triangulations(self.diagonals)
+        if self.boundary not in ("natural", "linear", "fixed"):
+            raise InputError(f"boundary: natural, linear or fixed expected, got {self.boundary!r}")
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -321,6 +321,19 @@ class Mesh:
         return values
 
     @property
+    def normals(self) -> Array | None:
+        """Unit normals (n, 3) of the vertices, the mean of their triangles by area; zero where there is none; None outside 3D."""
+        if self.points.shape[1] != 3:
+            return None
+        corners = self.points[self.faces].astype(np.float64)
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        sums = np.stack(
+            [np.bincount(self.faces.ravel(), np.repeat(part, 3), len(self.points)) for part in across.T], axis=1
+        )
+        lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+        return np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0)
+
+    @property
     def step(self) -> float:
         """h: the mean length of the edges of the triangles, in the unit of the points."""
         corners = self.points[self.faces].astype(np.float64)

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array, positive
+from meshflow.geometry.gates import Array, number, positive
 
 __all__ = ["Indicator", "Member"]
 
@@ -48,8 +48,7 @@ class Member:
     patch: float = 0.0
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.gamma):
-            raise InputError(f"gamma: a finite number expected, got {self.gamma}")
+        number(self.gamma, "gamma")
         positive(self.sharpness, "sharpness")
         if self.indicator not in ("metric", "projection"):
             raise InputError(f"indicator: metric or projection expected, got {self.indicator!r}")
@@ -58,7 +57,7 @@ class Member:
         if positive(self.floor, "floor") > 1:
             raise InputError(f"floor: a number in (0, 1] expected, got {self.floor}")
 
-        if not (np.isfinite(self.patch) and 0 <= self.patch <= WIDEST):
+        if not 0 <= number(self.patch, "patch") <= WIDEST:
             raise InputError(f"patch: a width between 0 and {WIDEST:g} samples expected, got {self.patch}")
 
     @property

@@ -1,7 +1,10 @@
 """A band of rows of a grid with several coordinates: channels that are coupled, or points on their lines in space."""
 
+from typing import Any
+
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
 from meshflow.grid import coupled_rows as work
 from meshflow.grid.compiled import ROW, SWEEP
@@ -11,6 +14,8 @@ from meshflow.grid.patch_rows import patch_buffers, patched
 from meshflow.grid.sweep import moved_row, stay_row, total
 
 __all__ = ["coupled_measured", "coupled_swept"]
+
+_OPTIONS: Any = ROW  # numba declares them as a dictionary of its own
 
 
 @njit(**SWEEP)
@@ -23,14 +28,15 @@ def coupled_swept(rows, sheets, u, out, mix, fixed, lines, begin, kinds, exponen
     :param kinds: 1 where the sharpness is not 1; four times gamma as :func:`stencil.power` takes it; the kind of mass; 1 for the
         projection indicator; 1 for fibres; 1 where triangles are missing.
     :param exponents: sharpness, gamma, floor, alpha^2, angle of a pixel, and the length below which a pull is rounding.
-    :param taps: the Gaussian of the patches, from its middle outwards; one tap where there is none.
+    :param taps: the Gaussian of the patches, from its middle outwards; of two dimensions and no
+        size where lengths are those of single samples.
     :param edges: (4, h, w), zeros, where the weights of the edges to the right and downwards are kept, and those of the forward
         and backward diagonals; with ``inverses`` (h, w), s / M |d|^2. Of no size where they are not.
     """
     h, w, start = u.shape[1], u.shape[2], max(rows[0] - 1, 0)
     k, held = 3 if kinds[4] == 1 else len(u), fixed[3]
     points, rays, weights, thirds, joints, sums, buffers, counts, inverse = work.buffers_for(k, w, u.dtype)
-    patches = patch_buffers(taps, w, u.dtype)
+    patches = patch_buffers(taps.ravel(), w, u.dtype)
     work.placed(u, start, lines, kinds[4], points[start % 2], rays[start % 2])
     for r in range(start, rows[1]):
         here, below = sums[r % 2], sums[1 - r % 2]
@@ -70,7 +76,7 @@ def coupled_measured(rows, sheets, u, fixed, lines, begin, kinds, exponents, tap
     points, rays, weights, thirds, joints, sums, buffers, counts, speed = work.buffers_for(k, w, u.dtype)
     bounds, speeds = np.zeros((2, 4, w)), np.zeros((2, w))
     area, fastest = 0.0, 0.0
-    patches = patch_buffers(taps, w, u.dtype)
+    patches = patch_buffers(taps.ravel(), w, u.dtype)
     work.placed(u, start, lines, kinds[4], points[start % 2], rays[start % 2])
     for r in range(start, min(rows[1] + 1, h)):  # the last cells end at the first row of the next band
         here, below = sums[r % 2], sums[1 - r % 2]
@@ -105,13 +111,21 @@ def _cell(side, sheets, w, fixed, r, start):
     return side == sheets[0], side, w, geometry, r, part, r - 1 > start and same[r] and same[r - 1]
 
 
-@njit(**ROW)
 def _measured(side, u, k, pair, kinds, exponents, taps, patches, fixed, r, weights, thirds):
     """Weights and thirds of a row of cells, of single samples or of patches."""
-    if len(taps) > 1:
-        patched(side, r, u, fixed[1], kinds[5] == 1, taps, patches, kinds, exponents, fixed[0], weights, thirds)
-    else:
+
+
+@overload(_measured, jit_options=_OPTIONS)
+def _measured_by(side, u, k, pair, kinds, exponents, taps, patches, fixed, r, weights, thirds):
+    """The way is chosen by the type of the taps (two dimensions: none), so that only the one that is taken is compiled."""
+
+    def single(side, u, k, pair, kinds, exponents, taps, patches, fixed, r, weights, thirds):
         work.measured(side, u.shape[2], k, pair, kinds, exponents, fixed[0], r, weights, thirds)
+
+    def whole(side, u, k, pair, kinds, exponents, taps, patches, fixed, r, weights, thirds):
+        patched(side, r, u, fixed[1], kinds[5] == 1, taps, patches, kinds, exponents, fixed[0], weights, thirds)
+
+    return single if taps.ndim == 2 else whole
 
 
 @njit(**ROW)

@@ -28,12 +28,12 @@ def patch_buffers(taps, w, kind):
 
     What they sum to: along the row, with those down the columns, and one over that.
     """
-    wide, rows = width(w), 2 * len(taps) - 1
-    if len(taps) == 1:
-        wide = 1
+    if len(taps) == 0:
+        w = 0
+    wide, rows = width(w), max(2 * len(taps) - 1, 1)
     ring, work = np.zeros((2, rows, 8, wide), kind), np.zeros((8, wide), kind)
     whole, next = np.ones((3, wide), kind), np.full(2, -1)
-    if len(taps) > 1:
+    if w > 0:
         work[0, EDGE : EDGE + w - 1] = 1
         _across(taps, work[0], w - 1, whole[0])
     return ring, work, whole, next
@@ -154,16 +154,16 @@ def _scaled(by, row, out):
 def _across(taps, row, n, out):
     """A row of n cells filtered along itself; beside its ends there is nothing."""
     far, to = len(taps) - 1, out[EDGE : EDGE + n]
-    if far == 2:
-        _five(taps[0], taps[1], taps[2], _shift(row, -2, n), _shift(row, -1, n), _shift(row, 0, n), _shift(row, 1, n),
-              _shift(row, 2, n), to)  # fmt: skip
+    if far == 1:
+        _three(taps[0], taps[1], _shift(row, -1, n), _shift(row, 0, n), _shift(row, 1, n), to)
         return
-    first = min(far, 3)
-    _seven(taps[0], taps[1], taps[2] if far > 1 else type(taps[0])(0), taps[3] if far > 2 else type(taps[0])(0),
-           _shift(row, -first, n), _shift(row, -min(far, 2), n), _shift(row, -1, n), _shift(row, 0, n), _shift(row, 1, n),
-           _shift(row, min(far, 2), n), _shift(row, first, n), to)  # fmt: skip
-    for d in range(4, far + 1):
-        _more(taps[d], _shift(row, -d, n), _shift(row, d, n), to)
+    _five(taps[0], taps[1], taps[2], _shift(row, -2, n), _shift(row, -1, n), _shift(row, 0, n), _shift(row, 1, n),
+          _shift(row, 2, n), to)  # fmt: skip
+    for d in range(3, far, 2):
+        _four(taps[d], taps[d + 1], _shift(row, -d - 1, n), _shift(row, -d, n), _shift(row, d, n), _shift(row, d + 1, n),
+              to)  # fmt: skip
+    if far % 2 == 1:
+        _two(taps[far], _shift(row, -far, n), _shift(row, far, n), to)
 
 
 @njit(**FORMULA)
@@ -174,23 +174,37 @@ def _shift(row, by, n):
 @njit(**ROW)
 def _down(taps, ring, r, rows, which, n, out):
     """Row r of a ring filtered across its rows; above the first and below the last there is nothing."""
-    far, depth, a, b, to = len(taps) - 1, len(ring), EDGE, EDGE + n, out[EDGE : EDGE + n]
-    if far == 2 and r >= 2 and r + 2 < rows:
-        _five(taps[0], taps[1], taps[2], ring[(r - 2) % depth, which, a:b], ring[(r - 1) % depth, which, a:b],
-              ring[r % depth, which, a:b], ring[(r + 1) % depth, which, a:b], ring[(r + 2) % depth, which, a:b],
-              to)  # fmt: skip
+    far, to = len(taps) - 1, out[EDGE : EDGE + n]
+    if r < far or r + far >= rows:
+        _scaled(taps[0], _ringed(ring, r, which, n), to)
+        for d in range(1, far + 1):
+            if r - d >= 0:
+                _one(taps[d], _ringed(ring, r - d, which, n), to)
+            if r + d < rows:
+                _one(taps[d], _ringed(ring, r + d, which, n), to)
         return
-    if far == 3 and r >= 3 and r + 3 < rows:
-        _seven(taps[0], taps[1], taps[2], taps[3], ring[(r - 3) % depth, which, a:b], ring[(r - 2) % depth, which, a:b],
-               ring[(r - 1) % depth, which, a:b], ring[r % depth, which, a:b], ring[(r + 1) % depth, which, a:b],
-               ring[(r + 2) % depth, which, a:b], ring[(r + 3) % depth, which, a:b], to)  # fmt: skip
+    if far == 1:
+        _three(taps[0], taps[1], _ringed(ring, r - 1, which, n), _ringed(ring, r, which, n), _ringed(ring, r + 1, which, n),
+               to)  # fmt: skip
         return
-    _scaled(taps[0], ring[r % depth, which, a:b], to)
-    for d in range(1, far + 1):
-        if r - d >= 0:
-            _one(taps[d], ring[(r - d) % depth, which, a:b], to)
-        if r + d < rows:
-            _one(taps[d], ring[(r + d) % depth, which, a:b], to)
+    _five(taps[0], taps[1], taps[2], _ringed(ring, r - 2, which, n), _ringed(ring, r - 1, which, n),
+          _ringed(ring, r, which, n), _ringed(ring, r + 1, which, n), _ringed(ring, r + 2, which, n), to)  # fmt: skip
+    for d in range(3, far, 2):
+        _four(taps[d], taps[d + 1], _ringed(ring, r - d - 1, which, n), _ringed(ring, r - d, which, n),
+              _ringed(ring, r + d, which, n), _ringed(ring, r + d + 1, which, n), to)  # fmt: skip
+    if far % 2 == 1:
+        _two(taps[far], _ringed(ring, r - far, which, n), _ringed(ring, r + far, which, n), to)
+
+
+@njit(**FORMULA)
+def _ringed(ring, r, which, n):
+    return ring[r % len(ring), which, EDGE : EDGE + n]
+
+
+@njit(**FORMULA)
+def _three(k, m, a, b, c, out):
+    for j in range(len(out)):
+        out[j] = k * b[j] + m * (a[j] + c[j])
 
 
 @njit(**FORMULA)
@@ -200,13 +214,13 @@ def _five(k, m, n, a, b, c, d, e, out):
 
 
 @njit(**FORMULA)
-def _seven(k, m, n, o, a, b, c, d, e, f, g, out):
+def _four(k, m, a, b, c, d, out):
     for j in range(len(out)):
-        out[j] = (k * d[j] + m * (c[j] + e[j])) + (n * (b[j] + f[j]) + o * (a[j] + g[j]))
+        out[j] += k * (b[j] + c[j]) + m * (a[j] + d[j])
 
 
 @njit(**FORMULA)
-def _more(k, a, b, out):
+def _two(k, a, b, out):
     for j in range(len(out)):
         out[j] += k * (a[j] + b[j])
 

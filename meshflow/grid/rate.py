@@ -292,7 +292,8 @@ class GridFlow:
         gaps = int(lattice.there is not None)
         kinds = (int(sharp), _quarters(m.gamma), mass_kind(m.mass), int(projection), int(spatial), gaps)
         exponents = tuple(number(x) for x in (m.sharpness, m.gamma, m.floor, scale, pixel, small))
-        return self._lines, begin, kinds, exponents, m.taps.astype(self.dtype)
+        taps = np.empty((0, 0), self.dtype) if m.patch == 0 else m.taps.astype(self.dtype)
+        return self._lines, begin, kinds, exponents, taps
 
     def _worked(self, work: Any) -> list[Any]:
         return worked(work, bands(self.shape[1], self.shape[2]), self.threads)

@@ -71,7 +71,8 @@ def read(
         missing |= values[0] == _LARGEST
     depth = (values[0] / scale).astype(values.dtype)
     noun = RangeImage(depth, pinhole, missing, jump=jump)
-    return Document(noun, "depth", path, Depths(frame, scale, whole, values[0]), "depths")
+    notes = () if scale == 1.0 else (f"depths of {scale:g} units per metre are taken, and told, in metres",)
+    return Document(noun, "depth", path, Depths(frame, scale, whole, values[0]), "depths", notes)
 
 
 def write(

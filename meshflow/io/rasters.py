@@ -79,9 +79,16 @@ def write(document: Document, path: Path, *, tags: Mapping[str, str], dtype: str
     nodata = mark(samples, frame, kind)
     if nodata is not None:
         samples[frame.gone] = nodata
+        if frame.gone.any() and not _alike(nodata, frame.nodata):
+            notes += (f"missing samples are marked by nodata {nodata:g}",)
     options = {"driver": "AAIGrid"} if ascii_grid else _geotiff(samples)
     save(samples, frame, path, nodata=nodata, tags=tags, **options)
     return notes + clipped
+
+
+def _alike(one: float, other: float | None) -> bool:
+    """Whether two marks of missing samples are one, NaN like NaN."""
+    return other is not None and bool(one == other or (np.isnan(one) and np.isnan(other)))
 
 
 def _spacing(frame: Frame, unit: str) -> tuple[Spacing, tuple[str, ...]]:

@@ -1,0 +1,154 @@
+"""The words of the command line: each option once, with its help and its panel."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+Kind = Literal["terrain", "image", "depth", "mesh"]
+Moves = Literal["points", "channels", "all"]
+
+
+def _option(panel: str, words: str, *flags: str) -> Any:
+    """An option of the command line, in its panel of the help."""
+    return typer.Option(*flags, help=words, rich_help_panel=panel)
+
+
+INPUT, FLOW, STOP, HOLD, OUTPUT = (
+    "What the file is",
+    "How it is smoothed",
+    "When it stops before its time",
+    "What is held",
+    "What is written",
+)
+FILES = "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK; PNG, JPEG; .npy, .npz."
+In = Annotated[Path, typer.Argument(metavar="IN", help=FILES)]
+Out = Annotated[Path, typer.Argument(metavar="OUT", help="Where to write; the extension names the format.")]
+Other = Annotated[Path, typer.Argument(metavar="OTHER", help="The same kind of thing on the same samples.")]
+KindOption = Annotated[Kind | None, _option(INPUT, "What the file holds, where the guess would be wrong.")]
+Camera = Annotated[
+    Path | None,
+    _option(INPUT, "JSON of the camera: IN is a depth image. Open3D intrinsics, or fx, fy, cx, cy in pixels."),
+]
+DepthScale = Annotated[
+    float | None, _option(INPUT, "Units of a depth image per metre; 1000 (millimetres) for whole numbers.")
+]
+Band = Annotated[int | None, _option(INPUT, "Band of a raster, from 1; several are smoothed together otherwise.")]
+Nodata = Annotated[float | None, _option(INPUT, "Value that marks missing samples, where the file does not say.")]
+Spacing = Annotated[
+    float | None,
+    _option(INPUT, "Distance of neighbouring samples; the raster's own by default, metres where it is in degrees."),
+]
+Channels = Annotated[str | None, _option(INPUT, "Vertex attribute of a mesh to smooth: its name, or 'colors'.")]
+MovesOption = Annotated[Moves | None, _option(INPUT, "What of a mesh with --channels moves; channels by default.")]
+Time = Annotated[
+    float | None,
+    _option(
+        FLOW,
+        "How far, in squared length: m² of a terrain, pixels² of an image or a range image. Default: searched for; 5 pixels² of "
+        "a range image, half an edge² of a mesh.",
+    ),
+]
+Scale = Annotated[
+    float | None,
+    _option(
+        FLOW,
+        "Instead of --time: standard deviation of the Gaussian that the flow equals on flat data, a length; time = scale²/2.",
+    ),
+]
+Steps = Annotated[int | None, _option(FLOW, "Stop after this many steps.")]
+Method = Annotated[
+    Literal[
+        "beltrami", "graph", "mean-curvature", "total-variation", "perona-malik", "geman-mcclure", "heat", "patches"
+    ]
+    | None,
+    _option(FLOW, "A member of the family by name. Default: the one of least estimated risk."),
+]
+Strength = Annotated[float, _option(FLOW, "More or less of it: the noise times this is what is removed.")]
+Sigma = Annotated[
+    float | None,
+    _option(FLOW, "Standard deviation of the noise, unit of the values. Default: estimated."),
+]
+Search = Annotated[
+    bool, _option(FLOW, "Search for what is not given, or take one member for all data.", "--search/--no-search")
+]
+Patch = Annotated[
+    float | None, _option(FLOW, "Width in samples of the patches in whose space lengths are measured; grids only.")
+]
+Twice = Annotated[float | None, _option(FLOW, "Weight of twicing, 0 to 1: u(t) + w (u(t) - u(2 t)).")]
+Residual = Annotated[
+    float | None, _option(STOP, "Stop when the rms change is this share of the noise; 0.9 is near the best.")
+]
+AreaLoss = Annotated[float | None, _option(STOP, "Stop when this share of the area is lost.")]
+Displacement = Annotated[
+    float | None, _option(STOP, "Stop when a sample has moved as far as this, unit of the values.")
+]
+Limit = Annotated[
+    str | None,
+    _option(
+        HOLD,
+        "No sample leaves its value by more: a number, or a raster or .npy of them. Default: half the quantum where rounding is "
+        "the noise, else none.",
+    ),
+]
+Confidence = Annotated[
+    Path | None, _option(HOLD, "Weights of a fidelity term, 1 / variance: a raster or .npy of the same samples.")
+]
+Only = Annotated[Path | None, _option(HOLD, "Mask of the samples that may move: a raster, picture or .npy, not zero.")]
+FixedMask = Annotated[Path | None, _option(HOLD, "Mask of the samples that stay: likewise.", "--fixed")]
+Gamma = Annotated[
+    float | None,
+    _option(
+        FLOW,
+        "Instead of --method: 0: Beltrami flow; above 0: edges kept more; -1: mean curvature diffusion; -2: graph flow. No "
+        "effect on a mesh whose points move.",
+    ),
+]
+Contrast = Annotated[
+    float | None,
+    _option(
+        FLOW,
+        "Length per unit of the value: larger keeps smaller edges. Default: searched for, in samples over the noise.",
+    ),
+]
+BoundaryOption = Annotated[
+    Literal["natural", "linear", "fixed"] | None,
+    _option(
+        FLOW,
+        "linear: tilted planes rest at borders and holes; natural: no flux; fixed: borders stay. Default: natural for "
+        "images, else linear.",
+    ),
+]
+DiagonalsOption = Annotated[
+    Literal["forward", "backward", "both", "alternate"], _option(FLOW, "How the cells of a grid become triangles.")
+]
+IndicatorOption = Annotated[
+    Literal["metric", "projection"], _option(FLOW, "How edges are told, for gamma other than 0.")
+]
+MassOption = Annotated[
+    Literal["barycentric", "voronoi", "ring"],
+    _option(FLOW, "Area of a vertex; with ring, as in the paper, time runs three times slower."),
+]
+Sharpness = Annotated[
+    float | None,
+    _option(
+        FLOW,
+        "Above 1: less flux across edges; 2 with --gamma -1 is Perona and Malik. Not for depth, nor for points.",
+    ),
+]
+StepperOption = Annotated[
+    Literal["auto", "explicit", "super-time", "semi-implicit"], _option(FLOW, "How time is stepped.")
+]
+Dt = Annotated[float | None, _option(FLOW, "Length of a step, squared length. Default: what suits the stepper.")]
+Threads = Annotated[int | None, _option(FLOW, "Threads for grids. Default: NUMBA_NUM_THREADS, or one for each core.")]
+Picture = Annotated[Path | None, _option(OUTPUT, "A picture of before, after and the difference (.png).")]
+Dtype = Annotated[
+    str | None, _option(OUTPUT, "Number type of a raster or picture; 'source' rounds back to whole numbers.")
+]
+Report = Annotated[
+    Path | None, _option(OUTPUT, "What was done and why: before, after, removed, parameters, risk (.html or .png).")
+]
+Overwrite = Annotated[bool, _option(OUTPUT, "Replace OUT if it is there.", "--overwrite")]
+Quiet = Annotated[bool, _option(OUTPUT, "Say nothing but errors.", "--quiet", "-q")]
+Verbose = Annotated[bool, _option(OUTPUT, "Every parameter, with its unit and where it came from.", "--verbose", "-v")]
+Json = Annotated[bool, _option(OUTPUT, "JSON on stdout.", "--json")]

@@ -1,0 +1,197 @@
+"""What a run did, and why: everything that was chosen, with its unit and where it came from."""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from meshflow.flow.march import State
+from meshflow.flow.noise import Noise
+from meshflow.flow.tune import Trial
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import Mesh, Noun
+from meshflow.plan import Parameter, data_of
+
+__all__ = ["Moment", "Result"]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A state of a run, in numbers.
+
+    :ivar time: squared length; ``dt`` of the step that led here.
+    :ivar area: of the surface in the space in which it is measured (values times the contrast), squared length.
+    :ivar change: root mean square change since the start, unit of the values.
+    :ivar largest: largest change of a sample since the start, likewise.
+    """
+
+    time: float
+    dt: float
+    area: float
+    change: float
+    largest: float
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A smoothed thing and how it came to be; ``print`` it to read it.
+
+    :ivar thing: what came back, of the kind that was given.
+    :ivar noun: the same as a noun of meshflow; ``before``: what it was made from.
+    :ivar start: the state before the first step, and ``end``: the last.
+    :ivar parameters: by name, each with its unit and origin.
+    :ivar noise: what was found in the data; None where it was not looked for.
+    :ivar trials: of the search, the chosen one first; empty where nothing was searched for.
+    :ivar moments: the run, from start to end.
+    :ivar reason: why it ended, a sentence.
+    :ivar warnings: sentences.
+    :ivar version: of meshflow.
+    """
+
+    thing: Any
+    noun: Noun
+    before: Noun
+    start: State
+    end: State
+    parameters: dict[str, Parameter]
+    noise: Noise | None
+    trials: tuple[Trial, ...]
+    moments: tuple[Moment, ...]
+    reason: str
+    warnings: tuple[str, ...]
+    version: str
+
+    @property
+    def removed(self) -> Array:
+        """The method noise: what was there less what is there now, in the shape of the data; zero where samples are missing."""
+        return self._removed
+
+    @property
+    def correlation(self) -> float | None:
+        """How far what was removed is from white noise: the root mean square of its correlation with itself at the eight nearest
+        shifts of the grid, all channels together; 0 is white, 1 is all structure. None for meshes, or where nothing was removed.
+        """
+        return self._correlation
+
+    @cached_property
+    def _removed(self) -> Array:
+        one, two = data_of(self.before).astype(np.float64), data_of(self.noun).astype(np.float64)
+        if isinstance(self.before, Mesh):
+            return one - two
+        assert self.before.missing is not None
+        gone = self.before.missing if one.ndim == 2 else self.before.missing[..., None]
+        return np.subtract(one, two, where=~gone, out=np.zeros_like(one))
+
+    @cached_property
+    def _correlation(self) -> float | None:
+        if isinstance(self.before, Mesh) or not self.removed.any():
+            return None
+        planes = self.removed.reshape(*self.removed.shape[:2], -1)
+        assert self.before.missing is not None
+        there = ~self.before.missing
+        planes = np.where(there[..., None], planes - planes[there].mean(axis=0), 0.0)
+        power, found = float(np.mean(planes[there] ** 2)), []
+        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            h, w = there.shape
+            a = np.s_[: h - down, max(0, -right) : w - max(0, right)]
+            b = np.s_[down:, max(0, right) : w + min(0, right)]
+            both = there[a] & there[b]
+            if both.any():
+                found.append(float(np.mean(planes[a][both] * planes[b][both])) / power)
+        return float(np.sqrt(np.mean(np.square(found)))) if found and power > 0 else None
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Parameters as they were used, words to words: for the tags of files."""
+        words = {"version": self.version}
+        for name, parameter in self.parameters.items():
+            value = parameter.value
+            words[name] = value if isinstance(value, str) else f"{value:.6g}"
+        words |= {"time": f"{self.end.time:.6g}", "steps": str(self.end.step), "stepper": self.end.stepper}
+        return {**words, "ended": self.reason}
+
+    @property
+    def summary(self) -> str:
+        """A line: why it ended, what was chosen, what was removed."""
+        if self.end.step == 0:
+            return self.reason
+        p = self.parameters
+        chosen = ", ".join(f"{name} {p[name].value:.4g}" for name in ("gamma", "sharpness", "patch", "contrast"))
+        sigma = "" if self.noise is None else f" of noise {self.noise.sigma:.4g}"
+        return f"{self.reason}; {chosen}; removed rms {self._rms:.4g}{sigma}"
+
+    def words(self) -> dict[str, Any]:
+        """All of it but the data, as JSON has it."""
+        parameters = {
+            name: {"value": p.value, "unit": p.unit, "origin": p.origin, **({"why": p.why} if p.why else {})}
+            for name, p in self.parameters.items()
+        }
+        noise = None
+        if self.noise is not None:
+            noise = {
+                "sigma": self.noise.sigma,
+                "channels": list(self.noise.channels),
+                "quantum": self.noise.quantum,
+                "on_quantum": self.noise.share,
+                "how": self.noise.how,
+            }
+        return {
+            "version": self.version,
+            "ended": self.reason,
+            "time": self.end.time,
+            "steps": self.end.step,
+            "stepper": self.end.stepper,
+            "parameters": parameters,
+            "noise": noise,
+            "removed": {
+                "rms": self._rms,
+                "largest": float(np.abs(self.removed).max()),
+                "correlation": self.correlation,
+            },
+            "moments": [vars(moment) for moment in self.moments],
+            "search": [_told(trial) for trial in self.trials],
+            "warnings": list(self.warnings),
+        }
+
+    def json(self, **options: Any) -> str:
+        """:meth:`words` as JSON text; ``options`` of :func:`json.dumps`."""
+        return json.dumps(self.words(), **options)
+
+    def __str__(self) -> str:
+        lines = [f"{self.reason}"]
+        lines += [f"  {name:<11} {parameter}" for name, parameter in self.parameters.items()]
+        correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
+        lines.append(f"  removed     rms {self._rms:.6g}, largest {np.abs(self.removed).max():.6g}{correlation}")
+        if self.trials:
+            lines.append(f"  searched    {len(self.trials)} members; expected errors (rms), least first:")
+            for trial in sorted(self.trials, key=lambda trial: trial.least[1])[:5]:
+                m, candidate = trial.candidate.member, trial.candidate
+                lines.append(
+                    f"              {trial.risk:.6g} at time {trial.least[0]:.4g}: gamma {m.gamma:g}, sharpness "
+                    f"{m.sharpness:g}, patch {m.patch:g}, contrast {candidate.contrast:.4g}, twice {candidate.twice:g}"
+                )
+        return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
+
+    @property
+    def _rms(self) -> float:
+        """Root mean square of what was removed, over the samples that are there."""
+        if isinstance(self.before, Mesh):
+            return float(np.sqrt(np.mean(self.removed**2)))
+        assert self.before.missing is not None
+        return float(np.sqrt(np.mean(self.removed[~self.before.missing] ** 2)))
+
+
+def _told(trial: Trial) -> dict[str, Any]:
+    member, time = trial.candidate.member, trial.least[0]
+    return {
+        "gamma": member.gamma,
+        "sharpness": member.sharpness,
+        "patch": member.patch,
+        "contrast": trial.candidate.contrast,
+        "twice": trial.candidate.twice,
+        "time": time,
+        "risk": trial.risk,
+        "curve": {"times": list(trial.times), "risks": list(trial.risks)},
+    }

@@ -1,0 +1,198 @@
+"""The words of the front door, checked once, each handed to the part that it steers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.flow.control import AreaChange, Embedded, Fixed
+from meshflow.flow.step import Stepper, StepperName, stepper_word
+from meshflow.flow.stop import AreaLoss, Displacement, Residual, Stop, When
+from meshflow.geometry.gates import Array, number, positive, whole
+from meshflow.geometry.member import Indicator, Member
+from meshflow.geometry.surface import Boundary
+from meshflow.geometry.triangulate import Diagonals, triangulations
+
+__all__ = ["Method", "Settings"]
+
+Method = Literal[
+    "beltrami",
+    "graph",
+    "mean-curvature",
+    "total-variation",
+    "perona-malik",
+    "geman-mcclure",
+    "heat",
+    "patches",
+]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a caller asks for; what is left out is estimated from the data, or has a default that :class:`Result` names.
+
+    When to stop; what comes first:
+
+    :param time: how far to smooth, in squared length (horizontal unit of a grid, unit of a mesh; pixel footprints of a range
+        image). On flat data the flow is the heat equation.
+    :param scale: instead of ``time``: the standard deviation of the Gaussian that the flow equals on flat data, a length; time
+        is scale^2 / 2.
+    :param steps: the number of steps; then nothing is searched for.
+    :param residual: the root mean square change as a share of the noise; about 0.9 is near the best, 1 is too long.
+    :param area_loss: the share of the area that is lost (El-Fallah and Ford; section 5.6).
+    :param displacement: the largest that a sample has moved, unit of the values (of a mesh: of its points).
+    :param stop: a callable (values, time) that says true, or a number that has risen to zero.
+
+    Which flow:
+
+    :param method: a member by name: ``beltrami | graph | mean-curvature | total-variation | perona-malik | geman-mcclure | heat |
+        patches``.
+    :param gamma: exponent of the edge indicator, instead of a method. See :class:`Member`, as for the next two.
+    :param sharpness: above 1 keeps edges more by the flux across them.
+    :param patch: width in samples of the patches in whose space lengths are measured.
+    :param contrast: length per unit of the value; 1 for range images and where the points of a mesh move.
+    :param twice: w in [0, 1]: u(t) + w (u(t) - u(2 t)), twicing in time; 0 where a time or a stop is given, else searched for.
+
+    What is known, and how much is wanted:
+
+    :param sigma: the standard deviation of the noise, unit of the values; by default it is estimated.
+    :param strength: the noise times this is what is removed: 1 by default, above it smooths more.
+    :param search: whether what is not given is searched for; else one member for all data (sharpness 1.5, gamma -1, contrast
+        3 h / sigma, 7.5 h^2; h the sample distance).
+
+    What holds:
+
+    :param limit: no sample leaves its value by more, a number or one per sample, unit of the values; half the quantum by default
+        where rounding is all the noise that is found, else none.
+    :param confidence: weights of a fidelity term, 1 / variance, a number or one per sample; the flow then comes to rest between
+        smoothness and data.
+    :param only: mask of the samples that may move.
+
+    How it is computed:
+
+    :param indicator: ``metric | projection``.
+    :param mass: ``barycentric | voronoi | ring``.
+    :param boundary: ``natural | linear | fixed``; by default linear for height fields, range images and meshes, natural for
+        images.
+    :param diagonals: of a grid's cells, ``forward | backward | both | alternate``.
+    :param stepper: ``auto | explicit | super-time | semi-implicit``, or a stepper with options of its own.
+    :param dt: length of a step, squared length; by default what suits the stepper.
+    :param control: :class:`Fixed`, :class:`AreaChange` or :class:`Embedded`, instead of ``dt``.
+    :param threads: for grids; by default as many as numba uses.
+    :raises InputError: for options that exclude each other or make no sense.
+    """
+
+    time: float | None = None
+    scale: float | None = None
+    steps: int | None = None
+    residual: float | None = None
+    area_loss: float | None = None
+    displacement: float | None = None
+    stop: Callable[[Any, float], Any] | None = None
+    method: Method | None = None
+    gamma: float | None = None
+    sharpness: float | None = None
+    patch: float | None = None
+    contrast: float | None = None
+    twice: float | None = None
+    sigma: float | None = None
+    strength: float = 1.0
+    search: bool = True
+    limit: float | Array | None = None
+    confidence: float | Array | None = None
+    only: Array | None = None
+    indicator: Indicator = "metric"
+    mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
+    boundary: Boundary | None = None
+    diagonals: Diagonals = "alternate"
+    stepper: Stepper | StepperName = "auto"
+    dt: float | None = None
+    control: Fixed | AreaChange | Embedded | None = None
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        for one, other, why in (
+            ("time", "scale", "time is scale^2 / 2"),
+            ("dt", "control", "give dt to the control"),
+            ("method", "gamma", "the method says it"),
+            ("method", "sharpness", "the method says it"),
+            ("method", "patch", "the method says it"),
+        ):
+            if getattr(self, one) is not None and getattr(self, other) is not None:
+                values = f"{one} {getattr(self, one)} and {other} {getattr(self, other)}"
+                raise InputError(f"{values}: one of them expected; {why}")
+        for name in ("time", "scale"):
+            value = getattr(self, name)
+            if value is not None and number(value, name) < 0:
+                raise InputError(f"{name}: a finite number, zero or more, expected, got {value}")
+        for name in ("contrast", "sigma", "strength", "residual", "displacement", "dt"):
+            if getattr(self, name) is not None:
+                positive(getattr(self, name), name)
+        for name, least in (("steps", 0), ("threads", 1)):
+            if getattr(self, name) is not None:
+                whole(getattr(self, name), name, least)
+        if self.twice is not None and not 0 <= number(self.twice, "twice") <= 1:
+            raise InputError(f"twice: a weight between 0 and 1 expected, got {self.twice}")
+        if self.twice and (self.steps is not None or self.confidence is not None or self.stopping):
+            raise InputError(f"twice {self.twice}: a time is doubled; leave out steps, confidence and stops")
+        self._check_words()
+
+    def _check_words(self) -> None:
+        """The gates of the parts, before any of the work."""
+        if self.method is not None and self.method not in get_args(Method):
+            raise InputError(f"method: {', '.join(get_args(Method))} expected, got {self.method!r}")
+        if self.boundary not in (None, "natural", "linear", "fixed"):
+            raise InputError(f"boundary: natural, linear or fixed expected, got {self.boundary!r}")
+        if self.control is not None and not isinstance(self.control, (Fixed, AreaChange, Embedded)):
+            raise InputError(f"control: Fixed, AreaChange or Embedded expected, got {self.control!r}")
+        if not isinstance(self.search, (bool, np.bool_)):
+            raise InputError(f"search: true or false expected, got {self.search!r}")
+        triangulations(self.diagonals)
+        stepper_word(self.stepper)
+        self.member()
+        if self.area_loss is not None:
+            AreaLoss(self.area_loss)
+        if self.stop is not None:
+            When(self.stop)
+
+    @property
+    def until_time(self) -> float | None:
+        """The time asked for, squared length."""
+        return self.scale**2 / 2 if self.scale is not None else self.time
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the caller asks for a stop other than a time or steps."""
+        return any(word is not None for word in (self.residual, self.area_loss, self.displacement, self.stop))
+
+    @property
+    def named(self) -> bool:
+        """Whether the caller says which member it shall be."""
+        return any(word is not None for word in (self.method, self.gamma, self.sharpness, self.patch))
+
+    def member(self, **exponents: float) -> Member:
+        """The member that is given; what is left out is the paper's (gamma 0, sharpness 1, no patches)."""
+        given = {"gamma": self.gamma, "sharpness": self.sharpness, "patch": self.patch}
+        chosen = {name: value for name, value in given.items() if value is not None}
+        return Member(indicator=self.indicator, mass=self.mass, **{**exponents, **chosen})
+
+    def stops(self, sigma: float, there: float, unit: float, seen: Callable[[Array], Any]) -> tuple[Stop, ...]:
+        """The stops that are asked for.
+
+        :param sigma: of a sample with all its channels, unit of u.
+        :param there: share of the samples that are there.
+        :param unit: units of u for one of the caller's.
+        :param seen: what a callable sees of u.
+        """
+        made: list[Stop] = []
+        if self.residual is not None:
+            made.append(Residual(self.residual, sigma, there))
+        if self.area_loss is not None:
+            made.append(AreaLoss(self.area_loss))
+        if self.displacement is not None:
+            made.append(Displacement(self.displacement * unit, unit))
+        if self.stop is not None:
+            made.append(When(self.stop, seen))
+        return tuple(made)

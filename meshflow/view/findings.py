@@ -1,0 +1,248 @@
+"""What a report of a run shows, made ready: pictures, charts, tables of words. How it is laid out is said in report.py."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from meshflow.errors import InputError, MissingPackage
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import HeightField, Image, Mesh, Noun
+from meshflow.view.charts import Chart, Curve, course, histogram, risks
+from meshflow.view.look import Look
+from meshflow.view.pair import Pair, Scale, holes, paired
+from meshflow.view.stage import staged
+
+__all__ = ["Findings", "Panel", "Run", "found"]
+
+_ENDS = 99.0  # percentile of |removed| at which the colours end
+_WIDE, _TALLEST = 720, 900  # pixels of a panel that VTK draws
+
+
+class Named(Protocol):
+    """A parameter: a value, its unit, where it came from, and why it is so."""
+
+    @property
+    def value(self) -> float | str: ...  # noqa: D102
+    @property
+    def unit(self) -> str: ...  # noqa: D102
+    @property
+    def origin(self) -> str: ...  # noqa: D102
+    @property
+    def why(self) -> str: ...  # noqa: D102
+
+
+class Run(Protocol):
+    """What is asked of a result: :class:`meshflow.result.Result` is one, and this room does not know that one.
+
+    ``noise`` has sigma, channels, quantum and how, or is None; of ``trials``, the chosen one first, times and risks are taken,
+    of ``moments`` time, area, change and largest; ``removed`` is an array, ``correlation`` a number or None (both cached
+    properties there, which to a type checker are no properties).
+    """
+
+    @property
+    def before(self) -> Noun: ...  # noqa: D102
+    @property
+    def noun(self) -> Noun: ...  # noqa: D102
+    @property
+    def parameters(self) -> Mapping[str, Named]: ...  # noqa: D102
+    @property
+    def noise(self) -> Any: ...  # noqa: D102
+    @property
+    def trials(self) -> Sequence[Any]: ...  # noqa: D102
+    @property
+    def moments(self) -> Sequence[Any]: ...  # noqa: D102
+    @property
+    def removed(self) -> Any: ...  # noqa: D102
+    @property
+    def correlation(self) -> Any: ...  # noqa: D102
+    @property
+    def reason(self) -> str: ...  # noqa: D102
+    @property
+    def warnings(self) -> Sequence[str]: ...  # noqa: D102
+    @property
+    def version(self) -> str: ...  # noqa: D102
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """A picture.
+
+    :ivar label: above it.
+    :ivar picture: (h, w, 3) in uint8.
+    :ivar pixel: height over width of a pixel of it.
+    """
+
+    label: str
+    picture: Array
+    pixel: float
+
+    @property
+    def aspect(self) -> float:
+        """Width over height."""
+        h, w = self.picture.shape[:2]
+        return w / h / self.pixel
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What is shown.
+
+    :ivar panels: before, after, removed; none where they cannot be drawn.
+    :ivar scale: of what was removed.
+    :ivar foot: a line below the panels.
+    :ivar facts: names and sentences, warnings among them.
+    :ivar table: of the parameters: name, value, unit, origin, why.
+    :ivar notes: what was done on the way to the pictures, or why there are none, sentences.
+    """
+
+    title: str
+    panels: tuple[Panel, ...]
+    scale: Scale
+    foot: str
+    charts: tuple[Chart, ...]
+    facts: tuple[tuple[str, str], ...]
+    table: tuple[tuple[str, str, str, str, str], ...]
+    notes: tuple[str, ...]
+
+
+def found(run: Run, title: str) -> Findings:
+    """All that a report of this run shows."""
+    unit = run.before.unit if isinstance(run.before, HeightField) else ""
+    before, channel = _shown(run.before)
+    pair = paired(before, _shown(run.noun)[0], unit)
+    scale = _removed(pair, channel)
+    panels, foot, notes = _panels(pair, scale)
+    told = () if channel is None else (f"pictures: {channel}, of {_channels(run.before)}",)
+    rows = tuple((n, _number(p.value), p.unit, p.origin, p.why) for n, p in run.parameters.items())
+    return Findings(
+        title or _name(run.before, bool(run.removed.any())),
+        panels,
+        scale,
+        foot,
+        _charts(run, pair, unit),
+        _facts(run, unit),
+        rows,
+        told + notes,
+    )
+
+
+def _name(noun: Noun, changed: bool) -> str:
+    """What was smoothed, in a few words."""
+    done = "smoothed" if changed else "unchanged"
+    if isinstance(noun, Mesh):
+        return f"Mesh of {len(noun.points)} points and {len(noun.faces)} triangles, {done}"
+    h, w = holes(noun).shape
+    what = {HeightField: "Height field", Image: "Image"}.get(type(noun), "Range image")
+    return f"{what} of {h} × {w} samples, {done}"
+
+
+def _channels(noun: Noun) -> int:
+    return noun.values.shape[2] if isinstance(noun, Image) and noun.values.ndim == 3 else 1
+
+
+def _shown(noun: Noun) -> tuple[Noun, str | None]:
+    """What of a noun can be shown: of channels that are no colours the first, and then its name."""
+    if isinstance(noun, Image) and _channels(noun) not in (1, 3, 4):
+        return replace(noun, values=noun.values[..., 0]), "channel 1"
+    return noun, None
+
+
+def _removed(pair: Pair, channel: str | None) -> Scale:
+    """Before minus after, with colours that are symmetric about 0 and end at the 99th percentile of its size."""
+    values = -pair.change.values
+    size = np.abs(values[np.isfinite(values)])
+    most, limit = float(size.max()), float(np.percentile(size, _ENDS))
+    what = pair.change.what.replace("after − before", "before − after").replace("moved outwards", "moved inwards")
+    what = f"{channel}, {what}" if channel else what
+    if most == 0:
+        return replace(pair.change, values=values, what=what, ends="nothing was removed")
+    ends = f"colours end at ±{limit:.3g}, the 99th percentile; largest {most:.3g}"
+    if limit == 0:
+        limit, ends = most, f"colours end at ±{most:.3g}, the largest: almost nothing was removed"
+    return replace(pair.change, values=values, low=-limit, high=limit, what=what, ends=ends)
+
+
+def _panels(pair: Pair, scale: Scale) -> tuple[tuple[Panel, ...], str, tuple[str, ...]]:
+    """Before, after and removed, drawn; what to say below; and notes. Grids sample by sample, from above or from their camera."""
+    look = Look()
+    try:
+        stage = staged(
+            (pair.before, pair.after), look, None if isinstance(pair.before, Mesh) else "relief", window=False
+        )
+        bodies = stage.bodies(pair.before, pair.after)
+    except (InputError, MissingPackage) as cause:
+        return (), "", (f"no pictures: {cause}",)
+    aspect = stage.aspect(bodies[0], pair.before)
+    size = _WIDE, round(min(max(_WIDE / aspect, _WIDE / 2), _TALLEST))
+    pixel = stage.pixel(pair.before)
+    shown = (("before", pair.before, bodies[0], None), ("after", pair.after, bodies[1], None))
+    shown = (*shown, ("removed", pair.after, bodies[1], scale.thinned(stage.step)))
+    panels = tuple(Panel(label, stage.panel(noun, body, size, hue), pixel) for label, noun, body, hue in shown)
+    return panels, stage.foot(), stage.notes
+
+
+def _charts(run: Run, pair: Pair, unit: str) -> tuple[Chart, ...]:
+    """Histogram, area, change, and the curves of the search; each where there is something to show."""
+    sigma = 0.0 if run.noise is None else float(run.noise.sigma)
+    charts, samples = [], _samples(run, pair)
+    if samples.any():
+        charts.append(histogram(samples, sigma, unit))
+    time = run.parameters["time"].unit if "time" in run.parameters else ""
+    moments = run.moments
+    if len(moments) > 1:
+        times, areas, changes, largest = (
+            np.array([float(getattr(moment, name)) for moment in moments])
+            for name in ("time", "area", "change", "largest")
+        )
+        charts.append(course("area", {"area": areas}, times, (time, "squared length")))
+        # A change is counted over all channels of a sample together, the noise over each.
+        k = samples.shape[-1] if samples.ndim == 2 else 1
+        level = (sigma * np.sqrt(k), f"σ{f' √{k}' if k > 1 else ''} = {sigma * np.sqrt(k):.4g}")
+        charts.append(course("change", {"rms": changes, "largest": largest}, times, (time, unit), level))
+    if run.trials:
+        curves = tuple(Curve(tuple(trial.times), tuple(trial.risks)) for trial in run.trials)
+        charts.append(risks(curves, float(moments[-1].time), (time, unit)))
+    return tuple(charts)
+
+
+def _samples(run: Run, pair: Pair) -> Array:
+    """What was removed, as the noise is counted: (n,), or (n, k) of channels; along the normals where points of a mesh move."""
+    if isinstance(run.before, Mesh):
+        return -pair.change.values if _moved(run.before) else run.removed
+    return run.removed[~holes(run.before)]
+
+
+def _moved(noun: Noun) -> bool:
+    """Whether it is the points of a mesh that were moved, and nothing else."""
+    return isinstance(noun, Mesh) and noun.moves == "points"
+
+
+def _facts(run: Run, unit: str) -> tuple[tuple[str, str], ...]:
+    """Why it ended, what noise was found, what was removed, what to beware of."""
+    after = f" {unit}" if unit else ""
+    there = run.removed if isinstance(run.before, Mesh) else run.removed[~holes(run.before)]
+    rms, most = float(np.sqrt(np.mean(there**2))), float(np.abs(there).max())
+    each = "" if there.ndim == 1 else ", of each coordinate" if _moved(run.before) else ", of each channel"
+    removed = f"rms {rms:.4g}{after}, largest {most:.4g}{after}{each}" if most > 0 else "nothing was removed"
+    if run.correlation is not None:
+        removed += f"; correlation with its neighbours {run.correlation:.3f} (0: white noise, 1: all structure)"
+    facts = [("ended", run.reason), ("noise found", _noise(run.noise, after)), ("removed", removed)]
+    facts += [("warning", warning) for warning in run.warnings]
+    return (*facts, ("version", f"meshflow {run.version}"))
+
+
+def _noise(noise: Any, after: str) -> str:
+    """The noise of the data, in words."""
+    if noise is None:
+        return "not looked for"
+    how = {"given": "given", "nothing": "too few samples to tell"}.get(noise.how, f"found from {noise.how}")
+    words = f"σ = {noise.sigma:.4g}{after}, {how}"
+    if len(noise.channels) > 1:
+        words += f"; of the channels {', '.join(f'{sigma:.4g}' for sigma in noise.channels)}"
+    return words + (f"; data in steps of {noise.quantum:.4g}{after}" if noise.quantum > 0 else "; no quantum")
+
+
+def _number(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.6g}".replace("-", "−")

@@ -1,0 +1,185 @@
+"""Where a run stops, and what holds it: found to within a step, said as a sentence, never passed."""
+
+import numpy as np
+import pytest
+
+import meshflow
+from meshflow.errors import InputError
+
+
+def noisy(n=64, sigma=2.0, seed=0):
+    r, c = np.mgrid[0:n, 0:n] / n
+    truth = 30 * np.sin(5 * r) * np.cos(4 * c) + 20 * ((r > 0.3) & (c > 0.4))
+    return truth, truth + sigma * np.random.default_rng(seed).normal(size=(n, n))
+
+
+def rms(a):
+    return float(np.sqrt(np.mean(np.square(a))))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.9])
+@pytest.mark.parametrize("stepper", ["explicit", "super-time"])
+def test_a_residual_is_a_share_of_the_noise_and_no_more(share, stepper):
+    _, z = noisy()
+    result = meshflow.denoise(z, gamma=0, contrast=0.7, sigma=2.0, residual=share, stepper=stepper)
+    assert rms(result.thing - z) == pytest.approx(share * 2.0, rel=1e-3)
+    assert f"came to a residual of {share:.3g} sigma" in result.reason
+    assert result.end.time < 100
+
+
+def test_a_residual_counts_the_samples_that_are_there():
+    _, z = noisy()
+    z[20:40, 10:60] = np.nan
+    smoothed = meshflow.smooth(z, gamma=0, contrast=0.7, sigma=2.0, residual=0.8)
+    assert np.sqrt(np.nanmean((smoothed - z) ** 2)) == pytest.approx(1.6, rel=1e-3)
+
+
+def test_a_residual_of_several_channels_counts_them_alike():
+    rng = np.random.default_rng(1)
+    z = np.zeros((40, 40, 3)) + 2 * rng.normal(size=(40, 40, 3))
+    smoothed = meshflow.smooth(z, gamma=0, contrast=0.7, sigma=2.0, residual=0.8)
+    assert rms(smoothed - z) == pytest.approx(1.6, rel=1e-3)
+
+
+def test_the_largest_displacement_and_the_area_stop_where_they_were_asked_to():
+    _, z = noisy()
+    moved = meshflow.smooth(z, gamma=0, contrast=0.7, displacement=3.0)
+    assert np.abs(moved - z).max() == pytest.approx(3.0, rel=1e-3)
+    result = meshflow.denoise(z, gamma=0, contrast=0.7, area_loss=0.2)
+    areas = [moment.area for moment in result.moments]
+    assert areas[-1] / areas[0] == pytest.approx(0.8, rel=1e-3)
+
+
+def test_the_first_of_several_stops_counts():
+    _, z = noisy()
+    result = meshflow.denoise(z, gamma=0, contrast=0.7, sigma=2.0, residual=0.9, displacement=1.0, time=50)
+    assert "displacement of 1 " in result.reason
+    assert rms(result.thing - z) < 0.9 * 2.0
+
+
+def test_a_callable_sees_the_values_and_stops_the_run():
+    _, z = noisy()
+    smoothed = meshflow.smooth(z, gamma=0, contrast=0.7, stop=lambda values, time: 25.0 - values.std() ** 2 + time * 0)
+    seen = []
+
+    def enough(values, time):
+        seen.append((values.shape, time))
+        return bool(time > 1.0)
+
+    result = meshflow.denoise(z, gamma=0, contrast=0.7, stop=enough)
+    assert result.end.time == pytest.approx(1.0, abs=0.01)
+    assert {shape for shape, _ in seen} == {z.shape}
+    assert smoothed.shape == z.shape
+    with pytest.raises(InputError, match="shall return true, false or a finite number"):
+        meshflow.smooth(z, stop=lambda values, time: None)
+
+
+def test_a_stop_that_is_never_met_ends_at_the_time_with_the_reason():
+    _, z = noisy()
+    result = meshflow.denoise(z, gamma=0, contrast=0.7, displacement=1e6, time=2.0)
+    assert result.end.time == pytest.approx(2.0)
+    assert "before a displacement of" in result.reason
+    assert "(1e+06 asked for)" in result.reason
+
+
+@pytest.mark.parametrize("stepper", ["explicit", "super-time", "semi-implicit"])
+def test_no_sample_leaves_its_limit(stepper):
+    _, z = noisy()
+    most = np.where(np.arange(64) < 32, 0.5, 2.0) * np.ones_like(z)
+    result = meshflow.denoise(z, gamma=0, contrast=0.7, time=8.0, limit=most, stepper=stepper)
+    away = np.abs(result.thing - z) - most
+    assert away.max() <= 1e-12
+    assert (away > -1e-12).any(), "the limit was never reached: the test proves nothing"
+    assert np.array_equal(meshflow.smooth(z, gamma=0, contrast=0.7, time=8.0, limit=0.0), z)
+    free = meshflow.smooth(z, gamma=0, contrast=0.7, time=8.0, stepper=stepper)
+    assert np.array_equal(meshflow.smooth(z, gamma=0, contrast=0.7, time=8.0, stepper=stepper, limit=np.inf), free)
+
+
+def test_rounded_data_stay_consistent_with_what_was_recorded():
+    truth, _ = noisy(sigma=0)
+    z = np.round(truth / 4) * 4
+    result = meshflow.denoise(z)
+    assert np.abs(result.thing - z).max() <= 2.0
+    assert result.parameters["limit"].value == 2.0
+    assert result.parameters["limit"].origin == "estimated"
+    assert rms(result.thing - truth) < 0.7 * rms(z - truth)
+
+
+def test_a_fidelity_comes_to_rest_and_trusted_samples_stay_nearer():
+    _, z = noisy()
+    long = meshflow.smooth(z, gamma=-1, contrast=0.7, confidence=0.25, time=400.0)
+    longer = meshflow.smooth(z, gamma=-1, contrast=0.7, confidence=0.25, time=800.0)
+    assert rms(longer - long) < 5e-3 * rms(long - z), "it has not come to rest"
+    weights = np.where(np.arange(64) < 32, 4.0, 0.01) * np.ones_like(z)
+    result = meshflow.denoise(z, gamma=-1, contrast=0.7, confidence=weights)
+    change = np.abs(result.thing - z)
+    assert change[:, :28].mean() < 0.4 * change[:, 36:].mean()
+    assert np.array_equal(meshflow.smooth(z, gamma=0, contrast=0.7, time=3.0, confidence=0.0),
+                          meshflow.smooth(z, gamma=0, contrast=0.7, time=3.0))  # fmt: skip
+
+
+def test_the_rest_is_where_smoothness_and_data_pull_alike():
+    from meshflow.flow.constraint import Faithful, trust_of
+    from meshflow.geometry.lift import HeightField, Lift
+    from meshflow.geometry.member import Member
+    from meshflow.grid.rate import GridFlow
+
+    _, z = noisy(24)
+    flow = GridFlow(HeightField(z).gridded(Lift(0.7, "both")), Member(-1.0))
+    held = Faithful(flow, trust_of(0.25, z.shape, z.size, 0.7))
+    u = held.start()
+    for _ in range(6000):
+        u = held.advance(u, 2 / held.bound(u))
+    assert np.abs(held.rate(u)).max() < 1e-6 * np.abs(flow.rate(u)).max()
+
+
+def test_what_lies_outside_of_only_and_inside_of_fixed_keeps_its_bits():
+    _, z = noisy()
+    only = np.zeros(z.shape, bool)
+    only[10:30, 20:50] = True
+    smoothed = meshflow.smooth(z, only=only, time=2.0)
+    assert np.array_equal(smoothed[~only], z[~only])
+    assert rms((smoothed - z)[only]) > 0.5
+    fixed = meshflow.smooth(z, fixed=only, time=2.0)
+    assert np.array_equal(fixed[only], z[only])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"sigma": 0}, "sigma: a positive finite number expected, got 0"),
+        ({"sigma": -2}, "sigma: a positive"),
+        ({"strength": 0}, "strength: a positive"),
+        ({"contrast": np.inf}, "contrast: a positive finite number"),
+        ({"limit": -1}, "limit: numbers, zero or more, expected, got -1"),
+        ({"limit": np.ones((3, 3))}, r"limit: a number or an array of shape \(64, 64\) expected, got \(3, 3\)"),
+        ({"confidence": np.nan}, "confidence: finite numbers, zero or more, expected, got nan"),
+        ({"confidence": -np.ones((64, 64))}, "confidence: finite numbers, zero or more, expected, got -1"),
+        ({"confidence": "much"}, "confidence: a number or an array"),
+        ({"only": np.ones((3, 3), bool)}, r"only: a mask of shape \(64, 64\) expected"),
+        ({"only": np.ones((64, 64))}, "only: a mask of booleans expected"),
+        ({"fixed": np.ones((3, 3), bool)}, "fixed: a mask of shape"),
+        ({"residual": 0}, "residual: a positive"),
+        ({"area_loss": 1.5}, "area_loss: a share of the area between 0 and 1"),
+        ({"displacement": -1}, "displacement: a positive"),
+        ({"stop": 5}, "stop: a callable"),
+        ({"method": "magic"}, "method: beltrami, graph"),
+        ({"method": "graph", "gamma": 1}, "one of them expected; the method says it"),
+        ({"twice": 2}, "twice: a weight between 0 and 1"),
+        ({"twice": 1, "residual": 0.5}, "twice 1: a time is doubled"),
+        ({"patch": -1}, "patch: a width between 0 and 6"),
+        ({"boundary": "Linear"}, "boundary: natural, linear or fixed expected, got 'Linear'"),
+        ({"control": "x"}, "control: Fixed, AreaChange or Embedded expected"),
+        ({"time": "5"}, "time: a finite number expected, got '5'"),
+        ({"gamma": "a"}, "gamma: a finite number expected, got 'a'"),
+        ({"threads": "2"}, "threads: a whole number"),
+        ({"search": 3}, "search: true or false"),
+        ({"stepper": 3}, "stepper: auto, explicit"),
+        ({"settings": {"foo": 1}}, "foo: no such option; there are time"),
+    ],
+    ids=str,
+)
+def test_what_makes_no_sense_is_refused_by_name(options, words):
+    _, z = noisy()
+    with pytest.raises(InputError, match=words):
+        meshflow.smooth(z, **options)

@@ -1,0 +1,196 @@
+"""The flow tunes itself: the risk that is estimated is the error that is made, and what is chosen is near the best."""
+
+import json
+
+import numpy as np
+import pytest
+import shapes
+
+import meshflow
+from meshflow.choice import _tiled
+from meshflow.flow.tune import TWICE, Candidate, Trial, risk_curves
+from meshflow.geometry.lift import HeightField, Lift
+from meshflow.geometry.member import Member
+from meshflow.grid.rate import GridFlow
+from meshflow.study.scenes import mesas, ramps
+
+
+def noisy(make=ramps, n=128, sigma=2.0, seed=0):
+    truth = make(n)
+    return truth, truth + sigma * np.random.default_rng(seed).normal(size=truth.shape)
+
+
+def rms(a):
+    return float(np.sqrt(np.mean(np.square(a))))
+
+
+@pytest.mark.parametrize("member", [Member(patch=0.7), Member(-1.0, 2.0)], ids=["patches", "perona-malik"])
+def test_the_estimated_risk_is_the_error_that_is_made(member):
+    truth, z = noisy()
+    lattice = HeightField(z).gridded(Lift(0.8))
+    probe = np.random.default_rng(1).choice([-1.0, 1.0], size=(z.size, 1))
+    twin = HeightField(z + 0.2 * probe.reshape(z.shape)).gridded(Lift(0.8))
+    pair = GridFlow(lattice, member), GridFlow(twin, member)
+    times = (0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+    curves = risk_curves(pair, probe, 2.0, times, np.ones(z.size, bool), (0.0, 1.0), patient=True)
+    for i, time in tuple(enumerate(times))[::2]:
+        smoothed = meshflow.smooth(
+            z, gamma=member.gamma, sharpness=member.sharpness, patch=member.patch, contrast=0.8, time=time
+        )
+        assert curves[0.0][i + 1] == pytest.approx(rms(smoothed - truth) ** 2, abs=0.25)
+    again = meshflow.smooth(
+        z, gamma=member.gamma, sharpness=member.sharpness, patch=member.patch, contrast=0.8, time=2.0, twice=1.0
+    )
+    assert curves[1.0][7] == pytest.approx(rms(again - truth) ** 2, abs=0.25)
+
+
+@pytest.mark.parametrize("make", [ramps, mesas])
+@pytest.mark.parametrize("sigma", [0.7, 4.0])
+def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
+    truth, z = noisy(make, 160, sigma)
+    ours = rms(meshflow.smooth(z) - truth)
+    best = min(
+        rms(meshflow.smooth(z, contrast=a / sigma, time=t, **kind) - truth)
+        for kind in ({"gamma": 0, "patch": 1.0}, {"gamma": -1, "sharpness": 1.5}, {"gamma": -1, "sharpness": 2})
+        for a in (1.0, 2.0, 4.0)
+        for t in (2.0, 5.0, 10.0, 20.0)
+    )
+    assert ours < 1.15 * best, f"{ours:.3f}, and {best:.3f} with the truth in hand"
+    assert ours < 0.45 * sigma
+
+
+def test_the_least_risk_lies_between_the_times_looked_at():
+    times = (0.0, 1.0, 4.0, 9.0)
+    squares = tuple(2.0 + (t**0.5 - 1.7) ** 2 for t in times)
+    time, square = Trial(Candidate(Member(), 1.0), times, squares).least
+    assert time == pytest.approx(1.7**2)
+    assert square == pytest.approx(2.0)
+
+
+def test_a_search_on_tiles_chooses_what_a_search_on_all_would(monkeypatch):
+    truth, z = noisy(lambda n: np.tile(ramps(128), (2, 3)), 0)
+    whole = rms(meshflow.smooth(z) - truth)
+    monkeypatch.setattr("meshflow.choice.FEW", 9_000)
+    monkeypatch.setattr("meshflow.choice.ENOUGH", 30_000)
+    assert rms(meshflow.smooth(z) - truth) < 1.15 * whole
+
+
+def test_tiles_keep_the_samples_their_spacing_and_their_holes():
+    z = np.random.default_rng(0).normal(size=(300, 400))
+    missing = z > 2
+    lattice = HeightField(z, (np.linspace(1, 2, 300), 1.5), missing).gridded(Lift())
+    tiles, cut, limit = _tiled(lattice, np.abs(z)[None], 20_000, 4)
+    there = ~tiles.missing & ~cut
+    assert there.sum() < 20_000
+    assert np.isin(tiles.planes[0][there], z).all()
+    assert np.array_equal(np.abs(tiles.planes[0][there]), limit[0][there])
+    rows = np.array([np.argwhere(z == value)[0][0] for value in tiles.planes[0][there][::97]])
+    assert np.allclose(np.nonzero(there)[0].shape, there.sum())
+    assert np.allclose(tiles.spacing[0][np.nonzero(there)[0][::97]], np.linspace(1, 2, 300)[rows])
+
+
+def test_what_is_given_is_held_and_what_is_not_is_found():
+    _, z = noisy(n=64)
+    result = meshflow.denoise(z, gamma=0)
+    p = result.parameters
+    assert (p["gamma"].value, p["gamma"].origin) == (0, "given")
+    assert (p["sharpness"].value, p["patch"].value) == (1, 0)
+    assert p["time"].origin == p["contrast"].origin == "estimated"
+    result = meshflow.denoise(z, time=3.0)
+    assert (result.end.time, result.parameters["time"].origin) == (3.0, "given")
+    assert result.parameters["gamma"].origin == "estimated"
+    assert {trial.times for trial in result.trials} == {(3.0,)}
+    result = meshflow.denoise(z, method="perona-malik", contrast=0.7)
+    assert result.parameters["sharpness"].value == 2
+    assert {trial.candidate.contrast for trial in result.trials} == {0.7}
+    result = meshflow.denoise(z, search=False)
+    assert not result.trials
+    assert (result.end.time, result.parameters["time"].why) == (7.5, "7.5 h²")
+    assert meshflow.denoise(z, steps=2).end.step == 2
+
+
+def test_more_strength_smooths_more():
+    _, z = noisy(n=96)
+    removed = [rms(meshflow.smooth(z, strength=strength) - z) for strength in (0.5, 1.0, 2.0)]
+    assert removed[0] < removed[1] < removed[2]
+
+
+def test_a_search_does_not_depend_on_the_units():
+    _, z = noisy(n=96)
+    near = meshflow.smooth(z, boundary="linear")
+    far = meshflow.smooth(1000 * z, spacing=30.0, boundary="linear")
+    assert rms(far / 1000 - near) < 1e-6 * rms(z - near)
+
+
+def test_twicing_gives_back_what_the_flow_would_still_take():
+    _, z = noisy(n=48)
+    options = {"gamma": 0, "contrast": 0.5, "stepper": "explicit"}
+    once, later = (meshflow.smooth(z, time=time, **options) for time in (2.0, 4.0))
+    twice = meshflow.smooth(z, time=2.0, twice=0.5, **options)
+    assert np.allclose(twice, once + 0.5 * (once - later), atol=2e-3)
+    assert set(TWICE) >= {0.0, 1.0}
+
+
+def test_without_noise_nothing_changes_and_it_says_so():
+    blocks = np.random.default_rng(0).integers(0, 9, (6, 6)) * 12.0
+    for z in (np.full((40, 40), 3.5), np.kron(blocks, np.ones((16, 16))), np.array([[1.0, 2.0], [3.0, 5.0]])):
+        result = meshflow.denoise(z)
+        assert np.array_equal(result.thing, z)
+        assert "nothing was changed" in result.reason
+        assert result.end.step == 0
+        assert not result.removed.any()
+        assert "nothing was changed" in str(result)
+    result = meshflow.denoise(np.full((40, 40), 3.5), time=1.0)
+    assert any("no noise was found" in warning for warning in result.warnings)
+
+
+def test_data_that_is_all_noise_becomes_flat():
+    z = np.random.default_rng(0).normal(size=(128, 128))
+    result = meshflow.denoise(z)
+    assert result.thing.std() < 0.1
+    assert result.correlation < 0.03
+
+
+def test_channels_of_a_mesh_tune_themselves():
+    points, faces = shapes.sphere(3000, shake=0.1)
+    truth = np.sign(points[:, 2:]) * 5.0
+    noisy_channels = truth + np.random.default_rng(1).normal(size=truth.shape)
+    result = meshflow.denoise((points, faces), channels=noisy_channels)
+    smoothed = result.thing[2]
+    assert result.trials
+    assert rms(smoothed - truth) < 0.4
+
+
+def test_a_result_tells_every_parameter_with_unit_and_origin():
+    _, z = noisy(n=64)
+    z[3:9, 10:20] = np.nan
+    result = meshflow.denoise(z)
+    told = json.loads(result.json())
+    assert set(told["parameters"]) >= {
+        "sigma",
+        "gamma",
+        "sharpness",
+        "patch",
+        "contrast",
+        "time",
+        "boundary",
+        "diagonals",
+    }
+    assert {entry["origin"] for entry in told["parameters"].values()} <= {"given", "estimated", "default"}
+    assert told["noise"]["sigma"] == pytest.approx(2.0, rel=0.1)
+    assert told["moments"][0]["change"] == 0
+    areas = [moment["area"] for moment in told["moments"]]
+    assert areas[1] < areas[0]
+    assert told["search"][0]["risk"] == min(entry["risk"] for entry in told["search"])
+    assert told["removed"]["rms"] == pytest.approx(np.sqrt(np.nanmean((z - result.thing) ** 2)))
+    text = str(result)
+    for word in ("sigma", "contrast", "estimated", "removed", "members"):
+        assert word in text
+    assert np.array_equal(np.isnan(result.thing), np.isnan(z))
+
+
+def test_the_correlation_of_what_was_removed_tells_structure_from_noise():
+    truth, z = noisy(n=128)
+    assert meshflow.denoise(z, boundary="linear").correlation < 0.1
+    blurred = meshflow.denoise(z, method="heat", time=40.0)
+    assert blurred.correlation > 0.3
