@@ -90,6 +90,8 @@ def test_one_rate_beside_a_copy_of_the_array():
         "spacing per row, gamma 1": (HeightField(z, (steep, 1.0)), Member(1.0)),
         "gamma -1, sharpness 1.5": (HeightField(z), Member(-1.0, 1.5)),
         "gamma -1, sharpness 2": (HeightField(z), Member(-1.0, 2.0)),
+        "patches of 0.7": (HeightField(z), Member(patch=0.7)),
+        "patches of 1.5": (HeightField(z), Member(patch=1.5)),
         "two channels": (Image(noise(n, n, 2)), None),
         "three channels": (Image(noise(n, n, 3)), None),
         "pinhole range image": (RangeImage(2 + 0.005 * z, Pinhole(n, n, n / 2, n / 2)), None),
