@@ -127,6 +127,8 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     noise = noise_in(noun, only)
     if settings.sigma is not None:
         noise = replace(noise, sigma=float(settings.sigma), how="given")
+    if settings.confidence is not None:  # refused now, not when half of the work is done
+        trust_of(settings.confidence, data_of(noun).shape, noun.fixed.size if noun.fixed is not None else 1, 1.0)
     bare = isinstance(noun, RangeImage) or (isinstance(noun, Mesh) and noun.moves != "channels")
     plan = _bare(noun, settings, noise) if bare else _tuned(noun, settings, noise)
     return _stopping(_held(plan, settings), settings)

@@ -58,7 +58,7 @@ class Settings:
     What is known, and how much is wanted:
 
     :param sigma: the standard deviation of the noise, unit of the values; by default it is estimated.
-    :param strength: the noise times this is what is removed: 1 by default, above it smooths more.
+    :param strength: the data is taken for so much noisier than it is: 1 by default, above it smooths more.
     :param search: whether what is not given is searched for; else one member for all data (sharpness 1.5, gamma -1, contrast
         3 h / sigma, 7.5 h^2; h the sample distance).
 
@@ -154,6 +154,8 @@ class Settings:
         self.member()
         if self.area_loss is not None:
             AreaLoss(self.area_loss)
+        if self.residual is not None:
+            Residual(self.residual, 1.0)
         if self.stop is not None:
             When(self.stop)
 

@@ -24,6 +24,9 @@ from meshflow.settings import Settings
 
 __all__ = ["denoise", "noise", "smooth", "smooth_noun"]
 
+# What a thing may be told about itself (meshflow.io.adopt).
+HINTS = frozenset({"kind", "spacing", "camera", "missing", "fixed", "channels", "moves", "jump"})
+
 
 def noise(noun: Noun) -> dict[str, float]:
     """What a thing says of its own noise, in the unit of its values: standard deviation and quantum; of bare points along their
@@ -186,6 +189,10 @@ def smooth(
         raise InputError(
             f"{', '.join(sorted(unknown))}: no such option; there are {', '.join(Settings.__dataclass_fields__)}"
         )
+    strange = set(more) - HINTS
+    if strange:
+        options = ", ".join((*Settings.__dataclass_fields__, *sorted(HINTS)))
+        raise InputError(f"{', '.join(sorted(strange))}: no such option; there are {options}")
     adopted = adopt(thing, **more)
     found = smooth_noun(adopted.noun, Settings(strength=strength, **known), progress, record=full)
     back = adopted.restore(found.noun)

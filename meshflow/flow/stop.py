@@ -42,7 +42,8 @@ class Residual:
     there: float = 1.0
 
     def __post_init__(self) -> None:
-        positive(self.share, "residual", "shares of sigma")
+        if positive(self.share, "residual", "shares of sigma") > 1:
+            raise InputError(f"residual: a share of the noise up to 1 expected, got {self.share}; beyond it data goes")
 
     def excess(self, flow: Flow, u: Array, time: float) -> float:
         """Share of sigma that has gone, over what was asked for, minus 1."""

@@ -113,6 +113,10 @@ def _cell(side, sheets, w, fixed, r, start):
 
 def _measured(side, u, k, pair, kinds, exponents, taps, patches, fixed, r, weights, thirds):
     """Weights and thirds of a row of cells, of single samples or of patches."""
+    if taps.ndim == 2:
+        work.measured(side, u.shape[2], k, pair, kinds, exponents, fixed[0], r, weights, thirds)
+    else:
+        patched(side, r, u, fixed[1], kinds[5] == 1, taps, patches, kinds, exponents, fixed[0], weights, thirds)
 
 
 @overload(_measured, jit_options=_OPTIONS)
