@@ -228,28 +228,29 @@ def candidates(
 
 
 def _tiled(lattice: Lattice, limit: Array | None, enough: int, side: int) -> tuple[Lattice, Array, Array | None]:
-    """A lattice of tiles one below the other, a row of nothing between them; which samples lie at their cuts; the limit."""
+    """A lattice of tiles one below the other, a row of nothing between them; which samples lie at their cuts; the limit.
+
+    :param limit: (k, h, w).
+    """
     h, w = lattice.shape
     if h * w <= enough:
-        kind = np.float32 if lattice.planes.dtype == np.float32 else np.float64
-        near = None if limit is None else np.broadcast_to(limit, lattice.planes.shape)
-        return replace(lattice, planes=lattice.planes.astype(kind)), np.zeros((h, w), bool), near
+        return lattice, np.zeros((h, w), bool), limit
     tiles = spread_tiles((h, w), enough, side)
     wide = max(tile[1].stop - tile[1].start for tile in tiles)
     high = sum(tile[0].stop - tile[0].start for tile in tiles) + len(tiles) - 1
     planes = np.zeros((len(lattice.planes), high, wide), lattice.planes.dtype)
     near = None if limit is None else np.zeros(planes.shape)
     missing, fixed, cut = np.ones((high, wide), bool), np.zeros((high, wide), bool), np.ones((high, wide), bool)
-    widths, top = np.ones(high), 0
+    paces = np.broadcast_to(np.asarray(lattice.spacing[0], np.float64), (h,))
+    widths, top = np.full(high, paces[0]), 0
     for rows, columns in tiles:
         to = slice(top, top + rows.stop - rows.start), slice(0, columns.stop - columns.start)
         planes[:, *to], missing[to], fixed[to] = (
             lattice.planes[:, rows, columns], lattice.missing[rows, columns], lattice.fixed[rows, columns],
         )  # fmt: skip
         if near is not None and limit is not None:
-            near[:, *to] = np.broadcast_to(limit, lattice.planes.shape)[:, rows, columns]
-        widths[top : to[0].stop + 1] = np.broadcast_to(np.asarray(lattice.spacing[0], float), (h,))[rows][0]
-        widths[to[0]] = np.broadcast_to(np.asarray(lattice.spacing[0], float), (h,))[rows]
+            near[:, *to] = limit[:, rows, columns]
+        widths[to[0]] = paces[rows]
         cut[to[0], to[1]][CUT:-CUT, CUT:-CUT] = False
         top = to[0].stop + 1
     spacing = (widths if np.ndim(lattice.spacing[0]) else float(widths[0]), lattice.spacing[1])

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from meshflow import options as words
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.geometry.lift import Mesh
+from meshflow.geometry.lift import Mesh, data_of
 from meshflow.io.files import Document, read, writable, write
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _smoothed(
     document = _opened(source, **{name: given.pop(name) for name in INPUTS})
     held = {name: read_as(given[name]) for name, read_as in HELD.items()}
     settings = Settings(**{**given, **held})
-    _must_be_writable(document, target, (picture, report), overwrite)
+    _must_be_writable(document, target, picture, report, overwrite)
     noun = document.noun if fixed is None else replace(document.noun, fixed=_mask(fixed))
     result = smooth_noun(noun, settings, progress=None if quiet else True, record=json or report is not None)
     done = document.holding(result.noun)
@@ -119,7 +119,7 @@ def _smoothed(
         notes += drawn
         _said("", () if quiet else drawn)
     if report is not None:
-        notes += (_reported(result, report, source.name, quiet),)
+        notes += _reported(result, report, source.name, overwrite, quiet)
     if json:
         out.print_json(notation.dumps({"in": str(source), "out": str(target), **result.words(), "notes": list(notes)}))
 
@@ -200,8 +200,6 @@ def _samples(path: Path | None) -> "Array | None":
     """The samples of a raster, a picture or an array file: weights, limits."""
     if path is None:
         return None
-    from meshflow.plan import data_of
-
     return data_of(read(path).noun)
 
 
@@ -219,8 +217,6 @@ def _mask(path: Path | None) -> "Array | None":
     """Where the samples of a file are there and not zero, in any channel."""
     if path is None:
         return None
-    from meshflow.plan import data_of
-
     noun = read(path).noun
     if isinstance(noun, Mesh) or noun.missing is None:
         raise InputError(f"{path}: a raster, a picture or an array is a mask, a mesh is none")
@@ -232,13 +228,12 @@ INPUTS = ("kind", "camera", "depth_scale", "band", "nodata", "spacing", "channel
 HELD = {"limit": _limit, "confidence": _samples, "only": _mask}
 
 
-def _reported(result: "Result", path: Path, name: str, quiet: bool) -> str:
+def _reported(result: "Result", path: Path, name: str, overwrite: bool, quiet: bool) -> tuple[str, ...]:
     from meshflow.view.report import report as drawn
 
-    drawn(result, path, title=name)
-    line = f"report: {path}"
-    _said("", () if quiet else (line,))
-    return line
+    notes = (*drawn(result, path, title=name, overwrite=overwrite).notes, f"report: {path}")
+    _said("", () if quiet else notes)
+    return notes
 
 
 def _warned(document: Document, result: "Result") -> tuple[str, ...]:
@@ -249,18 +244,20 @@ def _warned(document: Document, result: "Result") -> tuple[str, ...]:
     return (f"the surface lost {lost:.0%} of its area; a smaller --time keeps more",)
 
 
-def _must_be_writable(document: Document, target: Path, pictures: tuple[Path | None, ...], overwrite: bool) -> None:
+def _must_be_writable(
+    document: Document, target: Path, picture: Path | None, report: Path | None, overwrite: bool
+) -> None:
     """Refuse before the work what would be refused after it."""
     from meshflow.view.picture import writable as drawable
+    from meshflow.view.report import writable as reportable
 
     writable(document, target, overwrite=overwrite)
-    for picture in pictures:
-        if picture is None:
-            continue
-        if picture.suffix.lower() != ".html":
-            drawable(picture)
+    if picture is not None:
+        drawable(picture)
         if picture.exists() and not overwrite:
             raise InputError(f"{picture} exists; name another picture or give --overwrite")
+    if report is not None:
+        reportable(report, overwrite)
 
 
 def _pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:

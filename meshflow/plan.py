@@ -1,7 +1,7 @@
 """From words and data to what is run: what was given is held, what was not is estimated, and each says where it came from."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -25,11 +25,11 @@ from meshflow.flow.control import Until
 from meshflow.flow.noise import Noise, noise_of, noise_on
 from meshflow.flow.tune import TWICE, Trial
 from meshflow.geometry.gates import Array, mask_of
-from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.geometry.lift import Lift, Mesh, Noun, RangeImage, data_of
 from meshflow.geometry.member import Member
 from meshflow.settings import Settings
 
-__all__ = ["Origin", "Parameter", "Plan", "data_of", "noise_in", "planned"]
+__all__ = ["Origin", "Parameter", "Plan", "noise_in", "planned"]
 
 Origin = Literal["given", "estimated", "default"]
 
@@ -95,15 +95,20 @@ class Plan:
     twice: float = 0.0
     limit: Callable[[Array], Limit] | None = None
     trust: Array | None = None
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
 
+    @property
+    def unit(self) -> float:
+        """Units of u for one of the caller's: the mesh engine counts channels times the contrast."""
+        return self.lift.contrast if isinstance(self.noun, Mesh) and self.noun.moves == "channels" else 1.0
 
-def data_of(noun: Noun) -> Array:
-    """What a noun's free coordinates hold, as its caller knows them."""
-    if isinstance(noun, Mesh):
-        return noun.points if noun.channels is None or noun.moves == "points" else noun.channels
-    name = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(noun)]
-    return getattr(noun, name)
+    @property
+    def there(self) -> float:
+        """The share of the samples that are there."""
+        if isinstance(self.noun, Mesh):
+            return 1.0
+        assert self.noun.missing is not None
+        return float(np.mean(~self.noun.missing))
 
 
 def noise_in(noun: Noun, only: Array | None = None) -> Noise:
@@ -127,8 +132,11 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     noise = noise_in(noun, only)
     if settings.sigma is not None:
         noise = replace(noise, sigma=float(settings.sigma), how="given")
-    if settings.confidence is not None:  # refused now, not when half of the work is done
-        trust_of(settings.confidence, data_of(noun).shape, noun.fixed.size if noun.fixed is not None else 1, 1.0)
+    shape, n = _free(noun)
+    if settings.limit is not None:  # what makes no sense is refused now, not after the search
+        Limit.of(np.zeros((n, 1)), settings.limit, shape)
+    if settings.confidence is not None:
+        trust_of(settings.confidence, shape, n, 1.0)
     bare = isinstance(noun, RangeImage) or (isinstance(noun, Mesh) and noun.moves != "channels")
     plan = _bare(noun, settings, noise) if bare else _tuned(noun, settings, noise)
     return _stopping(_held(plan, settings), settings)
@@ -142,26 +150,36 @@ def _mask(noun: Noun, settings: Settings) -> Array | None:
 
 
 def _bare(noun: Noun, settings: Settings, noise: Noise) -> Plan:
-    """Where the coordinates are lengths of the same space: contrast 1, no search."""
+    """Where points move: no search; contrast 1, or where channels move with them what suits their noise."""
     named = METHODS[settings.method][0] if settings.method else {}
-    contrast = 1.0 if settings.contrast is None else float(settings.contrast)
     shrinks = isinstance(noun, Mesh)
-    why = "half a squared edge" if shrinks else "5 squared pixel footprints"
-    time = _given_time(settings) or Parameter(
-        (MESH_TIME if shrinks else GRID_TIME) * noun.step**2, _area_unit(noun), "default", why
-    )
-    plan = Plan(
-        noun, settings.member(**named), Lift(contrast, settings.diagonals, settings.boundary), Until(0.0), {}, noise
-    )
-    how = Parameter(contrast, "", "default" if settings.contrast is None else "given", "lengths as they are")
-    return _told(plan, settings, {"time": time, "contrast": how}, "default")
+    if settings.contrast is not None:
+        contrast = Parameter(float(settings.contrast), "", "given")
+    elif shrinks and noun.moves == "all" and noise.sigma > 0:
+        contrast = Parameter(
+            EDGE * noun.step / (noise.sigma * settings.strength), "", "estimated", f"{EDGE:g} h / sigma"
+        )
+    else:
+        contrast = Parameter(1.0, "", "default", "lengths as they are")
+    much, why = (MESH_TIME, "half a squared edge") if shrinks else (GRID_TIME, "5 squared pixel footprints")
+    time = _given_time(noun, settings) or Parameter(much * noun.step**2, _area_unit(noun), "default", why)
+    lift = Lift(float(contrast.value), settings.diagonals, settings.boundary)
+    plan = Plan(noun, settings.member(**named), lift, Until(0.0), {}, noise)
+    return _unsearched(plan, settings, time, contrast)
+
+
+def _unsearched(plan: Plan, settings: Settings, time: Parameter, contrast: Parameter) -> Plan:
+    """With twicing as it is given, and the parameters told."""
+    twice = Parameter(float(settings.twice or 0.0), "", "default" if settings.twice is None else "given")
+    plan = replace(plan, twice=float(twice.value))
+    return _told(plan, settings, {"time": time, "contrast": contrast, "twice": twice}, "default")
 
 
 def _tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
     """Where values stand above a base: member, contrast and time from the least estimated risk, or without a search."""
     sigma = noise.sigma * settings.strength
     unit = noun.step / sigma if sigma > 0 else 0.0
-    timed = _given_time(settings)
+    timed = _given_time(noun, settings)
     asked = timed is not None or settings.steps is not None or settings.confidence is not None or settings.stopping
     plan = Plan(noun, settings.member(), Lift(1.0, settings.diagonals, settings.boundary), Until(0.0), {}, noise)
     if sigma == 0 and not asked:
@@ -189,9 +207,7 @@ def _tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
         plan = replace(plan, warnings=(f"{_no_noise(noise)}; contrast 1 is taken", *plan.warnings))
     time = timed or Parameter(much * noun.step**2, _area_unit(noun), "default", f"{much:g} h²")
     plan = replace(plan, member=settings.member(**exponents), lift=replace(plan.lift, contrast=float(contrast.value)))
-    twice = Parameter(float(settings.twice or 0.0), "", "default" if settings.twice is None else "given")
-    plan = replace(plan, twice=float(twice.value))
-    return _told(plan, settings, {"time": time, "contrast": contrast, "twice": twice}, "default")
+    return _unsearched(plan, settings, time, contrast)
 
 
 def _searched(plan: Plan, settings: Settings, sigma: float, unit: float, timed: Parameter | None) -> Plan | None:
@@ -273,16 +289,16 @@ def _told(plan: Plan, settings: Settings, more: dict[str, Parameter], member: Or
     return replace(plan, parameters=parameters)
 
 
-def _given_time(settings: Settings) -> Parameter | None:
+def _given_time(noun: Noun, settings: Settings) -> Parameter | None:
     time = settings.until_time
     if time is None:
         return None
     why = "" if settings.scale is None else f"scale {settings.scale:g}"
-    return Parameter(float(time), "squared length", "given", why)
+    return Parameter(float(time), _area_unit(noun), "given", why)
 
 
 def _area_unit(noun: Noun) -> str:
-    return {HeightField: "squared length", RangeImage: "squared pixel footprints"}.get(type(noun), "squared length")
+    return "squared pixel footprints" if isinstance(noun, RangeImage) else "squared length"
 
 
 def _limit_of(noun: Noun, settings: Settings, noise: Noise | None) -> tuple[Any, Origin]:
@@ -299,24 +315,30 @@ def _rounded(noise: Noise) -> bool:
     return 0 < noise.sigma <= 1.01 * noise.quantum / np.sqrt(12.0)
 
 
+def _free(noun: Noun) -> tuple[tuple[int, ...], int]:
+    """The shape of the coordinates that move, as the caller knows them, and how many samples they are of."""
+    assert noun.fixed is not None
+    shape = data_of(noun).shape
+    if isinstance(noun, Mesh) and noun.moves == "all":
+        shape = (shape[0], noun.points.shape[1] + shape[1])
+    return shape, noun.fixed.size
+
+
 def _held(plan: Plan, settings: Settings) -> Plan:
     """With its limit and its fidelity."""
     noun, parameters = plan.noun, dict(plan.parameters)
     limit, origin = _limit_of(noun, settings, plan.noise)
-    shape = data_of(noun).shape
-    unit = plan.lift.contrast if isinstance(noun, Mesh) else 1.0
+    shape, n = _free(noun)
+    unit = plan.unit
     if limit is not None:
-        most = limit if np.ndim(limit) == 0 else "one per sample"
+        most = float(limit) if np.ndim(limit) == 0 else "one per sample"
         why = "half the quantum, rounding is the noise" if origin == "estimated" else ""
-        parameters["limit"] = Parameter(most if isinstance(most, str) else float(most), "", origin, why)
-        n = shape[0] if isinstance(noun, Mesh) else int(np.prod(shape[:2]))
-        Limit.of(np.zeros((n, 1)), limit, shape, unit)  # refused now, not when half of the work is done
+        parameters["limit"] = Parameter(most, "", origin, why)
         plan = replace(plan, limit=lambda start: Limit.of(start, limit, shape, unit))
     if settings.confidence is not None:
-        n = shape[0] if isinstance(noun, Mesh) else int(np.prod(shape[:2]))
         trust = trust_of(settings.confidence, shape, n, plan.lift.contrast)
         parameters["confidence"] = Parameter("weights", "", "given", "1 / squared value")
-        if _given_time(settings) is None and (trust > 0).any():
+        if _given_time(noun, settings) is None and (trust > 0).any():
             rest = AT_REST / float(np.median(trust[trust > 0]))
             parameters["time"] = Parameter(rest, _area_unit(noun), "default", "at rest between smoothness and data")
         plan = replace(plan, trust=trust)
@@ -327,33 +349,28 @@ def _stopping(plan: Plan, settings: Settings) -> Plan:
     """With when to stop."""
     noun, parameters = plan.noun, dict(plan.parameters)
     assert plan.noise is not None
-    unit = plan.lift.contrast if isinstance(noun, Mesh) else 1.0
-    shape = data_of(noun).shape
-    k = int(np.prod(shape)) // (shape[0] if isinstance(noun, Mesh) else int(np.prod(shape[:2])))
-    there = 1.0 if isinstance(noun, Mesh) else float(np.mean(~_missing(noun)))
+    shape, n = _free(noun)
+    k = int(np.prod(shape)) // n
+    unit = plan.unit
     sigma = plan.noise.sigma * settings.strength * unit * (np.sqrt(k) if not _points(noun) else 1.0)
 
     def seen(u: Array) -> Array:
         """The values (h, w), (h, w, k) or (n, k) of u."""
-        return np.asarray(u / unit if unit != 1.0 else u).reshape(shape)
+        values = np.asarray(u / unit if unit != 1.0 else u).reshape(shape).view()
+        values.flags.writeable = False
+        return values
 
-    stops = settings.stops(sigma, there, unit, seen)
+    stops = settings.stops(sigma, plan.there, unit, seen)
     time = float(parameters["time"].value)
-    if stops and _given_time(settings) is None:
+    if stops and _given_time(noun, settings) is None:
         time = PATIENT * noun.step**2
         parameters["time"] = Parameter(time, _area_unit(noun), "default", "at most, where no stop is met")
     if settings.steps is not None:
         parameters["steps"] = Parameter(float(settings.steps), "", "given")
-        until = Until(_given_time(settings) and time, settings.steps, stops)
+        until = Until(_given_time(noun, settings) and time, settings.steps, stops)
     else:
         until = Until(time, None, stops)
     return replace(plan, until=until, parameters=parameters)
-
-
-def _missing(noun: Noun) -> Array:
-    assert not isinstance(noun, Mesh)
-    assert noun.missing is not None
-    return noun.missing
 
 
 def _points(noun: Noun) -> bool:

@@ -11,8 +11,8 @@ from meshflow.flow.march import State
 from meshflow.flow.noise import Noise
 from meshflow.flow.tune import Trial
 from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import Mesh, Noun
-from meshflow.plan import Parameter, data_of
+from meshflow.geometry.lift import Mesh, Noun, data_of
+from meshflow.plan import Parameter
 
 __all__ = ["Moment", "Result"]
 

@@ -65,7 +65,8 @@ class Settings:
     What holds:
 
     :param limit: no sample leaves its value by more, a number or one per sample, unit of the values; half the quantum by default
-        where rounding is all the noise that is found, else none.
+        where rounding is all the noise that is found, else none. Where points and
+        channels of a mesh move: of each coordinate, channels times the contrast.
     :param confidence: weights of a fidelity term, 1 / variance, a number or one per sample; the flow then comes to rest between
         smoothness and data.
     :param only: mask of the samples that may move.

@@ -125,13 +125,11 @@ def _run(
 def _moment(state: State, plan: Plan) -> Moment:
     """A state in numbers."""
     assert state.flow is not None
-    flow, unit = state.flow, plan.lift.contrast if isinstance(plan.noun, Mesh) else 1.0
+    flow = state.flow
     change, largest = (0.0, 0.0) if state.step == 0 else flow.size((1.0, state.u), (-1.0, flow.start()))
-    there = 1.0
-    if not isinstance(plan.noun, Mesh):
-        assert plan.noun.missing is not None
-        there = float(np.mean(~plan.noun.missing))
-    return Moment(state.time, state.dt, state.area, change / np.sqrt(there) / unit, largest / unit)
+    return Moment(
+        state.time, state.dt, state.area, float(change / np.sqrt(plan.there) / plan.unit), largest / plan.unit
+    )
 
 
 def _release() -> str:

@@ -13,7 +13,7 @@ from meshflow.geometry.lattice import Fibres, Lattice, Spacing
 from meshflow.geometry.surface import Axes, Boundary, Surface
 from meshflow.geometry.triangulate import Diagonals
 
-__all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "RangeImage"]
+__all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "RangeImage", "data_of"]
 
 Moves = Literal["points", "channels", "all"]
 
@@ -363,3 +363,12 @@ class Mesh:
 
 
 Noun = HeightField | Image | RangeImage | Mesh
+
+
+def data_of(noun: Noun) -> Array:
+    """What of a noun is smoothed, as its caller knows it: z (h, w), values (h, w) or (h, w, k), depth (h, w), points (n, d) or
+    channels (n, k); of a mesh of which both move, the channels.
+    """
+    if isinstance(noun, Mesh):
+        return noun.points if noun.channels is None or noun.moves == "points" else noun.channels
+    return noun.z if isinstance(noun, HeightField) else noun.values if isinstance(noun, Image) else noun.depth

@@ -17,7 +17,7 @@ from meshflow.view.findings import Findings, Panel, Run, found
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Reported", "report"]
+__all__ = ["Reported", "report", "writable"]
 
 _FORMATS = (".html", ".png")
 _COARSE = 400  # samples a side: with fewer, each is shown as a square of its own
@@ -70,7 +70,7 @@ def report(result: Run, path: str | Path, title: str = "", *, overwrite: bool = 
     :param overwrite: replace a file that is there.
     :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
     """
-    target = _writable(path, overwrite)
+    target = writable(path, overwrite)
     findings = found(result, title)
     html = target.suffix.lower() == ".html"
     content = _page(findings).encode() if html else png(_sheet(findings), sharp=1.0)
@@ -79,8 +79,11 @@ def report(result: Run, path: str | Path, title: str = "", *, overwrite: bool = 
     return Reported(target, findings.notes)
 
 
-def _writable(path: str | Path, overwrite: bool) -> Path:
-    """A path to write to: asked before anything is drawn."""
+def writable(path: str | Path, overwrite: bool) -> Path:
+    """A path to write to: asked before anything is drawn.
+
+    :raises FormatError: as :func:`report`.
+    """
     target = Path(path)
     if target.suffix.lower() not in _FORMATS:
         got = target.suffix or "no extension"
