@@ -227,3 +227,49 @@ def test_the_help_names_every_option_with_its_unit():
     for name in ("--time", "--scale", "--gamma", "--contrast", "--boundary", "--camera", "--picture", "--overwrite"):
         assert name in words
     assert "squared length" in words
+
+
+def test_masks_limits_and_weights_are_files_of_the_same_samples(terrain, tmp_path):
+    before = meshflow.read(terrain).noun
+    only, weights = np.zeros(before.z.shape, bool), np.full(before.z.shape, 1e6)
+    only[10:30, 10:40] = True
+    np.save(tmp_path / "only.npy", only.astype(np.uint8))
+    np.save(tmp_path / "weights.npy", weights)
+    runner, moved = CliRunner(), {}
+    for name, words in {
+        "only": ["--only", tmp_path / "only.npy"],
+        "fixed": ["--fixed", tmp_path / "only.npy"],
+        "limit": ["--limit", "0.5"],
+        "confidence": ["--confidence", tmp_path / "weights.npy"],
+    }.items():
+        target = tmp_path / f"{name}.tif"
+        done = runner.invoke(
+            app, ["smooth", *map(str, [terrain, target, *words]), "--time", "300", "--gamma", "0", "-q"]
+        )
+        assert done.exit_code == 0, done.output
+        moved[name] = np.where(before.missing, 0, np.abs(meshflow.read(target).noun.z - before.z))
+    assert moved["only"][~only].max() == 0 < moved["only"][only].max()
+    assert moved["fixed"][only].max() == 0 < moved["fixed"][~only].max()
+    assert 0.4 < moved["limit"].max() <= 0.5001
+    assert moved["confidence"].max() < 0.1
+    assert "a mask of shape (40, 50) expected" in refused(
+        "smooth", terrain, tmp_path / "x.tif", "--only", small(tmp_path)
+    )
+
+
+def small(folder):
+    np.save(folder / "small.npy", np.ones((3, 3)))
+    return folder / "small.npy"
+
+
+def test_a_report_is_written_asked_before_the_work_and_replaced_on_purpose_only(terrain, tmp_path):
+    page, runner = tmp_path / "r.html", CliRunner()
+    words = ["smooth", str(terrain), str(tmp_path / "out.tif"), "--steps", "2", "--report", str(page)]
+    assert runner.invoke(app, [*words, "--verbose"]).exit_code == 0
+    assert "contrast" in page.read_text()
+    assert "exists" in refused(*words[:2], tmp_path / "other.tif", *words[3:])
+    assert not (tmp_path / "other.tif").exists()
+    page.write_text("old")
+    assert runner.invoke(app, [*words, "--overwrite", "-q"]).exit_code == 0
+    assert "contrast" in page.read_text()
+    assert "a report ends in .html or .png; got .xyz" in refused(*words[:2], tmp_path / "o.tif", "--report", "r.xyz")
