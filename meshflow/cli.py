@@ -43,7 +43,7 @@ def smooth(
     scale: words.Scale = None,
     steps: words.Steps = None,
     strength: words.Strength = 1.0,
-    method: words.Method = None,
+    method: words.MethodOption = None,
     gamma: words.Gamma = None,
     sharpness: words.Sharpness = None,
     patch: words.Patch = None,

@@ -5,6 +5,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from meshflow.geometry.member import Method
+
 Kind = Literal["terrain", "image", "depth", "mesh"]
 Moves = Literal["points", "channels", "all"]
 
@@ -57,11 +59,8 @@ Scale = Annotated[
     ),
 ]
 Steps = Annotated[int | None, _option(FLOW, "Stop after this many steps.")]
-Method = Annotated[
-    Literal[
-        "beltrami", "graph", "mean-curvature", "total-variation", "perona-malik", "geman-mcclure", "heat", "patches"
-    ]
-    | None,
+MethodOption = Annotated[
+    Method | None,
     _option(FLOW, "A member of the family by name. Default: the one of least estimated risk."),
 ]
 Strength = Annotated[float, _option(FLOW, "More or less of it: the noise times this is what is removed.")]

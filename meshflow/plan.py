@@ -188,14 +188,18 @@ def _tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
             plan, settings, {"time": Parameter(0.0, _area_unit(noun), "default", "nothing to remove")}, "default"
         )
     large = isinstance(noun, Mesh) and len(noun.points) > MESH_ENOUGH
-    known = timed is not None and (settings.named or timed.value == 0)
+    # A member of the caller's exponents has a contrast by rule; one of a name, contrasts of its own to choose from.
+    ruled = settings.named and (settings.method is None or settings.contrast is not None)
+    known = timed is not None and (ruled or timed.value == 0)
     rounded = _rounded(noise)
     if settings.search and sigma > 0 and settings.steps is None and not (large or known or rounded):
         found = _searched(plan, settings, sigma, unit, timed)
         if found is not None:
             return found
-    exponents = METHODS[settings.method][0] if settings.method else {} if settings.named else ONE
-    edge, much = (EDGE, GRID_TIME) if settings.named else (ONE_EDGE, ONE_TIME)
+    exponents, edge, much = ({}, EDGE, GRID_TIME) if settings.named else (ONE, ONE_EDGE, ONE_TIME)
+    if settings.method:
+        exponents, edges = METHODS[settings.method]
+        edge = edges[(len(edges) - 1) // 2]
     if rounded and not settings.named:
         exponents, edge, much = ({} if isinstance(noun, Mesh) else ROUNDED), ROUNDED_EDGE, ROUNDED_TIME
     if settings.contrast is not None:

@@ -11,22 +11,11 @@ from meshflow.flow.control import AreaChange, Embedded, Fixed
 from meshflow.flow.step import Stepper, StepperName, stepper_word
 from meshflow.flow.stop import AreaLoss, Displacement, Residual, Stop, When
 from meshflow.geometry.gates import Array, number, positive, whole
-from meshflow.geometry.member import Indicator, Member
+from meshflow.geometry.member import Indicator, Member, Method
 from meshflow.geometry.surface import Boundary
 from meshflow.geometry.triangulate import Diagonals, triangulations
 
-__all__ = ["Method", "Settings"]
-
-Method = Literal[
-    "beltrami",
-    "graph",
-    "mean-curvature",
-    "total-variation",
-    "perona-malik",
-    "geman-mcclure",
-    "heat",
-    "patches",
-]
+__all__ = ["Settings"]
 
 
 @dataclass(frozen=True)

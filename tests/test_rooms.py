@@ -22,7 +22,7 @@ MAY = {
     "result": {"plan", "flow", "geometry"},
     "smoothing": {"settings", "plan", "result", "io", "grid", "flow", "geometry"},
     "accessors": {"smoothing"},
-    "options": set(),
+    "options": {"geometry"},
     "cli": {"options", "settings", "plan", "result", "smoothing", "geometry", "io", "study", "view"},
     "__main__": {"cli"},
 }

@@ -1,16 +1,17 @@
 """The flow tunes itself: the risk that is estimated is the error that is made, and what is chosen is near the best."""
 
 import json
+from typing import get_args
 
 import numpy as np
 import pytest
 import shapes
 
 import meshflow
-from meshflow.choice import _tiled
+from meshflow.choice import METHODS, _tiled
 from meshflow.flow.tune import TWICE, Candidate, Trial, risk_curves
 from meshflow.geometry.lift import HeightField, Lift
-from meshflow.geometry.member import Member
+from meshflow.geometry.member import Member, Method
 from meshflow.grid.rate import GridFlow
 from meshflow.study.scenes import mesas, ramps
 
@@ -106,6 +107,15 @@ def test_what_is_given_is_held_and_what_is_not_is_found():
     assert not result.trials
     assert (result.end.time, result.parameters["time"].why) == (7.5, "7.5 h²")
     assert meshflow.denoise(z, steps=2).end.step == 2
+
+
+def test_every_name_of_a_member_is_one_and_runs():
+    _, z = noisy(n=48)
+    assert set(METHODS) == set(get_args(Method))
+    for options in ({"time": 2.0}, {"search": False}, {"steps": 3}):
+        smoothed = [meshflow.smooth(z, method=name, **options) for name in METHODS]
+        assert all(0.2 < rms(one - z) < 6.0 for one in smoothed)
+        assert len({one.tobytes() for one in smoothed}) == len(METHODS)
 
 
 def test_more_strength_smooths_more():

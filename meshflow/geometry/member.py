@@ -8,9 +8,20 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.gates import Array, number, positive
 
-__all__ = ["Indicator", "Member"]
+__all__ = ["Indicator", "Member", "Method"]
 
 Indicator = Literal["metric", "projection"]
+# Members that have names; meshflow.choice says which they are.
+Method = Literal[
+    "beltrami",
+    "graph",
+    "mean-curvature",
+    "total-variation",
+    "perona-malik",
+    "geman-mcclure",
+    "heat",
+    "patches",
+]
 # The widest patch: the taps must fit beside the rows of a grid.
 WIDEST = 6.0
 
