@@ -302,7 +302,8 @@ def _given_time(noun: Noun, settings: Settings) -> Parameter | None:
 
 
 def _area_unit(noun: Noun) -> str:
-    return "squared pixel footprints" if isinstance(noun, RangeImage) else "squared length"
+    footprints = isinstance(noun, RangeImage) and noun.pace == "footprint"
+    return "squared pixel footprints" if footprints else "squared length"
 
 
 def _limit_of(noun: Noun, settings: Settings, noise: Noise | None) -> tuple[Any, Origin]:
