@@ -246,7 +246,11 @@ class RangeImage:
     @property
     def cloud(self) -> Array:
         """The points (h, w, 3) that were seen, NaN where missing."""
-        return np.where(_where(self.missing)[..., None], np.nan, self._fibres.at(self.depth.astype(np.float64)))
+        return np.where(_where(self.missing)[..., None], np.nan, self.points_at(self.depth.astype(np.float64)))
+
+    def points_at(self, depth: Array) -> Array:
+        """The points (h, w, 3) of other depths (h, w) along the same rays."""
+        return self._fibres.at(depth)
 
     @property
     def _fibres(self) -> Fibres:
