@@ -127,7 +127,7 @@ def searched_on_grid(
     trials = _refined(searched(first_of(trials, BEST), fine), fine, search.free)
     if trials and free and whole[0].missing.size == lattice.missing.size:
         other = (replace(whole[0], boundary="natural"), *whole[1:])
-        again = searched((trials[0].candidate,), tried_on_grid(other, search, threads))
+        again = searched((replace(trials[0].candidate, boundary="natural"),), tried_on_grid(other, search, threads))
         if again[0].least[1] < trials[0].least[1]:
             return (again[0], *trials), replace(lattice, boundary="natural")
     return trials, lattice

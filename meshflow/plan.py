@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -27,11 +27,10 @@ from meshflow.flow.tune import TWICE, Trial
 from meshflow.geometry.gates import Array, mask_of
 from meshflow.geometry.lift import Lift, Mesh, Noun, RangeImage, data_of
 from meshflow.geometry.member import Member
+from meshflow.parameters import Origin, Parameter, contrast_unit, given_words, squared_unit, value_unit
 from meshflow.settings import Settings
 
-__all__ = ["Origin", "Parameter", "Plan", "noise_in", "planned"]
-
-Origin = Literal["given", "estimated", "default"]
+__all__ = ["Plan", "noise_in", "planned"]
 
 # Times in squared sample distances where nobody names one, and nothing is searched for: 7.5 for the one member that suits most
 # data, 5 for a member of the caller's (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths
@@ -47,29 +46,9 @@ ROUNDED, ROUNDED_EDGE, ROUNDED_TIME = {"patch": 1.0}, 1.0, 1.5
 EDGE = 1.5
 # Time at which a run ends that does not come to its stop, in squared sample distances.
 PATIENT = 100.0
+HELD = "no sample may move (only, fixed): nothing was changed"
 # Times in which a fidelity pulls back after which a run is at rest.
 AT_REST = 10.0
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter as it was used.
-
-    :ivar value: a number or a word.
-    :ivar unit: of a number; empty where it has none.
-    :ivar origin: ``given | estimated | default``.
-    :ivar why: a few words, where there is a reason to tell.
-    """
-
-    value: float | str
-    unit: str = ""
-    origin: Origin = "default"
-    why: str = ""
-
-    def __str__(self) -> str:
-        value = self.value if isinstance(self.value, str) else f"{self.value:.6g}"
-        words = ", ".join(word for word in (self.origin, self.why) if word)
-        return f"{value}{' ' + self.unit if self.unit else ''} ({words})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +104,7 @@ def noise_in(noun: Noun, only: Array | None = None) -> Noise:
 
 def planned(noun: Noun, settings: Settings) -> Plan:
     """What is run on a noun, as its caller wants it."""
-    only = _mask(noun, settings)
+    words, only = given_words(noun, settings), _mask(noun, settings)
     if only is not None:
         assert noun.fixed is not None
         noun = replace(noun, fixed=noun.fixed | ~only)
@@ -138,8 +117,14 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     if settings.confidence is not None:
         trust_of(settings.confidence, shape, n, 1.0)
     bare = isinstance(noun, RangeImage) or (isinstance(noun, Mesh) and noun.moves != "channels")
-    plan = _bare(noun, settings, noise) if bare else _tuned(noun, settings, noise)
-    return _stopping(_held(plan, settings), settings)
+    if _still(noun):  # nothing to search for
+        plan = replace(_bare(noun, replace(settings, contrast=None), noise), idle=HELD)
+    else:
+        plan = _bare(noun, settings, noise) if bare else _tuned(noun, settings, noise)
+    plan = _stopping(_held(plan, settings), settings)
+    if plan.idle == HELD:
+        words["time"] = Parameter(0.0, squared_unit(noun), "default", "nothing may move")
+    return replace(plan, parameters={**plan.parameters, **words})
 
 
 def _mask(noun: Noun, settings: Settings) -> Array | None:
@@ -149,20 +134,30 @@ def _mask(noun: Noun, settings: Settings) -> Array | None:
     return mask_of(settings.only, noun.fixed.shape, "only")
 
 
+def _still(noun: Noun) -> bool:
+    """Whether no sample may move."""
+    assert noun.fixed is not None
+    still = noun.fixed if isinstance(noun, Mesh) or noun.missing is None else noun.fixed | noun.missing
+    return bool(still.all())
+
+
 def _bare(noun: Noun, settings: Settings, noise: Noise) -> Plan:
     """Where points move: no search; contrast 1, or where channels move with them what suits their noise."""
     named = METHODS[settings.method][0] if settings.method else {}
     shrinks = isinstance(noun, Mesh)
     if settings.contrast is not None:
-        contrast = Parameter(float(settings.contrast), "", "given")
+        contrast = Parameter(float(settings.contrast), contrast_unit(noun), "given")
     elif shrinks and noun.moves == "all" and noise.sigma > 0:
         contrast = Parameter(
-            EDGE * noun.step / (noise.sigma * settings.strength), "", "estimated", f"{EDGE:g} h / sigma"
+            EDGE * noun.step / (noise.sigma * settings.strength),
+            contrast_unit(noun),
+            "estimated",
+            f"{EDGE:g} h / sigma",
         )
     else:
-        contrast = Parameter(1.0, "", "default", "lengths as they are")
+        contrast = Parameter(1.0, contrast_unit(noun), "default", "lengths as they are")
     much, why = (MESH_TIME, "half a squared edge") if shrinks else (GRID_TIME, "5 squared pixel footprints")
-    time = _given_time(noun, settings) or Parameter(much * noun.step**2, _area_unit(noun), "default", why)
+    time = _given_time(noun, settings) or Parameter(much * noun.step**2, squared_unit(noun), "default", why)
     lift = Lift(float(contrast.value), settings.diagonals, settings.boundary)
     plan = Plan(noun, settings.member(**named), lift, Until(0.0), {}, noise)
     return _unsearched(plan, settings, time, contrast)
@@ -185,7 +180,7 @@ def _tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
     if sigma == 0 and not asked:
         plan = replace(plan, idle=_no_noise(noise))
         return _told(
-            plan, settings, {"time": Parameter(0.0, _area_unit(noun), "default", "nothing to remove")}, "default"
+            plan, settings, {"time": Parameter(0.0, squared_unit(noun), "default", "nothing to remove")}, "default"
         )
     large = isinstance(noun, Mesh) and len(noun.points) > MESH_ENOUGH
     # A member of the caller's exponents has a contrast by rule; one of a name, contrasts of its own to choose from.
@@ -203,13 +198,13 @@ def _tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
     if rounded and not settings.named:
         exponents, edge, much = ({} if isinstance(noun, Mesh) else ROUNDED), ROUNDED_EDGE, ROUNDED_TIME
     if settings.contrast is not None:
-        contrast = Parameter(float(settings.contrast), "", "given")
+        contrast = Parameter(float(settings.contrast), contrast_unit(noun), "given")
     elif sigma > 0:
-        contrast = Parameter(edge * unit, "", "estimated", f"{edge:g} h / sigma")
+        contrast = Parameter(edge * unit, contrast_unit(noun), "estimated", f"{edge:g} h / sigma")
     else:
-        contrast = Parameter(1.0, "", "default", "no noise found")
+        contrast = Parameter(1.0, contrast_unit(noun), "default", "no noise found")
         plan = replace(plan, warnings=(f"{_no_noise(noise)}; contrast 1 is taken", *plan.warnings))
-    time = timed or Parameter(much * noun.step**2, _area_unit(noun), "default", f"{much:g} h²")
+    time = timed or Parameter(much * noun.step**2, squared_unit(noun), "default", f"{much:g} h²")
     plan = replace(plan, member=settings.member(**exponents), lift=replace(plan.lift, contrast=float(contrast.value)))
     return _unsearched(plan, settings, time, contrast)
 
@@ -247,10 +242,10 @@ def _searched(plan: Plan, settings: Settings, sigma: float, unit: float, timed: 
     time = best.least[0]
     where = "least estimated risk"
     parameters = {
-        "time": timed or Parameter(time, _area_unit(noun), "estimated", where),
-        "contrast": Parameter(best.candidate.contrast, "", "given" if contrast is not None else "estimated",
+        "time": timed or Parameter(time, squared_unit(noun), "estimated", where),
+        "contrast": Parameter(best.candidate.contrast, contrast_unit(noun), "given" if contrast is not None else "estimated",
                               "" if contrast is not None else f"{best.candidate.contrast / unit:.3g} h / sigma, {where}"),
-        "risk": Parameter(best.risk, "", "estimated", "root mean square error to be expected"),
+        "risk": Parameter(best.risk, value_unit(noun), "estimated", "root mean square error to be expected"),
     }  # fmt: skip
     parameters["twice"] = Parameter(best.candidate.twice, "", "estimated" if len(twices) > 1 else
                                     "given" if settings.twice is not None else "default")  # fmt: skip
@@ -277,8 +272,10 @@ def _told(plan: Plan, settings: Settings, more: dict[str, Parameter], member: Or
     assert plan.noise is not None
     how = {"given": "", "nothing": "too few samples"}.get(plan.noise.how, f"from {plan.noise.how}")
     parameters = {
-        "sigma": Parameter(plan.noise.sigma, "", "given" if plan.noise.how == "given" else "estimated", how),
-        "quantum": Parameter(plan.noise.quantum, "", "estimated"),
+        "sigma": Parameter(
+            plan.noise.sigma, value_unit(plan.noun), "given" if plan.noise.how == "given" else "estimated", how
+        ),
+        "quantum": Parameter(plan.noise.quantum, value_unit(plan.noun), "estimated"),
         "strength": Parameter(settings.strength, "", "default" if settings.strength == 1.0 else "given"),
         "gamma": Parameter(plan.member.gamma, "", origins["gamma"]),
         "sharpness": Parameter(plan.member.sharpness, "", origins["sharpness"]),
@@ -298,11 +295,7 @@ def _given_time(noun: Noun, settings: Settings) -> Parameter | None:
     if time is None:
         return None
     why = "" if settings.scale is None else f"scale {settings.scale:g}"
-    return Parameter(float(time), _area_unit(noun), "given", why)
-
-
-def _area_unit(noun: Noun) -> str:
-    return "squared pixel footprints" if isinstance(noun, RangeImage) else "squared length"
+    return Parameter(float(time), squared_unit(noun), "given", why)
 
 
 def _limit_of(noun: Noun, settings: Settings, noise: Noise | None) -> tuple[Any, Origin]:
@@ -337,14 +330,14 @@ def _held(plan: Plan, settings: Settings) -> Plan:
     if limit is not None:
         most = float(limit) if np.ndim(limit) == 0 else "one per sample"
         why = "half the quantum, rounding is the noise" if origin == "estimated" else ""
-        parameters["limit"] = Parameter(most, "", origin, why)
+        parameters["limit"] = Parameter(most, value_unit(noun), origin, why)
         plan = replace(plan, limit=lambda start: Limit.of(start, limit, shape, unit))
     if settings.confidence is not None:
         trust = trust_of(settings.confidence, shape, n, plan.lift.contrast)
         parameters["confidence"] = Parameter("weights", "", "given", "1 / squared value")
         if _given_time(noun, settings) is None and (trust > 0).any():
             rest = AT_REST / float(np.median(trust[trust > 0]))
-            parameters["time"] = Parameter(rest, _area_unit(noun), "default", "at rest between smoothness and data")
+            parameters["time"] = Parameter(rest, squared_unit(noun), "default", "at rest between smoothness and data")
         plan = replace(plan, trust=trust)
     return replace(plan, parameters=parameters)
 
@@ -368,7 +361,7 @@ def _stopping(plan: Plan, settings: Settings) -> Plan:
     time = float(parameters["time"].value)
     if stops and _given_time(noun, settings) is None:
         time = PATIENT * noun.step**2
-        parameters["time"] = Parameter(time, _area_unit(noun), "default", "at most, where no stop is met")
+        parameters["time"] = Parameter(time, squared_unit(noun), "default", "at most, where no stop is met")
     if settings.steps is not None:
         parameters["steps"] = Parameter(float(settings.steps), "", "given")
         until = Until(_given_time(noun, settings) and time, settings.steps, stops)

@@ -115,7 +115,7 @@ def _run(
     if kept is not None and time is not None:
         u = kept + kept.dtype.type(plan.twice) * (kept - end.u)
         u = u if limit is None else limit.hold(u)
-        words = f"reached time {time:.6g}, twice, in {end.step} step{'' if end.step == 1 else 's'}"
+        words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
         end = State(u, time, 0.0, end.step, words, end.stepper, flow=flow)
     if end.step > 0 and (kept is not None or not record):
         moments.append(_moment(end, plan))

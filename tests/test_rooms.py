@@ -18,12 +18,13 @@ MAY = {
     "view": {"geometry", "io"},
     "settings": {"flow", "geometry"},
     "choice": {"grid", "flow", "geometry"},
-    "plan": {"settings", "choice", "flow", "geometry"},
-    "result": {"plan", "flow", "geometry"},
+    "parameters": {"settings", "geometry"},
+    "plan": {"parameters", "settings", "choice", "flow", "geometry"},
+    "result": {"parameters", "flow", "geometry"},
     "smoothing": {"settings", "plan", "result", "io", "grid", "flow", "geometry"},
     "accessors": {"smoothing"},
     "options": {"geometry"},
-    "cli": {"options", "settings", "plan", "result", "smoothing", "geometry", "io", "study", "view"},
+    "cli": {"options", "settings", "result", "smoothing", "geometry", "io", "study", "view"},
     "__main__": {"cli"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -34,11 +34,13 @@ class Candidate:
     :ivar contrast: alpha, length per unit of the value.
     :ivar twice: w of u(t) + w (u(t) - u(2 t)), twicing in time (Tukey 1977): what the flow would still take away is given
         back. Of the heat equation with w = 1 the response is 1 - (1 - exp(-k^2 t))^2, flat where the data is.
+    :ivar boundary: of the grid it was tried on, where that is another than the data's own.
     """
 
     member: Member
     contrast: float
     twice: float = 0.0
+    boundary: str = ""
 
 
 @dataclass(frozen=True)
