@@ -210,7 +210,11 @@ def test_every_number_has_the_unit_of_the_data_and_what_was_given_is_listed():
     still = np.zeros(z.shape, bool)
     still[0, :3] = True
     told = meshflow.denoise(
-        meshflow.HeightField(z, 10.0, unit="m", fixed=still), method="perona-malik", limit=3.0, only=~still, residual=0.9
+        meshflow.HeightField(z, 10.0, unit="m", fixed=still),
+        method="perona-malik",
+        limit=3.0,
+        only=~still,
+        residual=0.9,
     ).parameters
     assert {name: told[name].unit for name in ("sigma", "quantum", "limit", "time")} == {
         "sigma": "m", "quantum": "m", "limit": "m", "time": "m²",
