@@ -2,9 +2,12 @@
 
 import json
 
+import matplotlib.image as plt
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from meshflow.cli import app
 from meshflow.errors import InputError
 from meshflow.geometry.camera import Pinhole
 from meshflow.study import compare_flows
@@ -14,6 +17,7 @@ from meshflow.study.samples import SCENE
 from meshflow.study.sensors import StructuredLight, TimeOfFlight, observe
 from meshflow.study.sight import Sight
 from meshflow.study.solids import Panel
+from meshflow.view.flows import flows
 
 CAMERA, SHAPE = Pinhole(90.0, 90.0, 47.5, 35.5), (72, 96)
 SIGHT = Sight.through(CAMERA, SHAPE)
@@ -145,3 +149,50 @@ def test_the_room_names_what_it_has():
 
     with pytest.raises(AttributeError, match="it has FlowComparison, compare_flows"):
         meshflow.study.nothing  # noqa: B018
+
+
+@pytest.fixture
+def files(tmp_path, frame):
+    np.save(tmp_path / "depth.npy", np.nan_to_num(frame.depth))
+    np.save(tmp_path / "truth.npy", frame.truth)
+    camera = {"fx": CAMERA.fx, "fy": CAMERA.fy, "cx": CAMERA.cx, "cy": CAMERA.cy}
+    (tmp_path / "camera.json").write_text(json.dumps(camera))
+    return tmp_path
+
+
+def command(files, *words):
+    given = ["compare-flows", str(files / "depth.npy"), *map(str, words)]
+    return CliRunner().invoke(app, given, env={"COLUMNS": "200"})
+
+
+def test_the_command_prints_what_the_library_measures_and_draws_it(files, compared):
+    camera = ("--camera", files / "camera.json")
+    done = command(files, *camera, "--truth", files / "truth.npy", "--json", "--picture", files / "flows.png")
+    assert done.exit_code == 0, done.output
+    words = json.loads(done.stdout)
+    rays = compared.after["rays"]
+    assert words["flows"]["rays"]["depth_rms"] == pytest.approx(rays.depth_rms, rel=1e-3)
+    assert words["flows"]["space"]["drift_rms"] == pytest.approx(compared.after["space"].drift_rms, rel=1e-2)
+    picture = plt.imread(files / "flows.png")
+    assert picture.shape[1] == 1600
+    assert picture[..., :3].std() > 0.1
+
+
+def test_the_command_prints_a_table(files):
+    done = command(files, "--camera", files / "camera.json", "--time", "0.5")
+    assert done.exit_code == 0, done.output
+    assert "silhouette drift, max [px]" in done.stdout
+    assert "normals off by" not in done.stdout
+
+
+def test_the_command_refuses_what_it_cannot_compare_or_write_before_it_works(files):
+    with pytest.raises(InputError, match="rays are those of a camera; give --camera"):
+        raise command(files).exception
+    (files / "there.png").write_bytes(b"")
+    with pytest.raises(InputError, match=r"there.png exists; name another picture or give --overwrite"):
+        raise command(files, "--camera", files / "camera.json", "--picture", files / "there.png").exception
+
+
+def test_a_picture_of_nothing_is_refused(tmp_path):
+    with pytest.raises(InputError, match="panels with at least one triangle each expected"):
+        flows([], tmp_path / "none.png")

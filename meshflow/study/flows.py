@@ -319,9 +319,9 @@ def _vertex_normals(points: Array, faces: Array) -> Array:
 
 def _noted(outcome: Outcome) -> str:
     """The numbers below a panel."""
-    words = [f"normals off by {outcome.normal_error:.1f}°"] if outcome.normal_error is not None else []
+    words = [f"normals {outcome.normal_error:.1f}° off"] if outcome.normal_error is not None else []
     if outcome.depth_median is not None:
-        words.append(f"median error {outcome.depth_median:.3g}")
+        words.append(f"median error {outcome.depth_median:.2g}")
     if outcome.drift_rms is not None and outcome.time > 0:
-        words.append(f"silhouettes drift {outcome.drift_rms:.1g} px")
+        words.append(f"drift {outcome.drift_rms:.2f} px")
     return ", ".join(words)
