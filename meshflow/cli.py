@@ -199,7 +199,7 @@ def compare_flows(
     if picture is not None:
         from meshflow.view.flows import flows as drawn
 
-        title = f"{source.name}: four flows, equally smooth"
+        title = f"{source.name}: four flows, each until it is as smooth as the ray flow"
         notes += (*drawn(found.panels(), picture, title=title).notes, f"picture: {picture}")
     if json:
         out.print_json(notation.dumps({"in": str(source), **found.as_dict(), "notes": list(notes)}))

@@ -324,4 +324,6 @@ def _noted(outcome: Outcome) -> str:
         words.append(f"median error {outcome.depth_median:.2g}")
     if outcome.drift_rms is not None and outcome.time > 0:
         words.append(f"drift {outcome.drift_rms:.2f} px")
+    if not outcome.matched:
+        words.append("rougher")
     return ", ".join(words)
