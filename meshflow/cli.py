@@ -197,7 +197,7 @@ def compare_flows(
     found = compared(depths, cam, true, time=time, jump=jump, boundary=boundary)
     notes += more
     if picture is not None:
-        from meshflow.view.flows import flows as drawn
+        from meshflow.view.panels import flows as drawn
 
         title = f"{source.name}: four flows, each until it is as smooth as the ray flow"
         notes += (*drawn(found.panels(), picture, title=title).notes, f"picture: {picture}")

@@ -29,9 +29,7 @@ Out = Annotated[Path, typer.Argument(metavar="OUT", help="Where to write; the ex
 Other = Annotated[Path, typer.Argument(metavar="OTHER", help="The same kind of thing on the same samples.")]
 Depths = Annotated[Path, typer.Argument(metavar="IN", help="Depth image: 16-bit PNG, TIFF, .npy; needs --camera.")]
 Truth = Annotated[Path | None, _option(INPUT, "True depths of the same pixels, seen by the same camera.")]
-TruthScale = Annotated[
-    float | None, _option(INPUT, "Units of the truth per metre, where they are not those of IN's kind of file.")
-]
+TruthScale = Annotated[float | None, _option(INPUT, "Units of the truth per metre, as --depth-scale of IN.")]
 KindOption = Annotated[Kind | None, _option(INPUT, "What the file holds, where the guess would be wrong.")]
 Camera = Annotated[
     Path | None,

@@ -17,7 +17,7 @@ from meshflow.study.samples import SCENE
 from meshflow.study.sensors import StructuredLight, TimeOfFlight, observe
 from meshflow.study.sight import Sight
 from meshflow.study.solids import Panel
-from meshflow.view.flows import flows
+from meshflow.view.panels import flows
 
 CAMERA, SHAPE = Pinhole(90.0, 90.0, 47.5, 35.5), (72, 96)
 SIGHT = Sight.through(CAMERA, SHAPE)

@@ -1,6 +1,6 @@
 """Looking: a thing before and after, and what lies between. What draws is imported when something is to be drawn."""
 
-from meshflow.view.flows import flows
+from meshflow.view.panels import flows
 from meshflow.view.picture import Pictured, compare, show
 from meshflow.view.probe import Rendering, rendering
 
