@@ -212,7 +212,7 @@ def compare_flows(
     _said("", notes)
 
 
-def _depths(path: Path, camera: Path | None, depth_scale: float | None) -> "tuple[Array, Any, tuple[str, ...]]":
+def _depths(path: Path, camera: str | None, depth_scale: float | None) -> "tuple[Array, Any, tuple[str, ...]]":
     """Depths, NaN where missing, their camera, and what was said of them.
 
     :raises InputError: for what is no range image.

@@ -1,14 +1,21 @@
 """What was chosen, in which unit, and who chose it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.flow.constraint import Limit
+from meshflow.flow.control import Until
+from meshflow.flow.noise import Noise
+from meshflow.flow.tune import Trial
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.geometry.member import Member
 from meshflow.settings import Settings
 
-__all__ = ["Origin", "Parameter", "contrast_unit", "given_words", "squared_unit", "value_unit"]
+__all__ = ["Origin", "Parameter", "Plan", "contrast_unit", "given_words", "squared_unit", "value_unit"]
 
 Origin = Literal["given", "estimated", "default"]
 
@@ -32,6 +39,45 @@ class Parameter:
         value = self.value if isinstance(self.value, str) else f"{self.value:.6g}"
         words = ", ".join(word for word in (self.origin, self.why) if word)
         return f"{value}{' ' + self.unit if self.unit else ''} ({words})"
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is run.
+
+    :ivar noise: what was found, or given; None for bare points.
+    :ivar idle: why nothing is done; None where something is.
+    :ivar trials: of the search, the chosen one first.
+    :ivar twice: w of u(t) + w (u(t) - u(2 t)), t the time of ``until``.
+    :ivar limit: what no coordinate leaves, made of the start of a flow.
+    :ivar trust: of the fidelity, (n, k), (n, 1) or (1, 1), per time; None: none.
+    """
+
+    noun: Noun
+    member: Member
+    lift: Lift
+    until: Until
+    parameters: dict[str, Parameter]
+    noise: Noise | None = None
+    idle: str | None = None
+    trials: tuple[Trial, ...] = ()
+    twice: float = 0.0
+    limit: Callable[[Array], Limit] | None = None
+    trust: Array | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def unit(self) -> float:
+        """Units of u for one of the caller's: the mesh engine counts channels times the contrast."""
+        return self.lift.contrast if isinstance(self.noun, Mesh) and self.noun.moves == "channels" else 1.0
+
+    @property
+    def there(self) -> float:
+        """The share of the samples that are there."""
+        if isinstance(self.noun, Mesh):
+            return 1.0
+        assert self.noun.missing is not None
+        return float(np.mean(~self.noun.missing))
 
 
 def value_unit(noun: Noun) -> str:
@@ -75,8 +121,8 @@ def given_words(noun: Noun, settings: Settings) -> dict[str, Parameter]:
         if value not in (None, "auto"):
             word = value if isinstance(value, str) else getattr(value, "__name__", None) or str(value)
             found[name] = Parameter(word, "", "given")
-    if not settings.search:
-        found["search"] = Parameter("no", "", "given")
+    if settings.search is not None:
+        found["search"] = Parameter("yes" if settings.search else "no", "", "given")
     if settings.only is not None:
         found["only"] = _counted(np.asarray(settings.only) != 0, "may move")
     if noun.fixed is not None and noun.fixed.any():

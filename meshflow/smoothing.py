@@ -18,7 +18,8 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, Noun, RangeImage
 from meshflow.grid.rate import GridFlow
 from meshflow.io.adopt import adopt
-from meshflow.plan import Plan, noise_in, planned
+from meshflow.parameters import Plan
+from meshflow.plan import noise_in, planned
 from meshflow.result import Moment, Result
 from meshflow.settings import Settings
 
@@ -60,7 +61,7 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
         done = _lowered(plan, engine, end.u)
     if isinstance(engine, GridFlow):
         engine.release()
-    done = replace(done, fixed=noun.fixed)
+    done = replace(done, fixed=noun.fixed, **({"sigma": noun.sigma} if isinstance(noun, RangeImage) else {}))
     return Result(
         thing=done,
         noun=done,
