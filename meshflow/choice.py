@@ -23,6 +23,7 @@ __all__ = [
     "MESH_FAMILY",
     "LOOKED_AT",
     "METHODS",
+    "RAY_FAMILY",
     "TIMES",
     "Search",
     "candidates",
@@ -72,6 +73,8 @@ MESH_FAMILY: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
     ({"gamma": -1.0, "sharpness": 2.0}, (1.5,)),
 )
 MESH_ENOUGH, LOOKED_AT = 20_000, 16.0
+# The same along rays, where lengths are what they are: contrast 1.
+RAY_FAMILY: tuple[dict[str, float], ...] = ({}, {"gamma": -1.0}, {"gamma": 1.0})
 # Members that are looked at on more samples, each with its best contrast.
 BEST = 3
 # How often the contrast is refined while that lowers the risk.
@@ -85,7 +88,7 @@ class Search:
     :ivar candidates: members with their contrasts.
     :ivar times: squared length, growing.
     :ivar free: whether contrasts between those of the candidates may be tried.
-    :ivar sigma: the noise, unit of the values.
+    :ivar sigma: the noise, unit of the values; along rays one for each sample (h, w).
     :ivar end: the time that is given, at which members are compared; None: the time is searched for, too.
     :ivar twices: weights of twicing to look at.
     """
@@ -93,7 +96,7 @@ class Search:
     candidates: tuple[Candidate, ...]
     times: tuple[float, ...]
     free: bool
-    sigma: float
+    sigma: float | Array
     end: float | None = None
     twices: tuple[float, ...] = (0.0,)
 
@@ -120,6 +123,9 @@ def searched_on_grid(
     :param free: whether the other boundary, ``natural``, may be tried, too.
     """
     most = None if limit is None else _in_planes(limit, lattice)
+    if lattice.fibres is not None:  # what a camera saw is not large, and lines are not cut into tiles
+        alone = tried_on_grid((lattice, np.zeros(lattice.shape, bool), most), search, threads)
+        return searched(search.candidates, alone), lattice
     few = _tiled(lattice, most, FEW, FEW_SIDE)
     trials = searched(search.candidates, tried_on_grid(few, search, threads))
     whole = few if lattice.missing.size <= FEW else _tiled(lattice, most, ENOUGH, SIDE)
@@ -127,7 +133,7 @@ def searched_on_grid(
     trials = _refined(searched(first_of(trials, BEST), fine), fine, search.free)
     if trials and free and whole[0].missing.size == lattice.missing.size:
         other = (replace(whole[0], boundary="natural"), *whole[1:])
-        again = searched((trials[0].candidate,), tried_on_grid(other, search, threads))
+        again = searched((replace(trials[0].candidate, boundary="natural"),), tried_on_grid(other, search, threads))
         if again[0].least[1] < trials[0].least[1]:
             return (again[0], *trials), replace(lattice, boundary="natural")
     return trials, lattice
@@ -160,11 +166,12 @@ def tried_on_grid(
     tiles, edge, near = tiled
     step, h = PROBE * search.sigma, tiles.planes.dtype.type
     probe = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=tiles.planes.shape).astype(tiles.planes.dtype)
-    twins = replace(tiles, planes=tiles.planes + h(step) * probe)
+    twins = replace(tiles, planes=tiles.planes + np.asarray(step, h) * probe)
     counted = ~(tiles.missing | tiles.fixed | edge).ravel()
     if not counted.any():
         counted = ~tiles.missing.ravel()
     columns = probe.reshape(len(probe), -1).T
+    sigma = search.sigma if not isinstance(search.sigma, np.ndarray) else search.sigma.reshape(-1, 1)
 
     def tried(candidate: Candidate) -> list[Trial]:
         pair = (
@@ -176,7 +183,7 @@ def tried_on_grid(
             one, two = (Limit(flow.start(), near.reshape(len(near), -1).T.astype(tiles.planes.dtype)) for flow in pair)
             limits = one, two
         patient = search.end is not None
-        curves = risk_curves(pair, columns, search.sigma, search.times, counted, search.twices, limits, patient)
+        curves = risk_curves(pair, columns, sigma, search.times, counted, search.twices, limits, patient)
         return search.trials(candidate, curves)
 
     return tried

@@ -1,4 +1,4 @@
-"""Words to one call: ``meshflow smooth | info | compare``."""
+"""Words to one call: ``meshflow smooth | info | compare | compare-flows``."""
 
 import json as notation
 import sys
@@ -14,7 +14,7 @@ from rich.text import Text
 
 from meshflow import options as words
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.geometry.lift import Mesh, data_of
+from meshflow.geometry.lift import Mesh, RangeImage, data_of
 from meshflow.io.files import Document, read, writable, write
 
 if TYPE_CHECKING:
@@ -176,6 +176,55 @@ def compare(
     _table(facts, json, notes)
 
 
+@app.command("compare-flows")
+def compare_flows(
+    source: words.Depths,
+    camera: words.Camera = None,
+    truth: words.Truth = None,
+    depth_scale: words.DepthScale = None,
+    truth_scale: words.TruthScale = None,
+    jump: words.Jump = 0.05,
+    time: words.FlowTime = 5.0,
+    boundary: words.RimOption = "linear",
+    picture: words.Panels = None,
+    overwrite: words.Overwrite = False,
+    json: words.Json = False,
+) -> None:
+    """Compare 3D flow, flow along normals, graph flow of z and ray flow on a depth image, at matched smoothing."""
+    from meshflow.study.flows import compare_flows as compared
+
+    _must_be_drawable(picture, overwrite)
+    depths, cam, notes = _depths(source, camera, depth_scale)
+    true, more = None, ()
+    if truth is not None:
+        true, _, more = _depths(truth, camera, truth_scale)
+    found = compared(depths, cam, true, time=time, jump=jump, boundary=boundary)
+    notes += more
+    if picture is not None:
+        from meshflow.view.panels import flows as drawn
+
+        title = f"{source.name}: four flows, each until it is as smooth as the ray flow"
+        notes += (*drawn(found.panels(), picture, title=title).notes, f"picture: {picture}")
+    if json:
+        out.print_json(notation.dumps({"in": str(source), **found.as_dict(), "notes": list(notes)}))
+        return
+    out.print(Text(str(found)), soft_wrap=True)
+    _said("", notes)
+
+
+def _depths(path: Path, camera: str | None, depth_scale: float | None) -> "tuple[Array, Any, tuple[str, ...]]":
+    """Depths, NaN where missing, their camera, and what was said of them.
+
+    :raises InputError: for what is no range image.
+    """
+    if camera is None:
+        raise InputError("compare-flows: rays are those of a camera; give --camera")
+    document = _opened(path, "depth", camera, depth_scale, None, None, None, None, None)
+    noun = document.noun
+    assert isinstance(noun, RangeImage)
+    return np.where(np.asarray(noun.missing), np.nan, noun.depth), noun.camera, document.notes
+
+
 def _opened(
     path: Path,
     kind: words.Kind | None,
@@ -256,16 +305,22 @@ def _must_be_writable(
     document: Document, target: Path, picture: Path | None, report: Path | None, overwrite: bool
 ) -> None:
     """Refuse before the work what would be refused after it."""
-    from meshflow.view.picture import writable as drawable
     from meshflow.view.report import writable as reportable
 
     writable(document, target, overwrite=overwrite)
+    _must_be_drawable(picture, overwrite)
+    if report is not None:
+        reportable(report, overwrite)
+
+
+def _must_be_drawable(picture: Path | None, overwrite: bool) -> None:
+    """Refuse a picture that cannot be written, or is there."""
+    from meshflow.view.picture import writable as drawable
+
     if picture is not None:
         drawable(picture)
         if picture.exists() and not overwrite:
             raise InputError(f"{picture} exists; name another picture or give --overwrite")
-    if report is not None:
-        reportable(report, overwrite)
 
 
 def _pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:

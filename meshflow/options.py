@@ -29,6 +29,9 @@ FILES = "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, ST
 In = Annotated[Path, typer.Argument(metavar="IN", help=FILES)]
 Out = Annotated[Path, typer.Argument(metavar="OUT", help="Where to write; the extension names the format.")]
 Other = Annotated[Path, typer.Argument(metavar="OTHER", help="The same kind of thing on the same samples.")]
+Depths = Annotated[Path, typer.Argument(metavar="IN", help="Depth image: 16-bit PNG, TIFF, .npy; needs --camera.")]
+Truth = Annotated[Path | None, _option(INPUT, "True depths of the same pixels, seen by the same camera.")]
+TruthScale = Annotated[float | None, _option(INPUT, "Units of the truth per metre, as --depth-scale of IN.")]
 KindOption = Annotated[Kind | None, _option(INPUT, "What the file holds, where the guess would be wrong.")]
 Camera = Annotated[
     str | None,
@@ -155,6 +158,17 @@ StepperOption = Annotated[
 Dt = Annotated[float | None, _option(FLOW, "Length of a step, squared length. Default: what suits the stepper.")]
 Threads = Annotated[int | None, _option(FLOW, "Threads for grids. Default: NUMBA_NUM_THREADS, or one for each core.")]
 Picture = Annotated[Path | None, _option(OUTPUT, "A picture of before, after and the difference (.png).")]
+Panels = Annotated[Path | None, _option(OUTPUT, "A picture of all flows and one silhouette close up (.png).")]
+FlowTime = Annotated[
+    float,
+    _option(FLOW, "How far the ray flow goes, in squared pixel footprints; the others go until they are as smooth."),
+]
+Jump = Annotated[
+    float, _option(INPUT, "A triangle is left out where its depths differ by more than this share of the nearest.")
+]
+RimOption = Annotated[
+    Literal["natural", "linear", "fixed"], _option(FLOW, "What holds at borders and holes, for all flows alike.")
+]
 Dtype = Annotated[
     str | None, _option(OUTPUT, "Number type of a raster or picture; 'source' rounds back to whole numbers.")
 ]

@@ -12,7 +12,7 @@ from meshflow.flow.noise import Noise
 from meshflow.flow.tune import Trial
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, Noun, data_of
-from meshflow.plan import Parameter
+from meshflow.parameters import Parameter
 
 __all__ = ["Moment", "Result"]
 
@@ -151,7 +151,7 @@ class Result:
                 "correlation": self.correlation,
             },
             "moments": [vars(moment) for moment in self.moments],
-            "search": [_told(trial) for trial in self.trials],
+            "search": [_told(trial, i == 0) for i, trial in enumerate(self.trials)],
             "warnings": list(self.warnings),
         }
 
@@ -171,6 +171,7 @@ class Result:
                 lines.append(
                     f"              {trial.risk:.6g} at time {trial.least[0]:.4g}: gamma {m.gamma:g}, sharpness "
                     f"{m.sharpness:g}, patch {m.patch:g}, contrast {candidate.contrast:.4g}, twice {candidate.twice:g}"
+                    + (f", boundary {candidate.boundary}" if candidate.boundary else "")
                 )
         return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
 
@@ -183,7 +184,8 @@ class Result:
         return float(np.sqrt(np.mean(self.removed[~self.before.missing] ** 2)))
 
 
-def _told(trial: Trial) -> dict[str, Any]:
+def _told(trial: Trial, whole: bool) -> dict[str, Any]:
+    """A trial; the ``whole`` of its curve only of the one that was chosen, which are hundreds of numbers else."""
     member, time = trial.candidate.member, trial.least[0]
     return {
         "gamma": member.gamma,
@@ -193,5 +195,6 @@ def _told(trial: Trial) -> dict[str, Any]:
         "twice": trial.candidate.twice,
         "time": time,
         "risk": trial.risk,
-        "curve": {"times": list(trial.times), "risks": list(trial.risks)},
+        **({"boundary": trial.candidate.boundary} if trial.candidate.boundary else {}),
+        **({"curve": {"times": list(trial.times), "risks": list(trial.risks)}} if whole else {}),
     }

@@ -48,13 +48,15 @@ class Settings:
 
     :param sigma: the standard deviation of the noise, unit of the values; by default it is estimated.
     :param strength: the data is taken for so much noisier than it is: 1 by default, above it smooths more.
-    :param search: whether what is not given is searched for; else one member for all data (sharpness 1.5, gamma -1, contrast
-        3 h / sigma, 7.5 h^2; h the sample distance).
+    :param search: whether what is not given is searched for; by default where values stand above a base. Without, one member for
+        all data (sharpness 1.5, gamma -1, contrast 3 h / sigma, 7.5 h^2; h the sample distance), and for range images gamma 0 and
+        10 sigma / h squared footprints.
 
     What holds:
 
-    :param limit: no sample leaves its value by more, a number or one per sample, unit of the values; half the quantum by default
-        where rounding is all the noise that is found, else none. Where points and
+    :param limit: no sample leaves its value by more, a number or one per sample, unit of the values, or ``step``: half the step
+        of quantised data, of depths at each depth; half the quantum by default where rounding is all the noise that is found,
+        of range images none. Where points and
         channels of a mesh move: of each coordinate, channels times the contrast.
     :param confidence: weights of a fidelity term, 1 / variance, a number or one per sample; the flow then comes to rest between
         smoothness and data.
@@ -89,8 +91,8 @@ class Settings:
     twice: float | None = None
     sigma: float | None = None
     strength: float = 1.0
-    search: bool = True
-    limit: float | Array | None = None
+    search: bool | None = None
+    limit: float | Array | Literal["step"] | None = None
     confidence: float | Array | None = None
     only: Array | None = None
     indicator: Indicator = "metric"
@@ -137,7 +139,7 @@ class Settings:
             raise InputError(f"boundary: natural, linear or fixed expected, got {self.boundary!r}")
         if self.control is not None and not isinstance(self.control, (Fixed, AreaChange, Embedded)):
             raise InputError(f"control: Fixed, AreaChange or Embedded expected, got {self.control!r}")
-        if not isinstance(self.search, (bool, np.bool_)):
+        if self.search is not None and not isinstance(self.search, (bool, np.bool_)):
             raise InputError(f"search: true or false expected, got {self.search!r}")
         triangulations(self.diagonals)
         stepper_word(self.stepper)

@@ -18,7 +18,8 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, Noun, RangeImage
 from meshflow.grid.rate import GridFlow
 from meshflow.io.adopt import adopt
-from meshflow.plan import Plan, noise_in, planned
+from meshflow.parameters import Plan
+from meshflow.plan import noise_in, planned
 from meshflow.result import Moment, Result
 from meshflow.settings import Settings
 
@@ -62,7 +63,7 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
         done = _lowered(plan, engine, end.u)
     if isinstance(engine, GridFlow):
         engine.release()
-    done = replace(done, fixed=noun.fixed)
+    done = replace(done, fixed=noun.fixed, **({"sigma": noun.sigma} if isinstance(noun, RangeImage) else {}))
     return Result(
         thing=done,
         noun=done,
@@ -117,7 +118,7 @@ def _run(
     if kept is not None and time is not None:
         u = kept + kept.dtype.type(plan.twice) * (kept - end.u)
         u = u if limit is None else limit.hold(u)
-        words = f"reached time {time:.6g}, twice, in {end.step} step{'' if end.step == 1 else 's'}"
+        words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
         end = State(u, time, 0.0, end.step, words, end.stepper, flow=flow)
     if end.step > 0 and (kept is not None or not record):
         moments.append(_moment(end, plan))

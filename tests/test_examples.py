@@ -29,6 +29,14 @@ def test_heights_that_move_alone_end_nearer_the_truth_than_points_that_move_in_s
     assert heights < 0.95 * space < 1.0
 
 
+def test_of_four_flows_equally_smooth_the_ray_flow_alone_leaves_silhouettes_where_they_are(tmp_path):
+    rays, others, normals = example("compare_flows").main(tmp_path / "flows.png")
+    assert rays < 1e-9
+    assert others > 0.1
+    assert 0 < normals < 0.15
+    assert (tmp_path / "flows.png").stat().st_size > 50_000
+
+
 @pytest.mark.needs_gl
 def test_a_terrain_is_written_and_pictured_before_and_after(tmp_path):
     removed = example("view_before_after").main(tmp_path)

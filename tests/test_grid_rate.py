@@ -102,7 +102,8 @@ def test_the_rates_agree_on_any_data(data, shape, channels):
     for turn in (0, 1):
         ours, theirs = grid.rate(grid.start(), turn), mesh.rate(mesh.start(), turn) / lift.contrast
         # Slopes up to 100 make single terms of a sum as much larger than the sum.
-        assert np.abs(ours - theirs).max() <= 1e-9 * max(np.abs(theirs).max(), 1e-9)
+        # Where the truth is zero, rounding is a share of the values.
+        assert np.abs(ours - theirs).max() <= 1e-9 * max(np.abs(theirs).max(), 1e-5 * np.abs(values).max())
 
 
 @pytest.mark.parametrize("kind", ["one", "rows", "3", "range"])

@@ -18,14 +18,18 @@ MAY = {
     "view": {"geometry", "io"},
     "settings": {"flow", "geometry"},
     "choice": {"grid", "flow", "geometry"},
-    "plan": {"settings", "choice", "flow", "geometry"},
-    "result": {"plan", "flow", "geometry"},
-    "smoothing": {"settings", "plan", "result", "io", "grid", "flow", "geometry"},
+    "parameters": {"settings", "flow", "geometry"},
+    "tuning": {"parameters", "settings", "choice", "flow", "geometry"},
+    "plan": {"tuning", "parameters", "settings", "flow", "geometry"},
+    "result": {"parameters", "flow", "geometry"},
+    "smoothing": {"settings", "parameters", "plan", "result", "io", "grid", "flow", "geometry"},
     "accessors": {"smoothing"},
     "options": {"geometry"},
-    "cli": {"options", "settings", "plan", "result", "smoothing", "geometry", "io", "study", "view"},
+    "cli": {"options", "settings", "result", "smoothing", "geometry", "io", "study", "view"},
     "__main__": {"cli"},
 }
+# The comparison of the flows runs them: one module of the study, so that the measures beside it still know of no flow.
+BEYOND = {"study/flows.py": {"flow"}}
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -56,7 +60,8 @@ def test_a_room_imports_only_the_rooms_that_it_may(path):
     if room(path) == "errors":
         assert not used
     else:
-        assert used <= MAY[room(path)], f"{path.name} imports {used - MAY[room(path)]}"
+        may = MAY[room(path)] | BEYOND.get(path.relative_to(PACKAGE).as_posix(), set())
+        assert used <= may, f"{path.name} imports {used - may}"
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))

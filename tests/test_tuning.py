@@ -203,3 +203,30 @@ def test_the_correlation_of_what_was_removed_tells_structure_from_noise():
     assert meshflow.denoise(z, boundary="linear").correlation < 0.1
     blurred = meshflow.denoise(z, method="heat", time=40.0)
     assert blurred.correlation > 0.3
+
+
+def test_every_number_has_the_unit_of_the_data_and_what_was_given_is_listed():
+    z = np.add.outer(np.arange(32.0), np.zeros(32)) + np.random.default_rng(0).normal(size=(32, 32))
+    still = np.zeros(z.shape, bool)
+    still[0, :3] = True
+    told = meshflow.denoise(
+        meshflow.HeightField(z, 10.0, unit="m", fixed=still),
+        method="perona-malik",
+        limit=3.0,
+        only=~still,
+        residual=0.9,
+    ).parameters
+    assert {name: told[name].unit for name in ("sigma", "quantum", "limit", "time")} == {
+        "sigma": "m", "quantum": "m", "limit": "m", "time": "m²",
+    }  # fmt: skip
+    assert (told["method"].value, told["method"].origin) == ("perona-malik", "given")
+    assert (told["residual"].value, told["residual"].unit) == (0.9, "of sigma")
+    assert told["fixed"].value == "3 of 1024 samples stay"
+    assert told["only"].value == "1021 of 1024 samples may move"
+
+
+def test_where_nothing_may_move_the_reason_says_so():
+    z = np.random.default_rng(0).normal(size=(16, 16))
+    found = meshflow.denoise(z, only=np.zeros(z.shape, bool))
+    assert "no sample may move" in found.reason
+    np.testing.assert_array_equal(found.thing, z)

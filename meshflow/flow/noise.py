@@ -116,7 +116,7 @@ def _terraced(parts: list[tuple[Array, Array]], quantum: float) -> bool:
     return len(levels) > 2 and 2 * single > steps
 
 
-def noise_growth(values: Array, missing: Array, levels: Array | None = None) -> Growth | None:
+def noise_growth(values: Array, missing: Array, levels: Array | None = None, enough: int = ENOUGH) -> Growth | None:
     """How the noise of a grid grows with its own values (depth) or with ``levels`` (intensity).
 
     Second differences in classes of equally many samples, sigma = a + b x + c x^2 fitted by least squares with a, b, c >= 0, each
@@ -125,12 +125,13 @@ def noise_growth(values: Array, missing: Array, levels: Array | None = None) -> 
     :param values: (h, w).
     :param missing: (h, w).
     :param levels: (h, w); by default the values, averaged over 3 x 3.
+    :param enough: so many samples are looked at, at most.
     :returns: None for too few samples.
     """
     from scipy.optimize import nnls
 
     deviations, places = [], []
-    for tile in spread_tiles(missing.shape):
+    for tile in spread_tiles(missing.shape, enough):
         part, there = values[tile].astype(np.float64), ~missing[tile]
         residual, whole = _residuals((part, there))
         level = _averaged(part) if levels is None else levels[tile][1:-1, 1:-1].astype(np.float64)

@@ -34,11 +34,13 @@ class Candidate:
     :ivar contrast: alpha, length per unit of the value.
     :ivar twice: w of u(t) + w (u(t) - u(2 t)), twicing in time (Tukey 1977): what the flow would still take away is given
         back. Of the heat equation with w = 1 the response is 1 - (1 - exp(-k^2 t))^2, flat where the data is.
+    :ivar boundary: of the grid it was tried on, where that is another than the data's own.
     """
 
     member: Member
     contrast: float
     twice: float = 0.0
+    boundary: str = ""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class Trial:
 def risk_curves(
     pair: tuple[Flow, Flow],
     probe: Array,
-    sigma: float,
+    sigma: float | Array,
     times: Sequence[float],
     counted: Array,
     twices: Sequence[float] = TWICE,
@@ -93,7 +95,8 @@ def risk_curves(
 
     :param pair: the run, and its twin, which starts at u0 + PROBE sigma probe.
     :param probe: b (n, k), +1 or -1.
-    :param sigma: of each coordinate, unit of u.
+    :param sigma: of each coordinate, unit of u; or one for each vertex (n, 1): errors are then counted in it, and told in its
+        root mean square.
     :param times: growing, above zero, each twice the one before it, or two before it; the curves end early where the risk
         grows again.
     :param counted: (n,), the vertices that are counted.
@@ -102,7 +105,10 @@ def risk_curves(
     :param patient: go on to the last time although the risk grows.
     :returns: for each of ``twices`` one for time zero and for each time up to where it ended, squared unit of u.
     """
-    (flow, twin), stepper, step = pair, SuperTime(), PROBE * sigma
+    (flow, twin), stepper = pair, SuperTime()
+    each = np.broadcast_to(np.asarray(sigma, np.float64), (len(counted), 1))[counted]
+    sigma = float(np.sqrt(np.mean(each * each)))
+    relative, step = each / sigma, PROBE * each
     start, spent = flow.start(), 0
     u, v, since, worse = start, twin.start(), 0.0, 0
     curves: dict[float, list[float]] = {weight: [sigma**2] for weight in twices}
@@ -119,7 +125,7 @@ def risk_curves(
         if turn > 0:
             flow.done(old[0])
             twin.done(old[1])
-        now = (u - start)[counted].astype(np.float64), of * (v - u)[counted] / step
+        now = (u - start)[counted].astype(np.float64) / relative, of * (v - u)[counted] / step
         for weight, risks in curves.items():
             if weight > 0 and turn < back:
                 continue

@@ -6,11 +6,30 @@ from functools import cached_property
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array, Spacing
+from meshflow.geometry.gates import Array, Spacing, positive
+from meshflow.geometry.jumps import Cuts
 from meshflow.geometry.surface import Axes, Boundary, Rays, Surface
 from meshflow.geometry.triangulate import Diagonals, charts_of_rows, grid_sheets, triangles_there, triangulations
 
-__all__ = ["Fibres", "Lattice", "Spacing", "held", "lowered"]
+__all__ = ["Fibres", "Lattice", "Lift", "Spacing", "held", "lowered"]
+
+
+@dataclass(frozen=True)
+class Lift:
+    """How a noun becomes a surface.
+
+    :param contrast: alpha of section 4.4, which multiplies the free coordinates before the flow and divides them after it:
+        length of the surface per unit of the value. No unit where value and spacing share theirs.
+    :param diagonals: of a grid's cells; ``alternate`` is as isotropic as ``both`` at half the cost.
+    :param boundary: ``natural | linear | fixed``; by default what suits the noun.
+    """
+
+    contrast: float = 1.0
+    diagonals: Diagonals = "alternate"
+    boundary: Boundary | None = None
+
+    def __post_init__(self) -> None:
+        positive(self.contrast, "contrast")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +69,7 @@ class Lattice:
     :param boundary: ``natural | linear | fixed``.
     :param fibres: the lines along which the samples move; None: straight up from their places on the grid.
     :param jump: a triangle is left out where its planes differ by more than this share of the least; None: none is.
+    :param cuts: edges that no triangle has.
     :raises InputError: for an unknown word for the diagonals or the boundary.
     """
 
@@ -62,6 +82,7 @@ class Lattice:
     boundary: Boundary = "natural"
     fibres: Fibres | None = None
     jump: float | None = None
+    cuts: Cuts | None = None
 
     def __post_init__(self) -> None:
         triangulations(self.diagonals)
@@ -77,9 +98,9 @@ class Lattice:
     @cached_property
     def there(self) -> Array | None:
         """Which triangles are there, :func:`triangles_there`; None: all."""
-        if self.jump is None and not self.missing.any():
+        if self.jump is None and self.cuts is None and not self.missing.any():
             return None
-        return triangles_there(self.missing, self.planes[0], self.jump)
+        return triangles_there(self.missing, self.planes[0], self.jump, self.cuts)
 
     def surface(self) -> Surface:
         """The same with explicit points and triangles, vertex r * w + c; free coordinates are contrast times the planes."""

@@ -7,34 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Camera, Measure
-from meshflow.geometry.gates import Array, Spacing, mask_of, positive, real, samples, spacing_of
-from meshflow.geometry.lattice import Fibres, Lattice, held, lowered
+from meshflow.geometry.gates import Array, Spacing, mask_of, real, samples, spacing_of
+from meshflow.geometry.jumps import Cuts
+from meshflow.geometry.lattice import Lattice, Lift, held, lowered
+from meshflow.geometry.ranges import Pace, RangeImage
 from meshflow.geometry.surface import Axes, Boundary, Surface
-from meshflow.geometry.triangulate import Diagonals
 
 __all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "Pace", "RangeImage", "data_of"]
 
 Moves = Literal["points", "channels", "all"]
-Pace = Literal["footprint", "length"]
-
-
-@dataclass(frozen=True)
-class Lift:
-    """How a noun becomes a surface.
-
-    :param contrast: alpha of section 4.4, which multiplies the free coordinates before the flow and divides them after it:
-        length of the surface per unit of the value. No unit where value and spacing share theirs.
-    :param diagonals: of a grid's cells; ``alternate`` is as isotropic as ``both`` at half the cost.
-    :param boundary: ``natural | linear | fixed``; by default what suits the noun.
-    """
-
-    contrast: float = 1.0
-    diagonals: Diagonals = "alternate"
-    boundary: Boundary | None = None
-
-    def __post_init__(self) -> None:
-        positive(self.contrast, "contrast")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +45,7 @@ class HeightField(_Grid):
     :param missing: (h, w), further samples that are missing.
     :param fixed: (h, w), samples that stay.
     :param unit: the name of the unit of z, for reports and pictures.
+    :param cuts: edges of the grid that no triangle has: what is on one side of a fault does not touch what is on the other.
     :raises InputError: for fewer than 2 x 2 samples, nothing but missing ones, or a spacing that is not positive.
     """
 
@@ -72,6 +54,7 @@ class HeightField(_Grid):
     missing: Array | None = None
     fixed: Array | None = None
     unit: str = ""
+    cuts: Cuts | None = None
     boundary: Boundary = field(default="linear", init=False)
 
     def __post_init__(self) -> None:
@@ -88,7 +71,8 @@ class HeightField(_Grid):
 
     def gridded(self, lift: Lift) -> Lattice:
         """The grid that a grid engine moves, z as it is; nothing is copied."""
-        return self._lattice(self.z[None], _where(self.missing), _where(self.fixed), self.spacing, lift)
+        lattice = self._lattice(self.z[None], _where(self.missing), _where(self.fixed), self.spacing, lift)
+        return replace(lattice, cuts=self.cuts)
 
     def holding(self, planes: Array) -> "HeightField":
         """A copy whose elevations are planes (1, h, w); missing ones keep their bits."""
@@ -153,133 +137,6 @@ class Image(_Grid):
         start = self.values.reshape(missing.size, -1) * np.float64(lift.contrast)
         start[missing.ravel()] = 0.0
         return replace(self, values=lowered(self.values, start, u, lift.contrast, missing))
-
-
-@dataclass(frozen=True, eq=False)
-class RangeImage:
-    """Depths seen by a camera; each point may move along the ray of its pixel.
-
-    Time is counted in pixel footprints, if nothing else is said: the motion of a vertex is multiplied by h_i squared, h_i the
-    width of its pixel on the surface at the start (z_i / f of a pinhole), so that near and far are smoothed over the same
-    number of pixels.
-
-    :param depth: (h, w), in the unit that the result shall have (metres); 0, NaN, infinite and masked samples are missing.
-        (Of a scanner of which each sample has an origin of its own, 0 and what is below it are samples: :class:`Scanner`.)
-    :param camera: what saw it: :class:`Pinhole`, :class:`Orthographic`, :class:`Spherical` or :class:`Scanner`.
-    :param missing: (h, w), further samples that are missing.
-    :param fixed: (h, w), samples that stay.
-    :param jump: a triangle is left out where depths differ by more than this share of the nearest: what is behind does not
-        touch what is before it. None: no triangle is left out. (None where each sample has an origin of its own: a share of
-        what may be zero means nothing.)
-    :param measure: what the depths are, ``depth`` along the optical axis or ``range`` along the ray; by default what suits the
-        camera.
-    :param pace: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``.
-    :raises InputError: for a camera that cannot have seen it, negative depths, fewer than 2 x 2 samples, or
-        nothing but missing ones.
-    """
-
-    depth: Array
-    camera: Camera
-    missing: Array | None = None
-    fixed: Array | None = None
-    jump: float | None = 0.05
-    measure: Measure | None = None
-    pace: Pace = "footprint"
-    boundary: Boundary = field(default="linear", init=False)
-
-    def __post_init__(self) -> None:
-        depth, missing = samples(self.depth, self.missing, (2,), "range image")
-        if not isinstance(self.camera, Camera):
-            raise InputError(
-                f"camera: a Pinhole, Orthographic, Spherical or Scanner expected, got {type(self.camera).__name__}; "
-                "meshflow.read_camera reads one from a file"
-            )
-        if not self.camera.signed:
-            missing = missing | (depth == 0)
-        if missing.all():
-            raise InputError(
-                f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth"
-            )
-        if not self.camera.signed and (depth[~missing] < 0).any():
-            raise InputError(
-                f"range image: depths above zero expected, got {depth[~missing].min()}; 0 or NaN mark what is missing"
-            )
-        if self.jump is not None:
-            positive(self.jump, "jump")
-        if self.pace not in ("footprint", "length"):
-            raise InputError(f"pace: footprint or length expected, got {self.pace!r}")
-        measure = self.measure or self.camera.usual
-        self.camera.check((depth.shape[0], depth.shape[1]), measure, missing)
-        object.__setattr__(self, "measure", measure)
-        object.__setattr__(self, "depth", depth)
-        object.__setattr__(self, "missing", missing)
-        object.__setattr__(self, "fixed", mask_of(self.fixed, depth.shape, "fixed"))
-
-    def gridded(self, lift: Lift) -> Lattice:
-        """The grid that a grid engine moves, the depths as they are; nothing is copied.
-
-        :raises InputError: for a contrast other than 1: along rays through one point it scales the scene and nothing else.
-        """
-        if lift.contrast != 1.0:
-            raise InputError(
-                f"contrast: for range images only 1 has a meaning (a factor on all depths scales the scene), "
-                f"got {lift.contrast}; use gamma to keep edges"
-            )
-        boundary = lift.boundary or self.boundary
-        return Lattice(
-            self.depth[None],
-            _where(self.missing),
-            _where(self.fixed),
-            diagonals=lift.diagonals,
-            boundary=boundary,
-            fibres=replace(self._fibres, footprint=self._footprint if self.pace == "footprint" else None),
-            jump=None if self.camera.signed else self.jump,
-        )
-
-    @property
-    def step(self) -> float:
-        """h: 1 where time is counted in pixel footprints, else their median, a length."""
-        if self.pace == "footprint":
-            return 1.0
-        return float(np.median(self._footprint[~_where(self.missing)]))
-
-    @property
-    def cloud(self) -> Array:
-        """The points (h, w, 3) that were seen, NaN where missing."""
-        return np.where(_where(self.missing)[..., None], np.nan, self.points_at(self.depth.astype(np.float64)))
-
-    def points_at(self, depth: Array) -> Array:
-        """The points (h, w, 3) of other depths (h, w) along the same rays."""
-        return self._fibres.at(depth)
-
-    @property
-    def _fibres(self) -> Fibres:
-        assert self.measure is not None
-        return self.camera.fibres((self.depth.shape[0], self.depth.shape[1]), self.measure)
-
-    @property
-    def _footprint(self) -> Array:
-        """(h, w), in double precision, zero where missing."""
-        assert self.measure is not None
-        there = np.where(_where(self.missing), np.nan, self.depth).astype(np.float64)
-        return np.nan_to_num(self.camera.footprint(there, self.measure), nan=0.0)
-
-    def holding(self, planes: Array) -> "RangeImage":
-        """A copy whose depths are planes (1, h, w); missing ones keep their bits."""
-        return replace(self, depth=held(self.depth, planes[0], _where(self.missing)))
-
-    def lifted(self, lift: Lift) -> Surface:
-        """The surface of the points that were seen, each free along its ray.
-
-        :raises InputError: for a contrast other than 1.
-        """
-        return self.gridded(lift).surface()
-
-    def lowered(self, u: Array, lift: Lift) -> "RangeImage":
-        """A copy whose depths are u (h * w, 1)."""
-        missing = _where(self.missing)
-        start = np.where(missing, 0.0, self.depth).astype(np.float64).reshape(-1, 1)
-        return replace(self, depth=lowered(self.depth, start, u, lift.contrast, missing))
 
 
 @dataclass(frozen=True, eq=False)

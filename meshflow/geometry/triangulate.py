@@ -6,6 +6,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
+from meshflow.geometry.jumps import Cuts
 
 __all__ = ["DIAGONALS", "Diagonals", "charts_of_rows", "grid_sheets", "triangles_there", "triangulations"]
 
@@ -33,11 +34,14 @@ def triangulations(diagonals: Diagonals) -> tuple[int, ...]:
     return {"forward": (0,), "backward": (1,)}.get(diagonals, (0, 1))
 
 
-def triangles_there(missing: Array, depth: Array | None = None, jump: float | None = None) -> Array:
+def triangles_there(
+    missing: Array, depth: Array | None = None, jump: float | None = None, cuts: Cuts | None = None
+) -> Array:
     """Which triangles of each cell (h - 1, w - 1) are there, one bit each: 1, 2 forward, upper and lower; 4, 8 backward.
 
     :param missing: (h, w), where there is no sample; a triangle with a missing corner is left out.
     :param depth: (h, w), and ``jump``: a triangle whose depths differ by more than this share of the nearest is left out, too.
+    :param cuts: a triangle with a leg that is cut is left out, too.
     """
     h, w = missing.shape
     there = np.zeros((h - 1, w - 1), np.uint8)
@@ -52,6 +56,10 @@ def triangles_there(missing: Array, depth: Array | None = None, jump: float | No
                 at = [depth[windows[corner]] for corner in corners]
                 nearest = np.minimum.reduce(at)
                 whole &= np.maximum.reduce(at) - nearest <= jump * nearest
+            if cuts is not None:
+                # The legs of a triangle are those of its cell's edges that meet at its right angle.
+                row, column = corners[0]
+                whole &= ~cuts.right[first + row : last + row] & ~cuts.down[first:last, column : w - 1 + column]
             there[first:last] |= whole.astype(np.uint8) << bit
     return there
 

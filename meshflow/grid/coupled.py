@@ -20,6 +20,8 @@ from meshflow.grid.compiled import FORMULA
 __all__ = [
     "along",
     "averaged",
+    "averaged_cells",
+    "averaged_coded_cells",
     "bordered_corners",
     "edges",
     "legs",
@@ -126,17 +128,61 @@ def measured(sharp, q, scale, row, uu, vv, uv, squares, third):
 
 
 @njit(**FORMULA)
-def averaged(sharp, q, scale, row, share, uu, vv, uv, third):
-    """:func:`over_grid` in the place of weighted sums of the products of legs, ``share`` being one over the sum of the weights.
+def mean_over_grid(sharp, q, scale, row, share, uu, vv, uv):
+    """:func:`over_grid` of weighted sums of the products of legs, ``share`` being one over the sum of the weights.
 
     The squared minors of a mean are no longer a sum of squares: the difference is taken, and held above zero.
     """
-    none = type(share[0])(0)
+    none = type(share)(0)
+    a, b, c = uu * share, vv * share, uv * share
+    squares = a * b - c * c
+    return over_grid(sharp, q, scale, row, a, b, c, squares if squares > none else none)
+
+
+@njit(**FORMULA)
+def averaged(sharp, q, scale, row, share, a, b, c, uu, vv, uv, third):
+    """:func:`mean_over_grid` of the sums a, b, c."""
     for j in range(len(uu)):
-        a, b, c = uu[j] * share[j], vv[j] * share[j], uv[j] * share[j]
-        squares = a * b - c * c
-        w = over_grid(sharp, q, scale, row, a, b, c, squares if squares > none else none)
+        w = mean_over_grid(sharp, q, scale, row, share[j], a[j], b[j], c[j])
         uu[j], vv[j], uv[j], third[j] = w[0], w[1], w[2], w[3]
+
+
+@njit(**FORMULA)
+def averaged_cells(sharp, q, scale, above, below, shares, upper, lower, corners, pulls, thirds):
+    """Pulls of cells of one channel on their corners P, Q, R, S, and thirds of area, of means as :func:`mean_over_grid`.
+
+    :param above: the row of :func:`over_grid` for the upper triangles; ``below`` for the lower ones.
+    :param shares: of the upper and the lower triangles; ``upper`` and ``lower`` their sums of products, triples of rows.
+    """
+    p, o, r, s = corners
+    to_p, to_q, to_r, to_s = pulls
+    for j in range(len(p)):
+        m = mean_over_grid(sharp, q, scale, above, shares[0][j], upper[0][j], upper[1][j], upper[2][j])
+        n = mean_over_grid(sharp, q, scale, below, shares[1][j], lower[0][j], lower[1][j], lower[2][j])
+        on_q, on_r = on_ends(o[j] - p[j], r[j] - p[j], m[0], m[1], m[2])
+        and_r, and_q = on_ends(r[j] - s[j], o[j] - s[j], n[0], n[1], n[2])
+        to_p[j], to_q[j], to_r[j], to_s[j] = -(on_q + on_r), on_q + and_q, on_r + and_r, -(and_r + and_q)
+        thirds[0][j], thirds[1][j] = m[3], n[3]
+
+
+@njit(**FORMULA)
+def averaged_coded_cells(sharp, q, scale, above, below, shares, upper, lower, code, corners, pulls, thirds):
+    """:func:`averaged_cells` where triangles may be missing and edges may be borders."""
+    p, o, r, s = corners
+    to_p, to_q, to_r, to_s = pulls
+    none = type(p[0])(0)
+    for j in range(len(p)):
+        x = code[j]
+        m = mean_over_grid(sharp, q, scale, above, shares[0][j], upper[0][j], upper[1][j], upper[2][j])
+        n = mean_over_grid(sharp, q, scale, below, shares[1][j], lower[0][j], lower[1][j], lower[2][j])
+        on_q, on_r = on_ends(o[j] - p[j], r[j] - p[j], m[0], m[1], m[2])
+        and_r, and_q = on_ends(r[j] - s[j], o[j] - s[j], n[0], n[1], n[2])
+        on_q, on_r = (on_q if x & 1 else none), (on_r if x & 1 else none)
+        and_r, and_q = (and_r if x & 16 else none), (and_q if x & 16 else none)
+        at_p, at_q, at_r, at_s = bordered(x, on_q, on_r, and_r, and_q)
+        to_p[j], to_q[j] = -(on_q + on_r) + at_p, (on_q + and_q) + at_q
+        to_r[j], to_s[j] = (on_r + and_r) + at_r, -(and_r + and_q) + at_s
+        thirds[0][j], thirds[1][j] = (m[3] if x & 1 else none), (n[3] if x & 16 else none)
 
 
 @njit(**FORMULA)

@@ -56,8 +56,9 @@ class GridFlow:
         self._turns = [(i, i + 1) for i in which] if lattice.diagonals == "alternate" else [(which[0], which[-1] + 1)]
         self._free: list[Array] = []
         m = self.member
-        plain = len(lattice.planes) == 1 and lattice.fibres is None and m.patch == 0
-        self._alone = plain and m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric")
+        plain = len(lattice.planes) == 1 and lattice.fibres is None
+        self._single = plain and m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric")
+        self._alone = self._single and m.patch == 0
 
     # --- the contract ---------------------------------------------------------------------------------------------------
 
@@ -267,13 +268,14 @@ class GridFlow:
     def _swept(self, sheets: tuple[int, int], u: Array, out: Array, mix: tuple[Any, ...]) -> list[Any]:
         """A sweep that writes, or of one channel, where ``out`` has no size, measures."""
         asked = (sheets, u, out, mix, (self._geometry, *self._layout, self._held))
-        if not self._alone:
+        if not self._single:
             none: tuple[Any, ...] = (*self._coupled, np.empty((0, 0, 0), self.dtype), np.empty((0, 0), self.dtype))
             return self._worked(lambda rows: _COUPLED(rows, *asked, *none))
         m, number, whole = self.member, self.dtype.type, (0, self.shape[2])
         kinds = (_quarters(m.sharpness / 2), _quarters(m.gamma), 3 if m.mass == "ring" else 1)
         exponents = (number(m.sharpness / 2), number(m.gamma))
-        return self._worked(lambda rows: swept(rows, whole, *asked, kinds, exponents))
+        scale, gaps, taps = self._coupled[3][3], self.lattice.there is not None, self._coupled[4]
+        return self._worked(lambda rows: _SINGLE(rows, whole, *asked, kinds, exponents, (taps, scale, gaps)))
 
     def _no_mix(self, planes: Array) -> tuple[Any, ...]:
         """For sweeps that write nothing."""
@@ -323,9 +325,11 @@ def _extent(planes: Array, missing: Array) -> tuple[float, float]:
     return float(planes.min(where=there, initial=np.inf)), float(planes.max(where=there, initial=-np.inf))
 
 
-_COUPLED: Any = coupled_swept  # typed as what it is called with, which pyright does not see
+# Typed as what they are called with, which pyright does not see.
+_COUPLED: Any = coupled_swept
+_SINGLE: Any = swept
 
 
 def _quarters(exponent: float) -> int:
     """Four times an exponent that roots reach, else 99: what the compiled power knows."""
-    return {-2.0: -8, -1.0: -4, 0.0: 0, 0.5: 2, 0.75: 3, 1.0: 4}.get(exponent, 99)
+    return {-2.0: -8, -1.0: -4, -0.5: -2, 0.0: 0, 0.5: 2, 0.75: 3, 1.0: 4}.get(exponent, 99)

@@ -44,6 +44,8 @@ def power(x, quarters, exponent):
         return root * math.sqrt(root)
     if quarters == 8:
         return x * x
+    if quarters == -2:
+        return type(x)(1) / math.sqrt(x)
     if quarters == -4:
         return type(x)(1) / x
     if quarters == -8:

@@ -1,11 +1,15 @@
 """A band of rows of a grid with one channel: down the rows of cells, each cell once, into the rows of samples they touch."""
 
+from typing import Any
+
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
 from meshflow.grid import stencil
 from meshflow.grid.cells import ALL, NONE
 from meshflow.grid.compiled import EDGE, FORMULA, ROW, SWEEP, width
+from meshflow.grid.patch_rows import patch_buffers, patched_cells
 
 __all__ = [
     "beside",
@@ -20,9 +24,11 @@ __all__ = [
     "total",
 ]
 
+_OPTIONS: Any = ROW  # numba declares them as a dictionary of its own
+
 
 @njit(**SWEEP)
-def swept(rows, columns, sheets, u, out, mix, fixed, kinds, exponents):
+def swept(rows, columns, sheets, u, out, mix, fixed, kinds, exponents, patches):
     """One step of the samples in a band.
 
     :param rows: the band, from the first row to the one after the last; ``columns`` likewise.
@@ -34,6 +40,8 @@ def swept(rows, columns, sheets, u, out, mix, fixed, kinds, exponents):
         that are like the one above them; (h, w) of uint8, samples that stay, or of no size.
     :param kinds: four times q / 2 and gamma as :func:`stencil.power` takes them; 3 where the mass is the whole ring, else 1.
     :param exponents: q / 2 and gamma.
+    :param patches: of :func:`meshflow.grid.patch_rows.patched_cells`; taps of two dimensions and no size where lengths are those
+        of single samples. With patches all columns are taken.
     :returns: the area of the cells below the band's rows, and the greatest s M_flat / M; only where ``out`` has no size.
     """
     h, w, left, right = u.shape[1], u.shape[2], columns[0], columns[1]
@@ -42,6 +50,7 @@ def swept(rows, columns, sheets, u, out, mix, fixed, kinds, exponents):
     n, wide, where = right - left, width(right - left), (max(left - 1, 0), min(right, w - 1), left)
     pulls, thirds, there = np.zeros((4, wide), u.dtype), np.zeros((2, wide), u.dtype), np.zeros((2, wide), u.dtype)
     sums, counts, kept = np.zeros((4, wide), u.dtype), np.zeros((5, wide), u.dtype), np.zeros((2, wide), u.dtype)
+    around = patch_buffers(patches[0].ravel(), u.shape[2], u.dtype)
     flat, inverse, measuring, start = kept[0, :n], kept[1, :n], out.size == 0, max(rows[0] - 1, 0)
     area, fastest = 0.0, 0.0
     for r in range(start, rows[1]):
@@ -50,7 +59,7 @@ def swept(rows, columns, sheets, u, out, mix, fixed, kinds, exponents):
         counting = kinds[1] != 0 and not (r - 1 > start and r < h - 1 and same[r] and same[r - 1])
         for side in range(sheets[0], sheets[1] if r < h - 1 else sheets[0]):
             fresh, part = side == sheets[0], (cells[1][side][cells[0][side][r] : cells[0][side][r + 1]], cells[2][side])
-            _cells(kinds[0], exponents[0], side, u[0, r], u[0, r + 1], where, part, geometry, r, pulls, thirds)
+            _celled(kinds, exponents, side, u, where, part, cells, geometry, r, patches, around, pulls, thirds)
             gathered_row(fresh, pulls, pull, sums[1 - r % 2, :n])
             if measuring or not _light(kinds):
                 gathered_thirds_row(fresh, side, thirds, mass, sums[3 - r % 2, :n])
@@ -123,6 +132,27 @@ def _cells(quarters, half, side, top, bottom, where, part, geometry, r, pulls, t
                 _run(4, half, code, p, q, r, s, upper, lower, to_p, to_q, to_r, to_s, t, v)
             else:
                 _run(99, half, code, p, q, r, s, upper, lower, to_p, to_q, to_r, to_s, t, v)
+
+
+def _celled(kinds, exponents, side, u, where, part, cells, geometry, r, patches, around, pulls, thirds):
+    """The pulls and thirds of row r of cells, of single samples or of patches."""
+    if patches[0].ndim == 2:
+        _cells(kinds[0], exponents[0], side, u[0, r], u[0, r + 1], where, part, geometry, r, pulls, thirds)
+    else:
+        patched_cells(side, r, u, cells, geometry, patches, around, kinds, exponents, pulls, thirds)
+
+
+@overload(_celled, jit_options=_OPTIONS)
+def _celled_by(kinds, exponents, side, u, where, part, cells, geometry, r, patches, around, pulls, thirds):
+    """The way is chosen by the type of the taps, so that only the one that is taken is compiled."""
+
+    def single(kinds, exponents, side, u, where, part, cells, geometry, r, patches, around, pulls, thirds):
+        _cells(kinds[0], exponents[0], side, u[0, r], u[0, r + 1], where, part, geometry, r, pulls, thirds)
+
+    def whole(kinds, exponents, side, u, where, part, cells, geometry, r, patches, around, pulls, thirds):
+        patched_cells(side, r, u, cells, geometry, patches, around, kinds, exponents, pulls, thirds)
+
+    return single if patches[0].ndim == 2 else whole
 
 
 @njit(**FORMULA)
@@ -207,6 +237,8 @@ def sped_row(quarters, gamma, least, part, whole, out):
     """:func:`stencil.sped` with the exponent as a constant."""
     if quarters == -4:
         stencil.sped(-4, gamma, least, part, whole, out)
+    elif quarters == -2:
+        stencil.sped(-2, gamma, least, part, whole, out)
     elif quarters == 4:
         stencil.sped(4, gamma, least, part, whole, out)
     elif quarters == -8:

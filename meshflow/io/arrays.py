@@ -171,7 +171,7 @@ def _depths(
     camera: Any = None,
     missing: Any = None,
     fixed: Any = None,
-    jump: Any = 0.05,
+    jump: Any = "noise",
     measure: Any = None,
     pace: Any = "footprint",
     **other: object,

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def read(
     depth_scale: float | None = None,
     measure: Measure | None = None,
     pace: Pace = "footprint",
-    jump: float | None = 0.05,
+    jump: float | Literal["noise"] | None = "noise",
 ) -> Document:
     """Read a depth image, in metres.
 
@@ -54,7 +55,7 @@ def read(
         floating point.
     :param measure: ``depth`` along the optical axis or ``range`` along the ray; by default what suits the camera.
     :param pace: as of :class:`RangeImage`.
-    :param jump: no triangle where depths differ by more than this share of the nearest; None: no limit.
+    :param jump: as that of :class:`RangeImage`.
     :raises FormatError: when the file cannot be read, or holds no depths of 16 bit or floating point, or turned ones.
     :raises InputError: without a camera, or with one of an image of another size.
     """

@@ -31,7 +31,7 @@ def adopt(
     depth_scale: float | None = None,
     missing: Any = None,
     fixed: Any = None,
-    jump: Any = 0.05,
+    jump: Any = "noise",
     measure: Any = None,
     pace: Any = "footprint",
     kind: Any = None,

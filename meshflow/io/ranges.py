@@ -6,7 +6,7 @@ Each point moves along its line of sight; the file comes out with the same bytes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def read(
     *,
     kind: Kind | None = None,
     viewpoint: Sequence[float] | None = None,
-    jump: float | None = 0.05,
+    jump: float | Literal["noise"] | None = "noise",
     pace: Pace = "footprint",
 ) -> Document:
     """Read a scan as a range image of a :class:`Scanner`, in the unit of the points.
@@ -54,7 +54,7 @@ def read(
     lines of sight are parallel to z, seen from above as a Cyberware scanner does: values are then -z.
 
     :param viewpoint: (x, y, z), where the scanner stood, in the frame of the points.
-    :param jump: as of :class:`RangeImage`; it works with a viewpoint only.
+    :param jump: as of :class:`RangeImage`; a share works with a viewpoint only.
     :param pace: as of :class:`RangeImage`.
     :raises FormatError: for a file without a range grid and without a camera that says where its points belong, or a broken one.
     :raises InputError: for another kind, or a viewpoint that is no point or one of the scan's.

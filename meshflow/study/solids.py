@@ -13,8 +13,15 @@ __all__ = ["Ball", "Block", "CappedBall", "Panel", "Solid"]
 class Solid(Protocol):
     """What a scene is made of."""
 
-    def cast(self, rays: Array) -> Array:
-        """The factor (...,) by which each ray (..., 3) from the origin first meets the surface; infinite where it does not."""
+    def cast(self, rays: Array, origins: Array | None = None) -> Array:
+        """The factor (...,) by which each ray (..., 3) first meets the surface; infinite where it does not.
+
+        :param origins: where the rays begin, (..., 3) or (3,), outside of the solid; by default the origin.
+        """
+        ...
+
+    def normals(self, points: Array) -> Array:
+        """Unit normals (..., 3) at points (..., 3) of the surface, outwards; of a panel, which has no inside, its own."""
         ...
 
     def distance(self, points: Array) -> Array:
@@ -37,12 +44,17 @@ class Panel:
     low: float = -np.inf
     high: float = np.inf
 
-    def cast(self, rays: Array) -> Array:
-        """Where rays (..., 3) from the origin meet the panel."""
-        slope = rays @ np.array(self.normal)
-        z = np.divide(self.offset, slope, out=np.full(slope.shape, np.inf), where=slope * self.offset > 0)
-        x = np.where(np.isfinite(z), z, 0.0) * rays[..., 0]
+    def cast(self, rays: Array, origins: Array | None = None) -> Array:
+        """Where rays (..., 3) meet the panel."""
+        start = np.zeros(3) if origins is None else origins
+        slope, gap = rays @ np.array(self.normal), self.offset - start @ np.array(self.normal)
+        z = np.divide(gap, slope, out=np.full(slope.shape, np.inf), where=slope * gap > 0)
+        x = start[..., 0] + np.where(np.isfinite(z), z, 0.0) * rays[..., 0]
         return np.where((x > self.low) & (x < self.high), z, np.inf)
+
+    def normals(self, points: Array) -> Array:
+        """The normal of its plane, for each point (..., 3)."""
+        return np.broadcast_to(np.array(self.normal), points.shape)
 
     def distance(self, points: Array) -> Array:
         """Distance of points (..., 3) from the plane of the panel."""
@@ -56,17 +68,22 @@ class Ball:
     centre: tuple[float, float, float]
     radius: float
 
-    def cast(self, rays: Array) -> Array:
-        """Where rays (..., 3) from the origin, outside, meet the ball: the smaller root of |t r - c|^2 = R^2."""
-        centre = np.array(self.centre)
-        a, b = np.einsum("...i,...i->...", rays, rays), rays @ centre
-        discriminant = b**2 - a * (centre @ centre - self.radius**2)
+    def cast(self, rays: Array, origins: Array | None = None) -> Array:
+        """Where rays (..., 3) from outside meet the ball: the smaller root of |o + t r - c|^2 = R^2."""
+        centre = np.array(self.centre) - (np.zeros(3) if origins is None else origins)
+        a, b = np.einsum("...i,...i->...", rays, rays), np.einsum("...i,...i->...", rays, centre)
+        discriminant = b**2 - a * (np.einsum("...i,...i->...", centre, centre) - self.radius**2)
         root = np.sqrt(np.maximum(discriminant, 0.0))
         return np.where((discriminant >= 0) & (b > root), (b - root) / a, np.inf)
 
     def distance(self, points: Array) -> Array:
         """Distance of points (..., 3) from the sphere."""
         return np.abs(np.linalg.norm(points - np.array(self.centre), axis=-1) - self.radius)
+
+    def normals(self, points: Array) -> Array:
+        """Away from the centre, at points (..., 3)."""
+        away = points - np.array(self.centre)
+        return away / np.linalg.norm(away, axis=-1, keepdims=True)
 
 
 @dataclass(frozen=True)
@@ -82,16 +99,22 @@ class Block:
     half: float
     turned: tuple[float, float]
 
-    def _inside_out(self, vectors: Array) -> Array:
-        """Vectors (..., 3) along the edges of the cube."""
+    @property
+    def _turn(self) -> Array:
+        """R (3, 3): columns are the edges of the cube."""
         y, x = np.radians(self.turned)
         about_y = np.array([[np.cos(y), 0, np.sin(y)], [0, 1, 0], [-np.sin(y), 0, np.cos(y)]])
         about_x = np.array([[1, 0, 0], [0, np.cos(x), -np.sin(x)], [0, np.sin(x), np.cos(x)]])
-        return vectors @ (about_x @ about_y)
+        return about_x @ about_y
 
-    def cast(self, rays: Array) -> Array:
-        """Where rays (..., 3) from the origin, outside, meet the cube: the last of three slabs that they enter."""
-        along, centre = self._inside_out(rays), self._inside_out(np.array(self.centre))
+    def _inside_out(self, vectors: Array) -> Array:
+        """Vectors (..., 3) along the edges of the cube."""
+        return vectors @ self._turn
+
+    def cast(self, rays: Array, origins: Array | None = None) -> Array:
+        """Where rays (..., 3) from outside meet the cube: the last of three slabs that they enter."""
+        start = np.zeros(3) if origins is None else origins
+        along, centre = self._inside_out(rays), self._inside_out(np.array(self.centre) - start)
         with np.errstate(divide="ignore"):
             one, other = (centre - self.half) / along, (centre + self.half) / along
         enter, leave = np.minimum(one, other).max(axis=-1), np.maximum(one, other).min(axis=-1)
@@ -101,6 +124,12 @@ class Block:
         """Distance of points (..., 3) close to a face from that face."""
         size = np.abs(self._inside_out(points - np.array(self.centre)))
         return np.abs(size.max(axis=-1) - self.half)
+
+    def normals(self, points: Array) -> Array:
+        """Of the face that points (..., 3) lie on."""
+        inside = self._inside_out(points - np.array(self.centre))
+        face = np.abs(inside).argmax(axis=-1)[..., None]
+        return np.sign(np.take_along_axis(inside, face, axis=-1)) * self._turn.T[face[..., 0]]
 
 
 @dataclass(frozen=True)

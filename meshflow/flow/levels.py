@@ -1,0 +1,43 @@
+"""The steps of quantised data, which may grow with the value: of depths from a disparity, with its square."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from meshflow.geometry.gates import Array
+
+__all__ = ["Steps", "steps_of"]
+
+# Levels whose steps are smoothed together: what lies between two of them is rare, and so are levels that nobody has measured.
+AROUND = 9
+# A set of values is quantised if it has so many times fewer levels.
+FEWER = 20
+# Samples looked at.
+ENOUGH = 200_000
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """The distance of neighbouring levels, unit of the values.
+
+    :ivar levels: growing.
+    :ivar sizes: the step at each.
+    """
+
+    levels: Array
+    sizes: Array
+
+    def at(self, values: Array) -> Array:
+        """The step at values, in double precision; beyond the levels, as at their ends; 1 where a value is NaN."""
+        known = np.where(np.isnan(values), self.levels[0], values)
+        return np.interp(known, self.levels, self.sizes)
+
+
+def steps_of(values: Array) -> Steps | None:
+    """The steps of values (n,); None where they are not quantised."""
+    some = values[:: max(1, values.size // ENOUGH)].astype(np.float64)
+    levels = np.unique(some)
+    if len(levels) < AROUND or len(levels) * FEWER > some.size:
+        return None
+    return Steps(levels, median_filter(np.gradient(levels), AROUND, mode="nearest"))

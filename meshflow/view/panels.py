@@ -1,0 +1,211 @@
+"""The picture of a comparison of flows: each surface as its camera sees it, and one silhouette close up."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.gates import Array
+from meshflow.io.replace import beside
+from meshflow.view.look import Look
+from meshflow.view.picture import Pictured, writable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["Seen", "flows"]
+
+_STONE, _GROUND, _INK, _FAINT = np.array([0.92, 0.89, 0.84]), "#ccd6e0", "#26282b", "#6b7075"
+_TRUE, _MOVED = "#1f78b4", "#b2182b"
+_DPI, _WIDE = 100.0, 16.0
+# Columns of panels; inches for their labels; share of the image that is shown close up.
+_COLUMNS, _LABEL, _CLOSE = 3, 0.55, 0.16
+_AMBIENT = 0.15
+
+
+class Seen(Protocol):
+    """A surface as its camera sees it.
+
+    :ivar label: what it is.
+    :ivar note: its numbers.
+    :ivar pixels: (n, 2), column and row in which each vertex is seen.
+    :ivar depth: (n,), of each vertex.
+    :ivar points: (n, 3).
+    :ivar faces: (m, 3).
+    :ivar rim: (k, 2), edges on one side of which there is no triangle.
+    """
+
+    @property
+    def label(self) -> str: ...  # noqa: D102
+    @property
+    def note(self) -> str: ...  # noqa: D102
+    @property
+    def pixels(self) -> Array: ...  # noqa: D102
+    @property
+    def depth(self) -> Array: ...  # noqa: D102
+    @property
+    def points(self) -> Array: ...  # noqa: D102
+    @property
+    def faces(self) -> Array: ...  # noqa: D102
+    @property
+    def rim(self) -> Array: ...  # noqa: D102
+
+
+def flows(
+    panels: Sequence[Seen],
+    path: str | Path,
+    *,
+    title: str = "",
+    at: tuple[float, float] | None = None,
+    azimuth: float = 315.0,
+    altitude: float = 40.0,
+) -> Pictured:
+    """Draw surfaces side by side, shaded flat in one light, and below each row the same place of each close up.
+
+    The close-up shows the rim of each surface in red and that of the first one, before it moved, in blue.
+
+    :param panels: as :meth:`meshflow.study.FlowComparison.panels` gives them, the first one before it moved.
+    :param path: the picture to write (.png, .jpg, .tif), in place of one that is there.
+    :param at: column and row of the close-up; by default where the rims have moved farthest.
+    :raises InputError: for no panel, or one without a triangle.
+    :raises FormatError: for a path that cannot be written, or an extension that is no picture's.
+    """
+    target = writable(path)
+    assert target is not None
+    if len(panels) == 0 or any(len(panel.faces) == 0 for panel in panels):
+        raise InputError("flows: panels with at least one triangle each expected; take those of compare_flows(...)")
+    look = Look(azimuth=azimuth, altitude=altitude, title=title)
+    figure = _drawn(panels, look, _window(panels, at))
+    with beside(target) as draft:
+        figure.savefig(draft, format=target.suffix[1:].lower(), dpi=_DPI)
+    return Pictured(target, "relief")
+
+
+def _window(panels: Sequence[Seen], at: tuple[float, float] | None) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top of the close-up, pixels."""
+    first = panels[0]
+    used = np.unique(first.faces)
+    low, high = first.pixels[used].min(axis=0), first.pixels[used].max(axis=0)
+    half = np.maximum(high - low, 1.0) * _CLOSE / 2
+    if at is None:
+        at = tuple(_busiest(panels, low + half, high - half, half))
+    left, top = np.asarray(at) - half
+    right, bottom = np.asarray(at) + half
+    return float(left), float(right), float(bottom), float(top)
+
+
+def _busiest(panels: Sequence[Seen], low: Array, high: Array, half: Array) -> Array:
+    """The middle of the window, between low and high, in which the rims have moved most."""
+    first = panels[0]
+    rim = np.unique(first.rim)
+    places = first.pixels[rim]
+    alike = [panel for panel in panels if panel.pixels.shape == first.pixels.shape and panel.faces is first.faces]
+    moved = sum(np.hypot(*(panel.pixels[rim] - places).T).clip(0, 3) for panel in alike)
+    inside = ((places >= low) & (places <= high)).all(axis=1)
+    if not inside.any():
+        return (low + high) / 2
+    # Of a few hundred places, so that the sums over their windows stay small.
+    candidates = places[inside][:: max(1, int(inside.sum()) // 400)]
+    near = (np.abs(candidates[:, None] - places[None]) <= half).all(axis=2)
+    return candidates[(near @ np.asarray(moved, dtype=np.float64)).argmax()]
+
+
+def _drawn(panels: Sequence[Seen], look: Look, window: tuple[float, float, float, float]) -> "Figure":
+    """The page."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    used = panels[0].pixels[np.unique(panels[0].faces)]
+    (left, top), (right, bottom) = used.min(axis=0) - 0.5, used.max(axis=0) + 0.5
+    gap, head, foot = 0.2, 0.6 if look.title else 0.15, 0.45
+    wide = (_WIDE - gap * (_COLUMNS + 1)) / _COLUMNS
+    tall = min(wide * (bottom - top) / (right - left), 1.2 * wide)
+    rows = -(-len(panels) // _COLUMNS)
+    block = 2 * tall + _LABEL + gap
+    height = head + rows * (block + 0.1) + foot
+    figure = Figure(figsize=(_WIDE, height), dpi=_DPI, facecolor="white")
+    FigureCanvasAgg(figure)
+    if look.title:
+        figure.text(0.5, 1 - head / 2 / height, look.title, ha="center", va="center", fontsize=17, color=_INK)
+    for i, panel in enumerate(panels):
+        row, column = divmod(i, _COLUMNS)
+        x, y = gap + column * (wide + gap), height - head - row * (block + 0.1) - _LABEL - tall
+        figure.text(x / _WIDE, (y + tall + 0.33) / height, panel.label, fontsize=14, weight="bold", color=_INK)
+        figure.text(x / _WIDE, (y + tall + 0.1) / height, panel.note, fontsize=11, color=_FAINT)
+        boxes = [(x, y, wide, tall), (x, y - tall - 0.08, wide, tall)]
+        whole, close = (
+            figure.add_axes((a / _WIDE, b / height, c / _WIDE, d / height), facecolor=_GROUND) for a, b, c, d in boxes
+        )
+        _surface(whole, panel, look, (left, right, bottom, top))
+        _surface(close, panel, look, window)
+        _frame(whole, window)
+        _rims(close, panels[0], panel, window)
+    figure.text(
+        gap / _WIDE,
+        foot / 2 / height,
+        "close up: the rim of each surface in red, where it was before in blue; nothing is seen where it is grey blue",
+        fontsize=11,
+        color=_FAINT,
+        va="center",
+    )
+    return figure
+
+
+def _surface(axes: "Axes", panel: Seen, look: Look, window: tuple[float, float, float, float]) -> None:
+    """The triangles within a window, the farthest first, each of one shade."""
+    from matplotlib.collections import PolyCollection
+
+    left, right, bottom, top = window
+    corners = panel.pixels[panel.faces]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    inside = (high[:, 0] >= left) & (low[:, 0] <= right) & (high[:, 1] >= top) & (low[:, 1] <= bottom)
+    faces = panel.faces[inside]
+    corners, order = corners[inside], np.argsort(-panel.depth[faces].mean(axis=1), kind="stable")
+    colours = _shades(panel.points[faces], corners, look)
+    axes.add_collection(
+        PolyCollection(
+            list(corners[order]), facecolors=colours[order], edgecolors=colours[order], linewidths=0.3, antialiased=True
+        )
+    )
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
+    axes.set_aspect("auto")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_color(_FAINT)
+
+
+def _shades(corners: Array, seen: Array, look: Look) -> Array:
+    """Colours (m, 3) of triangles (m, 3, 3) in the light of the look, both of their sides alike."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+    one, two = seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0]
+    # A triangle that runs clockwise down the rows of the picture shows its back.
+    normals *= -np.sign(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])[:, None]
+    east, north, up = look.light
+    light = np.clip(normals @ np.array([east, -north, -up]), 0.0, 1.0)
+    bright = _AMBIENT + (1 - _AMBIENT) * light
+    return bright[:, None] * _STONE
+
+
+def _frame(axes: "Axes", window: tuple[float, float, float, float]) -> None:
+    """Where the close-up is."""
+    left, right, bottom, top = window
+    axes.plot([left, right, right, left, left], [top, top, bottom, bottom, top], color=_MOVED, linewidth=1.2)
+
+
+def _rims(axes: "Axes", before: Seen, panel: Seen, window: tuple[float, float, float, float]) -> None:
+    """The rim of a surface over that before."""
+    from matplotlib.collections import LineCollection
+
+    wide = abs(window[1] - window[0])
+    for shown, colour, width in ((before, _TRUE, 2.6), (panel, _MOVED, 1.2)):
+        ends = shown.pixels[shown.rim]
+        short = (np.abs(ends[:, 0] - ends[:, 1]) < wide).all(axis=1)
+        axes.add_collection(LineCollection(list(ends[short]), colors=colour, linewidths=width, zorder=3))
