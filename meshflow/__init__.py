@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from meshflow.geometry.surface import Axes, Rays, Surface
     from meshflow.grid.rate import GridFlow
     from meshflow.io.cameras import read_camera, write_camera
+    from meshflow.io.clouds import to_mesh, to_normals, to_open3d, to_points, to_pyvista
     from meshflow.io.files import Document, read, write
     from meshflow.result import Result
     from meshflow.settings import Settings
@@ -37,6 +38,7 @@ _HOMES = {
     "geometry.surface": ("Axes", "Rays", "Surface"),
     "grid.rate": ("GridFlow",),
     "io.cameras": ("read_camera", "write_camera"),
+    "io.clouds": ("to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"),
     "io.files": ("Document", "read", "write"),
     "result": ("Result",),
     "settings": ("Settings",),

@@ -25,7 +25,7 @@ class Settings:
     When to stop; what comes first:
 
     :param time: how far to smooth, in squared length (horizontal unit of a grid, unit of a mesh; pixel footprints of a range
-        image). On flat data the flow is the heat equation.
+        image, or its own unit where its ``pace`` is ``length``). On flat data the flow is the heat equation.
     :param scale: instead of ``time``: the standard deviation of the Gaussian that the flow equals on flat data, a length; time
         is scale^2 / 2.
     :param steps: the number of steps; then nothing is searched for.

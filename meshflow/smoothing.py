@@ -26,7 +26,9 @@ from meshflow.settings import Settings
 __all__ = ["denoise", "noise", "smooth", "smooth_noun"]
 
 # What a thing may be told about itself (meshflow.io.adopt).
-HINTS = frozenset({"kind", "spacing", "camera", "missing", "fixed", "channels", "moves", "jump", "measure", "pace"})
+HINTS = frozenset(
+    {"kind", "spacing", "camera", "missing", "fixed", "channels", "moves", "jump", "measure", "pace", "depth_scale"}
+)
 
 
 def noise(noun: Noun) -> dict[str, float]:

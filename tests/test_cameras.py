@@ -15,6 +15,7 @@ from meshflow.geometry.member import Member
 from meshflow.geometry.scanner import Scanner, Spherical
 from meshflow.grid.rate import GridFlow
 from meshflow.smoothing import smooth
+from meshflow.study.metrics import compare
 
 H, W = 30, 40
 RNG = np.random.default_rng(5)
@@ -214,6 +215,12 @@ def test_scanners_are_equal_where_their_lines_are():
     assert one != PLAIN
     assert "30 x 40 rays origins of their own" in one.summary
     assert "from (0.1, 0.2, 0.3)" in CAMERAS["scanner"].summary
+
+
+def test_depths_and_ranges_are_not_compared():
+    one, other = (RangeImage(np.ones((H, W)), PLAIN, measure=measure) for measure in ("depth", "range"))
+    with pytest.raises(InputError, match="compare: one measure expected, got depth and range; read both alike"):
+        compare(one, other)
 
 
 def test_nothing_of_the_callers_rays_is_shared():

@@ -115,7 +115,7 @@ class RangeImage:
         """Edges where the depth jumps, by its noise; None where that is not known or not asked for."""
         if self.jump != "noise" or self.sigma is None:
             return None
-        return cuts_by_noise(self.depth, self._missing, self.sigma, self.footprint)
+        return cuts_by_noise(self.along, self._missing, self.sigma, self.footprint)
 
     def cleared(self, least: int) -> "RangeImage":
         """A copy without pieces of fewer than ``least`` samples: they are missing there, and their depth is zero."""
@@ -176,7 +176,11 @@ class RangeImage:
     @property
     def cloud(self) -> Array:
         """The points (h, w, 3) that were seen, NaN where missing."""
-        return np.where(self._missing[..., None], np.nan, self._fibres.at(self.depth.astype(np.float64)))
+        return np.where(self._missing[..., None], np.nan, self.points_at(self.depth.astype(np.float64)))
+
+    def points_at(self, depth: Array) -> Array:
+        """The points (h, w, 3) of other depths (h, w) along the same rays."""
+        return self._fibres.at(depth)
 
     @property
     def _fibres(self) -> Fibres:

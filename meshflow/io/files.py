@@ -28,7 +28,7 @@ class Document:
     :param kind: what it is.
     :param path: where it came from.
     :param about: everything that must survive around the data; known to the reader and the writer of ``family`` alone.
-    :param family: the module of ``meshflow.io`` that reads and writes it: rasters, pictures, depths, arrays, meshes.
+    :param family: the module of ``meshflow.io`` that reads and writes it: rasters, pictures, depths, ranges, arrays, meshes.
     :param notes: what was done on the way in, sentences for the user.
     """
 
@@ -49,8 +49,9 @@ def read(
 ) -> Document:
     """Read whatever the file holds.
 
-    A mesh by its extension; ``.npy`` and ``.npz`` as arrays; a picture with a camera as a depth image, without as an image;
-    everything else as a raster that GDAL opens: one band is a terrain, several are an image.
+    A mesh by its extension, but a PLY with a range grid as a range image; ``.npy`` and ``.npz`` as arrays; a picture with a
+    camera as a depth image, without as an image; everything else as a raster that GDAL opens: one band is a terrain, several are
+    an image.
 
     :param kind: ``terrain | image | depth | mesh``, where the guess would be wrong.
     :param camera: of a depth image: itself, the name of a convention or the path of its file (:func:`read_camera`).
@@ -128,6 +129,8 @@ def _family(path: Path, kind: Kind | None, camera: object) -> str:
     suffix = path.suffix.lower()
     if suffix in ARRAYS:
         return "arrays"
+    if suffix == ".ply" and (kind == "depth" or (kind is None and _has_range_grid(path))):
+        return "ranges"
     if kind == "mesh" or (kind is None and suffix in MESHES):
         return "meshes"
     if kind == "depth" or (kind is None and camera is not None):
@@ -137,12 +140,17 @@ def _family(path: Path, kind: Kind | None, camera: object) -> str:
     return "rasters"
 
 
+def _has_range_grid(path: Path) -> bool:
+    return _module("ranges").has_grid(path)
+
+
 def _target(document: Document, path: Path) -> str:
     """The family that writes a document to this extension."""
     suffix = path.suffix.lower()
     fits: dict[str, Callable[[], bool]] = {
         "meshes": lambda: document.kind == "mesh" and suffix in MESHES,
         "arrays": lambda: suffix in ARRAYS and (document.kind != "mesh" or suffix == ".npz"),
+        "ranges": lambda: document.kind == "depth" and suffix == ".ply",
         "depths": lambda: document.kind == "depth" and suffix in {".png", ".tif", ".tiff"},
         "pictures": lambda: (
             document.kind == "image" and document.family != "rasters" and suffix in PICTURES | {".tif", ".tiff"}
@@ -154,7 +162,7 @@ def _target(document: Document, path: Path) -> str:
             return family
     room = {
         "mesh": sorted(MESHES - {".gltf", ".3mf"}),
-        "depth": [".png", ".tif", ".npy"],
+        "depth": [".png", ".tif", ".npy", ".ply"],
         "image": [".png", ".tif", ".jpg", ".npy"],
         "terrain": [".tif", ".asc", ".npy"],
     }[document.kind]

@@ -8,6 +8,7 @@ import numpy as np
 from meshflow.errors import InputError, need
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
+from meshflow.io import open3d_images as images
 from meshflow.io.adopt import Adopted
 from meshflow.io.hints import belong, must_be_mesh
 from meshflow.io.seams import Skin, fitted, is_soup, normals_after
@@ -20,13 +21,16 @@ def adopt(
 ) -> Adopted:
     """Take a TriangleMesh in, legacy or tensor; what comes back is a new one of the same class, attributes and all.
 
-    Vertex and triangle normals are recomputed where there are some.
+    Vertex and triangle normals are recomputed where there are some. Depth images go to :mod:`meshflow.io.open3d_images`.
 
     :param channels: (n, k), or ``"colors"``; of a tensor mesh also the name of a vertex attribute.
     :param moves: ``points | channels | all``.
     :param fixed: (n,), vertices that stay.
     :raises InputError: for a point cloud or another geometry, an unknown name, or a hint that does not belong.
     """
+    if images.is_image(thing):
+        meant = {"channels": channels, "moves": moves, "fixed": fixed, "kind": kind}
+        return images.adopt(thing, **{name: hint for name, hint in meant.items() if hint is not None}, **other)
     belong(other, "an open3d mesh", ("channels", "moves", "fixed"))
     must_be_mesh(kind, "an open3d mesh")
     open3d = need("open3d", "scan")

@@ -251,6 +251,10 @@ def _must_share_a_frame(before: HeightField | Image | RangeImage, after: HeightF
     if isinstance(before, RangeImage) and isinstance(after, RangeImage):
         if before.camera != after.camera:
             raise InputError(f"compare: one camera expected, got {before.camera} and {after.camera}")
+        if before.measure != after.measure:
+            raise InputError(
+                f"compare: one measure expected, got {before.measure} and {after.measure}; read both alike"
+            )
         return
     assert not isinstance(before, RangeImage)
     assert not isinstance(after, RangeImage)

@@ -1,0 +1,143 @@
+"""Depth images of open3d in, new ones out. meshflow.io.open3d_images."""
+
+import numpy as np
+import pytest
+
+from meshflow.errors import InputError
+from meshflow.geometry.camera import Pinhole
+from meshflow.io.adopt import adopt
+from meshflow.smoothing import denoise, smooth
+
+open3d = pytest.importorskip("open3d")
+
+H, W = 24, 32
+CAMERA = Pinhole(40, 40, 15.5, 11.5)
+RNG = np.random.default_rng(4)
+COUNTS = np.rint(2000 + 20 * RNG.normal(size=(H, W))).astype(np.uint16)
+COUNTS[3:6, 4:8], COUNTS[0, 0] = 0, 65535
+COLOURS = RNG.integers(0, 256, (H, W, 3), dtype=np.uint8)
+LEGACY, TENSOR = open3d.geometry, open3d.t.geometry
+
+
+def tensor(values):
+    return TENSOR.Image(open3d.core.Tensor(np.ascontiguousarray(values)))
+
+
+def rgbd(depth):
+    made = LEGACY.RGBDImage()
+    made.color, made.depth = LEGACY.Image(COLOURS), LEGACY.Image(depth)
+    return made
+
+
+MAKERS = {
+    "Image": LEGACY.Image,
+    "t.Image": tensor,
+    "RGBDImage": rgbd,
+    "t.RGBDImage": lambda depth: TENSOR.RGBDImage(tensor(COLOURS), tensor(depth), True),
+}
+EVERY = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+
+
+def depth_of(thing):
+    found = getattr(thing, "depth", thing)
+    values = found.as_tensor().numpy() if hasattr(found, "as_tensor") else np.asarray(found)
+    return values.reshape(H, W)
+
+
+@EVERY
+def test_the_same_class_comes_back_in_the_same_units_as_float32(make):
+    thing = make(COUNTS.copy())
+    found = smooth(thing, camera=CAMERA, time=3.0)
+    assert type(found) is type(thing)
+    before, after = depth_of(thing), depth_of(found)
+    assert np.array_equal(before, COUNTS)
+    assert after.dtype == np.float32
+    gone = (COUNTS == 0) | (COUNTS == 65535)
+    assert np.array_equal(after[gone], COUNTS[gone])
+    assert after[~gone].mean() == pytest.approx(2000, abs=20)
+    assert after[~gone].std() < 0.6 * COUNTS[~gone].std()
+
+
+@EVERY
+def test_what_did_not_move_has_the_numbers_that_it_had(make):
+    found = smooth(make(COUNTS.copy()), camera=CAMERA, time=0.0)
+    assert np.array_equal(depth_of(found), COUNTS)
+
+
+def test_colours_of_an_rgbd_image_are_copied():
+    for make in (MAKERS["RGBDImage"], MAKERS["t.RGBDImage"]):
+        thing = make(COUNTS)
+        found = smooth(thing, camera=CAMERA, time=1.0)
+        colour = found.color
+        colour = colour.as_tensor().numpy() if hasattr(colour, "as_tensor") else np.asarray(colour)
+        assert np.array_equal(colour, COLOURS)
+        assert found.color is not thing.color
+    assert found.are_aligned()
+
+
+def test_an_rgbd_image_that_open3d_made_is_in_metres():
+    made = LEGACY.RGBDImage.create_from_color_and_depth(LEGACY.Image(COLOURS), LEGACY.Image(COUNTS), depth_trunc=70.0)
+    noun = adopt(made, camera=CAMERA).noun
+    assert noun.depth[10, 10] == pytest.approx(COUNTS[10, 10] / 1000)
+
+
+def test_units_come_from_the_hint_or_the_convention():
+    assert adopt(LEGACY.Image(COUNTS), camera=CAMERA, depth_scale=5000).noun.depth[9, 9] == pytest.approx(
+        COUNTS[9, 9] / 5000
+    )
+    result = denoise(LEGACY.Image(COUNTS), camera=CAMERA, time=1.0)
+    assert "depths of 1000 units per metre are taken" in " ".join(result.warnings)
+    big = LEGACY.Image(np.full((480, 640), 5000, np.uint16))
+    assert adopt(big, camera="tum").noun.depth[0, 0] == 1.0
+
+
+def test_open3ds_own_intrinsics_are_a_camera():
+    theirs = open3d.camera.PinholeCameraIntrinsic(W, H, 40, 41, 15.5, 11.5)
+    assert adopt(LEGACY.Image(COUNTS), camera=theirs).noun.camera == Pinhole(40, 41, 15.5, 11.5)
+
+
+def test_other_hints_reach_the_range_image():
+    fixed = np.zeros((H, W), bool)
+    fixed[12, 12] = True
+    noun = adopt(
+        LEGACY.Image(COUNTS),
+        camera=CAMERA,
+        missing=np.eye(H, W) > 0,
+        fixed=fixed,
+        jump=0.2,
+        measure="range",
+        pace="length",
+    ).noun
+    assert noun.missing[7, 7]
+    assert noun.fixed[12, 12]
+    assert (noun.jump, noun.measure, noun.pace) == (0.2, "range", "length")
+
+
+BAD = [
+    (LEGACY.Image(COUNTS), {}, "open3d Image: a depth image needs its camera"),
+    (
+        LEGACY.Image(COLOURS),
+        {"camera": CAMERA},
+        r"depths \(h, w\) in uint16 or float32 expected, got shape \(24, 32, 3\)",
+    ),
+    (tensor(COUNTS.astype(np.int32)), {"camera": CAMERA}, "expected, got shape .* in int32"),
+    (LEGACY.Image(COUNTS), {"camera": CAMERA, "channels": "colors"}, "channels: no hint for an open3d Image"),
+    (LEGACY.Image(COUNTS), {"camera": CAMERA, "kind": "image"}, "kind='image': an open3d Image is taken as depths"),
+    (
+        LEGACY.Image(COUNTS),
+        {"camera": open3d.camera.PinholeCameraIntrinsic(640, 480, 40, 41, 15.5, 11.5)},
+        "camera saw 640 x 480 pixels, open3d Image has 32 x 24",
+    ),
+    (
+        LEGACY.Image(COUNTS),
+        {"camera": LEGACY.PointCloud()},
+        "a PinholeCameraIntrinsic of open3d expected, got PointCloud",
+    ),
+    (rgbd(COUNTS), {"camera": "tum"}, "camera tum saw 640 x 480 pixels, open3d RGBDImage has 32 x 24"),
+]
+
+
+@pytest.mark.parametrize(("thing", "hints", "words"), BAD, ids=[words[:40] for _, _, words in BAD])
+def test_images_that_are_no_depths_with_a_camera_are_refused(thing, hints, words):
+    with pytest.raises(InputError, match=words):
+        adopt(thing, **hints)
