@@ -128,7 +128,7 @@ BAD = [
     (lambda: to_open3d(image(), kind="cloud"), "kind: mesh or points expected, got 'cloud'"),
     (
         lambda: to_mesh(RangeImage(SPARSE, Pinhole(50, 50, 20, 15))),
-        "no triangle between the 600 depths .* or take to_points",
+        "no triangle between the 600 depths .* or to_points",
     ),
     (lambda: to_points(HeightField(np.ones((3, 3)))), "a RangeImage expected, got HeightField"),
 ]

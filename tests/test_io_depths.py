@@ -63,7 +63,7 @@ def test_depths_are_metres_and_the_missing_ones_are_known(tmp_path):
     assert document.kind == "depth"
     assert document.noun.depth[0, 1] == np.float32(1.007)
     assert np.argwhere(document.noun.missing).tolist() == [[0, 0], [1, 1]]
-    assert document.noun.jump == 0.05
+    assert document.noun.jump == "noise"
     assert read(tmp_path / "a.png", camera=CAMERA, jump=None).noun.jump is None
 
 

@@ -115,7 +115,7 @@ class RangeImage:
         """Edges where the depth jumps, by its noise; None where that is not known or not asked for."""
         if self.jump != "noise" or self.sigma is None:
             return None
-        return cuts_by_noise(self.depth, self._missing, self.sigma, self.footprint)
+        return cuts_by_noise(self.along, self._missing, self.sigma, self.footprint)
 
     def cleared(self, least: int) -> "RangeImage":
         """A copy without pieces of fewer than ``least`` samples: they are missing there, and their depth is zero."""

@@ -165,7 +165,7 @@ def _parts(image: RangeImage, colours: Any) -> tuple[Array, Array, Array | None]
     if len(shell.faces) == 0:
         raise InputError(
             f"no triangle between the {int(shell.there.sum())} depths that are there: too much is missing, or across a jump "
-            f"(jump={image.jump!r}); give jump=None, or take to_points"
+            f"(jump={image.jump!r}); give a larger jump, or to_points"
         )
     used, corners = np.unique(shell.faces, return_inverse=True)
     return shell.points[used], corners.reshape(-1, 3), None if paint is None else paint[used]
