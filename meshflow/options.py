@@ -9,7 +9,7 @@ from meshflow.geometry.member import Method
 
 Kind = Literal["terrain", "image", "depth", "mesh"]
 Measure = Literal["depth", "range"]
-Pace = Literal["footprint", "length"]
+Pace = Literal["footprint", "length", "noise"]
 Moves = Literal["points", "channels", "all"]
 
 
@@ -46,7 +46,11 @@ MeasureOption = Annotated[
 ]
 PaceOption = Annotated[
     Pace | None,
-    _option(FLOW, "What time of a range image is counted in: pixel footprints, or length (metres squared).", "--pace"),
+    _option(
+        FLOW,
+        "What time of a range image is counted in: pixel footprints, length (metres squared), or footprints by noise.",
+        "--pace",
+    ),
 ]
 DepthScale = Annotated[
     float | None,

@@ -87,7 +87,7 @@ def value_unit(noun: Noun) -> str:
 
 def squared_unit(noun: Noun) -> str:
     """The unit of time."""
-    if isinstance(noun, RangeImage) and noun.pace == "footprint":
+    if isinstance(noun, RangeImage) and noun.pace != "length":
         return "pixel footprints²"
     if isinstance(noun, HeightField) and noun.unit:
         return f"{noun.unit}²"

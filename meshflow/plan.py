@@ -158,6 +158,8 @@ def _held(plan: Plan, settings: Settings) -> Plan:
         plan = replace(plan, limit=lambda start: Limit.of(start, limit, shape, unit))
     if settings.confidence is not None:
         trust = trust_of(settings.confidence, shape, n, plan.lift.contrast)
+        if isinstance(noun, RangeImage) and noun.stride is not None:
+            trust = trust * noun.stride.reshape(-1, 1) ** 2  # per squared footprint, as time is
         parameters["confidence"] = Parameter("weights", "", "given", "1 / squared value")
         if given_time(noun, settings) is None and (trust > 0).any():
             rest = AT_REST / float(np.median(trust[trust > 0]))

@@ -63,7 +63,9 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
         done = _lowered(plan, engine, end.u)
     if isinstance(engine, GridFlow):
         engine.release()
-    done = replace(done, fixed=noun.fixed, **({"sigma": noun.sigma} if isinstance(noun, RangeImage) else {}))
+    done = replace(
+        done, fixed=noun.fixed, **({"sigma": noun.sigma, "pace": noun.pace} if isinstance(noun, RangeImage) else {})
+    )
     return Result(
         thing=done,
         noun=done,

@@ -191,6 +191,10 @@ def along_rays(noun: RangeImage, settings: Settings, noise: Noise, why: str) -> 
     time = timed or Parameter(
         RAY_TIME * float(np.median(ratio * width**2)), squared_unit(noun), "estimated", f"{RAY_TIME:g} sigma / h"
     )
+    own = noise.how == "given" and np.ndim(noun.sigma) > 0 and noun.pace == "footprint"
+    if own and timed is None and settings.steps is None and not settings.stopping:
+        plan = replace(plan, noun=replace(noun, pace="noise"))
+        told["pace"] = Parameter("noise", "", "estimated", "in proportion to sigma / h of each sample")
     twice = Parameter(float(settings.twice or 0.0), "", "default" if settings.twice is None else "given")
     return _told(replace(plan, twice=float(twice.value)), settings, {"time": time, **told, "twice": twice}, "default")
 

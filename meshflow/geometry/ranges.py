@@ -14,9 +14,11 @@ from meshflow.geometry.surface import Boundary, Surface
 
 __all__ = ["Pace", "RangeImage"]
 
-Pace = Literal["footprint", "length"]
+Pace = Literal["footprint", "length", "noise"]
 # The share of the nearest depth that is a jump where nothing is known of the noise.
 SHARE = 0.05
+# How far sigma / h of a sample may be from the median where time follows it: stable steps shorten with the greatest.
+FASTEST = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,9 @@ class RangeImage:
         and without it ``noise`` is a share of 5 %.
     :param measure: what the depths are, ``depth`` along the optical axis or ``range`` along the ray; by default what suits the
         camera.
-    :param pace: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``.
+    :param pace: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``;
+        ``noise``: in squared footprints where sigma / h is the median, and in proportion to it elsewhere, so that all noise goes
+        alike.
     :raises InputError: for a camera that cannot have seen it, negative depths, fewer than 2 x 2 samples, or
         nothing but missing ones.
     """
@@ -78,8 +82,8 @@ class RangeImage:
             positive(self.jump, "jump")
         if self.sigma is not None:
             object.__setattr__(self, "sigma", self._noise(depth.shape, missing))
-        if self.pace not in ("footprint", "length"):
-            raise InputError(f"pace: footprint or length expected, got {self.pace!r}")
+        if self.pace not in ("footprint", "length", "noise"):
+            raise InputError(f"pace: footprint, length or noise expected, got {self.pace!r}")
         measure = self.measure or self.camera.usual
         self.camera.check((depth.shape[0], depth.shape[1]), measure, missing)
         object.__setattr__(self, "measure", measure)
@@ -105,7 +109,7 @@ class RangeImage:
             self._fixed,
             diagonals=lift.diagonals,
             boundary=boundary,
-            fibres=replace(self._fibres, footprint=self.footprint if self.pace == "footprint" else None),
+            fibres=replace(self._fibres, footprint=self.stride),
             jump=None if self.camera.signed or isinstance(share, str) else share,
             cuts=cuts,
         )
@@ -158,9 +162,21 @@ class RangeImage:
     @property
     def step(self) -> float:
         """h: 1 where time is counted in pixel footprints, else their median, a length."""
-        if self.pace == "footprint":
+        if self.pace != "length":
             return 1.0
         return float(np.median(self.footprint[~self._missing]))
+
+    @property
+    def stride(self) -> Array | None:
+        """What time is counted in squares of, (h, w); None: the same everywhere, in the unit of the depths."""
+        if self.pace == "length":
+            return None
+        footprint = self.footprint
+        if self.pace == "footprint" or self.sigma is None:
+            return footprint
+        there = ~self._missing & (footprint > 0)
+        ratio = np.divide(self.sigma, footprint, out=np.ones_like(footprint), where=there)
+        return footprint * np.sqrt(np.clip(ratio / np.median(ratio[there]), 1 / FASTEST, FASTEST))
 
     @property
     def along(self) -> Array:
