@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from meshflow.flow.march import State, march
     from meshflow.flow.rate import MeshFlow
     from meshflow.flow.step import Explicit, SemiImplicit, SuperTime
+    from meshflow.fusing import fuse
     from meshflow.geometry.camera import Orthographic, Pinhole
     from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
     from meshflow.geometry.member import Member
@@ -31,6 +32,7 @@ _HOMES = {
     "flow.march": ("State", "march"),
     "flow.rate": ("MeshFlow",),
     "flow.step": ("Explicit", "SemiImplicit", "SuperTime"),
+    "fusing": ("fuse",),
     "geometry.camera": ("Orthographic", "Pinhole"),
     "geometry.lift": ("HeightField", "Image", "Lift", "Mesh", "RangeImage"),
     "geometry.member": ("Member",),

@@ -10,6 +10,7 @@ from meshflow.flow.noise import spread_tiles
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.tune import PROBE, Candidate, Trial, first_of, ranked, refined, risk_curves, searched
 from meshflow.geometry.gates import Array
+from meshflow.geometry.jumps import Cuts
 from meshflow.geometry.lattice import Lattice
 from meshflow.geometry.lift import Lift, Mesh
 from meshflow.geometry.member import Member
@@ -250,6 +251,7 @@ def _tiled(lattice: Lattice, limit: Array | None, enough: int, side: int) -> tup
     missing, fixed, cut = np.ones((high, wide), bool), np.zeros((high, wide), bool), np.ones((high, wide), bool)
     paces = np.broadcast_to(np.asarray(lattice.spacing[0], np.float64), (h,))
     widths, top = np.full(high, paces[0]), 0
+    cuts = None if lattice.cuts is None else Cuts(np.zeros((high, wide - 1), bool), np.zeros((high - 1, wide), bool))
     for rows, columns in tiles:
         to = slice(top, top + rows.stop - rows.start), slice(0, columns.stop - columns.start)
         planes[:, *to], missing[to], fixed[to] = (
@@ -257,8 +259,12 @@ def _tiled(lattice: Lattice, limit: Array | None, enough: int, side: int) -> tup
         )  # fmt: skip
         if near is not None and limit is not None:
             near[:, *to] = limit[:, rows, columns]
+        if cuts is not None and lattice.cuts is not None:
+            tall, broad = to[0].stop - top - 1, to[1].stop - 1
+            cuts.right[top : to[0].stop, :broad] = lattice.cuts.right[rows, columns.start : columns.start + broad]
+            cuts.down[top : top + tall, : broad + 1] = lattice.cuts.down[rows.start : rows.start + tall, columns]
         widths[to[0]] = paces[rows]
         cut[to[0], to[1]][CUT:-CUT, CUT:-CUT] = False
         top = to[0].stop + 1
     spacing = (widths if np.ndim(lattice.spacing[0]) else float(widths[0]), lattice.spacing[1])
-    return replace(lattice, planes=planes, missing=missing, fixed=fixed, spacing=spacing), cut, near
+    return replace(lattice, planes=planes, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts), cut, near

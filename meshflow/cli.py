@@ -14,8 +14,9 @@ from rich.text import Text
 
 from meshflow import options as words
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.geometry.lift import Mesh, RangeImage, data_of
-from meshflow.io.files import Document, read, writable, write
+from meshflow.geometry.lift import RangeImage
+from meshflow.io.files import Document, writable, write
+from meshflow.reading import HELD, INPUTS, mask, opened
 
 if TYPE_CHECKING:
     from meshflow.geometry.gates import Array
@@ -50,7 +51,7 @@ def smooth(
     contrast: words.Contrast = None,
     twice: words.Twice = None,
     sigma: words.Sigma = None,
-    search: words.Search = True,
+    search: words.Search = None,
     boundary: words.BoundaryOption = None,
     diagonals: words.DiagonalsOption = "alternate",
     indicator: words.IndicatorOption = "metric",
@@ -65,6 +66,8 @@ def smooth(
     confidence: words.Confidence = None,
     only: words.Only = None,
     fixed: words.FixedMask = None,
+    islands: words.Islands = None,
+    space: words.SpaceOption = "length",
     kind: words.KindOption = None,
     camera: words.Camera = None,
     depth_scale: words.DepthScale = None,
@@ -104,11 +107,11 @@ def _smoothed(
     from meshflow.settings import Settings
     from meshflow.smoothing import smooth_noun
 
-    document = _opened(source, **{name: given.pop(name) for name in INPUTS})
+    document = opened(source, **{name: given.pop(name) for name in INPUTS})
     held = {name: read_as(given[name]) for name, read_as in HELD.items()}
     settings = Settings(**{**given, **held})
     _must_be_writable(document, target, picture, report, overwrite)
-    noun = document.noun if fixed is None else replace(document.noun, fixed=_mask(fixed))
+    noun = document.noun if fixed is None else replace(document.noun, fixed=mask(fixed))
     result = smooth_noun(noun, settings, progress=None if quiet else True, record=json or report is not None)
     done = document.holding(result.noun)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
@@ -143,7 +146,7 @@ def info(
     from meshflow.smoothing import noise
     from meshflow.study.facts import describe
 
-    document = _opened(source, kind, camera, depth_scale, measure, band, nodata, spacing, channels)
+    document = opened(source, kind, camera, depth_scale, measure, band, nodata, spacing, channels)
     facts = {"file": str(source), **describe(document.noun), **noise(document.noun)}
     _table(facts, json, document.notes)
 
@@ -167,13 +170,49 @@ def compare(
     from meshflow.study.metrics import compare as measured
 
     first, second = (
-        _opened(path, kind, camera, depth_scale, measure, band, nodata, spacing, channels) for path in (one, other)
+        opened(path, kind, camera, depth_scale, measure, band, nodata, spacing, channels) for path in (one, other)
     )
     facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
     notes = first.notes + second.notes
     if picture is not None:
         notes += _pictured(first, second, picture, f"{one.name} and {other.name}")
     _table(facts, json, notes)
+
+
+@app.command()
+def fuse(
+    sources: words.Frames,
+    target: words.Fused,
+    camera: words.Camera = None,
+    depth_scale: words.DepthScale = None,
+    strength: words.Strength = 1.0,
+    time: words.Time = None,
+    gamma: words.Gamma = None,
+    islands: words.Islands = None,
+    threads: words.Threads = None,
+    overwrite: words.Overwrite = False,
+    quiet: words.Quiet = False,
+    verbose: words.Verbose = False,
+    json: words.Json = False,
+) -> None:
+    """Smooth the mean of depth frames of a view that stays, each pixel by how far it can be trusted, and write it to OUT."""
+    from meshflow.fusing import fuse as fused
+
+    first = opened(sources[0], "depth", camera, depth_scale, None, None, None, None, None)
+    writable(first, target, overwrite=overwrite)
+    frames = (opened(path, "depth", camera, depth_scale, None, None, None, None, None).noun for path in sources)
+    result = fused(frames, full=True, strength=strength, time=time, gamma=gamma, islands=islands, threads=threads)
+    tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
+    notes = (
+        *first.notes,
+        *write(first.holding(result.thing), target, overwrite=overwrite, tags=tags),
+        *result.warnings,
+    )
+    if not quiet:
+        many = f"{len(sources)} frames → {target}"
+        _said(f"{many}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
+    if json:
+        out.print_json(notation.dumps({"in": [str(path) for path in sources], "out": str(target), **result.words()}))
 
 
 @app.command("compare-flows")
@@ -219,70 +258,10 @@ def _depths(path: Path, camera: str | None, depth_scale: float | None) -> "tuple
     """
     if camera is None:
         raise InputError("compare-flows: rays are those of a camera; give --camera")
-    document = _opened(path, "depth", camera, depth_scale, None, None, None, None, None)
+    document = opened(path, "depth", camera, depth_scale, None, None, None, None, None)
     noun = document.noun
     assert isinstance(noun, RangeImage)
     return np.where(np.asarray(noun.missing), np.nan, noun.depth), noun.camera, document.notes
-
-
-def _opened(
-    path: Path,
-    kind: words.Kind | None,
-    camera: str | None,
-    depth_scale: float | None,
-    measure: words.Measure | None,
-    band: int | None,
-    nodata: float | None,
-    spacing: float | None,
-    channels: str | None,
-    moves: words.Moves | None = None,
-    pace: words.Pace | None = None,
-) -> Document:
-    """Read a file with the options that were given, and no others."""
-    given = {
-        "camera": camera,
-        "depth_scale": depth_scale,
-        "measure": measure,
-        "band": band,
-        "nodata": nodata,
-        "spacing": spacing,
-        "channels": channels,
-        "moves": moves,
-        "pace": pace,
-    }
-    return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})
-
-
-def _samples(path: Path | None) -> "Array | None":
-    """The samples of a raster, a picture or an array file: weights, limits."""
-    if path is None:
-        return None
-    return data_of(read(path).noun)
-
-
-def _limit(word: str | None) -> "float | Array | None":
-    """A number, or the samples of a file."""
-    if word is None:
-        return None
-    try:
-        return float(word)
-    except ValueError:
-        return _samples(Path(word))
-
-
-def _mask(path: Path | None) -> "Array | None":
-    """Where the samples of a file are there and not zero, in any channel."""
-    if path is None:
-        return None
-    noun = read(path).noun
-    if isinstance(noun, Mesh) or noun.missing is None:
-        raise InputError(f"{path}: a raster, a picture or an array is a mask, a mesh is none")
-    values = np.nan_to_num(data_of(noun))
-    return (values if values.ndim == 2 else values.any(axis=2)).astype(bool) & ~noun.missing
-
-
-INPUTS = ("kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "moves", "pace")
-HELD = {"limit": _limit, "confidence": _samples, "only": _mask}
 
 
 def _reported(result: "Result", path: Path, name: str, overwrite: bool, quiet: bool) -> tuple[str, ...]:

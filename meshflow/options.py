@@ -90,7 +90,12 @@ Sigma = Annotated[
     _option(FLOW, "Standard deviation of the noise, unit of the values. Default: estimated."),
 ]
 Search = Annotated[
-    bool, _option(FLOW, "Search for what is not given, or take one member for all data.", "--search/--no-search")
+    bool | None,
+    _option(
+        FLOW,
+        "Search for what is not given, or take one member for all data. Default: search, but for depth.",
+        "--search/--no-search",
+    ),
 ]
 Patch = Annotated[
     float | None, _option(FLOW, "Width in samples of the patches in whose space lengths are measured; grids only.")
@@ -107,8 +112,8 @@ Limit = Annotated[
     str | None,
     _option(
         HOLD,
-        "No sample leaves its value by more: a number, or a raster or .npy of them. Default: half the quantum where rounding is "
-        "the noise, else none.",
+        "No sample leaves its value by more: a number, a raster or .npy of them, or 'step': half the step of quantised data, of "
+        "depth at each depth. Default: half the quantum where rounding is the noise, else none.",
     ),
 ]
 Confidence = Annotated[
@@ -116,6 +121,17 @@ Confidence = Annotated[
 ]
 Only = Annotated[Path | None, _option(HOLD, "Mask of the samples that may move: a raster, picture or .npy, not zero.")]
 FixedMask = Annotated[Path | None, _option(HOLD, "Mask of the samples that stay: likewise.", "--fixed")]
+Islands = Annotated[int | None, _option(HOLD, "Drop pieces of a range image of fewer samples. Default: none.")]
+SpaceOption = Annotated[
+    Literal["length", "disparity"],
+    _option(
+        FLOW, "disparity: move inverse depths, where the noise of stereo and structured light is even; all members."
+    ),
+]
+Frames = Annotated[
+    list[Path], typer.Argument(help="Depth images of a view that stays, two or more.", show_default=False)
+]
+Fused = Annotated[Path, typer.Option("--out", "-o", help="Where the result goes.", show_default=False)]
 Gamma = Annotated[
     float | None,
     _option(

@@ -123,6 +123,8 @@ def given_words(noun: Noun, settings: Settings) -> dict[str, Parameter]:
             found[name] = Parameter(word, "", "given")
     if settings.search is not None:
         found["search"] = Parameter("yes" if settings.search else "no", "", "given")
+    if settings.islands is not None:
+        found["islands"] = Parameter(float(settings.islands), "samples", "given")
     if settings.only is not None:
         found["only"] = _counted(np.asarray(settings.only) != 0, "may move")
     if noun.fixed is not None and noun.fixed.any():

@@ -72,10 +72,12 @@ def planned(noun: Noun, settings: Settings) -> Plan:
         noun = replace(noun, fixed=noun.fixed | ~only)
     if settings.sigma is not None and isinstance(noun, RangeImage):
         noun = replace(noun, sigma=float(settings.sigma))
+    _must_be_seen(noun, settings)
     if isinstance(noun, RangeImage):
         assert noun.missing is not None
         unseen = noun.missing if only is None or not only.any() else noun.missing | ~only
         noise, noun, why = _noise_along(noun, noun.missing if unseen.all() else unseen)
+        noun = noun if settings.islands is None else noun.cleared(settings.islands)
     else:
         noise, why = noise_in(noun, only), ""
     if settings.sigma is not None:
@@ -98,6 +100,13 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     if plan.idle == HELD:
         words["time"] = Parameter(0.0, squared_unit(noun), "default", "nothing may move")
     return replace(plan, parameters={**plan.parameters, **words})
+
+
+def _must_be_seen(noun: Noun, settings: Settings) -> None:
+    """Refuse words that only a range image knows."""
+    for word, given in (("islands", settings.islands is not None), ("space", settings.space != "length")):
+        if given and not isinstance(noun, RangeImage):
+            raise InputError(f"{word}: of range images only, got {type(noun).__name__}")
 
 
 def _stepped(noun: Noun, settings: Settings) -> Settings:

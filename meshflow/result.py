@@ -11,7 +11,7 @@ from meshflow.flow.march import State
 from meshflow.flow.noise import Noise
 from meshflow.flow.tune import Trial
 from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import Mesh, Noun, data_of
+from meshflow.geometry.lift import Mesh, Noun, RangeImage, data_of
 from meshflow.parameters import Parameter
 
 __all__ = ["Moment", "Result"]
@@ -80,8 +80,11 @@ class Result:
         one, two = data_of(self.before).astype(np.float64), data_of(self.noun).astype(np.float64)
         if isinstance(self.before, Mesh):
             return one - two
-        assert self.before.missing is not None
-        gone = self.before.missing if one.ndim == 2 else self.before.missing[..., None]
+        missing = self.before.missing
+        assert missing is not None
+        if isinstance(self.noun, RangeImage) and self.noun.missing is not None:
+            missing = missing | self.noun.missing  # what was dropped was not smoothed
+        gone = missing if one.ndim == 2 else missing[..., None]
         return np.subtract(one, two, where=~gone, out=np.zeros_like(one))
 
     @cached_property

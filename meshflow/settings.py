@@ -15,7 +15,9 @@ from meshflow.geometry.member import Indicator, Member, Method
 from meshflow.geometry.surface import Boundary
 from meshflow.geometry.triangulate import Diagonals, triangulations
 
-__all__ = ["Settings"]
+__all__ = ["Settings", "Space"]
+
+Space = Literal["length", "disparity"]
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,9 @@ class Settings:
     :param confidence: weights of a fidelity term, 1 / variance, a number or one per sample; the flow then comes to rest between
         smoothness and data.
     :param only: mask of the samples that may move.
+    :param islands: pieces of a range image of fewer samples are dropped; by default none.
+    :param space: ``length``, or of a range image ``disparity``: the graph of the inverse depth moves, with every member,
+        contrast, patches and the search; sigma, limit, displacement and confidence then count in inverse depths.
 
     How it is computed:
 
@@ -95,6 +100,8 @@ class Settings:
     limit: float | Array | Literal["step"] | None = None
     confidence: float | Array | None = None
     only: Array | None = None
+    islands: int | None = None
+    space: Space = "length"
     indicator: Indicator = "metric"
     mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
     boundary: Boundary | None = None
@@ -122,7 +129,7 @@ class Settings:
         for name in ("contrast", "sigma", "strength", "residual", "displacement", "dt"):
             if getattr(self, name) is not None:
                 positive(getattr(self, name), name)
-        for name, least in (("steps", 0), ("threads", 1)):
+        for name, least in (("steps", 0), ("threads", 1), ("islands", 1)):
             if getattr(self, name) is not None:
                 whole(getattr(self, name), name, least)
         if self.twice is not None and not 0 <= number(self.twice, "twice") <= 1:
@@ -137,6 +144,8 @@ class Settings:
             raise InputError(f"method: {', '.join(get_args(Method))} expected, got {self.method!r}")
         if self.boundary not in (None, "natural", "linear", "fixed"):
             raise InputError(f"boundary: natural, linear or fixed expected, got {self.boundary!r}")
+        if self.space not in get_args(Space):
+            raise InputError(f"space: {' or '.join(get_args(Space))} expected, got {self.space!r}")
         if self.control is not None and not isinstance(self.control, (Fixed, AreaChange, Embedded)):
             raise InputError(f"control: Fixed, AreaChange or Embedded expected, got {self.control!r}")
         if self.search is not None and not isinstance(self.search, (bool, np.bool_)):

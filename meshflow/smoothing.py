@@ -15,10 +15,10 @@ from meshflow.flow.noise import noise_growth
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
 from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import Mesh, Noun, RangeImage
+from meshflow.geometry.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
 from meshflow.grid.rate import GridFlow
 from meshflow.io.adopt import adopt
-from meshflow.parameters import Plan
+from meshflow.parameters import Parameter, Plan
 from meshflow.plan import noise_in, planned
 from meshflow.result import Moment, Result
 from meshflow.settings import Settings
@@ -54,6 +54,8 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
 
     :param record: measure the surface after each step; without it ``moments`` holds the start and the end.
     """
+    if settings.space == "disparity" and isinstance(noun, RangeImage):
+        return _in_disparity(noun, settings, progress, record)
     plan = planned(noun, settings)
     engine = _engine(plan, settings)
     flow: Flow = engine if plan.trust is None else Faithful(engine, plan.trust)
@@ -80,6 +82,19 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
         warnings=plan.warnings,
         version=_release(),
     )
+
+
+def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, record: bool) -> Result:
+    """The graph of the inverse depth, smoothed as a height field over the pixels."""
+    cleared = planned(noun, Settings(islands=settings.islands, sigma=None, steps=0)).noun
+    assert isinstance(cleared, RangeImage)
+    found = smooth_noun(in_disparity(cleared), replace(settings, space="length", islands=None), progress, record=record)
+    assert isinstance(found.noun, HeightField)
+    done = replace(from_disparity(cleared, found.noun), fixed=noun.fixed, sigma=noun.sigma)
+    units = {"sigma": "1 / depth", "quantum": "1 / depth", "risk": "1 / depth", "limit": "1 / depth", "time": "pixels²"}
+    told = {name: replace(p, unit=units.get(name, p.unit)) for name, p in found.parameters.items()}
+    told["space"] = Parameter("disparity", "", "given")
+    return replace(found, thing=done, noun=done, before=noun, parameters=told)
 
 
 def _lowered(plan: Plan, engine: MeshFlow | GridFlow, u: Array) -> Noun:
@@ -177,8 +192,8 @@ def smooth(
     :param full: return a :class:`Result`, as :func:`denoise` does.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param settings: further fields of :class:`Settings` by name, also accepted as keywords: ``sharpness, patch, contrast,
-        twice``; ``residual, area_loss, displacement, stop``; ``limit, confidence, only``; ``sigma, search``; ``indicator, mass,
-        boundary, diagonals, stepper, dt, control, threads``.
+        twice``; ``residual, area_loss, displacement, stop``; ``limit, confidence, only, islands, space``; ``sigma, search``;
+        ``indicator, mass, boundary, diagonals, stepper, dt, control, threads``.
     :param more: those, and what the thing itself does not say: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
         ``camera``, ``missing``, ``fixed``, ``channels``, ``moves``.
     :returns: the same kind of thing, smoothed; integers come back as floating point, since rounding would undo the smoothing.

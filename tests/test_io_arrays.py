@@ -46,7 +46,7 @@ def test_the_shape_and_the_camera_say_what_an_array_is():
     assert isinstance(adopt(heights(), kind="image").noun, Image)
     depth = adopt(heights() + 1, camera=CAMERA).noun
     assert isinstance(depth, RangeImage)
-    assert depth.jump == 0.05
+    assert depth.jump == "noise"
     assert isinstance(adopt((POINTS, FACES)).noun, Mesh)
     assert isinstance(adopt([POINTS, FACES.tolist()]).noun, Mesh)
 

@@ -23,9 +23,11 @@ MAY = {
     "plan": {"tuning", "parameters", "settings", "flow", "geometry"},
     "result": {"parameters", "flow", "geometry"},
     "smoothing": {"settings", "parameters", "plan", "result", "io", "grid", "flow", "geometry"},
+    "fusing": {"smoothing", "result", "io", "flow", "geometry"},
     "accessors": {"smoothing"},
     "options": {"geometry"},
-    "cli": {"options", "settings", "result", "smoothing", "geometry", "io", "study", "view"},
+    "reading": {"options", "io", "geometry"},
+    "cli": {"options", "reading", "fusing", "settings", "result", "smoothing", "geometry", "io", "study", "view"},
     "__main__": {"cli"},
 }
 # The comparison of the flows runs them: one module of the study, so that the measures beside it still know of no flow.

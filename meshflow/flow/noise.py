@@ -145,7 +145,9 @@ def noise_growth(values: Array, missing: Array, levels: Array | None = None, eno
     parts = np.array_split(order, max(3, min(CLASSES, x.size // CLASS_SIZE)))
     at = np.array([np.median(x[part]) for part in parts])
     sigma = np.array([MAD * np.median(residual[part]) for part in parts])
-    scale, size = max(float(np.abs(at).max()), np.finfo(float).tiny), max(float(sigma.max()), np.finfo(float).tiny)
+    if not sigma.any():
+        return Growth(0.0, 0.0, 0.0, (float(at[0]), float(at[-1])))
+    scale, size = max(float(np.abs(at).max()), np.finfo(float).tiny), float(sigma.max())
     weight = 1.0 / np.maximum(sigma, 0.05 * size)
     terms = np.stack([np.ones_like(at), at / scale, (at / scale) ** 2], axis=1)
     a, b, c = nnls(terms * weight[:, None], sigma * weight)[0]

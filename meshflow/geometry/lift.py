@@ -7,13 +7,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
+from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.gates import Array, Spacing, mask_of, real, samples, spacing_of
 from meshflow.geometry.jumps import Cuts
 from meshflow.geometry.lattice import Lattice, Lift, held, lowered
 from meshflow.geometry.ranges import Pace, RangeImage
 from meshflow.geometry.surface import Axes, Boundary, Surface
 
-__all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "Pace", "RangeImage", "data_of"]
+__all__ = [
+    "HeightField",
+    "Image",
+    "Lift",
+    "Mesh",
+    "Noun",
+    "Pace",
+    "RangeImage",
+    "data_of",
+    "from_disparity",
+    "in_disparity",
+]
 
 Moves = Literal["points", "channels", "all"]
 
@@ -240,3 +252,41 @@ def data_of(noun: Noun) -> Array:
     if isinstance(noun, Mesh):
         return noun.points if noun.channels is None or noun.moves == "points" else noun.channels
     return noun.z if isinstance(noun, HeightField) else noun.values if isinstance(noun, Image) else noun.depth
+
+
+def in_disparity(image: RangeImage) -> HeightField:
+    """Inverse depths above the pixels, of a pinhole without distortion: there, too, planes are planes.
+
+    To take where the noise is that of a disparity: sigma of the depth grows with its square, that of the inverse depth is the
+    same everywhere, and so is the contrast that suits it.
+
+    :returns: 1 / depth over pixels of width 1 (of height fx / fy), cut where the depth jumps.
+    :raises InputError: for another camera, or ranges: their planes are not planes there.
+    """
+    camera = image.camera
+    if not isinstance(camera, Pinhole) or camera.distortion or image.measure != "depth":
+        raise InputError(
+            f"space='disparity': planes are planes in the inverse depth of a pinhole without distortion only, got "
+            f"{image.measure}s of {type(camera).__name__} ({camera.summary}); undistort the image, or leave the space out"
+        )
+    missing = _where(image.missing)
+    whole = np.where(missing, 1.0, image.depth)
+    sides = float(np.sqrt(camera.fy / camera.fx)), float(np.sqrt(camera.fx / camera.fy))
+    inverse = np.where(missing, 0.0, 1.0 / whole).astype(image.depth.dtype)
+    return HeightField(inverse, sides, missing, image.fixed, cuts=image.cuts)
+
+
+def from_disparity(image: RangeImage, field: HeightField) -> RangeImage:
+    """The depths of inverse ones; where nothing moved, and where samples are missing, those of ``image``.
+
+    :raises InputError: where an inverse depth is zero or less: a depth beyond the horizon.
+    """
+    before = in_disparity(image)
+    still = _where(image.missing) | (field.z == before.z)
+    if (field.z[~still] <= 0).any():
+        raise InputError(
+            f"space='disparity': {int((field.z[~still] <= 0).sum())} inverse depths are no longer above zero; give a limit"
+        )
+    return replace(
+        image, depth=np.where(still, image.depth, 1.0 / np.where(still, 1.0, field.z)).astype(image.depth.dtype)
+    )

@@ -111,7 +111,7 @@ def write(
     scale = positive(default if depth_scale is None else depth_scale, "depth_scale", "units per metre")
     counts = values[0] * np.float64(scale)
     if whole:
-        kept = about.raw if about is not None and same else 0
+        kept = _missing_as_read(about.raw, values[0]) if about is not None and same else 0
         changed = None if about is None else (values[0] - about.raw / about.scale)[~missing] * scale
         counts = np.rint(np.where(missing, 1, counts))
         samples = np.where(missing, kept, counts.clip(1, LARGEST - 1)).astype(np.uint16)
@@ -130,6 +130,11 @@ def write(
         bigtiff="IF_SAFER",
     )
     return ()
+
+
+def _missing_as_read(raw: Array, depth: Array) -> Array:
+    """What is written where samples are missing: what was there, but 0 where it was a depth and has been dropped."""
+    return np.where((depth == 0) & (raw < LARGEST), 0, raw)
 
 
 def _cost(counts: Array, scale: float, changed: float) -> tuple[str, ...]:

@@ -1,0 +1,73 @@
+"""Files to what a command needs of them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from meshflow import options as words
+from meshflow.errors import InputError
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import Mesh, data_of
+from meshflow.io.files import Document, read
+
+__all__ = ["HELD", "INPUTS", "limit", "mask", "opened", "samples"]
+
+
+def opened(
+    path: Path,
+    kind: words.Kind | None,
+    camera: str | None,
+    depth_scale: float | None,
+    measure: words.Measure | None,
+    band: int | None,
+    nodata: float | None,
+    spacing: float | None,
+    channels: str | None,
+    moves: words.Moves | None = None,
+    pace: words.Pace | None = None,
+) -> Document:
+    """Read a file with the options that were given, and no others."""
+    given = {
+        "camera": camera,
+        "depth_scale": depth_scale,
+        "measure": measure,
+        "band": band,
+        "nodata": nodata,
+        "spacing": spacing,
+        "channels": channels,
+        "moves": moves,
+        "pace": pace,
+    }
+    return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})
+
+
+def samples(path: Path | None) -> Array | None:
+    """The samples of a raster, a picture or an array file: weights, limits."""
+    if path is None:
+        return None
+    return data_of(read(path).noun)
+
+
+def limit(word: str | None) -> float | Array | str | None:
+    """A number, the samples of a file, or ``step``."""
+    if word is None or word == "step":
+        return word
+    try:
+        return float(word)
+    except ValueError:
+        return samples(Path(word))
+
+
+def mask(path: Path | None) -> Array | None:
+    """Where the samples of a file are there and not zero, in any channel."""
+    if path is None:
+        return None
+    noun = read(path).noun
+    if isinstance(noun, Mesh) or noun.missing is None:
+        raise InputError(f"{path}: a raster, a picture or an array is a mask, a mesh is none")
+    values = np.nan_to_num(data_of(noun))
+    return (values if values.ndim == 2 else values.any(axis=2)).astype(bool) & ~noun.missing
+
+
+INPUTS = ("kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "moves", "pace")
+HELD = {"limit": limit, "confidence": samples, "only": mask}

@@ -1,0 +1,218 @@
+"""Range images by default: the noise of each depth, the time that follows from it, jumps, islands, frames, inverse depth."""
+
+import numpy as np
+import pytest
+
+import meshflow
+from meshflow.errors import InputError
+from meshflow.flow.frames import averaged
+from meshflow.flow.levels import steps_of
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.jumps import cuts_by_noise, islands
+from meshflow.geometry.lift import RangeImage
+from meshflow.geometry.scanner import Spherical
+from meshflow.study.samples import CAMERA, depth_scene
+
+SMALL = Pinhole(150.0, 150.0, 79.5, 59.5)
+SCENE = depth_scene(SMALL, (120, 160), seed=3, noise=0.002)
+
+
+def rms(depth):
+    there = np.isfinite(SCENE.truth)
+    return float(np.sqrt(np.mean((depth - SCENE.truth)[there] ** 2)))
+
+
+def wall(sigma, seed=0, shape=(60, 80)):
+    """A slanted wall with noise, and its camera."""
+    camera = Pinhole(100.0, 100.0, 39.5, 29.5)
+    rays = camera.rays(shape)
+    truth = 2.0 / (rays @ (0.3, 0.1, 1.0))
+    return truth, truth + sigma * np.random.default_rng(seed).normal(size=shape), camera
+
+
+@pytest.mark.parametrize("part", [0.05, 0.3, 1.0])
+def test_time_is_ten_times_the_noise_in_footprints(part):
+    truth, noisy, camera = wall(part * 2.0 / 100.0)
+    found = meshflow.denoise(RangeImage(noisy, camera)).parameters
+    assert found["time"].value == pytest.approx(10 * part * 2.0 / np.median(truth), rel=0.2)
+    assert (found["time"].origin, found["time"].unit) == ("estimated", "pixel footprints²")
+    assert found["sigma"].value == pytest.approx(part * 2.0 / 100.0, rel=0.2)
+
+
+def test_a_clean_range_image_is_left_alone():
+    truth, _, camera = wall(0.0)
+    flat = np.full_like(truth, 2.0)
+    found = meshflow.denoise(RangeImage(flat, camera))
+    assert "no noise was found" in found.reason
+    np.testing.assert_array_equal(found.thing.depth, flat)
+
+
+def test_strength_multiplies_the_time():
+    _, noisy, camera = wall(0.01)
+    one, two = (meshflow.denoise(RangeImage(noisy, camera), strength=s).parameters["time"].value for s in (1.0, 2.0))
+    assert two == pytest.approx(2 * one)
+
+
+def test_a_search_of_least_risk_smooths_the_scene_and_tells_its_curve():
+    image = RangeImage(SCENE.noisy, SMALL)
+    found = meshflow.denoise(image, search=True)
+    assert len(found.trials) == 3
+    assert found.parameters["gamma"].origin == "estimated"
+    assert rms(found.thing.depth) < 0.5 * rms(SCENE.noisy)
+    # The risk is told in the root mean square of the noise, and is near what the truth says, jumps and all.
+    assert found.trials[0].risk == pytest.approx(rms(found.thing.depth), rel=0.5)
+
+
+def test_noise_of_each_sample_sets_its_time():
+    rng = np.random.default_rng(0)
+    truth, _, camera = wall(0.0)
+    sigma = 0.01 * rng.choice([0.25, 1.0, 4.0], size=truth.shape)
+    noisy = truth + sigma * rng.normal(size=truth.shape)
+    known = meshflow.denoise(RangeImage(noisy, camera, sigma=sigma))
+    alike = meshflow.smooth(RangeImage(noisy, camera), time=known.parameters["time"].value)
+    assert known.parameters["pace"].value == "noise"
+    assert np.std(known.thing.depth - truth) < 0.8 * np.std(alike.depth - truth)
+
+
+def test_inverse_depth_of_a_wall_rests_and_keeps_the_units_of_the_depth():
+    truth, noisy, camera = wall(0.01)
+    still = meshflow.smooth(RangeImage(truth, camera), space="disparity", time=20.0, contrast=100.0)
+    np.testing.assert_allclose(still.depth, truth, rtol=1e-12)
+    found = meshflow.denoise(RangeImage(noisy, camera), space="disparity")
+    assert np.std(found.thing.depth - truth) < 0.3 * np.std(noisy - truth)
+    assert found.parameters["sigma"].unit == "1 / depth"
+    assert found.parameters["space"].value == "disparity"
+
+
+def test_inverse_depth_suits_the_noise_of_structured_light():
+    image = RangeImage(SCENE.noisy, SMALL)
+    assert rms(meshflow.smooth(image, space="disparity").depth) < rms(meshflow.smooth(image).depth)
+
+
+def test_inverse_depth_is_of_pinholes():
+    camera = Spherical((-20.0, 20.0), (10.0, -10.0))
+    image = RangeImage(np.full((8, 9), 2.0), camera)
+    with pytest.raises(InputError, match="pinhole without distortion"):
+        meshflow.smooth(image, space="disparity", time=1.0)
+
+
+@pytest.mark.parametrize(("word", "value"), [("space", "disparity"), ("islands", 5)])
+def test_what_is_of_range_images_is_refused_elsewhere(word, value):
+    with pytest.raises(InputError, match="range images only"):
+        meshflow.smooth(np.random.default_rng(0).normal(size=(8, 8)), **{word: value})
+
+
+def test_jumps_are_cut_and_slopes_are_not():
+    truth, noisy, camera = wall(0.005)
+    nearer = noisy.copy()
+    nearer[20:40, 30:50] -= 0.5
+    image = RangeImage(nearer, camera, sigma=0.005)
+    cuts = image.cuts
+    rim_right, rim_down = np.zeros((60, 79), bool), np.zeros((59, 80), bool)
+    rim_right[20:40, [29, 49]], rim_down[[19, 39], 30:50] = True, True
+    np.testing.assert_array_equal(cuts.right, rim_right)
+    np.testing.assert_array_equal(cuts.down, rim_down)
+
+
+def test_a_surface_that_turns_away_from_its_ray_is_cut():
+    depth = np.tile(2.0 + 0.4 * np.arange(12.0), (10, 1))  # 20 footprints for each pixel
+    footprint = np.full(depth.shape, 0.02)
+    assert cuts_by_noise(depth, np.zeros(depth.shape, bool), 1e-4, footprint).right.all()
+    assert not cuts_by_noise(depth, np.zeros(depth.shape, bool), 0.1, footprint).right.any(), "noise explains it"
+
+
+def test_no_triangle_joins_what_a_jump_separates():
+    _, noisy, camera = wall(0.002)
+    noisy[:, 40:] += 1.0
+    smoothed = meshflow.smooth(RangeImage(noisy, camera), time=50.0).depth
+    assert np.abs(np.diff(smoothed, axis=1)[:, 39]).min() > 0.9
+
+
+def test_islands_are_dropped_on_request_only():
+    _, noisy, camera = wall(0.002)
+    missing = np.zeros(noisy.shape, bool)
+    missing[10:20, 10:20] = True
+    missing[13:15, 13:15] = False
+    image = RangeImage(noisy, camera, missing)
+    np.testing.assert_array_equal(meshflow.smooth(image).missing, missing)
+    found = meshflow.denoise(image, islands=5)
+    assert found.thing.missing[10:20, 10:20].all()
+    assert (found.thing.depth[13:15, 13:15] == 0).all()
+    assert found.removed[13:15, 13:15].max() == 0
+    assert int(found.thing.missing.sum()) == 100
+    with pytest.raises(InputError, match="fewer than 100000"):
+        meshflow.smooth(image, islands=100_000)
+
+
+def test_islands_hang_together_by_edges_that_are_not_cut():
+    missing = np.zeros((4, 6), bool)
+    cut = cuts_by_noise(np.where(np.arange(6) < 2, 1.0, 3.0) * np.ones((4, 1)), missing, 1e-3, np.full((4, 6), 0.01))
+    assert islands(missing, cut, 10).sum() == 8
+    assert not islands(missing, None, 10).any()
+
+
+def test_the_steps_of_a_disparity_grow_with_the_square_of_the_depth():
+    disparity = np.rint(8 * np.linspace(10.0, 40.0, 40_000)) / 8
+    steps = steps_of(40.0 / disparity)
+    for depth in (1.2, 2.0, 3.0):
+        assert steps.at(np.array([depth]))[0] == pytest.approx(depth**2 / 40.0 / 8, rel=0.1)
+    assert steps_of(np.random.default_rng(0).normal(size=5000)) is None
+
+
+def test_a_limit_of_half_the_step_holds_at_each_depth():
+    truth, _, camera = wall(0.0)
+    depth = 100.0 / np.rint(100.0 / truth * 8) * 8
+    smoothed = meshflow.smooth(RangeImage(depth, camera), limit="step", time=20.0).depth
+    half = steps_of(depth.ravel()).at(depth) / 2
+    assert np.abs(smoothed - depth).max() > 0
+    assert (np.abs(smoothed - depth) <= half * (1 + 1e-9)).all()
+    with pytest.raises(InputError, match="not quantised"):
+        meshflow.smooth(RangeImage(wall(0.01)[1], camera), limit="step")
+
+
+def test_frames_are_one_weighted_problem():
+    truth, _, camera = wall(0.0, shape=(60, 80))
+    rng = np.random.default_rng(0)
+    frames = truth + 0.01 * rng.normal(size=(12, *truth.shape))
+    gone = rng.random(frames.shape) < rng.choice([0.1, 0.9], size=truth.shape)
+    frames[gone] = 0.0
+    one = averaged(frames)
+    several = one.count > 0
+    np.testing.assert_array_equal(one.count, (~gone).sum(axis=0))
+    np.testing.assert_allclose(one.mean[several], (frames.sum(axis=0) / np.maximum(one.count, 1))[several], rtol=1e-12)
+    expected = 0.01 / np.sqrt(one.count[several])
+    assert np.median(one.sigma[several] / expected) == pytest.approx(1.0, abs=0.15)
+    assert (one.confidence[~several] == 0).all()
+    fused = meshflow.fuse(frames, camera=camera)
+    alone = meshflow.smooth(np.where(several, one.mean, 0.0), camera=camera)
+    np.testing.assert_array_equal(fused == 0, ~several)
+    assert np.std((fused - truth)[several]) < np.std((alone - truth)[several])
+
+
+@pytest.mark.parametrize(
+    ("frames", "words"),
+    [([], "two or more"), ([np.ones((4, 5))], "two or more"), ([np.ones((4, 5)), np.ones((5, 5))], "one size")],
+)
+def test_frames_that_are_no_sequence_are_refused(frames, words):
+    with pytest.raises(InputError, match=words):
+        meshflow.fuse(frames, camera=Pinhole(5.0, 5.0, 2.0, 2.0))
+
+
+def test_confidence_holds_pixels_where_they_are():
+    _, noisy, camera = wall(0.01)
+    confidence = np.zeros(noisy.shape)
+    confidence[20:40] = 1e9
+    smoothed = meshflow.smooth(RangeImage(noisy, camera), time=10.0, confidence=confidence).depth
+    assert np.abs(smoothed - noisy)[20:40].max() < 1e-3 < np.abs(smoothed - noisy)[:20].max()
+
+
+def test_the_scene_by_default_is_near_the_best_time():
+    scene = depth_scene(CAMERA, seed=1, noise=0.0015)
+    there = np.isfinite(scene.truth)
+
+    def error(**options):
+        smoothed = meshflow.smooth(RangeImage(scene.noisy, CAMERA), **options).depth
+        return float(np.sqrt(np.mean((smoothed - scene.truth)[there] ** 2)))
+
+    best = min(error(time=t) for t in (2.0, 5.0, 10.0, 20.0))
+    assert error() < 1.05 * best
