@@ -38,6 +38,18 @@ def steps_of(values: Array) -> Steps | None:
     """The steps of values (n,); None where they are not quantised."""
     some = values[:: max(1, values.size // ENOUGH)].astype(np.float64)
     levels = np.unique(some)
-    if len(levels) < AROUND or len(levels) * FEWER > some.size:
+    if len(levels) < 2:
         return None
+    if len(levels) < AROUND or len(levels) * FEWER > some.size:
+        return _even(levels, 32.0 * float(np.finfo(values.dtype).eps) * float(np.abs(levels).max()))
     return Steps(levels, median_filter(np.gradient(levels), AROUND, mode="nearest"))
+
+
+def _even(levels: Array, rounding: float) -> Steps | None:
+    """One step everywhere, where all levels are multiples of it."""
+    gaps = np.diff(levels)
+    step = float(gaps.min())
+    counts = gaps / step
+    if step <= rounding or np.abs(counts - np.rint(counts)).max() > 0.05:
+        return None
+    return Steps(levels[[0, -1]], np.array([step, step]))
