@@ -10,7 +10,6 @@ from meshflow.errors import InputError
 from meshflow.flow.constraint import Faithful
 from meshflow.flow.contract import Flow
 from meshflow.flow.control import Control, Fixed
-from meshflow.flow.levels import steps_of
 from meshflow.flow.march import State, march
 from meshflow.flow.noise import noise_growth
 from meshflow.flow.progress import Progress
@@ -89,12 +88,13 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
 
 def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, record: bool) -> Result:
     """The graph of the inverse depth, smoothed as a height field over the pixels."""
-    cleared = planned(noun, Settings(islands=settings.islands, sigma=None, steps=0)).noun
+    plan = planned(noun, Settings(islands=settings.islands, steps=0))
+    cleared, noise = plan.noun, plan.noise
     assert isinstance(cleared, RangeImage)
-    assert cleared.missing is not None
+    assert noise is not None
     rule = "depths in steps: the error of rounding is no noise whose risk could be estimated"
     free = not settings.named and settings.until_time is None and settings.steps is None and settings.search is None
-    stepped = free and steps_of(cleared.depth[~cleared.missing]) is not None
+    stepped = free and noise.quantum > noise.sigma
     if stepped:
         settings = replace(settings, patch=STEPPED_PATCH, time=STEPPED_TIME, search=False)
     found = smooth_noun(in_disparity(cleared), replace(settings, space="length", islands=None), progress, record=record)
