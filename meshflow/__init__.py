@@ -12,11 +12,13 @@ if TYPE_CHECKING:
     from meshflow.flow.march import State, march
     from meshflow.flow.rate import MeshFlow
     from meshflow.flow.step import Explicit, SemiImplicit, SuperTime
-    from meshflow.geometry.camera import Pinhole
+    from meshflow.geometry.camera import Orthographic, Pinhole
     from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
     from meshflow.geometry.member import Member
+    from meshflow.geometry.scanner import Scanner, Spherical
     from meshflow.geometry.surface import Axes, Rays, Surface
     from meshflow.grid.rate import GridFlow
+    from meshflow.io.cameras import read_camera, write_camera
     from meshflow.io.files import Document, read, write
     from meshflow.result import Result
     from meshflow.settings import Settings
@@ -28,11 +30,13 @@ _HOMES = {
     "flow.march": ("State", "march"),
     "flow.rate": ("MeshFlow",),
     "flow.step": ("Explicit", "SemiImplicit", "SuperTime"),
-    "geometry.camera": ("Pinhole",),
+    "geometry.camera": ("Orthographic", "Pinhole"),
     "geometry.lift": ("HeightField", "Image", "Lift", "Mesh", "RangeImage"),
     "geometry.member": ("Member",),
+    "geometry.scanner": ("Scanner", "Spherical"),
     "geometry.surface": ("Axes", "Rays", "Surface"),
     "grid.rate": ("GridFlow",),
+    "io.cameras": ("read_camera", "write_camera"),
     "io.files": ("Document", "read", "write"),
     "result": ("Result",),
     "settings": ("Settings",),

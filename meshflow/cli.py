@@ -68,11 +68,13 @@ def smooth(
     kind: words.KindOption = None,
     camera: words.Camera = None,
     depth_scale: words.DepthScale = None,
+    measure: words.MeasureOption = None,
     band: words.Band = None,
     nodata: words.Nodata = None,
     spacing: words.Spacing = None,
     channels: words.Channels = None,
     moves: words.MovesOption = None,
+    pace: words.PaceOption = None,
     picture: words.Picture = None,
     report: words.Report = None,
     dtype: words.Dtype = None,
@@ -130,6 +132,7 @@ def info(
     kind: words.KindOption = None,
     camera: words.Camera = None,
     depth_scale: words.DepthScale = None,
+    measure: words.MeasureOption = None,
     band: words.Band = None,
     nodata: words.Nodata = None,
     spacing: words.Spacing = None,
@@ -140,7 +143,7 @@ def info(
     from meshflow.smoothing import noise
     from meshflow.study.facts import describe
 
-    document = _opened(source, kind, camera, depth_scale, band, nodata, spacing, channels, None)
+    document = _opened(source, kind, camera, depth_scale, measure, band, nodata, spacing, channels)
     facts = {"file": str(source), **describe(document.noun), **noise(document.noun)}
     _table(facts, json, document.notes)
 
@@ -152,6 +155,7 @@ def compare(
     kind: words.KindOption = None,
     camera: words.Camera = None,
     depth_scale: words.DepthScale = None,
+    measure: words.MeasureOption = None,
     band: words.Band = None,
     nodata: words.Nodata = None,
     spacing: words.Spacing = None,
@@ -163,7 +167,7 @@ def compare(
     from meshflow.study.metrics import compare as measured
 
     first, second = (
-        _opened(path, kind, camera, depth_scale, band, nodata, spacing, channels, None) for path in (one, other)
+        _opened(path, kind, camera, depth_scale, measure, band, nodata, spacing, channels) for path in (one, other)
     )
     facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
     notes = first.notes + second.notes
@@ -175,23 +179,27 @@ def compare(
 def _opened(
     path: Path,
     kind: words.Kind | None,
-    camera: Path | None,
+    camera: str | None,
     depth_scale: float | None,
+    measure: words.Measure | None,
     band: int | None,
     nodata: float | None,
     spacing: float | None,
     channels: str | None,
-    moves: words.Moves | None,
+    moves: words.Moves | None = None,
+    pace: words.Pace | None = None,
 ) -> Document:
     """Read a file with the options that were given, and no others."""
     given = {
         "camera": camera,
         "depth_scale": depth_scale,
+        "measure": measure,
         "band": band,
         "nodata": nodata,
         "spacing": spacing,
         "channels": channels,
         "moves": moves,
+        "pace": pace,
     }
     return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})
 
@@ -224,7 +232,7 @@ def _mask(path: Path | None) -> "Array | None":
     return (values if values.ndim == 2 else values.any(axis=2)).astype(bool) & ~noun.missing
 
 
-INPUTS = ("kind", "camera", "depth_scale", "band", "nodata", "spacing", "channels", "moves")
+INPUTS = ("kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "moves", "pace")
 HELD = {"limit": _limit, "confidence": _samples, "only": _mask}
 
 

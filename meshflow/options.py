@@ -8,6 +8,8 @@ import typer
 from meshflow.geometry.member import Method
 
 Kind = Literal["terrain", "image", "depth", "mesh"]
+Measure = Literal["depth", "range"]
+Pace = Literal["footprint", "length"]
 Moves = Literal["points", "channels", "all"]
 
 
@@ -29,11 +31,23 @@ Out = Annotated[Path, typer.Argument(metavar="OUT", help="Where to write; the ex
 Other = Annotated[Path, typer.Argument(metavar="OTHER", help="The same kind of thing on the same samples.")]
 KindOption = Annotated[Kind | None, _option(INPUT, "What the file holds, where the guess would be wrong.")]
 Camera = Annotated[
-    Path | None,
-    _option(INPUT, "JSON of the camera: IN is a depth image. Open3D intrinsics, or fx, fy, cx, cy in pixels."),
+    str | None,
+    _option(
+        INPUT,
+        "The camera: IN is a depth image. A name (tum, 7scenes, kinect, primesense, tum-freiburg1 to 3), a JSON (Open3D, or fx, "
+        "fy, cx, cy in pixels), or a camera_info YAML of ROS.",
+    ),
+]
+MeasureOption = Annotated[
+    Measure | None, _option(INPUT, "What the depths are: along the optical axis, or range, along the ray.", "--measure")
+]
+PaceOption = Annotated[
+    Pace | None,
+    _option(FLOW, "What time of a range image is counted in: pixel footprints, or length (metres squared).", "--pace"),
 ]
 DepthScale = Annotated[
-    float | None, _option(INPUT, "Units of a depth image per metre; 1000 (millimetres) for whole numbers.")
+    float | None,
+    _option(INPUT, "Units of a depth image per metre; the camera's own, else 1000 (millimetres) for whole numbers."),
 ]
 Band = Annotated[int | None, _option(INPUT, "Band of a raster, from 1; several are smoothed together otherwise.")]
 Nodata = Annotated[float | None, _option(INPUT, "Value that marks missing samples, where the file does not say.")]

@@ -25,7 +25,7 @@ from meshflow.settings import Settings
 __all__ = ["denoise", "noise", "smooth", "smooth_noun"]
 
 # What a thing may be told about itself (meshflow.io.adopt).
-HINTS = frozenset({"kind", "spacing", "camera", "missing", "fixed", "channels", "moves", "jump"})
+HINTS = frozenset({"kind", "spacing", "camera", "missing", "fixed", "channels", "moves", "jump", "measure", "pace"})
 
 
 def noise(noun: Noun) -> dict[str, float]:

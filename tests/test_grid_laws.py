@@ -30,8 +30,8 @@ def nouns(h=90, w=140, dtype=np.float64, seed=0):
     rng = np.random.default_rng(seed)
     missing = rng.random((h, w)) < 0.02
     missing[h // 3 : h // 2, w // 4 : w // 2] |= rng.random((h // 2 - h // 3, w // 2 - w // 4)) < 0.8
-    x, y = CAMERA.spread((h, w))
-    depth = 2 / (1 + 0.3 * x[None] - 0.2 * y[:, None]) + 0.004 * rng.normal(size=(h, w))
+    x, y = np.moveaxis(CAMERA.rays((h, w)), 2, 0)[:2]
+    depth = 2 / (1 + 0.3 * x - 0.2 * y) + 0.004 * rng.normal(size=(h, w))
     waves = 5 * np.sin(np.arange(h) / 9)[:, None] * np.cos(np.arange(w) / 7)
     return {
         "one": HeightField((waves + rng.normal(size=(h, w))).astype(dtype), (1.3, 0.8), missing),
@@ -154,8 +154,8 @@ def test_tilted_planes_with_ragged_holes_rest_and_what_is_held_keeps_its_bits(st
 
 
 def test_planes_seen_by_a_camera_rest_in_single_precision_too():
-    x, y = CAMERA.spread((40, 50))
-    depth = (2 / (1 + 0.5 * x[None] - 0.3 * y[:, None])).astype(np.float32)
+    x, y = np.moveaxis(CAMERA.rays((40, 50)), 2, 0)[:2]
+    depth = (2 / (1 + 0.5 * x - 0.3 * y)).astype(np.float32)
     moved = run(RangeImage(depth, CAMERA), 20, 0.1)[0]
     assert np.abs(moved - depth).max() < 1e-5 * depth.max()
 

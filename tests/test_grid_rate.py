@@ -30,8 +30,8 @@ def scene(kind, seed=0):
     missing, fixed = rng.random((H, W)) < 0.06, rng.random((H, W)) < 0.05
     missing[4:8, 5:9] |= rng.random((4, 4)) < 0.7
     if kind == "range":
-        x, y = CAMERA.spread((H, W))
-        depth = 2 / (1 + 0.3 * x[None] - 0.2 * y[:, None]) + 0.01 * rng.normal(size=(H, W))
+        x, y = np.moveaxis(CAMERA.rays((H, W)), 2, 0)[:2]
+        depth = 2 / (1 + 0.3 * x - 0.2 * y) + 0.01 * rng.normal(size=(H, W))
         depth[7:, :5] += 1  # a jump, across which no triangle reaches
         return RangeImage(depth, CAMERA, missing, fixed), 1.0
     if kind in ("one", "rows"):

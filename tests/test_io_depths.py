@@ -184,5 +184,5 @@ def test_a_json_that_is_no_camera_is_refused_with_an_example(tmp_path, words, ex
 def test_a_camera_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(FormatError, match=r"nowhere\.json cannot be read .*No such file"):
         camera_for(tmp_path / "nowhere.json", (6, 8), "a.png")
-    with pytest.raises(InputError, match="a Pinhole or the path of a JSON file expected, got dict"):
+    with pytest.raises(InputError, match="a name or the path of a file expected, got dict"):
         camera_for(PLAIN, (6, 8), "a.png")

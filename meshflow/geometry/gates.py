@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from meshflow.errors import InputError
 
 Array = NDArray[Any]
+Spacing = tuple[Array | float, float]
 
-__all__ = ["Array", "mask_of", "number", "positive", "real", "samples", "whole"]
+__all__ = ["Array", "Spacing", "mask_of", "number", "positive", "real", "samples", "spacing_of", "whole"]
 
 
 def real(values: ArrayLike, name: str) -> Array:
@@ -118,3 +119,22 @@ def whole(value: Any, name: str, least: int) -> int:
     if found != value or found < least:
         raise InputError(f"{name}: a whole number, {least} or more, expected, got {value!r}")
     return found
+
+
+def spacing_of(spacing: Any, rows: int) -> Spacing:
+    """(dx, dy) with dx a number or one per row; a single number is both.
+
+    :raises InputError: otherwise.
+    """
+    pair = spacing if isinstance(spacing, (tuple, list)) else (spacing, spacing)
+    if len(pair) != 2:
+        raise InputError(f"spacing: one number or a pair (dx, dy) expected, got {spacing!r}")
+    dy = positive(pair[1], "spacing dy")
+    if np.ndim(pair[0]) == 0:
+        return positive(pair[0], "spacing dx"), dy
+    widths = np.asarray(pair[0], dtype=np.float64)
+    if widths.shape != (rows,) or not (np.isfinite(widths).all() and (widths > 0).all()):
+        raise InputError(
+            f"spacing dx: a positive number or {rows} of them, one per row, expected; got shape {widths.shape}"
+        )
+    return widths, dy

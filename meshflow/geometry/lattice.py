@@ -6,13 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array
+from meshflow.geometry.gates import Array, Spacing
 from meshflow.geometry.surface import Axes, Boundary, Rays, Surface
 from meshflow.geometry.triangulate import Diagonals, charts_of_rows, grid_sheets, triangles_there, triangulations
 
-__all__ = ["Fibres", "Lattice", "Spacing"]
-
-Spacing = tuple[Array | float, float]
+__all__ = ["Fibres", "Lattice", "Spacing", "held", "lowered"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +19,22 @@ class Fibres:
 
     :param origins: the three coordinates of o, each an array that broadcasts to (h, w): (h or 1, w or 1).
     :param directions: the three coordinates of d, likewise; none of length zero where a sample may move.
-    :param pixel: angle of a pixel: time is counted in footprints (pixel u)^2 at the start; None: in squared length.
+    :param footprint: width of each sample's pixel on the surface at the start, zero where missing, of a shape that broadcasts
+        to (h, w): time is counted in its squares; None: in squared length.
     """
 
     origins: tuple[Array, Array, Array]
     directions: tuple[Array, Array, Array]
-    pixel: float | None = None
+    footprint: Array | None = None
+
+    @property
+    def pace(self) -> Array | None:
+        """Factor of time of each sample, squared footprints."""
+        return None if self.footprint is None else self.footprint**2
+
+    def at(self, u: Array) -> Array:
+        """Points (h, w, 3) at u (h, w)."""
+        return np.stack([o + u * d for o, d in zip(self.origins, self.directions, strict=True)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,5 +119,22 @@ class Lattice:
             for parts in (fibres.origins, fibres.directions)
         )
         rays = Rays(origins, directions, u[:, 0])
-        pace = None if fibres.pixel is None else (u[:, 0] * fibres.pixel) ** 2
+        pace = None if fibres.pace is None else np.broadcast_to(fibres.pace, self.shape).ravel().astype(np.float64)
         return replace(flat, points=rays.at(u), free=rays, pace=pace)
+
+
+def lowered(values: Array, start: Array, u: Array, contrast: float, missing: Array) -> Array:
+    """Values plus what moved; a sample that did not move, or is missing, keeps its bits."""
+    change = ((u - start) / contrast).reshape(values.shape)
+    gone = missing if values.ndim == missing.ndim else missing[..., None]
+    moved = np.add(values, change, where=~gone, out=values.astype(np.float64, copy=True))
+    return moved.astype(values.dtype)
+
+
+def held(values: Array, moved: Array, missing: Array) -> Array:
+    """Moved values in the number type of those that came; missing samples keep their bits. Nothing is copied that need not be."""
+    moved = moved.astype(values.dtype, copy=False)
+    if not missing.any():
+        return moved
+    gone = missing if values.ndim == missing.ndim else missing[..., None]
+    return np.where(gone, values, moved)

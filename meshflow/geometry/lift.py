@@ -1,21 +1,22 @@
 """The nouns: height field, image, range image, mesh. Each is lifted to a Surface, and lowered back to itself."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.gates import Array, mask_of, positive, real, samples
-from meshflow.geometry.lattice import Fibres, Lattice, Spacing
+from meshflow.geometry.camera import Camera, Measure
+from meshflow.geometry.gates import Array, Spacing, mask_of, positive, real, samples, spacing_of
+from meshflow.geometry.lattice import Fibres, Lattice, held, lowered
 from meshflow.geometry.surface import Axes, Boundary, Surface
 from meshflow.geometry.triangulate import Diagonals
 
-__all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "RangeImage", "data_of"]
+__all__ = ["HeightField", "Image", "Lift", "Mesh", "Noun", "Pace", "RangeImage", "data_of"]
 
 Moves = Literal["points", "channels", "all"]
+Pace = Literal["footprint", "length"]
 
 
 @dataclass(frozen=True)
@@ -54,39 +55,6 @@ def _where(mask: Array | None) -> Array:
     return mask
 
 
-def _spacing(spacing: Any, rows: int) -> Spacing:
-    """(dx, dy) with dx a number or one per row; a single number is both."""
-    pair = spacing if isinstance(spacing, (tuple, list)) else (spacing, spacing)
-    if len(pair) != 2:
-        raise InputError(f"spacing: one number or a pair (dx, dy) expected, got {spacing!r}")
-    dy = positive(pair[1], "spacing dy")
-    if np.ndim(pair[0]) == 0:
-        return positive(pair[0], "spacing dx"), dy
-    widths = np.asarray(pair[0], dtype=np.float64)
-    if widths.shape != (rows,) or not (np.isfinite(widths).all() and (widths > 0).all()):
-        raise InputError(
-            f"spacing dx: a positive number or {rows} of them, one per row, expected; got shape {widths.shape}"
-        )
-    return widths, dy
-
-
-def _lowered(values: Array, start: Array, u: Array, contrast: float, missing: Array) -> Array:
-    """Values plus what moved; a sample that did not move, or is missing, keeps its bits."""
-    change = ((u - start) / contrast).reshape(values.shape)
-    gone = missing if values.ndim == missing.ndim else missing[..., None]
-    moved = np.add(values, change, where=~gone, out=values.astype(np.float64, copy=True))
-    return moved.astype(values.dtype)
-
-
-def _held(values: Array, moved: Array, missing: Array) -> Array:
-    """Moved values in the number type of those that came; missing samples keep their bits. Nothing is copied that need not be."""
-    moved = moved.astype(values.dtype, copy=False)
-    if not missing.any():
-        return moved
-    gone = missing if values.ndim == missing.ndim else missing[..., None]
-    return np.where(gone, values, moved)
-
-
 @dataclass(frozen=True, eq=False)
 class HeightField(_Grid):
     """Elevations on a grid; z alone is free.
@@ -111,7 +79,7 @@ class HeightField(_Grid):
         object.__setattr__(self, "z", z)
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, z.shape, "fixed"))
-        object.__setattr__(self, "spacing", _spacing(self.spacing, z.shape[0]))
+        object.__setattr__(self, "spacing", spacing_of(self.spacing, z.shape[0]))
 
     @property
     def step(self) -> float:
@@ -124,7 +92,7 @@ class HeightField(_Grid):
 
     def holding(self, planes: Array) -> "HeightField":
         """A copy whose elevations are planes (1, h, w); missing ones keep their bits."""
-        return replace(self, z=_held(self.z, planes[0], _where(self.missing)))
+        return replace(self, z=held(self.z, planes[0], _where(self.missing)))
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast z), of h * w vertices; missing ones have no triangle."""
@@ -134,7 +102,7 @@ class HeightField(_Grid):
         """A copy whose elevations are u (h * w, 1) over the contrast."""
         missing = _where(self.missing)
         start = np.where(missing, 0.0, self.z * np.float64(lift.contrast)).reshape(-1, 1)
-        return replace(self, z=_lowered(self.z, start, u, lift.contrast, missing))
+        return replace(self, z=lowered(self.z, start, u, lift.contrast, missing))
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +126,7 @@ class Image(_Grid):
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, missing.shape, "fixed"))
-        object.__setattr__(self, "spacing", _spacing(self.spacing, missing.shape[0]))
+        object.__setattr__(self, "spacing", spacing_of(self.spacing, missing.shape[0]))
 
     @property
     def step(self) -> float:
@@ -173,7 +141,7 @@ class Image(_Grid):
     def holding(self, planes: Array) -> "Image":
         """A copy whose channels are planes (k, h, w); missing samples keep their bits."""
         values = planes[0] if self.values.ndim == 2 else np.ascontiguousarray(np.moveaxis(planes, 0, 2))
-        return replace(self, values=_held(self.values, values, _where(self.missing)))
+        return replace(self, values=held(self.values, values, _where(self.missing)))
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast c1, ..., contrast ck), of h * w vertices."""
@@ -184,47 +152,65 @@ class Image(_Grid):
         missing = _where(self.missing)
         start = self.values.reshape(missing.size, -1) * np.float64(lift.contrast)
         start[missing.ravel()] = 0.0
-        return replace(self, values=_lowered(self.values, start, u, lift.contrast, missing))
+        return replace(self, values=lowered(self.values, start, u, lift.contrast, missing))
 
 
 @dataclass(frozen=True, eq=False)
 class RangeImage:
     """Depths seen by a camera; each point may move along the ray of its pixel.
 
-    Time is counted in pixel footprints: the motion of a vertex is multiplied by h_i squared, h_i = z_i / f the width of its
-    pixel on the surface at the start, so that near and far are smoothed over the same number of pixels.
+    Time is counted in pixel footprints, if nothing else is said: the motion of a vertex is multiplied by h_i squared, h_i the
+    width of its pixel on the surface at the start (z_i / f of a pinhole), so that near and far are smoothed over the same
+    number of pixels.
 
-    :param depth: (h, w), along the optical axis, in the unit that the result shall have (metres); 0, NaN, infinite and masked
-        samples are missing.
-    :param camera: the :class:`Pinhole` that saw it.
+    :param depth: (h, w), in the unit that the result shall have (metres); 0, NaN, infinite and masked samples are missing.
+        (Of a scanner of which each sample has an origin of its own, 0 and what is below it are samples: :class:`Scanner`.)
+    :param camera: what saw it: :class:`Pinhole`, :class:`Orthographic`, :class:`Spherical` or :class:`Scanner`.
     :param missing: (h, w), further samples that are missing.
     :param fixed: (h, w), samples that stay.
     :param jump: a triangle is left out where depths differ by more than this share of the nearest: what is behind does not
-        touch what is before it. None: no triangle is left out.
-    :raises InputError: for negative depths, fewer than 2 x 2 samples, or nothing but missing ones.
+        touch what is before it. None: no triangle is left out. (None where each sample has an origin of its own: a share of
+        what may be zero means nothing.)
+    :param measure: what the depths are, ``depth`` along the optical axis or ``range`` along the ray; by default what suits the
+        camera.
+    :param pace: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``.
+    :raises InputError: for a camera that cannot have seen it, negative depths, fewer than 2 x 2 samples, or
+        nothing but missing ones.
     """
 
     depth: Array
-    camera: Pinhole
+    camera: Camera
     missing: Array | None = None
     fixed: Array | None = None
     jump: float | None = 0.05
+    measure: Measure | None = None
+    pace: Pace = "footprint"
     boundary: Boundary = field(default="linear", init=False)
-    step: float = field(default=1.0, init=False)
 
     def __post_init__(self) -> None:
         depth, missing = samples(self.depth, self.missing, (2,), "range image")
-        missing = missing | (depth == 0)
+        if not isinstance(self.camera, Camera):
+            raise InputError(
+                f"camera: a Pinhole, Orthographic, Spherical or Scanner expected, got {type(self.camera).__name__}; "
+                "meshflow.read_camera reads one from a file"
+            )
+        if not self.camera.signed:
+            missing = missing | (depth == 0)
         if missing.all():
             raise InputError(
                 f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth"
             )
-        if (depth[~missing] < 0).any():
+        if not self.camera.signed and (depth[~missing] < 0).any():
             raise InputError(
                 f"range image: depths above zero expected, got {depth[~missing].min()}; 0 or NaN mark what is missing"
             )
         if self.jump is not None:
             positive(self.jump, "jump")
+        if self.pace not in ("footprint", "length"):
+            raise InputError(f"pace: footprint or length expected, got {self.pace!r}")
+        measure = self.measure or self.camera.usual
+        self.camera.check((depth.shape[0], depth.shape[1]), measure, missing)
+        object.__setattr__(self, "measure", measure)
         object.__setattr__(self, "depth", depth)
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, depth.shape, "fixed"))
@@ -239,9 +225,6 @@ class RangeImage:
                 f"contrast: for range images only 1 has a meaning (a factor on all depths scales the scene), "
                 f"got {lift.contrast}; use gamma to keep edges"
             )
-        still = np.zeros((1, 1))
-        x, y = self.camera.spread(self.depth.shape)
-        fibres = Fibres((still, still, still), (x[None, :], y[:, None], still + 1.0), self.camera.pixel)
         boundary = lift.boundary or self.boundary
         return Lattice(
             self.depth[None],
@@ -249,16 +232,40 @@ class RangeImage:
             _where(self.fixed),
             diagonals=lift.diagonals,
             boundary=boundary,
-            fibres=fibres,
-            jump=self.jump,
+            fibres=replace(self._fibres, footprint=self._footprint if self.pace == "footprint" else None),
+            jump=None if self.camera.signed else self.jump,
         )
+
+    @property
+    def step(self) -> float:
+        """h: 1 where time is counted in pixel footprints, else their median, a length."""
+        if self.pace == "footprint":
+            return 1.0
+        return float(np.median(self._footprint[~_where(self.missing)]))
+
+    @property
+    def cloud(self) -> Array:
+        """The points (h, w, 3) that were seen, NaN where missing."""
+        return np.where(_where(self.missing)[..., None], np.nan, self._fibres.at(self.depth.astype(np.float64)))
+
+    @property
+    def _fibres(self) -> Fibres:
+        assert self.measure is not None
+        return self.camera.fibres((self.depth.shape[0], self.depth.shape[1]), self.measure)
+
+    @property
+    def _footprint(self) -> Array:
+        """(h, w), in double precision, zero where missing."""
+        assert self.measure is not None
+        there = np.where(_where(self.missing), np.nan, self.depth).astype(np.float64)
+        return np.nan_to_num(self.camera.footprint(there, self.measure), nan=0.0)
 
     def holding(self, planes: Array) -> "RangeImage":
         """A copy whose depths are planes (1, h, w); missing ones keep their bits."""
-        return replace(self, depth=_held(self.depth, planes[0], _where(self.missing)))
+        return replace(self, depth=held(self.depth, planes[0], _where(self.missing)))
 
     def lifted(self, lift: Lift) -> Surface:
-        """The surface of points z (x', y', 1), each free along its ray.
+        """The surface of the points that were seen, each free along its ray.
 
         :raises InputError: for a contrast other than 1.
         """
@@ -268,7 +275,7 @@ class RangeImage:
         """A copy whose depths are u (h * w, 1)."""
         missing = _where(self.missing)
         start = np.where(missing, 0.0, self.depth).astype(np.float64).reshape(-1, 1)
-        return replace(self, depth=_lowered(self.depth, start, u, lift.contrast, missing))
+        return replace(self, depth=lowered(self.depth, start, u, lift.contrast, missing))
 
 
 @dataclass(frozen=True, eq=False)

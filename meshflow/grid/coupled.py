@@ -344,11 +344,10 @@ def straight(small, thirds, mass, part, whole):
 
 
 @njit(**FORMULA)
-def paced(pixel, begin, inverse):
+def paced(pace, inverse):
     """Times the squared footprint of each pixel, in place."""
     for j in range(len(inverse)):
-        footprint = pixel * begin[j]
-        inverse[j] *= footprint * footprint
+        inverse[j] *= pace[j]
 
 
 @njit(**FORMULA)

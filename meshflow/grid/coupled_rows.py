@@ -325,14 +325,14 @@ def _places(side, lower):
 
 
 @njit(**ROW)
-def inverted(kinds, exponents, mass, ray, begin, r, inverse):
+def inverted(kinds, exponents, mass, ray, pace, r, inverse):
     """s / M |d|^2 of a row of samples, from s."""
     coupled.over_mass(type(exponents[0])(3 if kinds[2] == RING else 1), mass, inverse)
     if kinds[4] == 1:
         i, j = EDGE, EDGE + len(inverse)
         coupled.shortened(ray[0, i:j], ray[1, i:j], ray[2, i:j], inverse)
-    if len(begin) > 0:
-        coupled.paced(exponents[4], begin[r], inverse)
+    if len(pace) > 0:
+        coupled.paced(pace[r], inverse)
 
 
 @njit(**ROW)
@@ -352,10 +352,10 @@ def bounded(w, kind, weights, thirds, bounds):
 
 
 @njit(**ROW)
-def hurried(pixel, begin, r, speed, to):
+def hurried(pace, r, speed, to):
     """The factor of time of a row of samples: s, times the squared footprint where time is counted in those."""
     for j in range(len(to)):
-        to[j] = speed[j] * (pixel * begin[r, j]) ** 2 if len(begin) > 0 else speed[j]
+        to[j] = speed[j] * pace[r, j] if len(pace) > 0 else speed[j]
 
 
 @njit(**ROW)

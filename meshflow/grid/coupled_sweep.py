@@ -19,15 +19,15 @@ _OPTIONS: Any = ROW  # numba declares them as a dictionary of its own
 
 
 @njit(**SWEEP)
-def coupled_swept(rows, sheets, u, out, mix, fixed, lines, begin, kinds, exponents, taps, edges, inverses):
+def coupled_swept(rows, sheets, u, out, mix, fixed, lines, pace, kinds, exponents, taps, edges, inverses):
     """One step of the samples in a band, as :func:`meshflow.grid.sweep.swept`, of k channels or along fibres.
 
     :param out: as u, or of no size where the weights shall be kept instead.
     :param lines: origins and directions of :class:`meshflow.geometry.lattice.Fibres`, two triples.
-    :param begin: (h, w), where the samples began along their fibres, for their pace; of no size where there is none.
+    :param pace: (h, w), factors of time, squared pixel footprints; of no size where there are none.
     :param kinds: 1 where the sharpness is not 1; four times gamma as :func:`stencil.power` takes it; the kind of mass; 1 for the
         projection indicator; 1 for fibres; 1 where triangles are missing.
-    :param exponents: sharpness, gamma, floor, alpha^2, angle of a pixel, and the length below which a pull is rounding.
+    :param exponents: sharpness, gamma, floor, alpha^2, and the length below which a pull is rounding.
     :param taps: the Gaussian of the patches, from its middle outwards; of two dimensions and no
         size where lengths are those of single samples.
     :param edges: (4, h, w), zeros, where the weights of the edges to the right and downwards are kept, and those of the forward
@@ -54,7 +54,7 @@ def coupled_swept(rows, sheets, u, out, mix, fixed, lines, begin, kinds, exponen
         if r >= rows[0]:
             along(kinds[4], w, here, sights[0])
             sped(k, kinds, exponents, fixed[0], r, counts, here, inverse)
-            work.inverted(kinds, exponents, here[k + MASS, :w], sights[0], begin, r, inverse)
+            work.inverted(kinds, exponents, here[k + MASS, :w], sights[0], pace, r, inverse)
             if out.size == 0:
                 work.kept(sheets, joints, r, edges)
                 inverses[r] = inverse
@@ -65,7 +65,7 @@ def coupled_swept(rows, sheets, u, out, mix, fixed, lines, begin, kinds, exponen
 
 
 @njit(**SWEEP)
-def coupled_measured(rows, sheets, u, fixed, lines, begin, kinds, exponents, taps):
+def coupled_measured(rows, sheets, u, fixed, lines, pace, kinds, exponents, taps):
     """The surface measured: parameters as of :func:`coupled_swept`.
 
     :returns: the area of the cells that begin in the band, and the greatest bound of their triangles times the factor of time
@@ -95,7 +95,7 @@ def coupled_measured(rows, sheets, u, fixed, lines, begin, kinds, exponents, tap
                 counts[0], counts[1], counts[2] = counts[3], counts[4], 0
         along(kinds[4], w, here, sights[0])
         sped(k, kinds, exponents, fixed[0], r, counts, here, speed)
-        work.hurried(exponents[4], begin, r, speed, speeds[r % 2])
+        work.hurried(pace, r, speed, speeds[r % 2])
         if r > rows[0]:
             for side in range(sheets[0], sheets[1]):
                 part = bounds[1 - r % 2, 2 * side : 2 * side + 2]

@@ -107,5 +107,5 @@ def sped(k, kinds, exponents, geometry, r, counts, here, inverse):
             else:
                 coupled.summed(False, exponents[3], here[q, :w], free2)
         coupled.projected(free2, part, whole)
-    coupled.straight(exponents[5], type(gamma)(3 if kinds[2] == RING else 1), here[k + MASS, :w], part, whole)
+    coupled.straight(exponents[4], type(gamma)(3 if kinds[2] == RING else 1), here[k + MASS, :w], part, whole)
     sped_row(kinds[1], gamma, exponents[2], part, whole, inverse)

@@ -237,7 +237,7 @@ class GridFlow:
         if fibres is None:
             return none, none
         made = tuple(
-            tuple(np.ascontiguousarray(part, dtype=self.dtype) for part in parts)
+            tuple(np.array(part, dtype=self.dtype, order="C") for part in parts)  # all writeable: one type for numba
             for parts in (fibres.origins, fibres.directions)
         )
         return made[0], made[1]
@@ -283,19 +283,20 @@ class GridFlow:
 
     @cached_property
     def _coupled(self) -> tuple[Any, ...]:
-        """What the sweeps of several coordinates ask beside: lines, where they began, kinds and exponents."""
+        """What the sweeps of several coordinates ask beside: lines, factors of time, kinds and exponents."""
         m, lattice, number = self.member, self.lattice, self.dtype.type
         fibres = lattice.fibres
-        pixel = 0.0 if fibres is None or fibres.pixel is None else fibres.pixel
-        begin = (np.empty((0, 0), self.dtype) if pixel == 0.0 else self._begin[0]).view()
-        begin.flags.writeable = False
+        pace = (
+            np.empty((0, 0)) if fibres is None or fibres.pace is None else np.broadcast_to(fibres.pace, lattice.shape)
+        )
+        pace = np.ascontiguousarray(pace, dtype=self.dtype)
         scale, small = (lattice.contrast / self._unit) ** 2, 1e-9 if self.dtype == np.float64 else 1e-5
         sharp, projection, spatial = m.sharpness != 1.0, m.indicator == "projection", fibres is not None
         gaps = int(lattice.there is not None)
         kinds = (int(sharp), _quarters(m.gamma), mass_kind(m.mass), int(projection), int(spatial), gaps)
-        exponents = tuple(number(x) for x in (m.sharpness, m.gamma, m.floor, scale, pixel, small))
+        exponents = tuple(number(x) for x in (m.sharpness, m.gamma, m.floor, scale, small))
         taps = np.empty((0, 0), self.dtype) if m.patch == 0 else m.taps.astype(self.dtype)
-        return self._lines, begin, kinds, exponents, taps
+        return self._lines, pace, kinds, exponents, taps
 
     def _worked(self, work: Any) -> list[Any]:
         return worked(work, bands(self.shape[1], self.shape[2]), self.threads)

@@ -10,14 +10,15 @@ from zipfile import BadZipFile
 import numpy as np
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.camera import Camera, Measure
 from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, Pace, RangeImage
 from meshflow.io.adopt import Adopted
 from meshflow.io.bands import Frame
-from meshflow.io.cameras import camera_for
+from meshflow.io.cameras import calibration_for, camera_for
 from meshflow.io.files import Document, Kind
 from meshflow.io.hints import belong, must_be_mesh
+from meshflow.io.metres import in_metres
 from meshflow.io.replace import beside
 
 __all__ = ["adopt", "read", "write"]
@@ -45,19 +46,23 @@ def read(
     kind: Kind | None = None,
     spacing: Any = None,
     nodata: float | None = None,
-    camera: Pinhole | str | Path | None = None,
+    camera: Camera | str | Path | None = None,
     jump: float | None = None,
+    measure: Measure | None = None,
+    pace: Pace | None = None,
+    depth_scale: float | None = None,
 ) -> Document:
-    """Read an array: (h, w) is a terrain, (h, w, k) an image, with a camera (h, w) are depths in metres.
+    """Read an array: (h, w) is a terrain, (h, w, k) an image, with a camera (h, w) are depths, whole numbers as in a PNG.
 
     An ``.npz`` holds one array, or one of the name z, values, depth or data; or ``points`` and ``faces``: a mesh.
 
     :param nodata: a value that marks missing samples, as NaN always does.
+    :param depth_scale: units per metre of depths, as of :func:`meshflow.io.depths.read`.
     :raises FormatError: for a file that numpy cannot read, Python objects, or several arrays of other names.
     :raises InputError: for an array that is no noun, or an option that does not belong to it.
     """
-    arrays = _load(path)
-    hints = {"spacing": spacing, "camera": camera, "jump": jump}
+    arrays, notes = _load(path), ()
+    hints = {"spacing": spacing, "camera": camera, "jump": jump, "measure": measure, "pace": pace}
     if {"points", "faces"} <= arrays.keys() and kind in (None, "mesh"):
         thing: Any = (arrays.pop("points"), arrays.pop("faces"))
         hints["channels"] = arrays.get("channels")
@@ -69,9 +74,18 @@ def read(
         if nodata is not None:
             marked = thing == nodata
             hints["missing"] = marked if marked.ndim == 2 else marked.any(axis=-1)
+        if camera is not None and kind in (None, "depth") and thing.ndim == 2 and thing.dtype.kind in "fiu":
+            calibration = calibration_for(camera, thing.shape, path.name)
+            found = in_metres(thing, calibration, depth_scale, path.name)
+            thing, notes = found.depth, found.notes
+            hints["missing"], hints["camera"] = found.missing | hints.get("missing", False), calibration.camera
+        elif depth_scale is not None:
+            raise InputError(
+                f"{path.name}: depth_scale {depth_scale} belongs to depths (h, w) with a camera; leave it out"
+            )
     noun = adopt(thing, kind=kind, **{name: hint for name, hint in hints.items() if hint is not None}).noun
     kinds: dict[type, Kind] = {HeightField: "terrain", Image: "image", RangeImage: "depth", Mesh: "mesh"}
-    return Document(noun, kinds[type(noun)], path, about, "arrays")
+    return Document(noun, kinds[type(noun)], path, about, "arrays", notes)
 
 
 def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[str, ...]:
@@ -111,8 +125,8 @@ def adopt(thing: Any, **hints: Any) -> Adopted:
     order, masked with the same mask if a masked one came in, of floating point: integers come out as float32 or float64, since
     rounding would undo the smoothing. Of a mesh, ``(points, faces)`` is restored, with ``channels`` behind if they came in.
 
-    :param hints: ``kind``; ``spacing``, ``missing``, ``fixed`` of grids; ``camera``, ``missing``, ``fixed``, ``jump`` of depths;
-        ``channels``, ``moves``, ``fixed`` of meshes.
+    :param hints: ``kind``; ``spacing``, ``missing``, ``fixed`` of grids; ``camera``, ``missing``, ``fixed``, ``jump``,
+        ``measure``, ``pace`` of depths; ``channels``, ``moves``, ``fixed`` of meshes.
     :raises InputError: for anything else, or a hint that does not belong.
     """
     if isinstance(thing, (str, PathLike)):
@@ -152,10 +166,19 @@ def _image(
 
 
 def _depths(
-    depth: Array, *, camera: Any = None, missing: Any = None, fixed: Any = None, jump: Any = 0.05, **other: object
+    depth: Array,
+    *,
+    camera: Any = None,
+    missing: Any = None,
+    fixed: Any = None,
+    jump: Any = 0.05,
+    measure: Any = None,
+    pace: Any = "footprint",
+    **other: object,
 ) -> RangeImage:
-    belong(other, "an array of depths", ("camera", "missing", "fixed", "jump"))
-    return RangeImage(depth, camera_for(camera, depth.shape[:2], "the array"), missing, fixed, jump)
+    belong(other, "an array of depths", ("camera", "missing", "fixed", "jump", "measure", "pace"))
+    seen_by = camera_for(camera, depth.shape[:2], "the array")
+    return RangeImage(depth, seen_by, missing, fixed, jump, measure, pace)
 
 
 _MAKERS: dict[str, Callable[..., Noun]] = {"terrain": _terrain, "image": _image, "depth": _depths}
@@ -197,7 +220,8 @@ def _marked(document: Document) -> Array:
     values = np.array(_values(document.noun))
     if not isinstance(document.about, Stored):
         assert not isinstance(document.noun, Mesh)
-        values[document.noun.missing] = 0.0 if document.kind == "depth" else np.nan
+        zero = isinstance(document.noun, RangeImage) and not document.noun.camera.signed
+        values[document.noun.missing] = 0.0 if zero else np.nan
     return values
 
 

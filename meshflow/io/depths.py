@@ -7,16 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.camera import Camera, Measure
 from meshflow.geometry.gates import Array, positive
-from meshflow.geometry.lift import RangeImage
+from meshflow.geometry.lift import Pace, RangeImage
 from meshflow.io.bands import Frame, load, merged, save
-from meshflow.io.cameras import camera_for
+from meshflow.io.cameras import calibration_for
 from meshflow.io.files import Document, Kind
+from meshflow.io.metres import LARGEST, default_units, in_metres
 
 __all__ = ["read", "write"]
-
-_LARGEST = 65535  # missing, as 0 is: some cameras write the one, some the other
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,23 +38,34 @@ def read(
     path: Path,
     *,
     kind: Kind | None = None,
-    camera: Pinhole | str | Path | None = None,
+    camera: Camera | str | Path | None = None,
     depth_scale: float | None = None,
+    measure: Measure | None = None,
+    pace: Pace = "footprint",
     jump: float | None = 0.05,
 ) -> Document:
-    """Read a depth image: depths along the optical axis, in metres.
+    """Read a depth image, in metres.
 
     0 is missing, and in whole numbers 65535 too.
 
-    :param camera: a :class:`Pinhole`, or the path of its JSON (see :func:`meshflow.io.cameras.camera_for`).
-    :param depth_scale: units per metre; by default 1000 for whole numbers (millimetres) and 1 for floating point.
+    :param camera: a :class:`Pinhole` or another one, the name of a convention, or the path of a file: what
+        :func:`meshflow.io.cameras.read_camera` reads.
+    :param depth_scale: units per metre; by default what the camera says, 1000 for other whole numbers (millimetres), and 1 for
+        floating point.
+    :param measure: ``depth`` along the optical axis or ``range`` along the ray; by default what suits the camera.
+    :param pace: as of :class:`RangeImage`.
     :param jump: no triangle where depths differ by more than this share of the nearest; None: no limit.
-    :raises FormatError: when the file cannot be read, or holds no depths of 16 bit or floating point.
+    :raises FormatError: when the file cannot be read, or holds no depths of 16 bit or floating point, or turned ones.
     :raises InputError: without a camera, or with one of an image of another size.
     """
     if kind not in (None, "depth"):
         raise InputError(
             f"{path.name}: a depth image expected, got kind={kind!r}; leave the camera out to read something else"
+        )
+    if path.suffix.lower() == ".exr":
+        raise FormatError(
+            f"{path.name}: OpenEXR is read by nothing that comes with meshflow; convert it: oiiotool {path.name} --ch Z "
+            "-o depth.tif, or numpy.save what your own reader gives, as .npy"
         )
     values, frame = load(path)
     if len(values) != 1 or frame.palette is not None or frame.dtype not in ("uint16", "int16", "float32", "float64"):
@@ -63,16 +73,14 @@ def read(
             f"{path.name}: one band of 16 bit or floating point expected in a depth image, got {len(values)} of "
             f"{frame.dtype}; a picture in 8 bit or colour shows depths, it does not hold them"
         )
-    pinhole = camera_for(camera, values.shape[1:], path.name)
+    calibration = calibration_for(camera, values.shape[1:], path.name)
     whole = not frame.dtype.startswith("float")
-    scale = positive(_scale(whole) if depth_scale is None else depth_scale, "depth_scale", "units per metre")
-    missing = frame.gone[0] | (values[0] == 0)
-    if whole:
-        missing |= values[0] == _LARGEST
-    depth = (values[0] / scale).astype(values.dtype)
-    noun = RangeImage(depth, pinhole, missing, jump=jump)
-    notes = () if scale == 1.0 else (f"depths of {scale:g} units per metre are taken, and told, in metres",)
-    return Document(noun, "depth", path, Depths(frame, scale, whole, values[0]), "depths", notes)
+    raw = values[0].astype(frame.dtype) if whole and not frame.scaled else values[0]
+    found = in_metres(raw, calibration, depth_scale, path.name)
+    noun = RangeImage(
+        found.depth, calibration.camera, found.missing | frame.gone[0], jump=jump, measure=measure, pace=pace
+    )
+    return Document(noun, "depth", path, Depths(frame, found.units, whole, values[0]), "depths", found.notes)
 
 
 def write(
@@ -83,25 +91,31 @@ def write(
     Missing samples come out as they came in, 0 or 65535 or NaN, or as 0 where the format is another.
 
     :param depth_scale: units per metre of the file; by default as it was read, 1000 in a PNG and 1 in a TIFF where it was not.
-    :returns: a note of what rounding costs, in millimetres, where that is half a millimetre or more.
-    :raises FormatError: when the file cannot be written.
+    :returns: notes of what rounding costs, in millimetres, where that is half a millimetre or more, or more than what was gained.
+    :raises FormatError: when the file cannot be written, or 0 would be a sample.
     """
     about = document.about if isinstance(document.about, Depths) else None
     values, frame = merged(about.frame if about else document.about, document.noun)
     assert isinstance(document.noun, RangeImage)
     assert document.noun.missing is not None
     missing = document.noun.missing
+    if document.noun.camera.signed:
+        raise FormatError(
+            f"{path.name}: values that count from a point of each sample's own may be 0, which a depth image keeps for what is "
+            "missing; write .ply or .npy"
+        )
     whole = path.suffix.lower() == ".png"
     same = about is not None and about.whole == whole
-    default = about.scale if about is not None and same else _scale(whole)
+    default = about.scale if about is not None and same else default_units(whole)
     scale = positive(default if depth_scale is None else depth_scale, "depth_scale", "units per metre")
     counts = values[0] * np.float64(scale)
     if whole:
         kept = about.raw if about is not None and same else 0
+        changed = None if about is None else (values[0] - about.raw / about.scale)[~missing] * scale
         counts = np.rint(np.where(missing, 1, counts))
-        samples = np.where(missing, kept, counts.clip(1, _LARGEST - 1)).astype(np.uint16)
+        samples = np.where(missing, kept, counts.clip(1, LARGEST - 1)).astype(np.uint16)
         save(samples[None], frame.bare(), path, driver="PNG", nodata=None, tags={})
-        return _cost(counts, scale)
+        return _cost(counts, scale, 0.0 if changed is None else float(np.sqrt(np.mean(np.square(changed)))))
     samples = np.where(missing, np.where(np.isnan(values[0]), np.nan, 0), counts).astype(values.dtype)
     save(
         samples[None],
@@ -117,15 +131,17 @@ def write(
     return ()
 
 
-def _scale(whole: bool) -> float:
-    return 1000.0 if whole else 1.0
-
-
-def _cost(counts: Array, scale: float) -> tuple[str, ...]:
+def _cost(counts: Array, scale: float, changed: float) -> tuple[str, ...]:
+    """What whole numbers cost; ``changed`` is the rms change since the file was read, in their steps."""
     notes: tuple[str, ...] = ()
+    if 1e-3 < changed < 1:
+        notes += (
+            f"depths changed by {changed * 1000 / scale:.3g} mm (rms), less than the steps of {1000 / scale:g} mm that they are "
+            "rounded to: much of what was gained is lost; write .tif, or give a larger depth_scale",
+        )
     if scale <= 1000:
         notes += (f"depths are rounded to {1000 / scale:g} mm, up to {500 / scale:g} mm off; .tif holds them exactly",)
-    outside = int(((counts < 1) | (counts >= _LARGEST)).sum())
+    outside = int(((counts < 1) | (counts >= LARGEST)).sum())
     if outside:
         notes += (
             f"{outside} depths do not fit into 16 bit at {scale:g} units per metre and were clipped; "

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.camera import Camera
 from meshflow.geometry.lift import Noun
 
 __all__ = ["Document", "Kind", "read", "writable", "write"]
@@ -45,7 +45,7 @@ class Document:
 
 
 def read(
-    path: str | Path, *, kind: Kind | None = None, camera: Pinhole | str | Path | None = None, **options: Any
+    path: str | Path, *, kind: Kind | None = None, camera: Camera | str | Path | None = None, **options: Any
 ) -> Document:
     """Read whatever the file holds.
 
@@ -53,8 +53,9 @@ def read(
     everything else as a raster that GDAL opens: one band is a terrain, several are an image.
 
     :param kind: ``terrain | image | depth | mesh``, where the guess would be wrong.
-    :param camera: of a depth image: a :class:`Pinhole` or the path of its JSON.
-    :param options: for the reader: ``band``, ``nodata``, ``spacing`` (rasters, arrays), ``depth_scale`` (units per metre).
+    :param camera: of a depth image: itself, the name of a convention or the path of its file (:func:`read_camera`).
+    :param options: for the reader: ``band``, ``nodata``, ``spacing`` (rasters, arrays), ``depth_scale`` (units per metre),
+        ``measure`` and ``pace`` (depths).
     :raises FormatError: when the file cannot be read; the message says why and what would be read.
     """
     path = Path(path)

@@ -39,8 +39,7 @@ def _of_grid(noun: HeightField | Image | RangeImage) -> dict[str, Any]:
         "type": str(array.dtype),
     }
     if isinstance(noun, RangeImage):
-        c = noun.camera
-        facts["camera"] = f"fx {c.fx:g}, fy {c.fy:g}, cx {c.cx:g}, cy {c.cy:g} pixels"
+        facts["camera"] = noun.camera.summary
     else:
         dx, dy = noun.spacing
         wide = f"{dx:.6g}" if np.ndim(dx) == 0 else f"{np.min(dx):.6g} to {np.max(dx):.6g} (per row)"

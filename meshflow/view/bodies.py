@@ -139,8 +139,7 @@ def _thinned(noun: HeightField | RangeImage, step: int) -> HeightField | RangeIm
         dx, dy = noun.spacing
         dx = dx * step if np.ndim(dx) == 0 else np.asarray(dx)[::step] * step
         return replace(noun, z=noun.z[every], spacing=(dx, dy * step), missing=missing, fixed=None)
-    c = noun.camera
-    camera = replace(c, fx=c.fx / step, fy=c.fy / step, cx=c.cx / step, cy=c.cy / step)
+    camera = noun.camera.thinned(step, noun.depth.shape)
     return replace(noun, depth=noun.depth[every], camera=camera, missing=missing, fixed=None)
 
 
