@@ -235,6 +235,13 @@ class GridFlow:
         return np.stack([np.broadcast_to(part, self.lattice.shape) for part in fibres.directions])
 
     @cached_property
+    def _pitch(self) -> tuple[Any, Any]:
+        """Of the fibres, in the number type of the planes."""
+        assert self.lattice.fibres is not None
+        across, down = self.lattice.fibres.pitch or (np.inf, np.inf)
+        return self.dtype.type(1.0 / across), self.dtype.type(1.0 / down)
+
+    @cached_property
     def _lines(self) -> tuple[Any, Any]:
         """Origins and directions of the fibres, each in its number of rows and columns."""
         fibres = self.lattice.fibres
@@ -271,7 +278,7 @@ class GridFlow:
         else:
             fixed = (self._geometry, *self._layout, self._held)
             found = self._worked(
-                (lambda rows: _RAYS_MEASURED(rows, sheets, planes, fixed, *self._coupled[:4], bounding))
+                (lambda rows: _RAYS_MEASURED(rows, sheets, planes, fixed, *self._coupled[:4], self._pitch, bounding))
                 if self._by_rays
                 else (lambda rows: coupled_measured(rows, sheets, planes, fixed, *self._coupled))
             )
@@ -281,7 +288,7 @@ class GridFlow:
         """A sweep that writes, or of one channel, where ``out`` has no size, measures."""
         asked = (sheets, u, out, mix, (self._geometry, *self._layout, self._held))
         if self._by_rays:
-            return self._worked(lambda rows: _RAYS(rows, *asked, *self._coupled[:4]))
+            return self._worked(lambda rows: _RAYS(rows, *asked, *self._coupled[:4], self._pitch))
         if not self._single:
             none: tuple[Any, ...] = (*self._coupled, np.empty((0, 0, 0), self.dtype), np.empty((0, 0), self.dtype))
             return self._worked(lambda rows: _COUPLED(rows, *asked, *none))

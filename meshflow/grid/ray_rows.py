@@ -3,7 +3,8 @@
 Only what acts along the lines leaves a triangle: with e, g its legs from its right angle P on the grid to Q and R, and
 n = e x g / |e x g|, the gradient of its area is g x n / 2 at Q, n x e / 2 at R, and minus their sum at P; each corner takes
 the part along the direction d of its own line. (e x g is the sum of squared minors, :mod:`meshflow.grid.coupled`, with no
-digits lost.) The area as a corner sees it along its line is |d . (e x g)| / 2 |d|.
+digits lost.) The area as a corner sees it along its line is |d . (e x g)| / 2 |d|. Through a pinhole on an even grid the same says itself shorter
+(:func:`facing`), which takes two fifths of the time.
 
 All rows (n,) are those of one row of cells, with corners P, Q, R, S as in :mod:`meshflow.grid.stencil`. Places and directions are
 triples of rows of samples: few rows, read at two places, so that LLVM can tell that none is written to.
@@ -17,7 +18,17 @@ from meshflow.geometry.triangle import FLAT
 from meshflow.grid.compiled import FORMULA
 from meshflow.grid.coupled import bordered
 
-__all__ = ["border_cells", "decays", "foremost", "lone", "over_rays", "ray_cells", "seen_cells"]
+__all__ = [
+    "border_cells",
+    "decays",
+    "foremost",
+    "lone",
+    "over_rays",
+    "pinhole_cells",
+    "pinhole_seen",
+    "ray_cells",
+    "seen_cells",
+]
 
 
 @njit(**FORMULA)
@@ -107,6 +118,66 @@ def seen_cells(side, points, rays, thirds, seen):
         at_q[j] = (abs(dot(e, n)) if above else none) + (abs(dot(e, m)) if below else none)
         at_r[j] = (abs(dot(f, n)) if above else none) + (abs(dot(f, m)) if below else none)
         at_s[j] = abs(dot(g, m)) if below else none
+
+
+@njit(**FORMULA)
+def facing(p, q, r, x, y, across, down, half):
+    """:func:`pulls_of` along the rays and |e x g|, of a triangle of depths p, q, r seen through a pinhole on an even grid.
+
+    Its points are u (x, y, 1). With a = (q - p) / X and b = (r - p) / Y, X and Y the signed differences of x along the row and of
+    y along the column, e x g = X Y (-a r, -b q, q r + x a r + y b q): no differences of points, so even less is lost.
+
+    :param x: of P, as ``y``.
+    :param across: 1 / X, and ``down`` 1 / Y; ``half`` |X Y| / 2.
+    """
+    a, b = (q - p) * across, (r - p) * down
+    m, n = a * r, b * q
+    k = q * r + x * m + y * n
+    length = math.sqrt(m * m + n * n + k * k)
+    over = half / length
+    k, m, n = k * over, (m + x * k) * over, (n + y * k) * over
+    return -(m * r * across + n * q * down), m * r * across + n * b + k * r, m * a + n * q * down + k * q, length
+
+
+@njit(**FORMULA)
+def pinhole_cells(side, coded, code, depths, x, heights, across, down, pulls, thirds):
+    """:func:`ray_cells` seen through a pinhole on an even grid, by :func:`facing`.
+
+    :param depths: rows (n + 1,) of samples, above and below the cells; ``x`` (n + 1,) of their rays, ``heights`` the y of both.
+    """
+    to_p, to_q, to_r, to_s = pulls
+    third, fourth = thirds
+    none, two = type(across)(0), type(across)(2)
+    across = -across if side == 1 else across
+    half = type(across)(1) / (two * abs(across * down))
+    part = half / type(across)(3)
+    top, bottom = depths
+    for j in range(len(third)):
+        p, q, r, s = top[j + side], top[j + 1 - side], bottom[j + side], bottom[j + 1 - side]
+        on_p, on_q, on_r, w = facing(p, q, r, x[j + side], heights[0], across, down, half)
+        on_s, and_r, and_q, v = facing(s, r, q, x[j + 1 - side], heights[1], -across, -down, half)
+        if coded:
+            above, below = code[j] & 1 != 0, code[j] & 16 != 0
+            on_p, on_q, on_r = (on_p if above else none), (on_q if above else none), (on_r if above else none)
+            on_s, and_r, and_q = (on_s if below else none), (and_r if below else none), (and_q if below else none)
+            w, v = (w if above else none), (v if below else none)
+        to_p[j], to_q[j], to_r[j], to_s[j] = on_p, on_q + and_q, on_r + and_r, on_s
+        third[j], fourth[j] = part * w, part * v
+
+
+@njit(**FORMULA)
+def pinhole_seen(side, depths, across, down, thirds, seen):
+    """:func:`seen_cells` seen through a pinhole on an even grid: d . (e x g) is X Y times the depths of the other two corners."""
+    at_p, at_q, at_r, at_s = seen
+    third, fourth = thirds
+    none, area = type(across)(0), type(across)(1) / abs(across * down)
+    top, bottom = depths
+    for j in range(len(third)):
+        p, q, r, s = top[j + side], top[j + 1 - side], bottom[j + side], bottom[j + 1 - side]
+        by, above, below = abs(q * r) * area, third[j] > none, fourth[j] > none
+        at_p[j], at_s[j] = (by if above else none), (by if below else none)
+        at_q[j] = (abs(p * r) * area if above else none) + (abs(s * r) * area if below else none)
+        at_r[j] = (abs(p * q) * area if above else none) + (abs(s * q) * area if below else none)
 
 
 @njit(**FORMULA)

@@ -18,10 +18,13 @@ LEAST = 1e-6
 
 
 @njit(**SWEEP)
-def rays_swept(rows, sheets, u, out, mix, fixed, lines, pace, kinds, exponents):
+def rays_swept(rows, sheets, u, out, mix, fixed, lines, pace, kinds, exponents, pitch):
     """One step of the samples in a band: parameters as of :func:`meshflow.grid.coupled_sweep.coupled_swept`.
 
     The mass is barycentric or the ring, the indicator ``metric``.
+
+    :param pitch: one over the differences of x along the rows and of y along the columns where lines are u (x, y, 1) on an even
+        grid; zeros where they are others.
     """
     h, w, start, held = u.shape[1], u.shape[2], max(rows[0] - 1, 0), fixed[3]
     points, rays, sums, buffers, inverse = _buffers(w, u.dtype)
@@ -32,7 +35,7 @@ def rays_swept(rows, sheets, u, out, mix, fixed, lines, pace, kinds, exponents):
         if r < h - 1:
             placed(u, r + 1, lines, 1, pair[1], sights[1])
             for side in range(sheets[0], sheets[1]):
-                _celled(kinds[1] != 0, side, _part(fixed, side, r), pair, sights, buffers)
+                _celled(kinds[1] != 0, side, pitch, _part(fixed, side, r), pair, sights, buffers)
                 _gathered(side == sheets[0], side, w, kinds[1] != 0, buffers, here, below)
         if r >= rows[0]:
             _sped(kinds, exponents, sights[0], pace, r, here, inverse)
@@ -41,7 +44,7 @@ def rays_swept(rows, sheets, u, out, mix, fixed, lines, pace, kinds, exponents):
 
 
 @njit(**SWEEP)
-def rays_measured(rows, sheets, u, fixed, lines, pace, kinds, exponents, bounding):
+def rays_measured(rows, sheets, u, fixed, lines, pace, kinds, exponents, pitch, bounding):
     """The surface measured: parameters as of :func:`rays_swept`.
 
     Where gamma >= 0 the indicator is at most 1, and is not asked for.
@@ -63,7 +66,7 @@ def rays_measured(rows, sheets, u, fixed, lines, pace, kinds, exponents, boundin
         for side in range(sheets[0], sheets[1] if r < h - 1 else sheets[0]):
             part = _part(fixed, side, r)
             if slowed or bounding == 0:
-                _celled(slowed, side, part, pair, sights, buffers)
+                _celled(slowed, side, pitch, part, pair, sights, buffers)
                 _gathered(side == sheets[0], side, w, slowed, buffers, here, below)
                 area += total(buffers[4:6], w) if bounding == 0 and r >= rows[0] else 0.0
             if bounding != 0:
@@ -106,7 +109,7 @@ def _corners(side, buffers, c, d):
 
 
 @njit(**ROW)
-def _celled(seeing, side, part, pair, sights, buffers):
+def _celled(seeing, side, pitch, part, pair, sights, buffers):
     """Pulls (rows 0 to 3 of ``buffers``), thirds (4, 5) and seen areas (6 to 9) of a row of cells."""
     runs, codes = part
     for run in range(len(runs)):
@@ -115,22 +118,32 @@ def _celled(seeing, side, part, pair, sights, buffers):
         if start == NONE:
             buffers[:, EDGE + c : EDGE + d] = 0
         elif side == 0:
-            _run(0, seeing, code, c, d, pair, sights, buffers)
+            _run(0, seeing, pitch, code, c, d, pair, sights, buffers)
         else:
-            _run(1, seeing, code, c, d, pair, sights, buffers)
+            _run(1, seeing, pitch, code, c, d, pair, sights, buffers)
 
 
 @njit(**FORMULA)
-def _run(side, seeing, code, c, d, pair, sights, buffers):
+def _run(side, seeing, pitch, code, c, d, pair, sights, buffers):
     points, rays, pulls = _samples(pair, c, d), _samples(sights, c, d), _corners(side, buffers, c, d)
-    thirds = buffers[4, EDGE + c : EDGE + d], buffers[5, EDGE + c : EDGE + d]
-    if len(code) > 0:
-        ray_rows.ray_cells(side, True, code, points, rays, pulls, thirds)
-        ray_rows.border_cells(side, code, points, rays, pulls)
+    thirds, seen = (buffers[4, EDGE + c : EDGE + d], buffers[5, EDGE + c : EDGE + d]), _corners(side, buffers[6:], c, d)
+    across, down = pitch
+    if across != 0:
+        depths, x, heights = (points[0][2], points[1][2]), rays[0][0], (rays[0][1][0], rays[1][1][0])
+        if len(code) > 0:
+            ray_rows.pinhole_cells(side, True, code, depths, x, heights, across, down, pulls, thirds)
+        else:
+            ray_rows.pinhole_cells(side, False, code, depths, x, heights, across, down, pulls, thirds)
+        if seeing:
+            ray_rows.pinhole_seen(side, depths, across, down, thirds, seen)
     else:
-        ray_rows.ray_cells(side, False, code, points, rays, pulls, thirds)
-    if seeing:
-        ray_rows.seen_cells(side, points, rays, thirds, _corners(side, buffers[6:], c, d))
+        if len(code) > 0:
+            ray_rows.ray_cells(side, True, code, points, rays, pulls, thirds)
+        else:
+            ray_rows.ray_cells(side, False, code, points, rays, pulls, thirds)
+        if seeing:
+            ray_rows.seen_cells(side, points, rays, thirds, seen)
+    ray_rows.border_cells(side, code, points, rays, pulls)
 
 
 @njit(**ROW)
