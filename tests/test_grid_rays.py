@@ -76,6 +76,7 @@ def test_the_bound_without_the_indicator_holds_and_is_tight(camera, noise, mass)
                 matrix = (system.matrix(1.0) - system.matrix(0.0)).toarray() / system.mass[:, None]
                 assert np.abs(np.linalg.eigvals(matrix)).max() <= bound * (1 + 1e-9)
             assert measured * (1 - 1e-9) <= bound
+            assert bound <= 1.5 * measured
             if gamma <= 0:
                 assert bound == pytest.approx(measured, rel=1e-9)
 

@@ -2,12 +2,13 @@
 
 Only what acts along the lines leaves a triangle: with e, g its legs from its right angle P on the grid to Q and R, and
 n = e x g / |e x g|, the gradient of its area is g x n / 2 at Q, n x e / 2 at R, and minus their sum at P; each corner takes
-the part along the direction d of its own line. (e x g is the sum of squared minors, :mod:`meshflow.grid.coupled`, with no
-digits lost.) The area as a corner sees it along its line is |d . (e x g)| / 2 |d|. Through a pinhole on an even grid the same says itself shorter
-(:func:`facing`), which takes two fifths of the time.
+the part along the direction d of its own line. (|e x g|^2 is the sum of squared minors of :mod:`meshflow.grid.coupled`, with
+no digits lost.) The area as a corner sees it along its line is |d . (e x g)| / 2 |d|. Through a pinhole on an even grid the same
+is said shorter, in two fifths of the time: :func:`facing`.
 
-All rows (n,) are those of one row of cells, with corners P, Q, R, S as in :mod:`meshflow.grid.stencil`. Places and directions are
-triples of rows of samples: few rows, read at two places, so that LLVM can tell that none is written to.
+All rows (n,) are those of one row of cells, with corners P, Q, R, S as in :mod:`meshflow.grid.stencil`. Places and directions
+are triples of rows of samples, read at two places each: of more rows LLVM would not ask whether they overlap, and no loop would
+become SIMD.
 """
 
 import math
