@@ -87,8 +87,8 @@ def value_unit(noun: Noun) -> str:
 
 def squared_unit(noun: Noun) -> str:
     """The unit of time."""
-    if isinstance(noun, RangeImage) and noun.pace != "length":
-        return "pixel footprints²"
+    if isinstance(noun, RangeImage):
+        return "pixel footprints²" if noun.pace != "length" else "squared length"
     if isinstance(noun, HeightField) and noun.unit:
         return f"{noun.unit}²"
     if isinstance(noun, Image) and np.ndim(noun.spacing[0]) == 0 and noun.spacing == (1.0, 1.0):

@@ -125,6 +125,9 @@ class Fixed:
 
         :raises InputError: for a dt beyond the largest stable one, which is named.
         """
+        if self.dt is None and isinstance(stepper, Embedding):
+            first = Explicit().largest(flow, u)
+            return replace(self, dt=first if np.isfinite(first) else 1.0)  # where nothing moves any step will do
         largest = stepper.largest(flow, u)
         if self.dt is not None:
             if self.dt > largest * (1.0 + 1e-9):
@@ -133,9 +136,6 @@ class Fixed:
                     f"step is {largest:.6g}. Take that, or stepper='semi-implicit'"
                 )
             return self
-        if isinstance(stepper, Embedding):
-            first = Explicit().largest(flow, u)
-            return replace(self, dt=first if np.isfinite(first) else 1.0)  # where nothing moves any step will do
         if np.isfinite(largest):
             return replace(self, dt=largest)
         if until.time is None:

@@ -53,6 +53,12 @@ class State:
         return self.flow.area(self.u)
 
     @cached_property
+    def explicit(self) -> float:
+        """The longest explicit step that is stable here; measured when it is first asked for."""
+        assert self.flow is not None
+        return Explicit().largest(self.flow, self.u)
+
+    @cached_property
     def largest(self) -> float:
         """Largest displacement of a vertex in this step, in the unit of u; measured when it is first asked for."""
         if self.before is None:
@@ -118,13 +124,13 @@ def march(
     yield state
     with reporting(progress, f"{stepper.name} flow") as report:
         while state.reason is None:
-            longest = stepper.largest(flow, state.u)
+            longest = _longest(stepper, state, flow)
             left = until.left(state.time)
             most = MANY if changes else HOPELESS
             if flow.slivers and np.isfinite(left) and longest * most < left * stepper.rates:
                 stepper = _implicit_instead(changes, state, longest)
                 steps = Fixed().opened(flow, stepper, state.u, Until(time=left))
-                longest = stepper.largest(flow, state.u)
+                longest = _longest(stepper, state, flow)
             new, steps = _stepped(flow, state, stepper, steps, min(longest, left), left, until, limit)
             new = _stopped(flow, state, new, until)
             report(until.share(new.time, new.step))
@@ -132,6 +138,11 @@ def march(
             if recycle and state.step > 0:
                 flow.done(state.u)
             state = new
+
+
+def _longest(stepper: Stepper, state: State, flow: Flow) -> float:
+    """The largest step that is stable; what explicit steps may be is asked once for each state."""
+    return state.explicit * stepper.stretch if isinstance(stepper, Embedding) else stepper.largest(flow, state.u)
 
 
 def _stepped(
@@ -150,7 +161,7 @@ def _stepped(
         if isinstance(stepper, Embedding) and dt < left < 2 * dt:
             dt = left / ceil(left / dt)  # two alike instead of one and a rest
         if isinstance(control, Embedded) and isinstance(stepper, Embedding):
-            u, error = stepper.tried(flow, old.u, dt, old.step)
+            u, error = stepper.tried(flow, old.u, dt, old.step, old.explicit)
         else:
             u, error = stepper.step(flow, old.u, dt, old.step), None
         if not np.isfinite(flow.size((1.0, u), (-1.0, old.u), roughly=True)[0]):
@@ -160,6 +171,8 @@ def _stepped(
         u = u if limit is None else limit.hold(u)
         time, step = old.time + dt, old.step + 1
         new = State(u, time, dt, step, until.reason(time, step), stepper.name, error, flow, old.u)
+        if error is not None and isinstance(stepper, Embedding) and not stepper.endured(dt, old.explicit, new.explicit):
+            new = replace(new, error=np.inf)
         taken = _Taken(old, new, flow)
         kept = control.accepts(taken)
         control = control.after(taken)

@@ -58,8 +58,23 @@ class Stepper(Protocol):
 class Embedding(Stepper, Protocol):
     """A stepper that knows its error."""
 
-    def tried(self, flow: Flow, u: Array, dt: float, turn: int) -> tuple[Array, float]:
-        """A step, and the root mean square of what it leaves out."""
+    def tried(self, flow: Flow, u: Array, dt: float, turn: int, explicit: float) -> tuple[Array, float]:
+        """A step, and the root mean square of what it leaves out.
+
+        :param explicit: the longest explicit step at u.
+        """
+        ...
+
+    def endured(self, dt: float, explicit: float, then: float) -> bool:
+        """Whether a step of dt was stable to its end.
+
+        :param explicit: the longest explicit step where it began; ``then`` where it ended.
+        """
+        ...
+
+    @property
+    def stretch(self) -> float:
+        """How many explicit steps its largest one is."""
         ...
 
 
@@ -107,33 +122,38 @@ class SuperTime:
 
     def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
         """The free coordinates (n, k) after time dt."""
-        last, *spent = self._stages(flow, u, dt, turn, self._count(flow, u, dt))
+        last, *spent = self._stages(flow, u, dt, turn, self._count(dt, Explicit().largest(flow, u)))
         for array in spent:
             flow.done(array)
         return last
 
-    def tried(self, flow: Flow, u: Array, dt: float, turn: int) -> tuple[Array, float]:
-        """A step, and the root mean square of what it leaves out, to its own order.
-
-        Infinite where triangles have become so thin on the way that its stages were not stable.
-        """
-        count = self._count(flow, u, dt)
+    def tried(self, flow: Flow, u: Array, dt: float, turn: int, explicit: float) -> tuple[Array, float]:
+        """A step, and the root mean square of what it leaves out, to its own order."""
+        count = self._count(dt, explicit)
         last, before, *drift = self._stages(flow, u, dt, turn, count)
         of_last, of_before, of_start, of_rate = schedule(self.order, count).error
         terms = [(of_last, last), (of_before, before), (of_start, u), *((of_rate * dt, rate) for rate in drift)]
-        stable = SLACK * Explicit().largest(flow, last) * reach(self.order, count) >= dt
-        error = flow.size(*terms, roughly=True)[0] if stable else np.inf
+        error = flow.size(*terms, roughly=True)[0]
         for array in (before, *drift):
             flow.done(array)
         return last, error
 
+    def endured(self, dt: float, explicit: float, then: float) -> bool:
+        """Not where triangles have become so thin on the way that its stages were not stable."""
+        return SLACK * then * reach(self.order, self._count(dt, explicit)) >= dt
+
+    @property
+    def stretch(self) -> float:
+        """What the most stages reach."""
+        return reach(self.order, self.stages)
+
     def largest(self, flow: Flow, u: Array) -> float:
         """What the most stages reach, of explicit steps as they are stable at u."""
-        return Explicit().largest(flow, u) * reach(self.order, self.stages)
+        return Explicit().largest(flow, u) * self.stretch
 
-    def _count(self, flow: Flow, u: Array, dt: float) -> int:
+    def _count(self, dt: float, explicit: float) -> int:
         """Stages of a step, enough to compare the last with the one before."""
-        return max(self.order + 1, stages(self.order, dt / Explicit().largest(flow, u)))
+        return max(self.order + 1, stages(self.order, dt / explicit))
 
     def _stages(self, flow: Flow, u: Array, dt: float, turn: int, count: int) -> tuple[Array, ...]:
         """The last stage, the one before it, and for second order the rate at u."""

@@ -51,6 +51,19 @@ class Fibres:
         """Factor of time of each sample, squared footprints."""
         return None if self.footprint is None else self.footprint**2
 
+    @property
+    def pitch(self) -> tuple[float, float] | None:
+        """Differences of x along the rows and of y along the columns where all lines are u (x, y, 1), evenly spaced, or None."""
+        x, y, z = self.directions
+        if any(part.any() for part in self.origins) or (z != 1.0).any() or x.shape[0] != 1 or y.shape[1] != 1:
+            return None
+        steps = np.diff(x[0]), np.diff(y[:, 0])
+        if any(step.size == 0 for step in steps):
+            return None
+        means = float(steps[0].mean()), float(steps[1].mean())
+        even = all(np.allclose(step, mean, rtol=1e-9, atol=0.0) for step, mean in zip(steps, means, strict=True))
+        return means if even and all(means) else None
+
     def at(self, u: Array) -> Array:
         """Points (h, w, 3) at u (h, w)."""
         return np.stack([o + u * d for o, d in zip(self.origins, self.directions, strict=True)], axis=-1)

@@ -15,6 +15,7 @@ from meshflow.geometry.triangulate import triangulations
 from meshflow.grid.bands import bands, worked
 from meshflow.grid.cells import Cells, border_samples, cells_of
 from meshflow.grid.coupled_sweep import coupled_measured, coupled_swept
+from meshflow.grid.ray_sweep import rays_measured, rays_swept
 from meshflow.grid.sizes import sized
 from meshflow.grid.sweep import swept
 from meshflow.grid.system import GridSystem
@@ -59,6 +60,8 @@ class GridFlow:
         plain = len(lattice.planes) == 1 and lattice.fibres is None
         self._single = plain and m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric")
         self._alone = self._single and m.patch == 0
+        by_rays = lattice.fibres is not None and m.patch == 0
+        self._by_rays = by_rays and m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric")
 
     # --- the contract ---------------------------------------------------------------------------------------------------
 
@@ -91,7 +94,7 @@ class GridFlow:
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
         sheets = self._turns[-1][1] - self._turns[0][0]
-        return sum(self._measured(u, turn)[0] for turn in self._turns) * self._unit**2 / sheets
+        return sum(self._measured(u, turn, 0)[0] for turn in self._turns) * self._unit**2 / sheets
 
     def bound(self, u: Array) -> float:
         """Upper bound of the fastest decay, per time: that of the flat grid where it holds whatever the data.
@@ -105,8 +108,10 @@ class GridFlow:
             flat = self._flat_bound / (3.0 if m.mass == "ring" else 1.0)
             if m.gamma >= -1 or not self._alone:
                 return flat
-            return self._flat_bound * max(self._measured(u, turn)[1] for turn in self._turns)
-        return max(self._measured(u, turn)[1] for turn in self._turns) / self._unit**2
+            return self._flat_bound * max(self._measured(u, turn, 1)[1] for turn in self._turns)
+        # Where the indicator is left out, masses do not matter, and all triangles are asked at once.
+        turns = [(self._turns[0][0], self._turns[-1][1])] if self._by_rays and m.gamma >= 0 else self._turns
+        return max(self._measured(u, turn, 1)[1] for turn in turns) / self._unit**2
 
     def system(self, u: Array, turn: int = 0) -> GridSystem:
         """Mass and stiffness of the present metric, as seven-point weights (nine with both diagonals); no matrix is made."""
@@ -230,6 +235,13 @@ class GridFlow:
         return np.stack([np.broadcast_to(part, self.lattice.shape) for part in fibres.directions])
 
     @cached_property
+    def _pitch(self) -> tuple[Any, Any]:
+        """Of the fibres, in the number type of the planes."""
+        assert self.lattice.fibres is not None
+        across, down = self.lattice.fibres.pitch or (np.inf, np.inf)
+        return self.dtype.type(1.0 / across), self.dtype.type(1.0 / down)
+
+    @cached_property
     def _lines(self) -> tuple[Any, Any]:
         """Origins and directions of the fibres, each in its number of rows and columns."""
         fibres = self.lattice.fibres
@@ -255,19 +267,28 @@ class GridFlow:
         self._swept(self._turns[turn % len(self._turns)], self._planes(u), target, mix)
         return out
 
-    def _measured(self, u: Array, sheets: tuple[int, int]) -> tuple[float, float]:
-        """Area, and what bounds ask for: the greatest s M_flat / M of one channel, else the bound of the triangles times s."""
+    def _measured(self, u: Array, sheets: tuple[int, int], bounding: int) -> tuple[float, float]:
+        """Area, and what bounds ask for: the greatest s M_flat / M of one channel, else the bound of the triangles times s.
+
+        :param bounding: 1 where the second is asked for, else 0; the other one is zero where there is no need to know it.
+        """
         planes = self._planes(u)
         if self._alone:
             found = self._swept(sheets, planes, np.empty((0, 0, 0), self.dtype), self._no_mix(planes))
         else:
             fixed = (self._geometry, *self._layout, self._held)
-            found = self._worked(lambda rows: coupled_measured(rows, sheets, planes, fixed, *self._coupled))
+            found = self._worked(
+                (lambda rows: _RAYS_MEASURED(rows, sheets, planes, fixed, *self._coupled[:4], self._pitch, bounding))
+                if self._by_rays
+                else (lambda rows: coupled_measured(rows, sheets, planes, fixed, *self._coupled))
+            )
         return sum(area for area, _ in found), max(fastest for _, fastest in found)
 
     def _swept(self, sheets: tuple[int, int], u: Array, out: Array, mix: tuple[Any, ...]) -> list[Any]:
         """A sweep that writes, or of one channel, where ``out`` has no size, measures."""
         asked = (sheets, u, out, mix, (self._geometry, *self._layout, self._held))
+        if self._by_rays:
+            return self._worked(lambda rows: _RAYS(rows, *asked, *self._coupled[:4], self._pitch))
         if not self._single:
             none: tuple[Any, ...] = (*self._coupled, np.empty((0, 0, 0), self.dtype), np.empty((0, 0), self.dtype))
             return self._worked(lambda rows: _COUPLED(rows, *asked, *none))
@@ -328,6 +349,8 @@ def _extent(planes: Array, missing: Array) -> tuple[float, float]:
 # Typed as what they are called with, which pyright does not see.
 _COUPLED: Any = coupled_swept
 _SINGLE: Any = swept
+_RAYS: Any = rays_swept
+_RAYS_MEASURED: Any = rays_measured
 
 
 def _quarters(exponent: float) -> int:
