@@ -21,7 +21,7 @@ __all__ = ["noise_in", "planned"]
 PATIENT = 100.0
 HELD = "no sample may move (only, fixed): nothing was changed"
 # Samples that the noise of a range image is looked for in.
-RAYS_ENOUGH = 150_000
+RAYS_ENOUGH = 80_000
 # Times in which a fidelity pulls back after which a run is at rest.
 AT_REST = 10.0
 

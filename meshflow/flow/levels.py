@@ -14,7 +14,7 @@ AROUND = 9
 # A set of values is quantised if it has so many times fewer levels.
 FEWER = 20
 # Samples looked at.
-ENOUGH = 200_000
+ENOUGH = 60_000
 
 
 @dataclass(frozen=True, eq=False)
