@@ -245,7 +245,7 @@ BAD = [
     (lambda: Pinhole(1, 1, 1, 1, (0.1, 0.2, 0, np.nan)), "distortion: a finite number expected, got nan"),
     (lambda: Pinhole(50, 50, 20, 15, (-3.0, 0, 0, 0)).rays((H, W)), r"no ray is found for \d+ of 1200 pixels"),
     (lambda: RangeImage(IMAGE, PLAIN, measure="z"), "measure: depth .* or range .* expected, got 'z'"),
-    (lambda: RangeImage(IMAGE, PLAIN, pace="metres"), "pace: footprint or length expected, got 'metres'"),
+    (lambda: RangeImage(IMAGE, PLAIN, pace="metres"), "pace: footprint, length or noise expected, got 'metres'"),
     (lambda: RangeImage(IMAGE, "kinect"), "camera: a Pinhole, Orthographic, Spherical or Scanner expected, got str"),
     (lambda: Orthographic(0, 1), "camera dx: a positive finite number of length per pixel expected, got 0"),
     (lambda: Spherical((0, 0), (1, 2)), r"camera azimuth: .* at most a turn apart, expected, got \(0.0, 0.0\)"),
