@@ -7,7 +7,7 @@ packages are imported where they are used.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +21,13 @@ from meshflow.geometry.surface import Axes
 from meshflow.study.search import Peer
 from meshflow.study.sight import Sight
 
-__all__ = ["SpaceFlow", "bilateral", "meshlab", "range_peers", "realsense", "total_variation"]
+__all__ = ["SpaceFlow", "bilateral", "laplacian", "meshlab", "range_peers", "realsense", "total_variation"]
 
 DOMAINS = ("depth", "disparity")
 # Depths and disparities of the 16 bits of a RealSense, its disparities in 1/32 pixels.
 MOST, PARTS = 65000, 32.0
+# The focal length that a camera is said to have, pixels; its rays do not enter the filter.
+FOCAL = 500.0
 # The largest edge threshold that its spatial filter takes, and the one that its disparities are scaled to.
 THRESHOLD, SCALED = 50, 20
 
@@ -47,29 +49,30 @@ def _filled(z: Array) -> Array:
     return z[row, column]
 
 
-def bilateral(z: Array, sigma: float, colour: float, space: float, domain: str, holes: str) -> Array:
+def bilateral(z: Array, sigma: float, colour: float, space: float, domain: str) -> Array:
     """Tomasi and Manduchi 1998: OpenCV. ``colour`` is a multiple, ``space`` in pixels.
 
-    :param holes: the filter has no mask: ``zero`` leaves them 0, so far from all depths that they weigh nothing; ``nearest`` fills
-        them first.
+    The filter has no mask. Holes are left at zero, so far from all depths that they weigh nothing: as good as one.
     """
     smooth = need("cv2", "bench").bilateralFilter
 
     def one(values: Array, noise: float) -> Array:
-        whole = _filled(values) if holes == "nearest" else np.nan_to_num(values)
-        # OpenCV tabulates the range kernel over the range of the data: in units of the noise no number is too small for it.
-        return smooth((whole / noise).astype(np.float32), -1, colour, space).astype(np.float64) * noise
+        whole = (np.nan_to_num(values) / noise).astype(np.float32)
+        return smooth(whole, -1, colour, space).astype(np.float64) * noise
 
     return _through(one, z, sigma, domain)
 
 
 def total_variation(z: Array, sigma: float, weight: float, domain: str) -> Array:
-    """Rudin, Osher and Fatemi 1992, by Chambolle's iteration: skimage. ``weight`` is a multiple; holes are filled by the nearest."""
+    """Rudin, Osher and Fatemi 1992, by Chambolle's iteration: skimage. ``weight`` is a multiple.
+
+    It has no mask: holes are filled by the nearest pixel first, and are holes again after.
+    """
     denoise = need("skimage.restoration", "bench").denoise_tv_chambolle
 
     def one(values: Array, noise: float) -> Array:
         whole = (_filled(values) / noise).astype(np.float32)
-        return denoise(whole, weight=weight, eps=1e-4, max_num_iter=200).astype(np.float64) * noise
+        return denoise(whole, weight=weight, eps=1e-7, max_num_iter=200).astype(np.float64) * noise
 
     return _through(one, z, sigma, domain)
 
@@ -77,8 +80,8 @@ def total_variation(z: Array, sigma: float, weight: float, domain: str) -> Array
 def realsense(z: Array, sigma: float, threshold: float, alpha: float, magnitude: float, domain: str) -> Array:
     """The domain transform (Gastal and Oliveira 2011) of Intel's depth cameras, holes kept: pyrealsense2, without a camera.
 
-    A camera's unit of depth and baseline are what they are; here each is such that the threshold is one that the filter takes (its
-    numbers are whole, 1 to 50), and that rounding to whole units costs nothing.
+    A camera's unit of depth and baseline are what they are; here each is such that the threshold is one that the filter takes
+    (its numbers are whole, 1 to 50), and that rounding to whole units costs nothing.
 
     :param threshold: a multiple, the difference of neighbours that is an edge.
     :param alpha: weight of the pixel itself, 0.25 to 1.
@@ -122,9 +125,6 @@ def realsense(z: Array, sigma: float, threshold: float, alpha: float, magnitude:
         sensor.close()
 
 
-FOCAL = 500.0
-
-
 def _started(rs: Any, device: Any, told: tuple[float, float], shape: tuple[int, ...]) -> tuple[Any, Any, Any]:
     """Sensor, profile and queue of a depth stream (h, w) of a camera that there is not, of this unit and baseline."""
     h, w = shape
@@ -165,6 +165,34 @@ def meshlab(z: Array, sigma: float, camera: Any, steps: float, delta: float, jum
     return found.reshape(z.shape)
 
 
+def laplacian(z: Array, sigma: float, camera: Any, steps: float, weight: str, jump: str) -> Array:
+    """Laplacian smoothing of the triangulated image, all of R^3 free, seen again by the camera: pymeshlab.
+
+    :param steps: how many.
+    :param weight: ``uniform`` or ``cotangent``.
+    :param jump: as that of :func:`meshlab`.
+    """
+    ml = need("pymeshlab", "bench")
+    points, faces = _triangulated(z, camera, float(jump))
+    used, corners = np.unique(faces, return_inverse=True)
+    session = ml.MeshSet()
+    session.add_mesh(ml.Mesh(points[used], corners.reshape(-1, 3)))
+    session.apply_coord_laplacian_smoothing(
+        stepsmoothnum=int(steps), boundary=True, cotangentweight=weight == "cotangent"
+    )
+    moved = points.copy()
+    moved[used] = session.current_mesh().vertex_matrix()
+    return _seen(Sight.through(camera, (z.shape[0], z.shape[1])), z, moved, faces)
+
+
+def _seen(sight: Sight, z: Array, points: Array, faces: Array) -> Array:
+    """The depths of a moved surface; pixels without a triangle keep theirs, those that the surface has left have none."""
+    alone = np.ones(z.size, bool)
+    alone[faces.ravel()] = False
+    found = sight.rendered(np.nan_to_num(points), faces)
+    return np.where(np.isfinite(z), np.where(alone.reshape(z.shape), z, found), np.nan)
+
+
 def _triangulated(z: Array, camera: Any, jump: float) -> tuple[Array, Array]:
     """Points (h * w, 3) and triangles of a range image."""
     surface = RangeImage(z, camera, jump=jump).lifted(Lift(diagonals="forward"))
@@ -195,35 +223,29 @@ class SpaceFlow:
         surface = lattice.surface()
         faces = image.lifted(Lift(diagonals="forward")).sheets[0]
         points = self.kept.setdefault((z.tobytes(), jump), [])
-        flow = MeshFlow(_freed(surface))
+        flow = MeshFlow(replace(surface, free=Axes((0, 1, 2))))
         ends = (0.0, *self.times)
         while len(points) <= self.times.index(time):
             k = len(points)
             u = points[-1] if points else surface.points
             count = int(np.ceil((ends[k + 1] - ends[k]) / self.dt))
             for turn in range(count):
-                u = SemiImplicit(tolerance=1e-6).step(flow, u, (ends[k + 1] - ends[k]) / count, turn)
+                u = SemiImplicit(tolerance=1e-4).step(flow, u, (ends[k + 1] - ends[k]) / count, turn)
             points.append(u)
         assert lattice.fibres is not None
-        seen = Sight.along(lattice.fibres, lattice.shape).rendered(points[self.times.index(time)], faces)
-        alone = np.ones(z.size, bool)
-        alone[faces.ravel()] = False
-        return np.where(np.isfinite(z), np.where(alone.reshape(z.shape), z, seen), np.nan)
-
-
-def _freed(surface: Any) -> Any:
-    from dataclasses import replace
-
-    return replace(surface, free=Axes((0, 1, 2)))
+        return _seen(Sight.along(lattice.fibres, lattice.shape), z, points[self.times.index(time)], faces)
 
 
 def range_peers(camera: Any) -> tuple[Peer, ...]:
     """The peers of a camera, and the ranges in which each is searched."""
-    times = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
+    times = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0)
     steps = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 100, 150)
 
-    def depth_smoothing(z: Array, sigma: float, steps: float, delta: float, jump: str) -> Array:
-        return meshlab(z, sigma, camera, steps, delta, jump)
+    def depth_smoothing(z: Array, sigma: float, **choice: Any) -> Array:
+        return meshlab(z, sigma, camera, **choice)
+
+    def space_smoothing(z: Array, sigma: float, **choice: Any) -> Array:
+        return laplacian(z, sigma, camera, **choice)
 
     return (
         Peer(
@@ -234,7 +256,6 @@ def range_peers(camera: Any) -> tuple[Peer, ...]:
                 "colour": (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 40.0),
                 "space": (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0),
                 "domain": DOMAINS,
-                "holes": ("zero", "nearest"),
             },
         ),
         Peer(
@@ -249,8 +270,8 @@ def range_peers(camera: Any) -> tuple[Peer, ...]:
             realsense,
             {
                 "threshold": (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0),
-                "alpha": (0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8),
-                "magnitude": (1, 2, 3, 4, 5),
+                "alpha": (0.25, 0.32, 0.4, 0.5, 0.6, 0.7, 0.8),
+                "magnitude": (1, 2, 3, 5),
                 "domain": DOMAINS,
             },
             frozenset({("alpha", 0.25), ("magnitude", 1), ("magnitude", 5)}),
@@ -259,8 +280,15 @@ def range_peers(camera: Any) -> tuple[Peer, ...]:
             "depth smoothing (MeshLab)",
             "pymeshlab",
             depth_smoothing,
-            {"steps": steps, "delta": (15.0, 25.0, 40.0, 60.0, 80.0, 100.0), "jump": ("0.02", "0.05", "0.1")},
+            {"steps": steps, "delta": (25.0, 50.0, 75.0, 100.0), "jump": ("0.02", "0.05")},
             frozenset({("steps", 1), ("delta", 100.0)}),
         ),
-        Peer("3D curvature flow", "meshflow", SpaceFlow(camera, times), {"time": times, "jump": ("0.02", "0.05")}),
+        Peer(
+            "3D Laplacian (MeshLab)",
+            "pymeshlab",
+            space_smoothing,
+            {"steps": steps[:10], "weight": ("uniform", "cotangent"), "jump": ("0.05",)},
+            frozenset({("steps", 1)}),
+        ),
+        Peer("3D curvature flow", "meshflow", SpaceFlow(camera, times), {"time": times, "jump": ("0.05",)}),
     )

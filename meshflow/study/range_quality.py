@@ -17,8 +17,8 @@ __all__ = ["AWAY", "BROAD", "JUMP", "REACH", "RangeQuality", "jumps_of", "range_
 BROAD = 8.0
 # An error within it, unit of the depths, is noise; beyond it a pixel took the wrong side of a jump. 50 mm, in metres.
 REACH = 0.05
-# Neighbours of the truth further apart than this share of the nearer lie on two surfaces; normals are compared so many pixels away
-# from those, and from what is missing.
+# Neighbours of the truth further apart than this share of the nearer lie on two surfaces; normals are compared so many pixels
+# away from those, and from what is missing.
 JUMP, AWAY = 0.05, 3
 
 
@@ -104,14 +104,16 @@ def _mean(values: Array, weight: Array) -> Array:
     """Gaussian mean (h, w) over :data:`BROAD` pixels of values that are zero where the weight is."""
     from scipy.ndimage import gaussian_filter
 
-    return np.asarray(gaussian_filter(values, BROAD)) / np.maximum(gaussian_filter(weight.astype(np.float64), BROAD), 1e-9)
+    return np.asarray(gaussian_filter(values, BROAD)) / np.maximum(
+        gaussian_filter(weight.astype(np.float64), BROAD), 1e-9
+    )
 
 
 def _angles(one: Array, other: Array, there: Array, sight: Sight) -> Array:
     """Degrees (n,) between the normals of two images at the pixels away from jumps of the other."""
     from scipy.ndimage import binary_dilation
 
-    near = np.asarray(binary_dilation(jumps_of(other) | ~there, iterations=AWAY))
+    near: Array = np.asarray(binary_dilation(jumps_of(other) | ~there, iterations=AWAY), dtype=bool)
     away = ~near[1:-1, 1:-1]
     a, b = (_normals(sight.at(z))[away] for z in (one, other))
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b)))
