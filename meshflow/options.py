@@ -68,8 +68,8 @@ Time = Annotated[
     float | None,
     _option(
         FLOW,
-        "How far, in squared length: m² of a terrain, pixels² of an image or a range image. Default: searched for; 5 pixels² of "
-        "a range image, half an edge² of a mesh.",
+        "How far, in squared length: m² of a terrain, pixels² of an image or a range image. Default: searched for; "
+        "10 sigma / pixel width of a range image, half an edge² of a mesh.",
     ),
 ]
 Scale = Annotated[

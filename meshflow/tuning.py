@@ -44,7 +44,8 @@ ROUNDED, ROUNDED_EDGE, ROUNDED_TIME = {"patch": 1.0}, 1.0, 1.5
 EDGE = 1.5
 # Time along rays, in squared sample distances for each sigma / h: between 0.02 and 2.4 sigma / h the best time of the ray flow on
 # panels, a ball and a box is 10 to 12 times that, for noise that grows with the depth and noise that does not.
-RAY_TIME = 10.0
+# So much noise is no noise of a camera: no more than RAY_MOST.
+RAY_TIME, RAY_MOST = 10.0, 100.0
 HARM = "every member would do more harm than the noise that is there: nothing was changed"
 
 
@@ -182,15 +183,19 @@ def along_rays(noun: RangeImage, settings: Settings, noise: Noise, why: str) -> 
         plan = plan if asked else replace(plan, idle=_no_noise(noise))
         return _told(plan, settings, {**told, "time": time}, "default")
     assert noun.missing is not None
-    there = ~noun.missing
+    there = ~noun.missing & (footprint > 0)
     sigma = np.broadcast_to(noun.sigma, there.shape) * settings.strength
     told["sigma"] = Parameter(noise.sigma, "", "given" if noise.how == "given" else "estimated", why)
     if settings.search and settings.steps is None:
         return _searched_along(plan, settings, np.where(there, sigma, noise.sigma), told, timed)
     ratio, width = sigma[there] / footprint[there], footprint[there] if noun.pace == "length" else 1.0
-    time = timed or Parameter(
-        RAY_TIME * float(np.median(ratio * width**2)), squared_unit(noun), "estimated", f"{RAY_TIME:g} sigma / h"
-    )
+    much, most = RAY_TIME * float(np.median(ratio * width**2)), RAY_MOST * noun.step**2
+    if much > most and timed is None:
+        words = f"noise of {float(np.median(ratio)):.3g} pixel widths: time is held at {RAY_MOST:g} squared footprints"
+        plan = replace(
+            plan, warnings=(*plan.warnings, f"{words}; are all depths in one unit, and the camera in pixels?")
+        )
+    time = timed or Parameter(min(much, most), squared_unit(noun), "estimated", f"{RAY_TIME:g} sigma / h")
     own = noise.how == "given" and np.ndim(noun.sigma) > 0 and noun.pace == "footprint"
     if own and timed is None and settings.steps is None and not settings.stopping:
         plan = replace(plan, noun=replace(noun, pace="noise"))

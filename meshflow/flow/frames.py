@@ -13,6 +13,8 @@ __all__ = ["Averaged", "averaged"]
 
 # As how many frames the noise model of all samples counts beside what a sample itself has shown.
 PRIOR = 4.0
+# Median depths of frames of one view are not so many times one another.
+OTHER = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +43,10 @@ def averaged(frames: Iterable[Array]) -> Averaged:
     had been seen in four frames more. One frame at a time is held in memory.
 
     :param frames: (h, w) each, NaN, infinite and 0 where missing.
-    :raises InputError: for fewer than two frames, or frames of different sizes.
+    :raises InputError: for fewer than two frames, or frames of different sizes, units or views.
     """
     count = mean = squares = None
-    seen, first = 0, None
+    seen, first, usual = 0, None, None
     for frame in frames:
         values = np.asarray(frame, dtype=np.float64)
         if count is None or mean is None or squares is None:
@@ -56,6 +58,14 @@ def averaged(frames: Iterable[Array]) -> Averaged:
             raise InputError(f"frames: all of one size expected, got {count.shape} and {values.shape}")
         there = np.isfinite(values) & (values != 0)
         seen += 1
+        if there.any():
+            typical = float(np.median(values[there]))
+            usual = typical if usual is None else usual
+            if not usual / OTHER < typical < usual * OTHER:
+                raise InputError(
+                    f"frames: depths of one unit and one view expected, got medians of {usual:.4g} and, in frame {seen}, "
+                    f"{typical:.4g}"
+                )
         count += there
         off = np.where(there, values - mean, 0.0)  # Welford 1962
         mean += off / np.maximum(count, 1)

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import minimum_filter
 
 from meshflow.geometry.gates import Array
 
 __all__ = ["Steps", "steps_of"]
 
-# Levels whose steps are smoothed together: what lies between two of them is rare, and so are levels that nobody has measured.
-AROUND = 9
+# Levels of which the least step is taken: where samples are few not every level occurs, and what is left has gaps of several.
+AROUND = 15
 # A set of values is quantised if it has so many times fewer levels.
 FEWER = 20
 # Samples looked at.
@@ -42,7 +42,9 @@ def steps_of(values: Array) -> Steps | None:
         return None
     if len(levels) < AROUND or len(levels) * FEWER > some.size:
         return _even(levels, 32.0 * float(np.finfo(values.dtype).eps) * float(np.abs(levels).max()))
-    return Steps(levels, median_filter(np.gradient(levels), AROUND, mode="nearest"))
+    gaps = np.diff(levels)
+    least = np.minimum(np.concatenate([gaps[:1], gaps]), np.concatenate([gaps, gaps[-1:]]))
+    return Steps(levels, minimum_filter(least, AROUND, mode="nearest"))
 
 
 def _even(levels: Array, rounding: float) -> Steps | None:

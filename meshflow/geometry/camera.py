@@ -17,6 +17,8 @@ Measure = Literal["depth", "range"]
 
 # Fields of view beyond which the focal length is in another unit than pixels, degrees.
 WIDEST = 150.0
+# The same to one side of the principal point, tan of 80 degrees: one in millimetres halves the field of view.
+STEEPEST = 5.7
 
 
 @runtime_checkable
@@ -119,8 +121,9 @@ class Pinhole:
     def check(self, shape: tuple[int, int], measure: Measure, missing: Array | None = None) -> None:
         """Refuse a focal length that is not in pixels, as its field of view tells."""
         known(measure)
-        for angle, n, f, name in zip(self.view(shape), shape[::-1], (self.fx, self.fy), ("fx", "fy"), strict=True):
-            if angle > WIDEST:
+        sides = ((shape[1], self.cx, self.fx), (shape[0], self.cy, self.fy))
+        for angle, (n, c, f), name in zip(self.view(shape), sides, ("fx", "fy"), strict=True):
+            if angle > WIDEST or max(n - 0.5 - c, c + 0.5) > STEEPEST * f:
                 raise InputError(
                     f"camera {name} = {f:g} pixels gives {n} pixels a field of view of {angle:.1f} degrees, at most "
                     f"{WIDEST:g} are expected; a focal length in millimetres? f_px = f_mm * width_px / sensor_width_mm"

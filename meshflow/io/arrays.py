@@ -18,7 +18,7 @@ from meshflow.io.bands import Frame
 from meshflow.io.cameras import calibration_for, camera_for
 from meshflow.io.files import Document, Kind
 from meshflow.io.hints import belong, must_be_mesh
-from meshflow.io.metres import in_metres
+from meshflow.io.metres import LARGEST, in_metres
 from meshflow.io.replace import beside
 
 __all__ = ["adopt", "read", "write"]
@@ -178,6 +178,8 @@ def _depths(
 ) -> RangeImage:
     belong(other, "an array of depths", ("camera", "missing", "fixed", "jump", "measure", "pace"))
     seen_by = camera_for(camera, depth.shape[:2], "the array")
+    if depth.dtype.kind in "ui" and np.shape(missing) in ((), depth.shape):
+        missing = (depth == LARGEST) | (False if missing is None else np.asarray(missing, bool))
     return RangeImage(depth, seen_by, missing, fixed, jump, measure, pace)
 
 

@@ -85,6 +85,11 @@ def write(
     :returns: what the user should know (rounding, what the format could not hold).
     :raises FormatError: when the format cannot hold the data, or a file is there and ``overwrite`` is not given.
     """
+    if not isinstance(document, Document):
+        raise InputError(
+            f"write: a Document expected, got {type(document).__name__}; meshflow.read gives one, document.holding(noun) puts a "
+            "smoothed noun into it; arrays are written by numpy.save, meshes of trimesh by mesh.export"
+        )
     path = Path(path)
     family = writable(document, path, overwrite=overwrite)
     writer = _module(family).write
