@@ -8,6 +8,8 @@ import numpy as np
 
 from meshflow.flow.constraint import Limit
 from meshflow.flow.control import Until
+from meshflow.flow.keep import Keep
+from meshflow.flow.motion import Motion
 from meshflow.flow.noise import Noise
 from meshflow.flow.tune import Trial
 from meshflow.geometry.gates import Array
@@ -51,6 +53,8 @@ class Plan:
     :ivar twice: w of u(t) + w (u(t) - u(2 t)), t the time of ``until``.
     :ivar limit: what no coordinate leaves, made of the start of a flow.
     :ivar trust: of the fidelity, (n, k), (n, 1) or (1, 1), per time; None: none.
+    :ivar motion: of a mesh whose points move; None of everything else.
+    :ivar keep: what it keeps.
     """
 
     noun: Noun
@@ -64,6 +68,8 @@ class Plan:
     twice: float = 0.0
     limit: Callable[[Array], Limit] | None = None
     trust: Array | None = None
+    motion: Motion | None = None
+    keep: Keep | None = None
     warnings: tuple[str, ...] = ()
 
     @property

@@ -1,6 +1,7 @@
 """From words and data to what is run: what was given is held, what was not is estimated, and each says where it came from."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
@@ -8,11 +9,13 @@ from meshflow.errors import InputError
 from meshflow.flow.constraint import Limit, trust_of
 from meshflow.flow.control import Until
 from meshflow.flow.levels import steps_of
+from meshflow.flow.motion import MotionName
 from meshflow.flow.noise import Noise, noise_growth, noise_of, noise_on
 from meshflow.geometry.gates import Array, mask_of
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage, data_of
 from meshflow.parameters import Parameter, Plan, given_words, squared_unit, value_unit
 from meshflow.settings import Settings
+from meshflow.shaping import moving
 from meshflow.tuning import along_rays, bare, given_time, limit_of, tuned
 
 __all__ = ["noise_in", "planned"]
@@ -93,7 +96,7 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     elif isinstance(noun, RangeImage):
         plan = along_rays(noun, settings, noise, why)
     elif isinstance(noun, Mesh) and noun.moves != "channels":
-        plan = bare(noun, settings, noise)
+        plan = moving(noun, settings, noise)
     else:
         plan = tuned(noun, settings, noise)
     plan = _stopping(_held(plan, settings), settings)
@@ -103,10 +106,20 @@ def planned(noun: Noun, settings: Settings) -> Plan:
 
 
 def _must_be_seen(noun: Noun, settings: Settings) -> None:
-    """Refuse words that only a range image knows."""
+    """Refuse words that only a range image knows, or a mesh whose points move."""
     for word, given in (("islands", settings.islands is not None), ("space", settings.space != "length")):
         if given and not isinstance(noun, RangeImage):
             raise InputError(f"{word}: of range images only, got {type(noun).__name__}")
+    ways = {name: getattr(settings, name) is not None for name in ("order", "weights", "evened", "keep")}
+    ways |= {
+        "triangles": settings.triangles != "auto",
+        "along": settings.along != "all",
+        f"method={settings.method!r}": settings.method in get_args(MotionName),
+    }
+    for word, given in ways.items():
+        if given and not _points(noun):
+            what = "a mesh of which the channels move" if isinstance(noun, Mesh) else type(noun).__name__
+            raise InputError(f"{word}: where the points of a mesh move only, got {what}")
 
 
 def _stepped(noun: Noun, settings: Settings) -> Settings:

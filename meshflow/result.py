@@ -121,7 +121,8 @@ class Result:
         if self.end.step == 0:
             return self.reason
         p = self.parameters
-        chosen = ", ".join(f"{name} {p[name].value:.4g}" for name in ("gamma", "sharpness", "patch", "contrast"))
+        names = [name for name in ("method", "order", "gamma", "sharpness", "patch", "contrast") if name in p]
+        chosen = ", ".join(f"{name} {_short(p[name].value)}" for name in names)
         sigma = "" if self.noise is None else f" of noise {self.noise.sigma:.4g}"
         return f"{self.reason}; {chosen}; removed rms {self._rms:.4g}{sigma}"
 
@@ -170,12 +171,10 @@ class Result:
         if self.trials:
             lines.append(f"  searched    {len(self.trials)} members; expected errors (rms), least first:")
             for trial in sorted(self.trials, key=lambda trial: trial.least[1])[:5]:
-                m, candidate = trial.candidate.member, trial.candidate
-                lines.append(
-                    f"              {trial.risk:.6g} at time {trial.least[0]:.4g}: gamma {m.gamma:g}, sharpness "
-                    f"{m.sharpness:g}, patch {m.patch:g}, contrast {candidate.contrast:.4g}, twice {candidate.twice:g}"
-                    + (f", boundary {candidate.boundary}" if candidate.boundary else "")
+                words = (
+                    f"{k} {v if isinstance(v, str) else format(v, '.4g')}" for k, v in trial.candidate.words.items()
                 )
+                lines.append(f"              {trial.risk:.6g} at time {trial.least[0]:.4g}: {', '.join(words)}")
         return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
 
     @property
@@ -187,17 +186,15 @@ class Result:
         return float(np.sqrt(np.mean(self.removed[~self.before.missing] ** 2)))
 
 
+def _short(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.4g}"
+
+
 def _told(trial: Trial, whole: bool) -> dict[str, Any]:
     """A trial; the ``whole`` of its curve only of the one that was chosen, which are hundreds of numbers else."""
-    member, time = trial.candidate.member, trial.least[0]
     return {
-        "gamma": member.gamma,
-        "sharpness": member.sharpness,
-        "patch": member.patch,
-        "contrast": trial.candidate.contrast,
-        "twice": trial.candidate.twice,
-        "time": time,
+        **trial.candidate.words,
+        "time": trial.least[0],
         "risk": trial.risk,
-        **({"boundary": trial.candidate.boundary} if trial.candidate.boundary else {}),
         **({"curve": {"times": list(trial.times), "risks": list(trial.risks)}} if whole else {}),
     }

@@ -8,9 +8,14 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.control import AreaChange, Embedded, Fixed
+from meshflow.flow.facets import Facets
+from meshflow.flow.keep import Keep
+from meshflow.flow.lowpass import LowPass, Weights
+from meshflow.flow.motion import Motion
 from meshflow.flow.step import Stepper, StepperName, stepper_word
 from meshflow.flow.stop import AreaLoss, Displacement, Residual, Stop, When
 from meshflow.geometry.gates import Array, number, positive, whole
+from meshflow.geometry.intrinsic import Triangles
 from meshflow.geometry.member import Indicator, Member, Method
 from meshflow.geometry.surface import Boundary
 from meshflow.geometry.triangulate import Diagonals, triangulations
@@ -39,11 +44,16 @@ class Settings:
     Which flow:
 
     :param method: a member by name: ``beltrami | graph | mean-curvature | total-variation | perona-malik | geman-mcclure | heat |
-        patches``.
+        patches``; where the points of a mesh move: ``curvature | conformal | fairing | facets`` (:class:`Motion`).
     :param gamma: exponent of the edge indicator, instead of a method. See :class:`Member`, as for the next two.
     :param sharpness: above 1 keeps edges more by the flux across them.
     :param patch: width in samples of the patches in whose space lengths are measured.
     :param contrast: length per unit of the value; 1 for range images and where the points of a mesh move.
+    :param order: of a fairing, 1 (implicit fairing) to 20 (all but an ideal low-pass).
+    :param weights: of a fairing, ``cotangent | uniform``.
+    :param evened: of facets: a squared length over which the sampling is evened first; points then move along the surface.
+    :param along: points of a mesh move in ``all`` directions, or along their ``normals`` alone.
+    :param triangles: of a mesh whose points move, ``given``, ``delaunay`` (intrinsic) or ``auto``: where thin ones ask for it.
     :param twice: w in [0, 1]: u(t) + w (u(t) - u(2 t)), twicing in time; 0 where a time or a stop is given, else searched for.
 
     What is known, and how much is wanted:
@@ -63,6 +73,8 @@ class Settings:
     :param confidence: weights of a fidelity term, 1 / variance, a number or one per sample; the flow then comes to rest between
         smoothness and data.
     :param only: mask of the samples that may move.
+    :param keep: of a closed mesh whose points move: ``volume``, exact in every step by one length along the normals; ``scale``,
+        the volume by scaling [DMSB99]; ``area``.
     :param islands: pieces of a range image of fewer samples are dropped; by default none.
     :param space: ``length``, or of a range image ``disparity``: the graph of the inverse depth moves, with every member,
         contrast, patches and the search; sigma, limit, displacement and confidence then count in inverse depths.
@@ -93,6 +105,11 @@ class Settings:
     sharpness: float | None = None
     patch: float | None = None
     contrast: float | None = None
+    order: int | None = None
+    weights: Weights | None = None
+    evened: float | None = None
+    along: Literal["all", "normals"] = "all"
+    triangles: Triangles = "auto"
     twice: float | None = None
     sigma: float | None = None
     strength: float = 1.0
@@ -100,6 +117,7 @@ class Settings:
     limit: float | Array | Literal["step"] | None = None
     confidence: float | Array | None = None
     only: Array | None = None
+    keep: Keep | None = None
     islands: int | None = None
     space: Space = "length"
     indicator: Indicator = "metric"
@@ -119,6 +137,8 @@ class Settings:
             ("method", "sharpness", "the method says it"),
             ("method", "patch", "the method says it"),
         ):
+            if (one, other, self.method) == ("method", "sharpness", "facets"):
+                continue  # that of the flux of normals
             if getattr(self, one) is not None and getattr(self, other) is not None:
                 values = f"{one} {getattr(self, one)} and {other} {getattr(self, other)}"
                 raise InputError(f"{values}: one of them expected; {why}")
@@ -129,7 +149,7 @@ class Settings:
         for name in ("contrast", "sigma", "strength", "residual", "displacement", "dt"):
             if getattr(self, name) is not None:
                 positive(getattr(self, name), name)
-        for name, least in (("steps", 0), ("threads", 1), ("islands", 1)):
+        for name, least in (("steps", 0), ("threads", 1), ("islands", 1), ("order", 1)):
             if getattr(self, name) is not None:
                 whole(getattr(self, name), name, least)
         if self.twice is not None and not 0 <= number(self.twice, "twice") <= 1:
@@ -150,6 +170,13 @@ class Settings:
             raise InputError(f"control: Fixed, AreaChange or Embedded expected, got {self.control!r}")
         if self.search is not None and not isinstance(self.search, (bool, np.bool_)):
             raise InputError(f"search: true or false expected, got {self.search!r}")
+        if self.keep not in (None, "volume", "scale", "area"):
+            raise InputError(f"keep: volume, scale or area expected, got {self.keep!r}")
+        if self.order is not None or self.weights is not None:
+            LowPass(self.order or 2, self.weights or "cotangent")
+        if self.evened is not None:
+            Facets(evened=self.evened)
+        Motion(along=self.along, triangles=self.triangles)
         triangulations(self.diagonals)
         stepper_word(self.stepper)
         self.member()

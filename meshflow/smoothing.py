@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.flow.constraint import Faithful
+from meshflow.flow.constraint import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
 from meshflow.flow.control import Control, Fixed
+from meshflow.flow.keep import Kept
 from meshflow.flow.march import State, march
 from meshflow.flow.noise import noise_growth
 from meshflow.flow.progress import Progress
@@ -109,7 +110,7 @@ def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, reco
     return replace(found, thing=done, noun=done, before=noun, parameters=told)
 
 
-def _lowered(plan: Plan, engine: MeshFlow | GridFlow, u: Array) -> Noun:
+def _lowered(plan: Plan, engine: Flow, u: Array) -> Noun:
     """The noun with the coordinates u."""
     if isinstance(plan.noun, Mesh):
         return plan.noun.lowered(u, plan.lift)
@@ -117,10 +118,11 @@ def _lowered(plan: Plan, engine: MeshFlow | GridFlow, u: Array) -> Noun:
     return plan.noun.holding(engine.planes(u))
 
 
-def _engine(plan: Plan, settings: Settings) -> MeshFlow | GridFlow:
+def _engine(plan: Plan, settings: Settings) -> Flow:
     """What moves the noun."""
     if isinstance(plan.noun, Mesh):
-        return MeshFlow(plan.noun.lifted(plan.lift), plan.member)
+        surface = plan.noun.lifted(plan.lift)
+        return MeshFlow(surface, plan.member) if plan.motion is None else plan.motion.engine(surface, plan.member)
     return GridFlow(plan.noun.gridded(plan.lift), plan.member, settings.threads)
 
 
@@ -136,9 +138,13 @@ def _run(
         assert time is not None
         until = replace(until, time=2.0 * time, marks=(time,))
     control: Control | None = settings.control or (None if settings.dt is None else Fixed(settings.dt))
-    limit = None if plan.limit is None else plan.limit(flow.start())
+    stepper: Any = settings.stepper
+    if plan.motion is not None and isinstance(plan.noun, Mesh):
+        stepper = plan.motion.stepper(stepper, flow, time, plan.noun.faces)
+        control = Fixed(time) if plan.motion.once and control is None and time else control
+    limit = _held(plan, flow)
     moments, state = [], begin
-    for state in march(flow, until, settings.stepper, control, progress, recycle=True, limit=limit):
+    for state in march(flow, until, stepper, control, progress, recycle=True, limit=limit):
         if record or state.step == 0:
             moments.append(_moment(state, plan))
         if plan.twice > 0 and kept is None and time is not None and state.time >= time * (1.0 - 1e-12):
@@ -152,6 +158,16 @@ def _run(
     if end.step > 0 and (kept is not None or not record):
         moments.append(_moment(end, plan))
     return begin, end, tuple(moments)
+
+
+def _held(plan: Plan, flow: Flow) -> Hold | None:
+    """What every step is held to."""
+    limit = None if plan.limit is None else plan.limit(flow.start())
+    if plan.keep is None or not isinstance(plan.noun, Mesh):
+        return limit
+    assert plan.noun.fixed is not None
+    kept = Kept(plan.keep, plan.noun.faces, flow.start(), ~plan.noun.fixed)
+    return kept if limit is None else Both(kept, limit)
 
 
 def _moment(state: State, plan: Plan) -> Moment:

@@ -28,7 +28,7 @@ from meshflow.geometry.member import Member
 from meshflow.parameters import Origin, Parameter, Plan, contrast_unit, squared_unit, value_unit
 from meshflow.settings import Settings
 
-__all__ = ["along_rays", "bare", "given_time", "is_rounded", "limit_of", "tuned"]
+__all__ = ["HARM", "along_rays", "bare", "given_time", "is_rounded", "limit_of", "no_noise", "tuned"]
 
 # Times in squared sample distances where nobody names one, and nothing is searched for: 7.5 for the one member that suits most
 # data, 5 for a member of the caller's (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths
@@ -85,7 +85,7 @@ def tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
     asked = timed is not None or settings.steps is not None or settings.confidence is not None or settings.stopping
     plan = Plan(noun, settings.member(), Lift(1.0, settings.diagonals, settings.boundary), Until(0.0), {}, noise)
     if sigma == 0 and not asked:
-        plan = replace(plan, idle=_no_noise(noise))
+        plan = replace(plan, idle=no_noise(noise))
         return _told(
             plan, settings, {"time": Parameter(0.0, squared_unit(noun), "default", "nothing to remove")}, "default"
         )
@@ -110,7 +110,7 @@ def tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
         contrast = Parameter(edge * unit, contrast_unit(noun), "estimated", f"{edge:g} h / sigma")
     else:
         contrast = Parameter(1.0, contrast_unit(noun), "default", "no noise found")
-        plan = replace(plan, warnings=(f"{_no_noise(noise)}; contrast 1 is taken", *plan.warnings))
+        plan = replace(plan, warnings=(f"{no_noise(noise)}; contrast 1 is taken", *plan.warnings))
     time = timed or Parameter(much * noun.step**2, squared_unit(noun), "default", f"{much:g} h²")
     plan = replace(plan, member=settings.member(**exponents), lift=replace(plan.lift, contrast=float(contrast.value)))
     return _unsearched(plan, settings, time, contrast)
@@ -180,7 +180,7 @@ def along_rays(noun: RangeImage, settings: Settings, noise: Noise, why: str) -> 
     if noise.sigma == 0 or noun.sigma is None:
         asked = timed is not None or settings.steps is not None or settings.confidence is not None or settings.stopping
         time = timed or Parameter(0.0, squared_unit(noun), "default", "no noise was found")
-        plan = plan if asked else replace(plan, idle=_no_noise(noise))
+        plan = plan if asked else replace(plan, idle=no_noise(noise))
         return _told(plan, settings, {**told, "time": time}, "default")
     assert noun.missing is not None
     there = ~noun.missing & (footprint > 0)
@@ -231,7 +231,8 @@ def _searched_along(
     return _told(plan, settings, told, "default" if settings.named else "estimated")
 
 
-def _no_noise(noise: Noise) -> str:
+def no_noise(noise: Noise) -> str:
+    """Why nothing is done where there is nothing to remove."""
     if noise.how == "nothing":
         return "too few samples to tell noise from data: nothing was changed"
     return "no noise was found: nothing to remove, nothing was changed"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sparse
@@ -11,7 +11,27 @@ from meshflow.errors import InputError
 from meshflow.flow.contract import Flow, System
 from meshflow.geometry.gates import Array
 
-__all__ = ["Faithful", "Limit", "trust_of"]
+__all__ = ["Both", "Faithful", "Hold", "Limit", "trust_of"]
+
+
+class Hold(Protocol):
+    """What every step is brought back to."""
+
+    def hold(self, u: Array) -> Array:
+        """u, moved in place."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Both:
+    """One after the other."""
+
+    first: Hold
+    then: Hold
+
+    def hold(self, u: Array) -> Array:
+        """u, moved in place; what the second asks for holds, the first as far as that lets it."""
+        return self.then.hold(self.first.hold(u))
 
 
 @dataclass(frozen=True, eq=False)

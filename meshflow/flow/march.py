@@ -8,7 +8,7 @@ from math import ceil
 import numpy as np
 
 from meshflow.errors import NotConverged
-from meshflow.flow.constraint import Limit
+from meshflow.flow.constraint import Hold
 from meshflow.flow.contract import Flow
 from meshflow.flow.control import Control, Embedded, Fixed, Until
 from meshflow.flow.progress import Progress, reporting
@@ -21,6 +21,8 @@ __all__ = ["State", "march"]
 
 # Explicit steps still to take at which a run asked for by name is given up: hours for any mesh worth the name.
 HOPELESS = 100_000
+# The share of its area at which a mesh is a point.
+VANISHED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,7 @@ def march(
     control: Control | None = None,
     progress: Progress = None,
     recycle: bool = False,
-    limit: Limit | None = None,
+    limit: Hold | None = None,
 ) -> Iterator[State]:
     """Move from the start to the end, yielding the start and the state after each step; the last one has a reason.
 
@@ -132,7 +134,7 @@ def march(
                 steps = Fixed().opened(flow, stepper, state.u, Until(time=left))
                 longest = _longest(stepper, state, flow)
             new, steps = _stepped(flow, state, stepper, steps, min(longest, left), left, until, limit)
-            new = _stopped(flow, state, new, until)
+            new = _gone(flow, _stopped(flow, state, new, until), stepper)
             report(until.share(new.time, new.step))
             yield new
             if recycle and state.step > 0:
@@ -153,7 +155,7 @@ def _stepped(
     longest: float,
     left: float,
     until: Until,
-    limit: Limit | None,
+    limit: Hold | None,
 ) -> tuple[State, Control]:
     """The next state that the control accepts, and the control after it."""
     while True:
@@ -194,6 +196,16 @@ def _stopped(flow: Flow, old: State, new: State, until: Until) -> State:
     count = f"{new.step} step{'' if new.step == 1 else 's'}"
     reason = f"came to {words} at time {time:.6g} in {count}"
     return State(u, time, time - old.time, new.step, reason, new.stepper, new.error, flow, old.u)
+
+
+def _gone(flow: Flow, new: State, stepper: Stepper) -> State:
+    """The new state, with the reason to end where implicit steps have shrunk a mesh to points, which none of them can move."""
+    if new.reason is not None or not flow.slivers or not isinstance(stepper, SemiImplicit):
+        return new
+    left = new.area / max(flow.area(flow.start()), np.finfo(float).tiny)
+    if left > VANISHED:
+        return new
+    return replace(new, reason=f"the surface has vanished: {left:.1e} of its area is left at time {new.time:.6g}")
 
 
 def _implicit_instead(changes: bool, state: State, longest: float) -> Stepper:

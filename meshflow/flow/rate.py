@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import Connectivity, connect
+from meshflow.geometry.facets import mean_edge
 from meshflow.geometry.gates import Array
+from meshflow.geometry.generators import cotangent_generator, umbrella_generator
+from meshflow.geometry.intrinsic import Triangles, delaunay, is_thin, length_cotangents, mollified, side_lengths
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Axes, Rays, Surface
 
@@ -54,8 +57,9 @@ class _Sheet:
 
 @dataclass(frozen=True, eq=False)
 class _Metric:
-    """The surface measured at one moment: cotangents (m, 3), areas (m,), mass (n,)."""
+    """The surface at one moment, by its triangles or others of the same surface: cotangents (m, 3), areas (m,), mass (n,)."""
 
+    connectivity: Connectivity
     cot: Array
     area: Array
     mass: Array
@@ -68,11 +72,22 @@ class MeshFlow:
 
     :param surface: where the points are and where they may go.
     :param member: which flow of the family.
+    :param conformal: the stiffness stays that of the start, the mass is that of now (Kazhdan, Solomon, Ben-Chen 2012): no neck
+        pinches off, and what is like a sphere becomes one. Where all coordinates are free.
+    :param triangles: ``given``; ``delaunay``: those of the intrinsic Delaunay triangulation of the same surface, sides of all but
+        flat ones made longer by a hair, so that no weight is below zero and no system singular; ``auto``: where thin ones ask for
+        it. Where all coordinates are free.
     """
 
     slivers = True
 
-    def __init__(self, surface: Surface, member: Member | None = None) -> None:
+    def __init__(
+        self,
+        surface: Surface,
+        member: Member | None = None,
+        conformal: bool = False,
+        triangles: Triangles = "given",
+    ) -> None:
         self.surface = surface
         self.member = member or Member()
         self.member.check(along_rays=isinstance(surface.free, Rays), on_grid=False)
@@ -84,6 +99,10 @@ class MeshFlow:
             joined = None if charts[0] is None else np.concatenate([c for c in charts if c is not None])
             self._sheets = (_Sheet.of(surface.sheets, joined, n),)
         assert surface.fixed is not None
+        every = isinstance(surface.free, Axes) and len(surface.free.columns) == surface.points.shape[1]
+        self.triangles: Triangles = triangles if every and len(surface.sheets) == 1 else "given"
+        start = surface.points
+        self._first = operator.cotangents(start, self._sheets[0].connectivity.faces)[0] if conformal else None
         self.held = surface.fixed.copy()
         if surface.boundary == "fixed":
             for sheet in self._sheets:
@@ -111,7 +130,7 @@ class MeshFlow:
         sheet = self._sheets[turn % len(self._sheets)]
         x = self._moving(u)
         metric = self._measured(sheet, x)
-        gradient = operator.gather_gradient(sheet.connectivity, metric.cot, x, self.surface.boundary == "linear")
+        gradient = operator.gather_gradient(metric.connectivity, metric.cot, x, self.surface.boundary == "linear")
         pull, inertia = self._along(gradient), self._inertia(sheet, x, metric, gradient)
         moves = self._moves(inertia)
         return -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
@@ -189,7 +208,7 @@ class MeshFlow:
             bounds = operator.rate_bound(metric.cot, metric.area, self.member.mass)
             factor = self._speed(sheet, x, metric, None)
             if factor is not None:
-                bounds = bounds * factor[sheet.connectivity.faces].max(axis=1)
+                bounds = bounds * factor[metric.connectivity.faces].max(axis=1)
             fastest = max(fastest, float(bounds.max(initial=0.0)))
         return fastest
 
@@ -201,10 +220,26 @@ class MeshFlow:
         inertia = self._inertia(sheet, x, metric, None)
         moves = self._moves(inertia)
         rays = self.surface.free.directions if isinstance(self.surface.free, Rays) else None
-        stiffness = operator.fill_stiffness(sheet.connectivity, metric.cot, rays)
+        stiffness = operator.fill_stiffness(metric.connectivity, metric.cot, rays)
         rows = np.repeat(moves, np.diff(stiffness.indptr))
         stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
         return MeshSystem(np.where(moves, inertia, 1.0), stiffness)
+
+    def generator(self, u: Array, weights: Literal["cotangent", "uniform"]) -> Any:
+        """A (n, n) with du/dt = -A u in the metric of u; rows of what stays are zero. Along axes, one set of triangles.
+
+        With uniform weights the border moves as a curve, but for a ``natural`` one, which its neighbours inside draw in.
+        """
+        sheet, x = self._sheets[0], self._moving(u)
+        if weights == "uniform":
+            isolated = np.diff(sheet.connectivity.first) == 0
+            step = mean_edge(self.surface.points, sheet.connectivity.faces)
+            curve = self.surface.boundary != "natural"
+            return umbrella_generator(sheet.connectivity, step, ~(self.held | isolated), curve)
+        metric = self._measured(sheet, x)
+        inertia = self._inertia(sheet, x, metric, None)
+        linear = self.surface.boundary == "linear"
+        return cotangent_generator(metric.connectivity, metric.cot, inertia, self._moves(inertia), linear)
 
     def _moving(self, u: Array) -> Array:
         """Coordinates in which triangles are measured by points: the free ones, or all where the free ones are rays."""
@@ -212,7 +247,14 @@ class MeshFlow:
 
     def _measured(self, sheet: _Sheet, x: Array) -> _Metric:
         cot, area = operator.cotangents(x, sheet.connectivity.faces, sheet.forms, self.member.sharpness)
-        return _Metric(cot, area, operator.gather_mass(sheet.connectivity, cot, area, self.member.mass))
+        connectivity = sheet.connectivity
+        if self._first is not None:
+            cot = self._first
+        elif self.triangles == "delaunay" or (self.triangles == "auto" and is_thin(cot)):
+            faces, lengths = delaunay(connectivity.faces, mollified(side_lengths(x, connectivity.faces)))
+            connectivity = connect((faces,), connectivity.size)
+            cot, area = length_cotangents(lengths)
+        return _Metric(connectivity, cot, area, operator.gather_mass(connectivity, cot, area, self.member.mass))
 
     def _along(self, gradient: Array) -> Array:
         """P of a gradient, as free coordinates (n, k): for rays, per squared length of d in the inertia."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -42,17 +43,25 @@ class Candidate:
     twice: float = 0.0
     boundary: str = ""
 
+    @property
+    def words(self) -> dict[str, Any]:
+        """Names to numbers and words, in reading order."""
+        m = self.member
+        named = {"gamma": m.gamma, "sharpness": m.sharpness, "patch": m.patch, "contrast": self.contrast}
+        return {**named, "twice": self.twice, **({"boundary": self.boundary} if self.boundary else {})}
+
 
 @dataclass(frozen=True)
 class Trial:
     """What a candidate is expected to leave.
 
+    :ivar candidate: a :class:`Candidate`, or another thing with ``words``.
     :ivar times: at which the risk was estimated, squared length; the first is zero.
     :ivar squares: mean square error, squared unit of the values; at time zero sigma^2. What sigma is wrong by shifts all of
         them alike: they may be negative, and are compared all the same.
     """
 
-    candidate: Candidate
+    candidate: Any
     times: tuple[float, ...]
     squares: tuple[float, ...]
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.facets import mean_edge, normals_at
 from meshflow.geometry.gates import Array, Spacing, mask_of, real, samples, spacing_of
 from meshflow.geometry.jumps import Cuts
 from meshflow.geometry.lattice import Lattice, Lift, held, lowered
@@ -205,19 +206,12 @@ class Mesh:
         """Unit normals (n, 3) of the vertices, the mean of their triangles by area; zero where there is none; None outside 3D."""
         if self.points.shape[1] != 3:
             return None
-        corners = self.points[self.faces].astype(np.float64)
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        sums = np.stack(
-            [np.bincount(self.faces.ravel(), np.repeat(part, 3), len(self.points)) for part in across.T], axis=1
-        )
-        lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-        return np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0)
+        return normals_at(self.points, self.faces)
 
     @property
     def step(self) -> float:
         """h: the mean length of the edges of the triangles, in the unit of the points."""
-        corners = self.points[self.faces].astype(np.float64)
-        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+        return mean_edge(self.points, self.faces)
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface in R^d, or in R^(d + k) where channels move; contrast multiplies the channels."""

@@ -21,6 +21,10 @@ Method = Literal[
     "geman-mcclure",
     "heat",
     "patches",
+    "curvature",
+    "conformal",
+    "fairing",
+    "facets",
 ]
 # The widest patch: the taps must fit beside the rows of a grid.
 WIDEST = 6.0

@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.step import SemiImplicit
+from meshflow.geometry.facets import normals_at
 from meshflow.geometry.gates import Array, positive
 from meshflow.geometry.lift import Lift, RangeImage
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Axes, Boundary, Rays, Surface
-from meshflow.study.outcome import Bends, Outcome, Start, Truth, face_normals, rim_edges
+from meshflow.study.outcome import Bends, Outcome, Start, Truth, rim_edges
 from meshflow.study.sight import Sight
 
 __all__ = ["FLOWS", "FlowComparison", "Panel", "compare_flows"]
@@ -232,7 +233,7 @@ class _Run:
         if name == "normals":
 
             def along(points: Array, dt: float, turn: int) -> Array:
-                normals = _vertex_normals(points, self.faces)
+                normals = normals_at(points, self.faces)
                 here = replace(surface, points=points, free=Rays(points, normals, np.zeros(len(points))))
                 flow = MeshFlow(here, self.member)
                 return here.points_at(stepper.step(flow, flow.start(), dt, turn))
@@ -307,14 +308,6 @@ def _measured(name: str, end: _End, depth: Array, start: Start, truth: Truth | N
         points=end.points,
         depth=depth,
     )
-
-
-def _vertex_normals(points: Array, faces: Array) -> Array:
-    """Unit normals (n, 3), the mean of the triangles by area; zero where there is none."""
-    across = face_normals(points, faces)
-    sums = np.stack([np.bincount(faces.ravel(), np.repeat(part, 3), len(points)) for part in across.T], axis=1)
-    length = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.divide(sums, length, out=np.zeros_like(sums), where=length > 0)
 
 
 def _noted(outcome: Outcome) -> str:

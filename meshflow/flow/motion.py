@@ -1,0 +1,102 @@
+"""How the points of a mesh move, all three coordinates free: which engine, and which stepper it asks for."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from meshflow.errors import InputError
+from meshflow.flow.contract import Flow
+from meshflow.flow.facets import FacetFlow, Facets
+from meshflow.flow.keep import AlongNormals
+from meshflow.flow.lowpass import LowPass, Weights
+from meshflow.flow.rate import MeshFlow
+from meshflow.flow.step import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.geometry.gates import Array
+from meshflow.geometry.intrinsic import Triangles
+from meshflow.geometry.member import Member
+from meshflow.geometry.surface import Surface
+
+__all__ = ["Motion", "MotionName"]
+
+MotionName = Literal["curvature", "conformal", "fairing", "facets"]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A way for points to move.
+
+    :param kind: ``curvature``: mean curvature flow [DMSB99], which shrinks what it smooths; ``conformal``: the same with the
+        stiffness of the start, for large times (:class:`MeshFlow`); ``fairing``: a low-pass of an order
+        (:class:`LowPass`); ``facets``: normals flow and points follow (:class:`FacetFlow`), creases kept.
+    :param order: of a fairing.
+    :param weights: of a fairing.
+    :param facets: how normals flow.
+    :param along: ``all`` directions, or ``normals``: what moves points across the surface is left out (:class:`AlongNormals`).
+    :param triangles: of the curvature flow and of cotangent weights, as of :class:`MeshFlow`.
+    :raises InputError: for an unknown word.
+    """
+
+    kind: MotionName = "curvature"
+    order: int = 2
+    weights: Weights = "cotangent"
+    facets: Facets = Facets()
+    along: Literal["all", "normals"] = "all"
+    triangles: Triangles = "auto"
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(MotionName):
+            raise InputError(f"method: {', '.join(get_args(MotionName))} expected, got {self.kind!r}")
+        if self.along not in ("all", "normals"):
+            raise InputError(f"along: all or normals expected, got {self.along!r}")
+        if self.triangles not in get_args(Triangles):
+            raise InputError(f"triangles: {', '.join(get_args(Triangles))} expected, got {self.triangles!r}")
+        LowPass(self.order, self.weights)
+
+    def engine(self, surface: Surface, member: Member, strength: Array | None = None) -> Flow:
+        """What moves the points."""
+        if self.kind == "facets":
+            return FacetFlow(surface, self.facets, strength)
+        return MeshFlow(surface, member, conformal=self.kind == "conformal", triangles=self.triangles)
+
+    def stepper(
+        self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
+    ) -> Stepper | StepperName:
+        """The stepper, of a caller who may have asked for one.
+
+        :raises InputError: where the kind has one of its own and the caller asks for another.
+        """
+        if self.kind in ("curvature", "conformal"):
+            asked = SemiImplicit() if self.kind == "conformal" and asked == "auto" else asked
+            return asked if self.along == "all" else AlongNormals(stepper_for(asked, flow, time), faces)
+        own: Stepper = LowPass(self.order, self.weights) if self.kind == "fairing" else Explicit()
+        if isinstance(asked, str) and asked not in ("auto", own.name):
+            raise InputError(f"stepper: {self.kind} steps in its own way, got {asked!r}; leave it out")
+        own = own if isinstance(asked, str) else asked
+        return own if self.along == "all" else AlongNormals(own, faces)
+
+    @property
+    def once(self) -> bool:
+        """Whether it reaches its time in one step."""
+        return self.kind == "fairing"
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """Names to numbers and words, in reading order."""
+        if self.kind == "fairing":
+            return {"method": "fairing", "order": self.order, "weights": self.weights}
+        if self.kind == "facets":
+            how = self.facets
+            return {
+                "method": "facets", "contrast": how.contrast, "sharpness": how.sharpness, "evened": how.evened,
+            }  # fmt: skip
+        return {"method": self.kind}
+
+    def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Any:
+        """The coordinates at each of the times, one by one: a fairing from its start, anything else going on."""
+        u, since = start, 0.0
+        for turn, time in enumerate(times):
+            if self.once:
+                u = LowPass(self.order, self.weights).step(flow, start, time, turn)
+            else:
+                u = flow.advance(u, time - since, turn)
+            since = time
+            yield u

@@ -1,0 +1,144 @@
+"""How the points of a mesh move, at the front door. meshflow.shaping, meshflow.flow.motion, meshflow.flow.keep."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import sphere, square
+from test_facets import along_normals
+
+from meshflow.errors import InputError
+from meshflow.geometry.facets import normals_at
+from meshflow.io.files import read
+from meshflow.smoothing import denoise, smooth
+from meshflow.study.metrics import area, volume
+
+BALL, FACES, *_ = sphere(600)
+NOISY = along_normals(BALL, FACES, 0.2)
+MESHES = Path(__file__).parents[2] / "shared" / "data" / "meshes"
+WAYS = [
+    {"method": "curvature"},
+    {"method": "curvature", "stepper": "semi-implicit", "time": 0.05},
+    {"method": "conformal", "time": 0.05},
+    {"method": "fairing"},
+    {"method": "fairing", "order": 10, "weights": "uniform"},
+    {"method": "facets"},
+    {},
+]
+NAMES = [" ".join(map(str, way.values())) or "default" for way in WAYS]
+FLAT = [way for way in WAYS if way.get("weights") != "uniform"]
+MESSY = [*sorted((MESHES / "messy").glob("*.*")), MESHES / "irregular" / "horse.vtp"]
+BRIEF = [{}, {"method": "fairing", "order": 4}, {"method": "curvature"}]
+
+
+@pytest.mark.parametrize("way", WAYS, ids=NAMES)
+def test_volume_is_kept_to_rounding_where_promised(way):
+    found = smooth((NOISY, FACES), keep="volume", **way)[0]
+    assert volume(found, FACES) == pytest.approx(volume(NOISY, FACES), rel=1e-10)
+    assert np.abs(found - NOISY).max() > 1e-3
+
+
+@pytest.mark.parametrize(("keep", "measure"), [("scale", volume), ("area", area)])
+def test_scaling_keeps_what_it_says(keep, measure):
+    found = smooth((NOISY, FACES), method="curvature", time=0.05, keep=keep)[0]
+    assert measure(found, FACES) == pytest.approx(measure(NOISY, FACES), rel=1e-10)
+
+
+@pytest.mark.parametrize("way", WAYS[:6], ids=NAMES[:6])
+def test_motion_along_normals_slides_nowhere(way):
+    far = NOISY + 100.0
+    words = {"method": way["method"], "steps": 1, **({} if way["method"] in ("curvature", "facets") else {"dt": 0.01})}
+    found = smooth((far, FACES), along="normals", **words)[0]
+    normals = normals_at(far, FACES)
+    moved = found - far
+    across = moved - np.einsum("ij,ij->i", moved, normals)[:, None] * normals
+    assert np.abs(moved).max() > 1e-4
+    assert np.abs(across).max() < 1e-12 * 100
+
+
+def test_the_conformalised_flow_of_what_is_like_a_sphere_ends_at_one():
+    points = BALL * [1.0, 0.8, 0.6]
+    found = smooth((points, FACES), method="conformal", time=3.0, dt=0.05)[0]
+    # The sphere of least squares: |x|^2 = 2 c . x + (r^2 - c^2).
+    middle = np.linalg.lstsq(np.column_stack([2 * found, np.ones(len(found))]), (found**2).sum(axis=1))[0][:3]
+    radii = np.linalg.norm(found - middle, axis=1)
+    assert radii.std() / radii.mean() < 0.01
+    assert np.linalg.norm(points, axis=1).std() / np.linalg.norm(points, axis=1).mean() > 0.1
+    assert area(found, FACES) == pytest.approx(area(points, FACES), rel=1e-9)
+
+
+@pytest.mark.parametrize("way", FLAT, ids=lambda way: " ".join(map(str, way.values())) or "default")
+def test_flat_irregular_meshes_rest_in_every_flow(way):
+    points, faces, _ = square(300)
+    found = smooth((points, faces), **{"time": 0.01, **way} if way else way)[0]
+    assert np.abs(found - points).max() < 1e-12
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not MESHES.exists(), reason="no ../shared/data/meshes")
+def test_what_would_only_lose_by_it_is_left_alone_and_says_so():
+    horse = read(MESHES / "irregular" / "horse.vtp").noun
+    result = denoise(horse)
+    assert np.array_equal(result.noun.points, horse.points)
+    assert "more harm than the noise" in result.reason
+
+
+def test_thin_triangles_ask_for_others_and_the_result_says_so():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-7, 0], [0.5, 1, 0.3], [0.5, -1, 0.3]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 3], [1, 0, 4]])
+    result = denoise((points, faces), method="curvature", time=0.01)
+    assert result.parameters["triangles"].value == "delaunay"
+    assert np.isfinite(result.noun.points).all()
+    assert denoise((NOISY, FACES), method="curvature", time=0.01).parameters["triangles"].value == "given"
+
+
+def test_an_open_mesh_has_no_volume_to_keep():
+    points, faces, _ = square(50)
+    with pytest.raises(InputError, match="the mesh is open"):
+        smooth((points, faces), method="curvature", keep="volume")
+    with pytest.raises(InputError, match="are fixed; take keep='volume'"):
+        smooth((NOISY, FACES), method="curvature", keep="scale", fixed=np.arange(len(NOISY)) == 0)
+
+
+BAD = [
+    ({"order": 0}, "order: a whole number"),
+    ({"order": 2, "method": "facets"}, "order and weights: of method fairing, got method='facets'"),
+    ({"weights": "round"}, "weights: cotangent or uniform"),
+    ({"evened": 1.0, "method": "fairing"}, "evened: of method facets"),
+    ({"evened": -1.0}, "evened: a squared length"),
+    ({"keep": "length"}, "keep: volume, scale or area"),
+    ({"along": "edges"}, "along: all or normals"),
+    ({"method": "facets", "confidence": 1.0}, "confidence: weights pull"),
+    ({"method": "fairing", "stepper": "explicit"}, "stepper: fairing steps in its own way"),
+    ({"method": "facets", "contrast": -1.0}, "contrast"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), BAD, ids=[said for _, said in BAD])
+def test_words_that_make_no_sense_are_refused(words, said):
+    with pytest.raises(InputError, match=said):
+        smooth((NOISY, FACES), **words)
+
+
+def test_ways_of_points_are_refused_where_no_points_move():
+    z = np.random.default_rng(0).normal(size=(20, 20))
+    for words in ({"method": "facets"}, {"order": 2}, {"keep": "volume"}, {"along": "normals"}):
+        with pytest.raises(InputError, match="where the points of a mesh move only"):
+            smooth(z, **words)
+        with pytest.raises(InputError, match="where the points of a mesh move only"):
+            smooth((BALL, FACES), channels=BALL[:, 2], **words)
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not MESHES.exists(), reason="no ../shared/data/meshes")
+@pytest.mark.parametrize("path", MESSY, ids=lambda path: path.name)
+@pytest.mark.parametrize("way", BRIEF, ids=["default", "fairing", "curvature"])
+def test_messy_meshes_stay_finite_in_the_order_they_came(path, way):
+    try:
+        noun = read(path).noun
+    except InputError:
+        pytest.skip(f"{path.name} is refused with a reason (tests/test_io_mesh_refusals.py)")
+    found = smooth(noun, **way)
+    assert np.isfinite(found.points).all()
+    assert np.array_equal(found.faces, noun.faces)
+    assert found.points.shape == noun.points.shape
