@@ -148,12 +148,6 @@ def test_negative_depths_are_refused(tmp_path):
         read(make(tmp_path / "a.tif", raw), camera=NEAR)
 
 
-def test_exr_is_refused_with_the_way_out(tmp_path):
-    (tmp_path / "a.exr").write_bytes(b"v/1\x01")
-    with pytest.raises(FormatError, match=r"OpenEXR .* oiiotool a\.exr --ch Z -o depth\.tif"):
-        read(tmp_path / "a.exr", camera=NEAR)
-
-
 def test_rounding_that_takes_the_gain_back_is_told_with_its_size(tmp_path):
     document = read(make(tmp_path / "a.png", counts()), camera=NEAR)
     moved = replace(document.noun, depth=document.noun.depth + np.float32(0.0004))

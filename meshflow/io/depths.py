@@ -66,11 +66,6 @@ def read(
         raise InputError(
             f"{path.name}: a depth image expected, got kind={kind!r}; leave the camera out to read something else"
         )
-    if path.suffix.lower() == ".exr":
-        raise FormatError(
-            f"{path.name}: OpenEXR is read by nothing that comes with meshflow; convert it: oiiotool {path.name} --ch Z "
-            "-o depth.tif, or numpy.save what your own reader gives, as .npy"
-        )
     values, frame = load(path)
     if len(values) != 1 or frame.palette is not None or frame.dtype not in ("uint16", "int16", "float32", "float64"):
         raise FormatError(
@@ -132,7 +127,7 @@ def write(
         counts = np.rint(np.where(missing, 1, counts))
         samples = np.where(missing, kept, counts.clip(1, LARGEST - 1)).astype(np.uint16)
         save(samples[None], frame.bare(), path, driver="PNG", nodata=None, tags={})
-        much = 0.0 if changed is None else float(np.sqrt(np.mean(np.square(changed))))
+        much = None if changed is None else float(np.sqrt(np.mean(np.square(changed))))
         return _cost(counts, scale, much, None if left is None else left * scale)
     samples = np.where(missing, np.where(np.isnan(values[0]), np.nan, 0), counts).astype(values.dtype)
     save(
@@ -154,17 +149,17 @@ def _missing_as_read(raw: Array, depth: Array) -> Array:
     return np.where((depth == 0) & (raw < LARGEST), 0, raw)
 
 
-def _cost(counts: Array, scale: float, changed: float, left: float | None) -> tuple[str, ...]:
+def _cost(counts: Array, scale: float, changed: float | None, left: float | None) -> tuple[str, ...]:
     """What whole numbers cost; ``changed`` is the rms change since the file was read, ``left`` the noise, both in their steps."""
     notes: tuple[str, ...] = ()
     error = 1 / np.sqrt(12.0)
-    if left is not None and changed > 1e-3 and error > ADDS * left:
+    if left is not None and (changed is None or changed > 1e-3) and error > ADDS * left:
         finer = f" or a depth_scale of {10 ** np.ceil(np.log10(scale * error / (ADDS * left))):g}" if left > 0 else ""
         notes += (
             f"rounding to {1000 / scale:g} mm errs by {1000 * error / scale:.2g} mm (rms), beside {1000 * left / scale:.2g} mm "
-            f"of noise that is left: much of what was gained is lost; write .tif or .npy, which hold float32{finer}",
+            f"of noise that is left: much of what was gained is lost; write .tif, .npy or .exr, which hold float32{finer}",
         )
-    elif left is None and 1e-3 < changed < 1:
+    elif left is None and changed is not None and 1e-3 < changed < 1:
         notes += (
             f"depths changed by {changed * 1000 / scale:.3g} mm (rms), less than the steps of {1000 / scale:g} mm that they are "
             "rounded to: much of what was gained is lost; write .tif, or give a larger depth_scale",
