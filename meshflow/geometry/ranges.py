@@ -1,6 +1,7 @@
 """The noun of what a camera or a scanner has seen: values along rays."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -208,7 +209,7 @@ class RangeImage:
         assert self.measure is not None
         return self.camera.fibres((self.depth.shape[0], self.depth.shape[1]), self.measure)
 
-    @property
+    @cached_property
     def footprint(self) -> Array:
         """The width of each pixel on the surface (h, w), across its ray, unit of the depths; zero where missing."""
         assert self.measure is not None
