@@ -214,7 +214,9 @@ class RangeImage:
         """The width of each pixel on the surface (h, w), across its ray, unit of the depths; zero where missing."""
         assert self.measure is not None
         there = np.where(self._missing, np.nan, self.depth).astype(np.float64)
-        return np.nan_to_num(self.camera.footprint(there, self.measure), nan=0.0)
+        footprint = np.nan_to_num(self.camera.footprint(there, self.measure), nan=0.0)
+        footprint.flags.writeable = False  # kept: asked for several times in one smoothing
+        return footprint
 
     def holding(self, planes: Array) -> "RangeImage":
         """A copy whose depths are planes (1, h, w); missing ones keep their bits."""
