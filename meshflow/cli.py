@@ -16,7 +16,7 @@ from meshflow import options as words
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.geometry.lift import RangeImage
 from meshflow.io.files import Document, writable, write
-from meshflow.reading import HELD, INPUTS, mask, opened
+from meshflow.reading import HELD, INPUTS, frame, mask, opened
 
 if TYPE_CHECKING:
     from meshflow.geometry.gates import Array
@@ -78,6 +78,7 @@ def smooth(
     channels: words.Channels = None,
     moves: words.MovesOption = None,
     pace: words.PaceOption = None,
+    viewpoint: words.Viewpoint = None,
     picture: words.Picture = None,
     report: words.Report = None,
     dtype: words.Dtype = None,
@@ -115,7 +116,8 @@ def _smoothed(
     result = smooth_noun(noun, settings, progress=None if quiet else True, record=json or report is not None)
     done = document.holding(result.noun)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
-    notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **({"dtype": dtype} if dtype else {}))
+    options = {**({"dtype": dtype} if dtype else {}), **_left(document, target, result)}
+    notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **options)
     notes += (*result.warnings, *_warned(document, result))
     if not quiet:
         _said(f"{source} → {target}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
@@ -140,13 +142,14 @@ def info(
     nodata: words.Nodata = None,
     spacing: words.Spacing = None,
     channels: words.Channels = None,
+    viewpoint: words.Viewpoint = None,
     json: words.Json = False,
 ) -> None:
     """Say what IN is: size, spacing, missing samples, noise, area, quality of its triangles."""
     from meshflow.smoothing import noise
     from meshflow.study.facts import describe
 
-    document = opened(source, kind, camera, depth_scale, measure, band, nodata, spacing, channels)
+    document = opened(source, kind, camera, depth_scale, measure, band, nodata, spacing, channels, viewpoint=viewpoint)
     facts = {"file": str(source), **describe(document.noun), **noise(document.noun)}
     _table(facts, json, document.notes)
 
@@ -163,6 +166,7 @@ def compare(
     nodata: words.Nodata = None,
     spacing: words.Spacing = None,
     channels: words.Channels = None,
+    viewpoint: words.Viewpoint = None,
     picture: words.Picture = None,
     json: words.Json = False,
 ) -> None:
@@ -170,8 +174,12 @@ def compare(
     from meshflow.study.metrics import compare as measured
 
     first, second = (
-        opened(path, kind, camera, depth_scale, measure, band, nodata, spacing, channels) for path in (one, other)
+        opened(path, kind, camera, depth_scale, measure, band, nodata, spacing, channels, viewpoint=viewpoint)
+        for path in (one, other)
     )
+    if first.kind != second.kind and {first.kind, second.kind} <= {"image", "terrain"}:
+        what = f"compare: two things of one kind expected, got {first.kind} and {second.kind}"
+        raise InputError(f"{what}; give --camera if they are depth images, or --kind")
     facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
     notes = first.notes + second.notes
     if picture is not None:
@@ -185,34 +193,65 @@ def fuse(
     target: words.Fused,
     camera: words.Camera = None,
     depth_scale: words.DepthScale = None,
+    measure: words.MeasureOption = None,
     strength: words.Strength = 1.0,
     time: words.Time = None,
     gamma: words.Gamma = None,
+    search: words.Search = None,
+    space: words.SpaceOption = "length",
+    limit: words.Limit = None,
     islands: words.Islands = None,
     threads: words.Threads = None,
+    picture: words.Picture = None,
+    report: words.Report = None,
     overwrite: words.Overwrite = False,
     quiet: words.Quiet = False,
     verbose: words.Verbose = False,
     json: words.Json = False,
 ) -> None:
     """Smooth the mean of depth frames of a view that stays, each pixel by how far it can be trusted, and write it to OUT."""
+    _fused(**locals())
+
+
+def _fused(
+    sources: list[Path],
+    target: Path,
+    picture: Path | None,
+    report: Path | None,
+    overwrite: bool,
+    quiet: bool,
+    verbose: bool,
+    json: bool,
+    limit: str | None,
+    **given: Any,
+) -> None:
+    """The command ``fuse``, with its options by name."""
     from meshflow.fusing import fuse as fused
 
-    first = opened(sources[0], "depth", camera, depth_scale, None, None, None, None, None)
-    writable(first, target, overwrite=overwrite)
-    frames = (opened(path, "depth", camera, depth_scale, None, None, None, None, None).noun for path in sources)
-    result = fused(frames, full=True, strength=strength, time=time, gamma=gamma, islands=islands, threads=threads)
+    reading = {name: given.pop(name) for name in ("camera", "depth_scale", "measure")}
+    first = next((found for path in sources if (found := frame(path, **reading)) is not None), None)
+    if first is None:
+        raise InputError(f"fuse: depths expected, got {len(sources)} frames without a single one")
+    _must_be_writable(first, target, picture, report, overwrite)
+    nouns = (None if seen is None else seen.noun for seen in (frame(path, **reading) for path in sources))
+    result = fused(nouns, full=True, limit=HELD["limit"](limit), **given)
+    before, done = first.holding(result.before), first.holding(result.thing)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
-    notes = (
-        *first.notes,
-        *write(first.holding(result.thing), target, overwrite=overwrite, tags=tags),
-        *result.warnings,
-    )
+    written = write(done, target, overwrite=overwrite, tags=tags, **_left(first, target, result))
+    notes = (*first.notes, *written, *result.warnings)
+    many = f"{len(sources)} frames"
     if not quiet:
-        many = f"{len(sources)} frames → {target}"
-        _said(f"{many}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
+        seen = result.parameters["frames"]
+        _said(f"{many} → {target}: {f'{chr(10)}{result}' if verbose else f'{result.summary}; {seen.why}'}", notes)
+    if picture is not None:
+        drawn = _pictured(before, done, picture, f"{many}, {result.reason}")
+        notes += drawn
+        _said("", () if quiet else drawn)
+    if report is not None:
+        notes += _reported(result, report, many, overwrite, quiet)
     if json:
-        out.print_json(notation.dumps({"in": [str(path) for path in sources], "out": str(target), **result.words()}))
+        told = {"in": [str(path) for path in sources], "out": str(target), **result.words(), "notes": list(notes)}
+        out.print_json(notation.dumps(told))
 
 
 @app.command("compare-flows")
@@ -278,6 +317,11 @@ def _warned(document: Document, result: "Result") -> tuple[str, ...]:
         return ()
     lost = 1 - result.end.area / result.start.area
     return (f"the surface lost {lost:.0%} of its area; a smaller --time keeps more",)
+
+
+def _left(document: Document, target: Path, result: "Result") -> dict[str, float]:
+    """For the writer of depth images, which rounds: the noise that is left."""
+    return {"left": result.left} if writable(document, target, overwrite=True) == "depths" else {}
 
 
 def _must_be_writable(

@@ -3,7 +3,7 @@
 from importlib import import_module
 from types import ModuleType
 
-__all__ = ["FormatError", "InputError", "MissingPackage", "NotConverged", "need"]
+__all__ = ["FormatError", "InputError", "MissingPackage", "NotConverged", "NothingThere", "need"]
 
 
 class InputError(ValueError):
@@ -12,6 +12,10 @@ class InputError(ValueError):
 
 class FormatError(InputError):
     """A file cannot be read, or cannot hold what is to be written."""
+
+
+class NothingThere(InputError):
+    """Every sample is missing: a frame of many may be left out, a single one is refused."""
 
 
 class MissingPackage(ImportError):

@@ -44,6 +44,14 @@ Camera = Annotated[
 MeasureOption = Annotated[
     Measure | None, _option(INPUT, "What the depths are: along the optical axis, or range, along the ray.", "--measure")
 ]
+Viewpoint = Annotated[
+    tuple[float, float, float] | None,
+    _option(
+        INPUT,
+        "Where the scanner of a range grid stood, x y z in the frame of its points: they move along their rays from there. "
+        "Default: what the file says, else along z.",
+    ),
+]
 PaceOption = Annotated[
     Pace | None,
     _option(

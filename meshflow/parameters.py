@@ -88,13 +88,13 @@ class Plan:
 
 def value_unit(noun: Noun) -> str:
     """The unit of what is smoothed, where the data names it."""
-    return noun.unit if isinstance(noun, HeightField) else ""
+    return noun.unit if isinstance(noun, (HeightField, RangeImage)) else ""
 
 
 def squared_unit(noun: Noun) -> str:
     """The unit of time."""
     if isinstance(noun, RangeImage):
-        return "pixel footprints²" if noun.pace != "length" else "squared length"
+        return "pixel footprints²" if noun.pace != "length" else f"{noun.unit}²" if noun.unit else "squared length"
     if isinstance(noun, HeightField) and noun.unit:
         return f"{noun.unit}²"
     if isinstance(noun, Image) and np.ndim(noun.spacing[0]) == 0 and noun.spacing == (1.0, 1.0):

@@ -47,8 +47,9 @@ def _noise_along(noun: RangeImage, missing: Array) -> tuple[Noise, RangeImage, s
     Second differences by depth, and at least that of the sensor's steps.
     """
     values, there = noun.along, ~missing
-    steps, growth = steps_of(values[there]), noise_growth(values, missing, enough=RAYS_ENOUGH)
-    quantum = 0.0 if steps is None else float(np.median(steps.at(values[there][:: max(1, there.sum() // 10_000)])))
+    known = values[there]
+    steps, growth = steps_of(known), noise_growth(values, missing, enough=RAYS_ENOUGH)
+    quantum = 0.0 if steps is None else float(np.median(steps.at(known[:: max(1, known.size // 10_000)])))
     if noun.sigma is not None:
         sigma, how, why = noun.sigma, "given", ""
     elif growth is None:
@@ -61,7 +62,7 @@ def _noise_along(noun: RangeImage, missing: Array) -> tuple[Noise, RangeImage, s
             why += ", at least step / sqrt 12" if (least > sigma)[there].mean() > 0.1 else ""
             sigma = np.maximum(sigma, least)
     typical = float(np.median(np.broadcast_to(sigma, there.shape)[there]))
-    if typical <= 2.0 * np.finfo(noun.depth.dtype).eps * float(np.abs(values[there]).max()):
+    if typical <= 2.0 * np.finfo(noun.depth.dtype).eps * float(np.abs(known).max()):
         return Noise(0.0, quantum, how=how), noun, ""  # the rounding of numbers is no noise
     noun = replace(noun, sigma=np.where(missing, typical, sigma) if np.ndim(sigma) else sigma)
     return Noise(typical, quantum, (typical,), 0.0, how), noun, why

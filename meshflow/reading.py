@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from meshflow import options as words
-from meshflow.errors import InputError
+from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, data_of
 from meshflow.io.files import Document, read
 
-__all__ = ["HELD", "INPUTS", "limit", "mask", "opened", "samples"]
+__all__ = ["HELD", "INPUTS", "frame", "limit", "mask", "opened", "samples"]
 
 
 def opened(
@@ -25,6 +25,7 @@ def opened(
     channels: str | None,
     moves: words.Moves | None = None,
     pace: words.Pace | None = None,
+    viewpoint: tuple[float, float, float] | None = None,
 ) -> Document:
     """Read a file with the options that were given, and no others."""
     given = {
@@ -37,8 +38,17 @@ def opened(
         "channels": channels,
         "moves": moves,
         "pace": pace,
+        "viewpoint": viewpoint,
     }
     return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})
+
+
+def frame(path: Path, camera: str | None, depth_scale: float | None, measure: words.Measure | None) -> Document | None:
+    """Read one of several depth images; None where not a single depth is there."""
+    try:
+        return opened(path, "depth", camera, depth_scale, measure, None, None, None, None)
+    except NothingThere:
+        return None
 
 
 def samples(path: Path | None) -> Array | None:
@@ -69,5 +79,17 @@ def mask(path: Path | None) -> Array | None:
     return (values if values.ndim == 2 else values.any(axis=2)).astype(bool) & ~noun.missing
 
 
-INPUTS = ("kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "moves", "pace")
+INPUTS = (
+    "kind",
+    "camera",
+    "depth_scale",
+    "measure",
+    "band",
+    "nodata",
+    "spacing",
+    "channels",
+    "moves",
+    "pace",
+    "viewpoint",
+)
 HELD = {"limit": limit, "confidence": samples, "only": mask}

@@ -6,13 +6,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.special import i0e
 
 from meshflow.flow.march import State
 from meshflow.flow.noise import Noise
 from meshflow.flow.tune import Trial
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, Noun, RangeImage, data_of
-from meshflow.parameters import Parameter
+from meshflow.parameters import Parameter, value_unit
 
 __all__ = ["Moment", "Result"]
 
@@ -69,6 +70,16 @@ class Result:
         return self._removed
 
     @property
+    def left(self) -> float:
+        """The noise that is still in what came back, unit of the values, as far as it was white: the flow of a flat grid, the
+        heat equation of this time, leaves exp(-4 t) I0(4 t) of it, t in squared sample distances.
+        """
+        if self.noise is None:
+            return 0.0
+        step = 1.0 if self.parameters["time"].unit.startswith("pixel") else self.before.step
+        return self.noise.sigma * float(i0e(4.0 * self.end.time / step**2))
+
+    @property
     def correlation(self) -> float | None:
         """How far what was removed is from white noise: the root mean square of its correlation with itself at the eight nearest
         shifts of the grid, all channels together; 0 is white, 1 is all structure. None for meshes, or where nothing was removed.
@@ -123,8 +134,8 @@ class Result:
         p = self.parameters
         names = [name for name in ("method", "order", "gamma", "sharpness", "patch", "contrast") if name in p]
         chosen = ", ".join(f"{name} {_short(p[name].value)}" for name in names)
-        sigma = "" if self.noise is None else f" of noise {self.noise.sigma:.4g}"
-        return f"{self.reason}; {chosen}; removed rms {self._rms:.4g}{sigma}"
+        sigma = "" if self.noise is None else f" of noise {self.noise.sigma:.4g}{self._unit}"
+        return f"{self.reason}; {chosen}; removed rms {self._rms:.4g}{self._unit}{sigma}"
 
     def words(self) -> dict[str, Any]:
         """All of it but the data, as JSON has it."""
@@ -167,7 +178,8 @@ class Result:
         lines = [f"{self.reason}"]
         lines += [f"  {name:<11} {parameter}" for name, parameter in self.parameters.items()]
         correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
-        lines.append(f"  removed     rms {self._rms:.6g}, largest {np.abs(self.removed).max():.6g}{correlation}")
+        sizes = f"rms {self._rms:.6g}{self._unit}, largest {np.abs(self.removed).max():.6g}{self._unit}"
+        lines.append(f"  removed     {sizes}{correlation}")
         if self.trials:
             lines.append(f"  searched    {len(self.trials)} members; expected errors (rms), least first:")
             for trial in sorted(self.trials, key=lambda trial: trial.least[1])[:5]:
@@ -176,6 +188,12 @@ class Result:
                 )
                 lines.append(f"              {trial.risk:.6g} at time {trial.least[0]:.4g}: {', '.join(words)}")
         return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
+
+    @property
+    def _unit(self) -> str:
+        """Of what is smoothed, behind a number; nothing where nobody has named it."""
+        unit = value_unit(self.before)
+        return f" {unit}" if unit else ""
 
     @property
     def _rms(self) -> float:

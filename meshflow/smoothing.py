@@ -32,6 +32,8 @@ HINTS = frozenset(
 )
 # Where depths come in steps, their inverses move by this much: within 5 % of the best patch and time on the frames of a Kinect.
 STEPPED_PATCH, STEPPED_TIME = 1.0, 15.0
+# Samples without a triangle that are worth a word: more than so many, and more than this share.
+ALONE, ALONE_SHARE = 10, 1e-3
 
 
 def noise(noun: Noun) -> dict[str, float]:
@@ -52,10 +54,11 @@ def noise(noun: Noun) -> dict[str, float]:
     return facts
 
 
-def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, record: bool = True) -> Result:
+def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, record: bool | None = True) -> Result:
     """Smooth a noun of ``meshflow.geometry.lift``; a new one comes back, with what was done and why.
 
-    :param record: measure the surface after each step; without it ``moments`` holds the start and the end.
+    :param record: measure the surface after each step; where false ``moments`` holds the start and the end, and where None
+        nothing: for callers who want what comes back and no more, nor is a warning looked for.
     """
     if settings.space == "disparity" and isinstance(noun, RangeImage):
         return _in_disparity(noun, settings, progress, record)
@@ -63,11 +66,12 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
     engine = _engine(plan, settings)
     flow: Flow = engine if plan.trust is None else Faithful(engine, plan.trust)
     start, end, moments = _run(flow, plan, settings, progress, record)
-    done = plan.noun
+    done, warnings = plan.noun, plan.warnings
     if plan.idle is None:
         done = _lowered(plan, engine, end.u)
     if isinstance(engine, GridFlow):
         engine.release()
+        warnings += _alone(engine, plan) if record is not None else ()
     done = replace(
         done, fixed=noun.fixed, **({"sigma": noun.sigma, "pace": noun.pace} if isinstance(noun, RangeImage) else {})
     )
@@ -82,17 +86,24 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
         trials=plan.trials,
         moments=moments,
         reason=end.reason or "",
-        warnings=plan.warnings,
+        warnings=warnings,
         version=_release(),
     )
 
 
-def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, record: bool) -> Result:
+def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, record: bool | None) -> Result:
     """The graph of the inverse depth, smoothed as a height field over the pixels."""
     plan = planned(noun, Settings(islands=settings.islands, steps=0))
     cleared, noise = plan.noun, plan.noise
     assert isinstance(cleared, RangeImage)
+    assert cleared.missing is not None
     assert noise is not None
+    there = ~cleared.missing
+    squares = np.square(cleared.depth[there].astype(np.float64))  # what a depth is off, times its inverse squared
+    if settings.sigma is not None:
+        noise = replace(noise, sigma=settings.sigma * float(np.median(squares)), how="given")
+    elif noun.sigma is not None:
+        settings = replace(settings, sigma=float(np.median(np.broadcast_to(noun.sigma, there.shape)[there] / squares)))
     rule = "depths in steps: the error of rounding is no noise whose risk could be estimated"
     free = not settings.named and settings.until_time is None and settings.steps is None and settings.search is None
     stepped = free and noise.quantum > noise.sigma
@@ -101,13 +112,15 @@ def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, reco
     found = smooth_noun(in_disparity(cleared), replace(settings, space="length", islands=None), progress, record=record)
     assert isinstance(found.noun, HeightField)
     done = replace(from_disparity(cleared, found.noun), fixed=noun.fixed, sigma=noun.sigma)
-    units = {"sigma": "1 / depth", "quantum": "1 / depth", "risk": "1 / depth", "limit": "1 / depth", "time": "pixels²"}
+    inverse = in_disparity(cleared).unit
+    units = {"time": "pixels²", "dt": "pixels²", "contrast": f"pixels per {inverse}"}
     told = {name: replace(p, unit=units.get(name, p.unit)) for name, p in found.parameters.items()}
     told["space"] = Parameter("disparity", "", "given")
     if stepped:
         told |= {name: replace(told[name], origin="default", why=rule) for name in ("patch", "time")}
         told.pop("search", None)
-    return replace(found, thing=done, noun=done, before=noun, parameters=told)
+    # What was removed is told in depths, and so is the noise beside it; the parameters are those of the inverse depth.
+    return replace(found, thing=done, noun=done, before=noun, parameters=told, noise=noise)
 
 
 def _lowered(plan: Plan, engine: Flow, u: Array) -> Noun:
@@ -116,6 +129,17 @@ def _lowered(plan: Plan, engine: Flow, u: Array) -> Noun:
         return plan.noun.lowered(u, plan.lift)
     assert isinstance(engine, GridFlow)
     return plan.noun.holding(engine.planes(u))
+
+
+def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
+    """A word on samples that have no triangle, where they are more than a few."""
+    if plan.idle is not None or not (isinstance(plan.noun, RangeImage) or engine.lattice.missing.any()):
+        return ()
+    lone, size = engine.lattice.lone, int((~engine.lattice.missing).sum())
+    if lone <= max(ALONE, ALONE_SHARE * size):
+        return ()
+    cut = ", cut off by jumps or by what is missing" if isinstance(plan.noun, RangeImage) else ""
+    return (f"{lone} of {size} samples have no triangle{cut}: they stay as they are",)
 
 
 def _engine(plan: Plan, settings: Settings) -> Flow:
@@ -127,12 +151,12 @@ def _engine(plan: Plan, settings: Settings) -> Flow:
 
 
 def _run(
-    flow: Flow, plan: Plan, settings: Settings, progress: Progress, record: bool
+    flow: Flow, plan: Plan, settings: Settings, progress: Progress, record: bool | None
 ) -> tuple[State, State, tuple[Moment, ...]]:
     """From the start to the end; the first state, the last, and what was measured."""
     begin = State(flow.start(), 0.0, 0.0, 0, plan.idle, flow=flow)
     if plan.idle is not None:
-        return begin, begin, (_moment(begin, plan),)
+        return begin, begin, () if record is None else (_moment(begin, plan),)
     until, time, kept = plan.until, plan.until.time, None
     if plan.twice > 0:
         assert time is not None
@@ -145,7 +169,7 @@ def _run(
     limit = _held(plan, flow)
     moments, state = [], begin
     for state in march(flow, until, stepper, control, progress, recycle=True, limit=limit):
-        if record or state.step == 0:
+        if record or (record is not None and state.step == 0):
             moments.append(_moment(state, plan))
         if plan.twice > 0 and kept is None and time is not None and state.time >= time * (1.0 - 1e-12):
             kept = state.u.copy(order="K")
@@ -155,7 +179,7 @@ def _run(
         u = u if limit is None else limit.hold(u)
         words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
         end = State(u, time, 0.0, end.step, words, end.stepper, flow=flow)
-    if end.step > 0 and (kept is not None or not record):
+    if end.step > 0 and record is not None and (kept is not None or not record):
         moments.append(_moment(end, plan))
     return begin, end, tuple(moments)
 
@@ -240,7 +264,7 @@ def smooth(
         options = ", ".join((*Settings.__dataclass_fields__, *sorted(HINTS)))
         raise InputError(f"{', '.join(sorted(strange))}: no such option; there are {options}")
     adopted = adopt(thing, **more)
-    found = smooth_noun(adopted.noun, Settings(strength=strength, **known), progress, record=full)
+    found = smooth_noun(adopted.noun, Settings(strength=strength, **known), progress, record=True if full else None)
     back = adopted.restore(found.noun)
     return replace(found, thing=back, warnings=(*adopted.notes, *found.warnings)) if full else back
 

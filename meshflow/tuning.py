@@ -185,7 +185,7 @@ def along_rays(noun: RangeImage, settings: Settings, noise: Noise, why: str) -> 
     assert noun.missing is not None
     there = ~noun.missing & (footprint > 0)
     sigma = np.broadcast_to(noun.sigma, there.shape) * settings.strength
-    told["sigma"] = Parameter(noise.sigma, "", "given" if noise.how == "given" else "estimated", why)
+    told["sigma"] = Parameter(noise.sigma, value_unit(noun), "given" if noise.how == "given" else "estimated", why)
     if settings.search and settings.steps is None:
         return _searched_along(plan, settings, np.where(there, sigma, noise.sigma), told, timed)
     ratio, width = sigma[there] / footprint[there], footprint[there] if noun.pace == "length" else 1.0
@@ -222,7 +222,7 @@ def _searched_along(
     best = trials[0]
     told |= {
         "time": timed or Parameter(best.least[0], squared_unit(noun), "estimated", "least estimated risk"),
-        "risk": Parameter(best.risk, "", "estimated", "root mean square error to be expected"),
+        "risk": Parameter(best.risk, value_unit(noun), "estimated", "root mean square error to be expected"),
         "twice": Parameter(twices[0], "", "default" if settings.twice is None else "given"),
     }
     plan = replace(plan, member=best.candidate.member, trials=trials, twice=twices[0])

@@ -12,6 +12,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 if "NUMBA_CACHE_DIR" not in os.environ:
-    sources = sorted((Path(__file__).parents[1] / "meshflow").rglob("*.py"))
+    rooms = (
+        Path(__file__).parents[1] / "meshflow" / room for room in ("geometry", "grid")
+    )  # what is compiled is there
+    sources = sorted(path for room in rooms for path in room.rglob("*.py"))
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
     os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / f"meshflow-numba-{digest}")

@@ -31,6 +31,15 @@ def test_points_are_those_of_the_samples_that_are_there_row_by_row():
     assert np.array_equal(meshflow.to_points(noun), points)
 
 
+def test_points_have_the_colours_of_their_pixels():
+    noun = image()
+    points, colours = to_points(noun, PICTURE)
+    assert np.array_equal(points, to_points(noun))
+    assert np.array_equal(colours, PICTURE[~noun.missing])
+    with pytest.raises(InputError, match="colours: a picture of shape"):
+        to_points(noun, PICTURE[1:])
+
+
 @ALL
 def test_normals_have_length_one_and_look_at_the_camera(camera):
     noun = image(camera)

@@ -20,6 +20,7 @@ SHARED = Path(__file__).parents[2] / "shared" / "data"
 ICL = SHARED / "range" / "icl_livingroom_pairs"
 CAMERA = Pinhole(525, 520, 3.5, 2.5)
 PLAIN = {"fx": 525, "fy": 520, "cx": 3.5, "cy": 2.5}
+ROWS = {"width": 8, "height": 6, "intrinsic_matrix": [[525, 0, 3.5], [0, 520, 2.5], [0, 0, 1]]}
 OPEN3D = {"width": 8, "height": 6, "intrinsic_matrix": [525, 0, 0, 0, 520, 0, 3.5, 2.5, 1]}
 
 
@@ -131,6 +132,16 @@ def test_other_kinds_of_pictures_are_refused(tmp_path):
         read(make(tmp_path / "c.png", counts()), camera=CAMERA, depth_scale=0)
 
 
+def test_rounding_is_told_where_it_is_not_small_beside_the_noise_that_is_left(tmp_path):
+    document = read(make(tmp_path / "a.png", counts()), camera=CAMERA)
+    moved = document.holding(replace(document.noun, depth=document.noun.depth + np.float32(0.003)))
+    note = write(moved, tmp_path / "b.png", left=0.0002)[0]
+    assert "rounding to 1 mm errs by 0.29 mm (rms), beside 0.2 mm of noise that is left" in note
+    assert ".tif, .npy or .exr, which hold float32 or a depth_scale of 10000" in note
+    assert not any("left" in note for note in write(moved, tmp_path / "c.png", left=0.002))
+    assert write(moved, tmp_path / "d.tif", left=0.0002) == ()
+
+
 @pytest.mark.shared
 @pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")
 def test_a_frame_of_a_depth_camera_comes_out_as_it_came_in(tmp_path):
@@ -144,7 +155,7 @@ def test_a_frame_of_a_depth_camera_comes_out_as_it_came_in(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words", [PLAIN, PLAIN | {"width": 8, "height": 6}, OPEN3D, {"intrinsic": OPEN3D, "extrinsic": []}]
+    "words", [PLAIN, PLAIN | {"width": 8, "height": 6}, OPEN3D, ROWS, {"intrinsic": OPEN3D, "extrinsic": []}]
 )
 def test_a_camera_is_read_from_every_json_that_is_in_use(tmp_path, words):
     assert camera_for(said(tmp_path, words), (6, 8), "a.png") == CAMERA
@@ -171,8 +182,11 @@ def test_a_camera_of_another_size_is_refused(tmp_path):
         ("[1, 2]", "no camera .KeyError: 'fx'"),
         ({"fx": 1, "fy": 1, "cx": 1}, "no camera .KeyError: 'cy'"),
         ({"fx": "wide", "fy": 1, "cx": 1, "cy": 1}, "no camera .ValueError"),
-        ({"intrinsic_matrix": [1, 2, 3]}, "no camera .ValueError"),
-        ({"intrinsic_matrix": [525, 0, 3.5, 0, 520, 2.5, 0, 0, 1]}, "column by column .*transpose"),
+        ({"intrinsic_matrix": [1, 2, 3]}, "an intrinsic_matrix without skew expected"),
+        ({"intrinsic_matrix": [[525, 0, 0], [0, 520, 0], [3.5, 2.5, 1]]}, "as three rows, .*transpose"),
+        ({"intrinsic_matrix": [[525, 1, 3.5], [0, 520, 2.5], [0, 0, 1]]}, "without skew"),
+        ({"intrinsic_matrix": [[525, 0], [0, 520, 2.5], [0, 0, 1]]}, "no camera .ValueError"),
+        ({"intrinsic_matrix": [525, 0, 3.5, 0, 520, 2.5, 0, 0, 1]}, "column by column, .*transpose"),
         (PLAIN | {"fx": -1}, "camera fx: a positive finite number of pixels expected, got -1"),
     ],
 )

@@ -116,6 +116,24 @@ def test_with_a_viewpoint_values_are_distances_from_it(tmp_path, given):
     )
 
 
+def test_the_command_takes_a_viewpoint(tmp_path):
+    from typer.testing import CliRunner
+
+    from meshflow.cli import app
+
+    points, there = scan(0.05)
+    words = [str(grid_ply(tmp_path / "a.ply", points, there)), str(tmp_path / "b.ply"), "--time", "1"]
+    done = CliRunner().invoke(app, ["smooth", *words, "--viewpoint", "4", "-3", "50"])
+    assert done.exit_code == 0, done.exception
+    assert "seen from (4, -3, 50), as given" in done.output
+    before, after = (read(tmp_path / name, viewpoint=(4, -3, 50)).noun for name in ("a.ply", "b.ply"))
+    moved = (after.cloud - before.cloud)[there]
+    assert np.linalg.norm(moved, axis=1).max() > 0.01
+    assert np.abs(np.cross(moved, before.camera.directions[there])).max() < 1e-3  # along their rays
+    told = CliRunner().invoke(app, ["info", words[0], "--viewpoint", "4", "-3", "50"])
+    assert "seen from (4, -3, 50)" in told.output
+
+
 def test_any_range_image_is_written_as_a_range_grid(tmp_path):
     depth = 1 + RNG.random((H, W))
     depth[2:4, 3] = 0

@@ -7,6 +7,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
 from meshflow.geometry.member import Member
+from meshflow.geometry.scanner import Scanner
 from meshflow.geometry.surface import Axes, Rays, Surface
 from meshflow.geometry.triangulate import grid_sheets, triangles_there
 
@@ -30,6 +31,14 @@ def nouns(dtype):
         Mesh(points, faces, colour),
         Mesh(points, faces, colour, "all"),
     ]
+
+
+def test_a_noun_tells_its_size_and_not_its_numbers():
+    told = [repr(noun) for noun in (*nouns(np.float32), RangeImage(np.ones((40, 50)), Scanner(np.ones((40, 50, 3)))))]
+    assert all(len(words) < 130 and "array" not in words for words in told), told
+    assert told[0] == "HeightField(7 x 6 float32, spacing 2.44949, 1 missing)"
+    assert told[3] == "RangeImage(7 x 6 float32, fx 100, fy 100, cx 2, cy 2 pixels, 1 missing)"
+    assert told[5] == "Mesh(9 points in R^3 float32, 3 triangles, 4 channels, channels move)"
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

@@ -24,7 +24,7 @@ MAY = {
     "plan": {"shaping", "tuning", "parameters", "settings", "flow", "geometry"},
     "result": {"parameters", "flow", "geometry"},
     "smoothing": {"settings", "parameters", "plan", "result", "io", "grid", "flow", "geometry"},
-    "fusing": {"smoothing", "result", "io", "flow", "geometry"},
+    "fusing": {"smoothing", "result", "parameters", "io", "flow", "geometry"},
     "accessors": {"smoothing"},
     "options": {"geometry"},
     "reading": {"options", "io", "geometry"},

@@ -48,7 +48,7 @@ def test_the_estimated_risk_is_the_error_that_is_made(member):
 @pytest.mark.parametrize("make", [ramps, mesas])
 @pytest.mark.parametrize("sigma", [0.7, 4.0])
 def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
-    truth, z = noisy(make, 160, sigma)
+    truth, z = noisy(make, 128, sigma)
     ours = rms(meshflow.smooth(z) - truth)
     best = min(
         rms(meshflow.smooth(z, contrast=a / sigma, time=t, **kind) - truth)
@@ -69,10 +69,10 @@ def test_the_least_risk_lies_between_the_times_looked_at():
 
 
 def test_a_search_on_tiles_chooses_what_a_search_on_all_would(monkeypatch):
-    truth, z = noisy(lambda n: np.tile(ramps(128), (2, 3)), 0)
+    truth, z = noisy(lambda n: np.tile(ramps(96), (2, 3)), 0)
     whole = rms(meshflow.smooth(z) - truth)
-    monkeypatch.setattr("meshflow.choice.FEW", 9_000)
-    monkeypatch.setattr("meshflow.choice.ENOUGH", 30_000)
+    monkeypatch.setattr("meshflow.choice.FEW", 6_000)
+    monkeypatch.setattr("meshflow.choice.ENOUGH", 18_000)
     assert rms(meshflow.smooth(z) - truth) < 1.15 * whole
 
 
@@ -161,7 +161,7 @@ def test_data_that_is_all_noise_becomes_flat():
 
 
 def test_channels_of_a_mesh_tune_themselves():
-    points, faces = shapes.sphere(3000, shake=0.1)
+    points, faces = shapes.sphere(1000, shake=0.1)
     truth = np.sign(points[:, 2:]) * 5.0
     noisy_channels = truth + np.random.default_rng(1).normal(size=truth.shape)
     result = meshflow.denoise((points, faces), channels=noisy_channels)

@@ -130,18 +130,16 @@ def noise_growth(values: Array, missing: Array, levels: Array | None = None, eno
     """
     from scipy.optimize import nnls
 
-    deviations, places = [], []
-    for tile in spread_tiles(missing.shape, enough):
-        part, there = values[tile].astype(np.float64), ~missing[tile]
-        residual, whole = _residuals((part, there))
-        level = _averaged(part) if levels is None else levels[tile][1:-1, 1:-1].astype(np.float64)
-        if residual.ndim == 2 and residual.shape == level.shape:
-            deviations.append(residual[whole])
-            places.append(level[whole])
-    x = np.concatenate(places) if places else np.zeros(0)
+    if min(missing.shape) < 3:
+        return None
+    tiles = spread_tiles(missing.shape, enough)  # all of one size: looked at as one stack
+    part = np.stack([values[tile] for tile in tiles]).astype(np.float64)
+    residual, whole = _residuals((part, np.stack([~missing[tile] for tile in tiles])))
+    level = _averaged(part) if levels is None else np.stack([levels[tile][1:-1, 1:-1] for tile in tiles])
+    x = level[whole].astype(np.float64)
     if x.size < 3 * CLASS_SIZE:
         return None
-    order, residual = np.argsort(x), np.abs(np.concatenate(deviations))
+    order, residual = np.argsort(x), np.abs(residual[whole])
     parts = np.array_split(order, max(3, min(CLASSES, x.size // CLASS_SIZE)))
     at = np.array([np.median(x[part]) for part in parts])
     sigma = np.array([MAD * np.median(residual[part]) for part in parts])
@@ -204,13 +202,13 @@ def spread_tiles(shape: tuple[int, ...], enough: int = ENOUGH, count: int = TILE
 
 
 def _residuals(part: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Second differences as deviations of one sample, and where all that they ask is there.
+    """Second differences (..., h, w) as deviations of one sample, and where all that they ask is there.
 
     (1, -2, 1) across rows times the same across columns, of noise 6 sigma; along the one side that is long enough, sqrt 6 sigma.
     """
     z, there = part
     gain, whole = 1.0, there
-    for axis in (0, 1):
+    for axis in (-2, -1):
         if z.shape[axis] < 3:
             continue
         rows, there = np.moveaxis(z, axis, 0), np.moveaxis(whole, axis, 0)
@@ -222,9 +220,12 @@ def _residuals(part: tuple[Array, Array]) -> tuple[Array, Array]:
 
 
 def _averaged(z: Array) -> Array:
-    """The mean of the 3 x 3 samples around, (h - 2, w - 2)."""
-    h, w = z.shape
-    return np.sum([z[r : h - 2 + r, c : w - 2 + c] for r in range(3) for c in range(3)], axis=0) / 9.0
+    """The mean of the 3 x 3 samples around, (..., h - 2, w - 2)."""
+    h, w = z.shape[-2:]
+    total = z[..., : h - 2, : w - 2].copy()
+    for r, c in ((r, c) for r in range(3) for c in range(3) if r or c):
+        total += z[..., r : h - 2 + r, c : w - 2 + c]
+    return total / 9.0
 
 
 def _quantum(values: Array) -> tuple[float, float]:

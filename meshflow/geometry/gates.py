@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meshflow.errors import InputError
+from meshflow.errors import InputError, NothingThere
 
 Array = NDArray[Any]
 Spacing = tuple[Array | float, float]
 
-__all__ = ["Array", "Spacing", "mask_of", "number", "positive", "real", "samples", "spacing_of", "whole"]
+__all__ = ["Array", "Spacing", "brief", "mask_of", "number", "positive", "real", "samples", "spacing_of", "whole"]
 
 
 def real(values: ArrayLike, name: str) -> Array:
@@ -56,8 +56,16 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
     if missing is not None:
         gone |= mask_of(missing, gone.shape, "missing")
     if gone.all():
-        raise InputError(f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth")
+        raise NothingThere(f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth")
     return array, gone
+
+
+def brief(noun: object, values: Array, missing: Array | None, *words: str) -> str:
+    """A noun of a grid in a line: its size, not its numbers."""
+    h, w, *channels = values.shape
+    size = f"{w} x {h}{''.join(f' x {k}' for k in channels)} {values.dtype}"
+    gone = 0 if missing is None else int(missing.sum())
+    return f"{type(noun).__name__}({', '.join(filter(None, (size, *words, f'{gone} missing')))})"
 
 
 def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:

@@ -42,20 +42,25 @@ def cuts_by_noise(depth: Array, missing: Array, sigma: Array | float, footprint:
     :param footprint: (h, w), the width of each pixel on the surface, unit of the depths.
     """
     z = np.where(missing, np.nan, depth)
-    noise = np.broadcast_to(sigma, z.shape)
-    right = _cut(z, noise, footprint)
-    return Cuts(right, _cut(z.T, noise.T, footprint.T).T)
+    kind = z.dtype
+    noise, width = np.broadcast_to(np.asarray(sigma, kind), z.shape), footprint.astype(kind, copy=False)
+    return Cuts(_cut(z, noise, width, 1), _cut(z, noise, width, 0))
 
 
-def _cut(z: Array, sigma: Array, footprint: Array) -> Array:
-    """Edges (h, w - 1) along the rows."""
-    width, noise = np.minimum(footprint[:, :-1], footprint[:, 1:]), np.maximum(sigma[:, :-1], sigma[:, 1:])
-    step = np.diff(z, axis=1)
-    off = np.full((2, *step.shape), np.inf, step.dtype)
-    off[0, :, 1:], off[1, :, :-1] = np.abs(np.diff(step, axis=1)), np.abs(np.diff(step, axis=1))
-    beside = np.fmin(np.where(np.isnan(off[0]), np.inf, off[0]), np.where(np.isnan(off[1]), np.inf, off[1]))
-    jumps = np.isfinite(beside) & (beside > np.maximum(SMALL * width, BESIDE * noise))
-    return jumps | (np.abs(step) > np.maximum(STEEPEST * width, ALONE * noise))
+def _cut(z: Array, sigma: Array, footprint: Array, axis: int) -> Array:
+    """Edges (h, w - 1) along the rows, or (h - 1, w) along the columns."""
+    rows = axis == 1
+    first, last = (np.s_[:, :-1], np.s_[:, 1:]) if rows else (np.s_[:-1], np.s_[1:])
+    width, noise = np.minimum(footprint[first], footprint[last]), np.maximum(sigma[first], sigma[last])
+    step = np.diff(z, axis=axis)
+    bend = np.abs(np.diff(step, axis=axis))
+    beside = np.full(step.shape, np.inf, step.dtype)  # from the continuation on the side that says less
+    np.fmin(beside[first], bend, out=beside[first])
+    np.fmin(beside[last], bend, out=beside[last])
+    one = z.dtype.type  # a number of Python would do, but not of numpy 1
+    jumps = np.isfinite(beside) & (beside > np.maximum(one(SMALL) * width, one(BESIDE) * noise))
+    jumps |= np.abs(step, out=step) > np.maximum(one(STEEPEST) * width, one(ALONE) * noise)
+    return jumps
 
 
 def islands(missing: Array, cuts: Cuts | None, least: int) -> Array:

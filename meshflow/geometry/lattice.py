@@ -9,7 +9,14 @@ from meshflow.errors import InputError
 from meshflow.geometry.gates import Array, Spacing, positive
 from meshflow.geometry.jumps import Cuts
 from meshflow.geometry.surface import Axes, Boundary, Rays, Surface
-from meshflow.geometry.triangulate import Diagonals, charts_of_rows, grid_sheets, triangles_there, triangulations
+from meshflow.geometry.triangulate import (
+    TOUCHES,
+    Diagonals,
+    charts_of_rows,
+    grid_sheets,
+    triangles_there,
+    triangulations,
+)
 
 __all__ = ["Fibres", "Lattice", "Lift", "Spacing", "held", "lowered"]
 
@@ -114,6 +121,18 @@ class Lattice:
         if self.jump is None and self.cuts is None and not self.missing.any():
             return None
         return triangles_there(self.missing, self.planes[0], self.jump, self.cuts)
+
+    @cached_property
+    def lone(self) -> int:
+        """How many samples are there, could move, and have no triangle."""
+        there = self.there
+        if there is None:
+            return 0
+        h, w = self.shape
+        touched = np.zeros((h, w), bool)
+        for row, column, bits in TOUCHES:
+            touched[row : h - 1 + row, column : w - 1 + column] |= (there & bits) != 0
+        return int((~(touched | self.missing | self.fixed)).sum())
 
     def surface(self) -> Surface:
         """The same with explicit points and triangles, vertex r * w + c; free coordinates are contrast times the planes."""

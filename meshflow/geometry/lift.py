@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.facets import mean_edge, normals_at
-from meshflow.geometry.gates import Array, Spacing, mask_of, real, samples, spacing_of
+from meshflow.geometry.gates import Array, Spacing, brief, mask_of, real, samples, spacing_of
 from meshflow.geometry.jumps import Cuts
 from meshflow.geometry.lattice import Lattice, Lift, held, lowered
 from meshflow.geometry.ranges import Pace, RangeImage
@@ -77,6 +77,9 @@ class HeightField(_Grid):
         object.__setattr__(self, "fixed", mask_of(self.fixed, z.shape, "fixed"))
         object.__setattr__(self, "spacing", spacing_of(self.spacing, z.shape[0]))
 
+    def __repr__(self) -> str:
+        return brief(self, self.z, self.missing, f"spacing {self.step:.6g}", self.unit and f"heights in {self.unit}")
+
     @property
     def step(self) -> float:
         """h: the typical distance of neighbours, in the horizontal unit (the geometric mean of dx and dy)."""
@@ -124,6 +127,9 @@ class Image(_Grid):
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, missing.shape, "fixed"))
         object.__setattr__(self, "spacing", spacing_of(self.spacing, missing.shape[0]))
+
+    def __repr__(self) -> str:
+        return brief(self, self.values, self.missing)
 
     @property
     def step(self) -> float:
@@ -189,6 +195,13 @@ class Mesh:
             raise InputError(f"moves: points, channels or all expected, got {self.moves!r}")
         if self.moves != "points" and self.channels is None:
             raise InputError(f"moves={self.moves!r}: the mesh has no channels; give channels (n, k)")
+
+    def __repr__(self) -> str:
+        channels = "" if self.channels is None else f", {self.channels.shape[1]} channels"
+        n, d = self.points.shape
+        return (
+            f"Mesh({n} points in R^{d} {self.points.dtype}, {len(self.faces)} triangles{channels}, {self.moves} move)"
+        )
 
     def _checked(self, channels: ArrayLike | None) -> Array | None:
         if channels is None:
@@ -267,7 +280,8 @@ def in_disparity(image: RangeImage) -> HeightField:
     whole = np.where(missing, 1.0, image.depth)
     sides = float(np.sqrt(camera.fy / camera.fx)), float(np.sqrt(camera.fx / camera.fy))
     inverse = np.where(missing, 0.0, 1.0 / whole).astype(image.depth.dtype)
-    return HeightField(inverse, sides, missing, image.fixed, cuts=image.cuts)
+    unit = f"1/{image.unit}" if image.unit else "1 / depth"
+    return HeightField(inverse, sides, missing, image.fixed, unit, image.cuts)
 
 
 def from_disparity(image: RangeImage, field: HeightField) -> RangeImage:

@@ -1,13 +1,14 @@
 """The noun of what a camera or a scanner has seen: values along rays."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from meshflow.errors import InputError
+from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.camera import Camera, Measure
-from meshflow.geometry.gates import Array, mask_of, positive, real, samples
+from meshflow.geometry.gates import Array, brief, mask_of, positive, real, samples
 from meshflow.geometry.jumps import Cuts, cuts_by_noise, islands
 from meshflow.geometry.lattice import Fibres, Lattice, Lift, held, lowered
 from meshflow.geometry.surface import Boundary, Surface
@@ -45,6 +46,7 @@ class RangeImage:
     :param pace: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``;
         ``noise``: in squared footprints where sigma / h is the median, and in proportion to it elsewhere, so that all noise goes
         alike.
+    :param unit: the name of the unit of the depths, for reports and pictures; that of depths that a file holds is m.
     :raises InputError: for a camera that cannot have seen it, negative depths, fewer than 2 x 2 samples, or
         nothing but missing ones.
     """
@@ -57,6 +59,7 @@ class RangeImage:
     measure: Measure | None = None
     pace: Pace = "footprint"
     sigma: Array | float | None = None
+    unit: str = ""
     boundary: Boundary = field(default="linear", init=False)
 
     def __post_init__(self) -> None:
@@ -69,7 +72,7 @@ class RangeImage:
         if not self.camera.signed:
             missing = missing | (depth == 0)
         if missing.all():
-            raise InputError(
+            raise NothingThere(
                 f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth"
             )
         if not self.camera.signed and (depth[~missing] < 0).any():
@@ -90,6 +93,9 @@ class RangeImage:
         object.__setattr__(self, "depth", depth)
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, depth.shape, "fixed"))
+
+    def __repr__(self) -> str:
+        return brief(self, self.depth, self.missing, self.camera.summary)
 
     def gridded(self, lift: Lift) -> Lattice:
         """The grid that a grid engine moves, the depths as they are; nothing is copied.
@@ -203,12 +209,14 @@ class RangeImage:
         assert self.measure is not None
         return self.camera.fibres((self.depth.shape[0], self.depth.shape[1]), self.measure)
 
-    @property
+    @cached_property
     def footprint(self) -> Array:
         """The width of each pixel on the surface (h, w), across its ray, unit of the depths; zero where missing."""
         assert self.measure is not None
         there = np.where(self._missing, np.nan, self.depth).astype(np.float64)
-        return np.nan_to_num(self.camera.footprint(there, self.measure), nan=0.0)
+        footprint = np.nan_to_num(self.camera.footprint(there, self.measure), nan=0.0)
+        footprint.flags.writeable = False  # kept: asked for several times in one smoothing
+        return footprint
 
     def holding(self, planes: Array) -> "RangeImage":
         """A copy whose depths are planes (1, h, w); missing ones keep their bits."""

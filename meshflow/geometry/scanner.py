@@ -35,7 +35,8 @@ class Spherical:
             object.__setattr__(self, name, values)
         if len(self.azimuth) != 2 or not 0 < abs(self.azimuth[1] - self.azimuth[0]) <= 360:
             raise InputError(
-                f"camera azimuth: degrees of the first and the last column, at most a turn apart, expected, got {self.azimuth}"
+                "camera azimuth: degrees of the first and the last column, at most a turn apart, expected, got "
+                f"{_few(self.azimuth)}"
             )
         steps = np.diff(self.elevation)
         if len(steps) == 0 or not (np.all(steps > 0) or np.all(steps < 0)):
@@ -48,8 +49,10 @@ class Spherical:
 
     @property
     def _rows(self) -> str:
-        few = self.elevation[:4]
-        return f"{', '.join(f'{e:g}' for e in few)}{', ...' if len(self.elevation) > 4 else ''}"
+        return _few(self.elevation)
+
+    def __repr__(self) -> str:
+        return f"Spherical({self.summary})"
 
     @property
     def signed(self) -> bool:
@@ -162,6 +165,9 @@ class Scanner:
             self.directions, other.directions, rtol=0, atol=1e-5, equal_nan=True
         )
 
+    def __repr__(self) -> str:
+        return f"Scanner({self.summary})"
+
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     @property
@@ -258,6 +264,12 @@ class Scanner:
         """Of every ``step``-th row and column."""
         o: Any = self.origins
         return Scanner(self.directions[::step, ::step], o[::step, ::step] if self.signed else o)
+
+
+def _few(angles: tuple[float, ...]) -> str:
+    """Some of them, and how many there are."""
+    more = f", ... ({len(angles)} numbers)" if len(angles) > 4 else ""
+    return f"{', '.join(f'{angle:g}' for angle in angles[:4])}{more}"
 
 
 def _parts(vectors: Array) -> tuple[Array, Array, Array]:

@@ -8,7 +8,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.jumps import Cuts
 
-__all__ = ["DIAGONALS", "Diagonals", "charts_of_rows", "grid_sheets", "triangles_there", "triangulations"]
+__all__ = ["DIAGONALS", "TOUCHES", "Diagonals", "charts_of_rows", "grid_sheets", "triangles_there", "triangulations"]
 
 Diagonals = Literal["forward", "backward", "both", "alternate"]
 DIAGONALS = ("forward", "backward", "both", "alternate")
@@ -19,6 +19,11 @@ DIAGONALS = ("forward", "backward", "both", "alternate")
 _FORWARD = (((0, 0), (1, 0), (0, 1)), ((1, 1), (0, 1), (1, 0)))
 _BACKWARD = (((0, 1), (0, 0), (1, 1)), ((1, 0), (1, 1), (0, 0)))
 _CORNERS = (*_FORWARD, *_BACKWARD)
+
+# Corners of a cell, and the bits of the triangles that have it.
+TOUCHES = tuple(
+    (r, c, sum(1 << bit for bit, corners in enumerate(_CORNERS) if (r, c) in corners)) for r in (0, 1) for c in (0, 1)
+)
 
 # Rows of cells looked at together: what is held in between stays small beside the grid.
 _ROWS = 256

@@ -103,6 +103,16 @@ class GridFlow:
         keeps within it down to gamma = -1, since it moves along the gradient of an area of which no second derivative is above
         that of the flat Dirichlet energy. Elsewhere the triangles are asked.
         """
+        if u.__array_interface__["data"][0] == self._begin.__array_interface__["data"][0]:
+            return self._bound_at_start  # a run asks for it several times before its first step
+        return self._bound(u)
+
+    @cached_property
+    def _bound_at_start(self) -> float:
+        return self._bound(self.start())
+
+    def _bound(self, u: Array) -> float:
+        """:meth:`bound`, measured anew."""
         m = self.member
         if self.lattice.fibres is None and m.mass != "voronoi" and (m.gamma >= 0 or self._alone):
             flat = self._flat_bound / (3.0 if m.mass == "ring" else 1.0)

@@ -1,7 +1,7 @@
 """Arrays of numpy, in memory and in .npy and .npz files."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,7 @@ def read(
     :raises FormatError: for a file that numpy cannot read, Python objects, or several arrays of other names.
     :raises InputError: for an array that is no noun, or an option that does not belong to it.
     """
-    arrays, notes = _load(path), ()
+    arrays, notes, unit = _load(path), (), ""
     hints = {"spacing": spacing, "camera": camera, "jump": jump, "measure": measure, "pace": pace}
     if {"points", "faces"} <= arrays.keys() and kind in (None, "mesh"):
         thing: Any = (arrays.pop("points"), arrays.pop("faces"))
@@ -77,13 +77,14 @@ def read(
         if camera is not None and kind in (None, "depth") and thing.ndim == 2 and thing.dtype.kind in "fiu":
             calibration = calibration_for(camera, thing.shape, path.name)
             found = in_metres(thing, calibration, depth_scale, path.name)
-            thing, notes = found.depth, found.notes
+            thing, notes, unit = found.depth, found.notes, "m"
             hints["missing"], hints["camera"] = found.missing | hints.get("missing", False), calibration.camera
         elif depth_scale is not None:
             raise InputError(
                 f"{path.name}: depth_scale {depth_scale} belongs to depths (h, w) with a camera; leave it out"
             )
     noun = adopt(thing, kind=kind, **{name: hint for name, hint in hints.items() if hint is not None}).noun
+    noun = replace(noun, unit=unit) if isinstance(noun, RangeImage) else noun
     kinds: dict[type, Kind] = {HeightField: "terrain", Image: "image", RangeImage: "depth", Mesh: "mesh"}
     return Document(noun, kinds[type(noun)], path, about, "arrays", notes)
 

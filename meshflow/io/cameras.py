@@ -187,13 +187,22 @@ def _camera(said: Mapping[str, Any], path: Path) -> Camera:
     if "intrinsic_matrix" not in said:
         fx, fy, cx, cy = (float(said[key]) for key in ("fx", "fy", "cx", "cy"))
         return Pinhole(fx, fy, cx, cy, lens)
-    fx, a, b, skew, fy, c, cx, cy, one = map(float, said["intrinsic_matrix"])
-    if (a, b, c, skew, one) != (0, 0, 0, 0, 1):
-        raise FormatError(
-            f"camera {path.name}: an intrinsic_matrix column by column without skew expected, "
-            f"[fx, 0, 0, 0, fy, 0, cx, cy, 1], got {said['intrinsic_matrix']}; transpose it if it is row by row"
-        )
-    return Pinhole(fx, fy, cx, cy, lens)
+    return Pinhole(*_focal(said["intrinsic_matrix"], path), lens)
+
+
+def _focal(matrix: Any, path: Path) -> tuple[float, float, float, float]:
+    """fx, fy, cx, cy of nine numbers column by column, as Open3D writes them, or of three rows of three, as people do."""
+    nested = isinstance(matrix, list) and len(matrix) == 3 and all(isinstance(row, list) for row in matrix)
+    numbers = np.array(matrix, dtype=np.float64)
+    if numbers.shape == ((3, 3) if nested else (9,)):
+        # Three lists are rows if the last of them is 0, 0, 1; columns look so only where cx and cy are 0, which no camera has.
+        k = numbers if nested else numbers.reshape(3, 3).T
+        if (k[2] == (0, 0, 1)).all() and k[0, 1] == 0 and k[1, 0] == 0:
+            return float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])
+    raise FormatError(
+        f"camera {path.name}: an intrinsic_matrix without skew expected, column by column, [fx, 0, 0, 0, fy, 0, cx, cy, 1], or "
+        f"as three rows, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got {str(matrix)[:120]}; transpose it if it is the other way"
+    )
 
 
 def _named(said: Mapping[str, Any]) -> tuple[float, ...]:

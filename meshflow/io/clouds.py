@@ -1,7 +1,7 @@
 """A range image as points, normals, a mesh: of trimesh, open3d or pyvista, with the colours of a picture of the same size."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -42,10 +42,22 @@ class _Shell:
         return np.where((mesh != 0).any(axis=1)[:, None], mesh, towards)
 
 
-def to_points(image: RangeImage) -> Array:
-    """The points (n, 3) of the samples that are there, row by row, in the frame of the camera."""
-    shell = _shell(image)
-    return shell.points[shell.there]
+@overload
+def to_points(image: RangeImage, colours: None = None) -> Array: ...
+@overload
+def to_points(image: RangeImage, colours: Any) -> tuple[Array, Array]: ...
+
+
+def to_points(image: RangeImage, colours: Any = None) -> Array | tuple[Array, Array]:
+    """The points (n, 3) of the samples that are there, row by row, in the frame of the camera.
+
+    :param colours: as of :func:`to_mesh`.
+    :returns: the points, or with colours (points, colours), these (n, 3) in uint8.
+    :raises InputError: for colours of another size or type.
+    """
+    paint, shell = _painted(image, colours), _shell(image)
+    points = shell.points[shell.there]
+    return points if paint is None else (points, paint[shell.there])
 
 
 def to_normals(image: RangeImage) -> Array:

@@ -18,6 +18,9 @@ from meshflow.io.metres import LARGEST, default_units, in_metres
 
 __all__ = ["read", "write"]
 
+# An error of rounding of this share of the noise beside it adds an eighth to that.
+ADDS = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Depths:
@@ -63,11 +66,6 @@ def read(
         raise InputError(
             f"{path.name}: a depth image expected, got kind={kind!r}; leave the camera out to read something else"
         )
-    if path.suffix.lower() == ".exr":
-        raise FormatError(
-            f"{path.name}: OpenEXR is read by nothing that comes with meshflow; convert it: oiiotool {path.name} --ch Z "
-            "-o depth.tif, or numpy.save what your own reader gives, as .npy"
-        )
     values, frame = load(path)
     if len(values) != 1 or frame.palette is not None or frame.dtype not in ("uint16", "int16", "float32", "float64"):
         raise FormatError(
@@ -79,20 +77,33 @@ def read(
     raw = values[0].astype(frame.dtype) if whole and not frame.scaled else values[0]
     found = in_metres(raw, calibration, depth_scale, path.name)
     noun = RangeImage(
-        found.depth, calibration.camera, found.missing | frame.gone[0], jump=jump, measure=measure, pace=pace
+        found.depth,
+        calibration.camera,
+        found.missing | frame.gone[0],
+        jump=jump,
+        measure=measure,
+        pace=pace,
+        unit="m",
     )
     return Document(noun, "depth", path, Depths(frame, found.units, whole, values[0]), "depths", found.notes)
 
 
 def write(
-    document: Document, path: Path, *, tags: Mapping[str, str], depth_scale: float | None = None
+    document: Document,
+    path: Path,
+    *,
+    tags: Mapping[str, str],
+    depth_scale: float | None = None,
+    left: float | None = None,
 ) -> tuple[str, ...]:
     """Write depths: ``.png`` rounded to whole numbers of 16 bit, ``.tif`` exactly, as metres with nodata 0.
 
     Missing samples come out as they came in, 0 or 65535 or NaN, or as 0 where the format is another.
 
     :param depth_scale: units per metre of the file; by default as it was read, 1000 in a PNG and 1 in a TIFF where it was not.
-    :returns: notes of what rounding costs, in millimetres, where that is half a millimetre or more, or more than what was gained.
+    :param left: standard deviation of the noise that is still in the depths, metres, which rounding is compared with; None: not
+        known, then rounding is compared with what has changed since they were read.
+    :returns: notes of what rounding costs, in millimetres, where that is half a millimetre or more, or much of what was gained.
     :raises FormatError: when the file cannot be written, or 0 would be a sample.
     """
     about = document.about if isinstance(document.about, Depths) else None
@@ -116,7 +127,8 @@ def write(
         counts = np.rint(np.where(missing, 1, counts))
         samples = np.where(missing, kept, counts.clip(1, LARGEST - 1)).astype(np.uint16)
         save(samples[None], frame.bare(), path, driver="PNG", nodata=None, tags={})
-        return _cost(counts, scale, 0.0 if changed is None else float(np.sqrt(np.mean(np.square(changed)))))
+        much = None if changed is None else float(np.sqrt(np.mean(np.square(changed))))
+        return _cost(counts, scale, much, None if left is None else left * scale)
     samples = np.where(missing, np.where(np.isnan(values[0]), np.nan, 0), counts).astype(values.dtype)
     save(
         samples[None],
@@ -137,10 +149,17 @@ def _missing_as_read(raw: Array, depth: Array) -> Array:
     return np.where((depth == 0) & (raw < LARGEST), 0, raw)
 
 
-def _cost(counts: Array, scale: float, changed: float) -> tuple[str, ...]:
-    """What whole numbers cost; ``changed`` is the rms change since the file was read, in their steps."""
+def _cost(counts: Array, scale: float, changed: float | None, left: float | None) -> tuple[str, ...]:
+    """What whole numbers cost; ``changed`` is the rms change since the file was read, ``left`` the noise, both in their steps."""
     notes: tuple[str, ...] = ()
-    if 1e-3 < changed < 1:
+    error = 1 / np.sqrt(12.0)
+    if left is not None and (changed is None or changed > 1e-3) and error > ADDS * left:
+        finer = f" or a depth_scale of {10 ** np.ceil(np.log10(scale * error / (ADDS * left))):g}" if left > 0 else ""
+        notes += (
+            f"rounding to {1000 / scale:g} mm errs by {1000 * error / scale:.2g} mm (rms), beside {1000 * left / scale:.2g} mm "
+            f"of noise that is left: much of what was gained is lost; write .tif, .npy or .exr, which hold float32{finer}",
+        )
+    elif left is None and changed is not None and 1e-3 < changed < 1:
         notes += (
             f"depths changed by {changed * 1000 / scale:.3g} mm (rms), less than the steps of {1000 / scale:g} mm that they are "
             "rounded to: much of what was gained is lost; write .tif, or give a larger depth_scale",

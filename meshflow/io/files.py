@@ -28,7 +28,7 @@ class Document:
     :param kind: what it is.
     :param path: where it came from.
     :param about: everything that must survive around the data; known to the reader and the writer of ``family`` alone.
-    :param family: the module of ``meshflow.io`` that reads and writes it: rasters, pictures, depths, ranges, arrays, meshes.
+    :param family: the module of ``meshflow.io`` that reads and writes it: rasters, pictures, depths, exrs, ...
     :param notes: what was done on the way in, sentences for the user.
     """
 
@@ -134,6 +134,8 @@ def _family(path: Path, kind: Kind | None, camera: object) -> str:
     suffix = path.suffix.lower()
     if suffix in ARRAYS:
         return "arrays"
+    if suffix == ".exr":
+        return "exrs"
     if suffix == ".ply" and (kind == "depth" or (kind is None and _has_range_grid(path))):
         return "ranges"
     if kind == "mesh" or (kind is None and suffix in MESHES):
@@ -156,6 +158,7 @@ def _target(document: Document, path: Path) -> str:
         "meshes": lambda: document.kind == "mesh" and suffix in MESHES,
         "arrays": lambda: suffix in ARRAYS and (document.kind != "mesh" or suffix == ".npz"),
         "ranges": lambda: document.kind == "depth" and suffix == ".ply",
+        "exrs": lambda: document.kind == "depth" and suffix == ".exr",
         "depths": lambda: document.kind == "depth" and suffix in {".png", ".tif", ".tiff"},
         "pictures": lambda: (
             document.kind == "image" and document.family != "rasters" and suffix in PICTURES | {".tif", ".tiff"}
@@ -167,7 +170,7 @@ def _target(document: Document, path: Path) -> str:
             return family
     room = {
         "mesh": sorted(MESHES - {".gltf", ".3mf"}),
-        "depth": [".png", ".tif", ".npy", ".ply"],
+        "depth": [".png", ".tif", ".npy", ".exr", ".ply"],
         "image": [".png", ".tif", ".jpg", ".npy"],
         "terrain": [".tif", ".asc", ".npy"],
     }[document.kind]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshflow.errors import FormatError
+from meshflow.errors import FormatError, NothingThere
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.gates import Array, positive, real
 from meshflow.io.cameras import Calibration
@@ -47,6 +47,7 @@ def in_metres(raw: Array, calibration: Calibration, depth_scale: float | None, n
 
     :param depth_scale: units per metre; by default what the camera says for whole numbers, or :func:`default_units`.
     :param name: of the image, for the messages.
+    :raises NothingThere: when all are missing.
     :raises FormatError: when the bits are turned as SUN RGB-D has them, and no ``depth_scale`` says that they are not.
     :raises InputError: for a ``depth_scale`` that is not positive.
     """
@@ -59,11 +60,22 @@ def in_metres(raw: Array, calibration: Calibration, depth_scale: float | None, n
         missing |= values == 0
     if whole:
         missing |= values == LARGEST
-        if depth_scale is None:
-            _must_not_be_turned(raw[~missing], name)
+    if missing.all():
+        raise NothingThere(
+            f"{Path(name).name}: {_nothing(raw)}; is it the right file, and has the camera seen anything?"
+        )
+    if whole and depth_scale is None:
+        _must_not_be_turned(raw[~missing], name)
     depth = (values / units).astype(values.dtype)
     notes = () if units == 1.0 else (f"depths of {units:g} units per metre are taken, and told, in metres",)
     return Metres(depth, missing, units, notes + _doubts(depth[~missing], missing.shape, calibration, units))
+
+
+def _nothing(raw: Array) -> str:
+    """Of numbers that are all missing, how many are which."""
+    counts = (("0", raw == 0), (str(LARGEST), raw == LARGEST), ("NaN or infinite", ~np.isfinite(raw)))
+    told = " and ".join(f"{int(where.sum())} are {word}" for word, where in counts if where.any())
+    return f"all its {raw.size} depths are missing, {told}"
 
 
 def _must_not_be_turned(counts: Array, name: str) -> None:
@@ -100,4 +112,18 @@ def _doubts(depth: Array, shape: tuple[int, ...], calibration: Calibration, unit
             f"camera fx = {camera.fx:g}, fy = {camera.fy:g} pixels give this image a field of view of {view[0]:.2g} x "
             f"{view[1]:.2g} degrees; is it so small a part, and are they in pixels (f_px = f_mm * width_px / sensor_width_mm)?",
         )
+    if isinstance(camera, Pinhole):
+        notes += _beside(camera, shape)
     return notes
+
+
+def _beside(camera: Pinhole, shape: tuple[int, ...]) -> tuple[str, ...]:
+    """A principal point on the edge of the image or beyond: a crop may have one, a camera of another size has."""
+    places = ((camera.cx, shape[1], "cx", "wide"), (camera.cy, shape[0], "cy", "high"))
+    off = [f"{name} = {c:g} of an image {n} pixels {way}" for c, n, name, way in places if not 0 < c < n - 1]
+    if not off:
+        return ()
+    return (
+        f"the principal point lies on the edge of the image or outside ({', '.join(off)}); is it the camera of this image, and "
+        "are its numbers in pixels? of a crop it may be so",
+    )

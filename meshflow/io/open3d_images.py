@@ -61,7 +61,7 @@ def adopt(
     calibration = calibration_for(_own(camera, name, shape), shape, name)
     found = in_metres(raw, calibration, depth_scale, name)
     gone = found.missing if missing is None else found.missing | missing
-    noun = RangeImage(found.depth, calibration.camera, gone, fixed, jump, measure, pace)
+    noun = RangeImage(found.depth, calibration.camera, gone, fixed, jump, measure, pace, unit="m")
     return Adopted(noun, partial(_restored, thing, raw, found.depth, found.units), found.notes)
 
 

@@ -166,7 +166,7 @@ def _compared_grids(before: HeightField | Image | RangeImage, after: HeightField
     # The first two corners of a triangle of a grid name it; holes and depth jumps of either are left out of both.
     names = [surface.sheets[0][:, 0] * both.size + surface.sheets[0][:, 1] for surface in surfaces]
     one, other = (_corners(s, np.isin(names[i], names[1 - i])) for i, s in enumerate(surfaces))
-    units = {noun.unit for noun in (before, after) if isinstance(noun, HeightField)}
+    units = {noun.unit for noun in (before, after) if isinstance(noun, (HeightField, RangeImage))}
     missing = int(before.missing.sum()), int(after.missing.sum())
     angles = None if isinstance(before, Image) else _angles(one, other)
     return _comparison((_name(before), max(units, default="")), int(both.sum()), missing, sizes, (one, other), angles)

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import HeightField, Image, Mesh, Noun
+from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.charts import Chart, Curve, course, histogram, risks
 from meshflow.view.look import Look
 from meshflow.view.pair import Pair, Scale, holes, paired
@@ -109,7 +109,7 @@ class Findings:
 
 def found(run: Run, title: str) -> Findings:
     """All that a report of this run shows."""
-    unit = run.before.unit if isinstance(run.before, HeightField) else ""
+    unit = run.before.unit if isinstance(run.before, (HeightField, RangeImage)) else ""
     before, channel = _shown(run.before)
     pair = paired(before, _shown(run.noun)[0], unit)
     scale = _removed(pair, channel)

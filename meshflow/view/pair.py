@@ -81,7 +81,7 @@ def paired(before: Any, after: Any, unit: str | None) -> Pair:
     elif not isinstance(one, (Mesh, RangeImage)) and not isinstance(other, (Mesh, RangeImage)):
         other = replace(other, spacing=one.spacing)
     if unit is None:
-        unit = one.unit if isinstance(one, HeightField) else ""
+        unit = one.unit if isinstance(one, (HeightField, RangeImage)) else ""
     limit, ends = _limit(change)
     scale = Scale(change, -limit, limit, "RdBu_r", what, unit, ends)
     equal = (ends,) if not np.any(change[np.isfinite(change)]) else ()  # where colours end stands in the picture

@@ -1,0 +1,94 @@
+"""What a result says of range images: units, samples that cannot move, and words of the command."""
+
+import numpy as np
+import pytest
+import rasterio
+from typer.testing import CliRunner
+
+import meshflow
+from meshflow import Pinhole, RangeImage
+from meshflow.cli import app
+from meshflow.io.files import read
+
+CAMERA = Pinhole(60.0, 60.0, 23.5, 19.5)
+SHAPE = (40, 48)
+DEPTH = 2.0 + 0.01 * np.arange(48) + 0.01 * np.random.default_rng(3).normal(size=SHAPE)
+
+
+def test_depths_of_a_file_are_metres_and_the_result_says_so(tmp_path):
+    np.save(tmp_path / "a.npy", DEPTH)
+    with rasterio.open(tmp_path / "a.png", "w", driver="PNG", height=40, width=48, count=1, dtype="uint16") as out:
+        out.write(np.rint(1000 * DEPTH).astype(np.uint16), 1)
+    for name in ("a.npy", "a.png"):
+        noun = read(tmp_path / name, camera=CAMERA).noun
+        assert noun.unit == "m"
+        result = meshflow.denoise(noun, limit=0.02)
+        units = {key: result.parameters[key].unit for key in ("sigma", "quantum", "limit", "time")}
+        assert units == {"sigma": "m", "quantum": "m", "limit": "m", "time": "pixel footprints²"}
+        assert result.thing.unit == "m"
+        assert " m of noise 0.0" in result.summary
+        assert " m, largest " in str(result)
+    assert meshflow.denoise(noun, search=True).parameters["risk"].unit == "m"
+    assert meshflow.denoise(DEPTH, camera=CAMERA).parameters["sigma"].unit == ""  # nobody has said which
+
+
+def test_in_inverse_depth_the_noise_beside_what_was_removed_is_one_of_depths():
+    result = meshflow.denoise(RangeImage(DEPTH, CAMERA, unit="m"), space="disparity")
+    assert {result.parameters[name].unit for name in ("sigma", "quantum", "risk")} == {"1/m"}
+    assert result.parameters["contrast"].unit == "pixels per 1/m"
+    assert result.noise.sigma == pytest.approx(0.01, rel=0.15)
+    assert result.summary.endswith(f"m of noise {result.noise.sigma:.4g} m")
+    given = meshflow.denoise(RangeImage(DEPTH, CAMERA), space="disparity", sigma=0.002)
+    assert given.noise.sigma == pytest.approx(0.002 * np.median(DEPTH) ** 2, rel=0.01)
+    assert given.parameters["sigma"].unit == "1 / depth"
+
+
+def test_a_given_noise_of_each_pixel_counts_in_inverse_depth_too():
+    sigma = 0.004 * DEPTH**2
+    result = meshflow.denoise(RangeImage(DEPTH, CAMERA, sigma=sigma), space="disparity")
+    assert result.parameters["sigma"].value == pytest.approx(0.004)
+    assert result.parameters["sigma"].origin == "given"
+
+
+def test_the_noise_that_is_left_is_what_the_flow_leaves_of_white_noise():
+    truth = np.full((120, 160), 2.0)
+    noisy = truth + 0.004 * np.random.default_rng(1).normal(size=truth.shape)
+    result = meshflow.denoise(RangeImage(noisy, Pinhole(200.0, 200.0, 79.5, 59.5)), time=5.0)
+    inner = np.s_[10:-10, 10:-10]
+    assert result.left == pytest.approx(np.std((result.thing.depth - truth)[inner]), rel=0.15)
+
+
+def test_samples_without_a_triangle_are_counted_where_they_are_more_than_a_few():
+    depth = DEPTH.copy()
+    depth[1:-1:4, 1:-1:4] += 1.0  # each of these alone
+    alone = depth[1:-1:4, 1:-1:4].size
+    result = meshflow.denoise(RangeImage(depth, CAMERA))
+    (words,) = result.warnings
+    assert words.startswith(f"{alone} of {depth.size} samples have no triangle, cut off by jumps")
+    np.testing.assert_array_equal(result.thing.depth[1:-1:4, 1:-1:4], depth[1:-1:4, 1:-1:4])
+    depth = DEPTH.copy()
+    depth[1:9:4, 1:9:4] += 1.0
+    assert meshflow.denoise(RangeImage(depth, CAMERA)).warnings == ()
+
+
+def test_a_depth_picture_beside_its_result_asks_for_the_camera(tmp_path):
+    (tmp_path / "camera.json").write_text('{"fx": 60, "fy": 60, "cx": 23.5, "cy": 19.5}')
+    with rasterio.open(tmp_path / "a.png", "w", driver="PNG", height=40, width=48, count=1, dtype="uint16") as out:
+        out.write(np.rint(1000 * DEPTH).astype(np.uint16), 1)
+    a, b, camera = (str(tmp_path / name) for name in ("a.png", "b.tif", "camera.json"))
+    assert CliRunner().invoke(app, ["smooth", a, b, "--camera", camera, "-q"]).exit_code == 0
+    refused = CliRunner().invoke(app, ["compare", a, b])
+    assert "got image and terrain; give --camera if they are depth images" in str(refused.exception)
+    assert CliRunner().invoke(app, ["compare", a, b, "--camera", camera]).exit_code == 0
+
+
+def test_a_picture_of_sixteen_bit_says_what_rounding_costs_beside_the_noise_that_is_left(tmp_path):
+    (tmp_path / "camera.json").write_text('{"fx": 60, "fy": 60, "cx": 23.5, "cy": 19.5}')
+    np.save(tmp_path / "a.npy", 1.0 + 0.1 * (DEPTH - DEPTH.min()))
+    words = ["smooth", str(tmp_path / "a.npy"), str(tmp_path / "b.png"), "--camera", str(tmp_path / "camera.json")]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 0, told.exception
+    assert "rounding to 1 mm errs by 0.29 mm (rms), beside" in told.output
+    np.save(tmp_path / "c.npy", DEPTH)
+    words[1:3] = str(tmp_path / "c.npy"), str(tmp_path / "d.png")
+    assert "noise that is left" not in CliRunner().invoke(app, words).output
