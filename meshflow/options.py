@@ -77,7 +77,7 @@ Time = Annotated[
     _option(
         FLOW,
         "How far, in squared length: m² of a terrain, pixels² of an image or a range image. Default: searched for; "
-        "10 sigma / pixel width of a range image, half an edge² of a mesh.",
+        "10 sigma / pixel width of a range image.",
     ),
 ]
 Scale = Annotated[
@@ -91,6 +91,31 @@ Steps = Annotated[int | None, _option(FLOW, "Stop after this many steps.")]
 MethodOption = Annotated[
     Method | None,
     _option(FLOW, "A member of the family by name. Default: the one of least estimated risk."),
+]
+Order = Annotated[
+    int | None,
+    _option(
+        FLOW, "Of a mesh, method fairing: 1 implicit fairing, 2 bi-Laplacian, up to 20, all but an ideal low-pass."
+    ),
+]
+WeightsOption = Annotated[
+    Literal["cotangent", "uniform"] | None,
+    _option(FLOW, "Of a mesh, method fairing: cotangent keeps the sampling, uniform evens it too.", "--weights"),
+]
+Evened = Annotated[
+    float | None,
+    _option(FLOW, "Of a mesh, method facets: squared length over which the sampling is evened first."),
+]
+AlongOption = Annotated[
+    Literal["all", "normals"], _option(FLOW, "Points of a mesh move anywhere, or along their normals.", "--along")
+]
+TrianglesOption = Annotated[
+    Literal["auto", "given", "delaunay"],
+    _option(FLOW, "Whose cotangents: the mesh's own, or those of its intrinsic Delaunay triangulation.", "--triangles"),
+]
+KeepOption = Annotated[
+    Literal["volume", "scale", "area"] | None,
+    _option(HOLD, "Of a closed mesh: its volume exactly, the volume by scaling, or the area by scaling.", "--keep"),
 ]
 Strength = Annotated[float, _option(FLOW, "More or less of it: the noise times this is what is removed.")]
 Sigma = Annotated[
