@@ -126,7 +126,11 @@ BAD = [
     ),
     (lambda: tensor(COUNTS.astype(np.int32)), {"camera": CAMERA}, "expected, got shape .* in int32"),
     (lambda: LEGACY.Image(COUNTS), {"camera": CAMERA, "channels": "colors"}, "channels: no hint for an open3d Image"),
-    (lambda: LEGACY.Image(COUNTS), {"camera": CAMERA, "kind": "image"}, "kind='image': an open3d Image is taken as depths"),
+    (
+        lambda: LEGACY.Image(COUNTS),
+        {"camera": CAMERA, "kind": "image"},
+        "kind='image': an open3d Image is taken as depths",
+    ),
     (
         lambda: LEGACY.Image(COUNTS),
         {"camera": open3d.camera.PinholeCameraIntrinsic(640, 480, 40, 41, 15.5, 11.5)},
