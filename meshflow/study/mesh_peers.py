@@ -231,6 +231,11 @@ _CREASES: _Grid = {
     "feature": (20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 110.0),
     "edge": (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0),
 }
+_HC: _Grid = {
+    "alpha": (0.0, 0.05, 0.1, 0.2, 0.4),
+    "beta": (0.05, 0.1, 0.2, 0.4, 0.5, 0.6, 0.8, 0.9),
+    "steps": _STEPS,
+}
 _FITS = (5, 10, 20, 40, 80)
 _ONE: frozenset[tuple[str, Value]] = frozenset({("steps", 1), ("weight", 1.0)})
 _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, Value]]], ...] = (
@@ -243,8 +248,7 @@ _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, 
         _ONE,
     ),
     ("Taubin", "meshflow", taubin, _PAIR, _ONE),
-    ("HC", "meshflow", hc, {"alpha": (0.0, 0.05, 0.1, 0.2, 0.4), "beta": (0.05, 0.1, 0.2, 0.4, 0.5, 0.6, 0.8, 0.9), "steps": _STEPS},
-     _ONE | {("alpha", 0.0)}),
+    ("HC", "meshflow", hc, _HC, _ONE | {("alpha", 0.0)}),
     ("VTK windowed sinc", "vtk", windowed_sinc, _SINC, frozenset()),
     ("VTK feature windowed sinc", "vtk", windowed_sinc, {**_SINC, **_CREASES}, frozenset()),
     ("VTK smooth", "vtk", vtk_smooth, _LAPLACE, _ONE),
@@ -261,7 +265,13 @@ _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, 
         },
         frozenset({("rounds", 1)}),
     ),
-    ("MeshLab Laplacian", "pymeshlab", meshlab_laplacian, {"steps": _STEPS[:10], "weights": ("uniform", "cotangent")}, _ONE),
+    (
+        "MeshLab Laplacian",
+        "pymeshlab",
+        meshlab_laplacian,
+        {"steps": _STEPS[:10], "weights": ("uniform", "cotangent")},
+        _ONE,
+    ),
     (
         "MeshLab scale-dependent",
         "pymeshlab",
@@ -294,4 +304,4 @@ _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, 
         },
         frozenset(),
     ),
-)  # fmt: skip
+)
