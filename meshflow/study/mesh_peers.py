@@ -18,8 +18,8 @@ from meshflow.study.search import Peer, Value
 
 __all__ = ["OnFaces", "mesh_peers"]
 
-# Where VTK takes angles between normals, no angle is beyond this one: no edge is a feature.
-FLAT = 180.0
+# All frequencies of the umbrella are below this one.
+WHOLE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,38 +65,50 @@ def _vtk(points: Array, faces: Array) -> Any:
     return pyvista.PolyData.from_regular_faces(np.asarray(points, dtype=np.float64), np.asarray(faces))
 
 
-def windowed_sinc(
-    points: Array, faces: Array, band: float, steps: float, feature: float = FLAT, edge: float = FLAT
-) -> Array:
+def windowed_sinc(points: Array, faces: Array, band: float, steps: float) -> Array:
     """Taubin, Zhang and Golub 1996, a windowed sinc of the umbrella: VTK.
 
     :param band: frequencies of the umbrella (0 to 2) that pass.
     :param steps: degree of the polynomial.
-    :param feature: angle between normals, degrees, from which an edge is a feature, along which alone its ends are smoothed.
-    :param edge: bend of a feature, degrees, from which a vertex on it stays.
     """
-    found = _vtk(points, faces).smooth_taubin(
-        n_iter=int(steps),
-        pass_band=band,
-        edge_angle=edge,
-        feature_angle=feature,
-        feature_smoothing=feature < FLAT,
-        normalize_coordinates=True,
-    )
+    found = _vtk(points, faces).smooth_taubin(n_iter=int(steps), pass_band=band, normalize_coordinates=True)
     return np.array(found.points)
 
 
-def vtk_smooth(
-    points: Array, faces: Array, weight: float, steps: float, feature: float = FLAT, edge: float = FLAT
+def vtk_smooth(points: Array, faces: Array, weight: float, steps: float) -> Array:
+    """Laplacian smoothing, each vertex seeing those already moved: VTK."""
+    return np.array(_vtk(points, faces).smooth(n_iter=int(steps), relaxation_factor=weight).points)
+
+
+def features_after_sinc(
+    points: Array,
+    faces: Array,
+    band: float,
+    feature: float,
+    bend: float,
+    weight: float,
+    steps: float,
+    then: str,
 ) -> Array:
-    """Laplacian smoothing, each vertex seeing those already moved: VTK; feature and edge as :func:`windowed_sinc`."""
-    found = _vtk(points, faces).smooth(
-        n_iter=int(steps),
-        relaxation_factor=weight,
-        edge_angle=edge,
-        feature_angle=feature,
-        feature_smoothing=feature < FLAT,
-    )
+    """:func:`windowed_sinc` of degree 20, then what smooths features along themselves alone: VTK.
+
+    On noise as it comes every edge is a feature, or none; after a first smoothing the angles tell them apart.
+
+    :param band: of the first; at 2 there is none.
+    :param feature: angle between normals, degrees, from which an edge is a feature.
+    :param bend: of a feature, degrees, from which a vertex on it stays.
+    :param weight: of a step, or, of a windowed sinc, a tenth of it the frequencies that pass.
+    :param steps: how many, or the degree.
+    :param then: ``laplacian | sinc``.
+    """
+    mesh = _vtk(points, faces)
+    if band < WHOLE:
+        mesh = mesh.smooth_taubin(n_iter=20, pass_band=band, normalize_coordinates=True)
+    angles = {"edge_angle": bend, "feature_angle": feature, "feature_smoothing": True}
+    if then == "sinc":
+        found = mesh.smooth_taubin(n_iter=int(steps), pass_band=0.1 * weight, normalize_coordinates=True, **angles)
+    else:
+        found = mesh.smooth(n_iter=int(steps), relaxation_factor=weight, **angles)
     return np.array(found.points)
 
 
@@ -163,7 +175,7 @@ def open3d_taubin(points: Array, faces: Array, weight: float, passband: float, s
 
 
 def trimesh_taubin(points: Array, faces: Array, weight: float, passband: float, steps: float) -> Array:
-    """[Taubin 95], neighbours weighted by inverse distance, its borders left and right unlike: trimesh."""
+    """[Taubin 95]: trimesh. On closed meshes :func:`taubin`; borders depend on the order of the triangles: not searched."""
     import trimesh
 
     mesh = trimesh.Trimesh(points, faces, process=False)
@@ -195,10 +207,18 @@ def meshlib_relax(points: Array, faces: Array, force: float, steps: float, volum
 
 
 def meshlib_denoise(
-    points: Array, faces: Array, beta: float, gamma: float, normals: float, fits: float, guide: float
+    points: Array,
+    faces: Array,
+    rounds: float,
+    beta: float,
+    gamma: float,
+    normals: float,
+    fits: float,
+    guide: float,
 ) -> Array:
-    """Mesh denoising via a Mumford-Shah framework (Liu et al. 2023; smoothed normals, vertices to fit them): MeshLib.
+    """Mesh denoising via a Mumford-Shah framework (smoothed normals, vertices to fit them): MeshLib.
 
+    :param rounds: of all of it, each from where the one before ended.
     :param beta: its sharpness of features, the less the sharper.
     :param gamma: how much smoothing.
     :param normals: steps of smoothing the normals.
@@ -209,7 +229,8 @@ def meshlib_denoise(
     settings = ml.DenoiseViaNormalsSettings()
     settings.beta, settings.gamma, settings.guideWeight = beta, gamma, guide
     settings.normalIters, settings.pointIters = int(normals), int(fits)
-    ml.meshDenoiseViaNormals(mesh, settings)
+    for _ in range(int(rounds)):
+        ml.meshDenoiseViaNormals(mesh, settings)
     return np.array(bridge.getNumpyVerts(mesh), dtype=np.float64)[: len(points)]
 
 
@@ -223,20 +244,23 @@ def mesh_peers(faces: Array) -> tuple[Peer, ...]:
 
 _Grid = Mapping[str, tuple[Value, ...]]
 _STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 140, 200, 300)
-_BAND = (0.003, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
-_PAIR: _Grid = {"weight": (0.33, 0.5, 0.63, 0.8, 1.0), "passband": _BAND, "steps": _STEPS}
+_BAND = (0.0005, 0.001, 0.003, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
+_PAIR: _Grid = {"weight": (0.2, 0.33, 0.5, 0.7, 1.0), "passband": _BAND, "steps": _STEPS}
 _SINC: _Grid = {"band": _BAND, "steps": (5, 10, 20, 40, 80, 160)}
 _LAPLACE: _Grid = {"weight": (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0), "steps": _STEPS}
-_CREASES: _Grid = {
-    "feature": (20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 110.0),
-    "edge": (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0),
+_FEATURES: _Grid = {
+    "band": (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, WHOLE),
+    "feature": (20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 60.0, 75.0, 90.0, 110.0),
+    "bend": (30.0, 60.0, 120.0),
+    "weight": (0.1, 0.3, 0.6, 0.9),
+    "steps": (10, 20, 40, 80, 160, 300, 600, 1000),
+    "then": ("laplacian", "sinc"),
 }
 _HC: _Grid = {
     "alpha": (0.0, 0.05, 0.1, 0.2, 0.4),
     "beta": (0.05, 0.1, 0.2, 0.4, 0.5, 0.6, 0.8, 0.9),
     "steps": _STEPS,
 }
-_FITS = (5, 10, 20, 40, 80)
 _ONE: frozenset[tuple[str, Value]] = frozenset({("steps", 1), ("weight", 1.0)})
 _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, Value]]], ...] = (
     ("umbrella", "meshflow", umbrella, _LAPLACE, _ONE),
@@ -250,20 +274,19 @@ _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, 
     ("Taubin", "meshflow", taubin, _PAIR, _ONE),
     ("HC", "meshflow", hc, _HC, _ONE | {("alpha", 0.0)}),
     ("VTK windowed sinc", "vtk", windowed_sinc, _SINC, frozenset()),
-    ("VTK feature windowed sinc", "vtk", windowed_sinc, {**_SINC, **_CREASES}, frozenset()),
     ("VTK smooth", "vtk", vtk_smooth, _LAPLACE, _ONE),
-    ("VTK feature smooth", "vtk", vtk_smooth, {**_LAPLACE, **_CREASES}, _ONE),
+    ("VTK features after sinc", "vtk", features_after_sinc, _FEATURES, frozenset({("band", WHOLE)})),
     (
         "MeshLab two-step",
         "pymeshlab",
         two_steps,
         {
-            "rounds": (1, 2, 3, 5, 8, 12, 20),
-            "angle": (5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0),
-            "normals": (2, 5, 10, 20, 40, 80),
-            "fits": _FITS,
+            "rounds": (1, 2, 4, 8, 16, 32, 64, 100, 150),
+            "angle": (10.0, 15.0, 20.0, 30.0, 37.0, 45.0, 52.0, 60.0, 75.0, 90.0, 120.0),
+            "normals": (1, 2, 5, 10, 20),
+            "fits": (1, 2, 5, 10, 20),
         },
-        frozenset({("rounds", 1)}),
+        frozenset({("rounds", 1), ("normals", 1), ("fits", 1)}),
     ),
     (
         "MeshLab Laplacian",
@@ -283,7 +306,6 @@ _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, 
     ("MeshLab HC", "pymeshlab", meshlab_hc, {"steps": _STEPS[:9]}, _ONE),
     ("Open3D Laplacian", "open3d", open3d_laplacian, _LAPLACE, _ONE),
     ("Open3D Taubin", "open3d", open3d_taubin, _PAIR, _ONE),
-    ("trimesh Taubin", "trimesh", trimesh_taubin, _PAIR, _ONE),
     (
         "MeshLib relax",
         "meshlib",
@@ -296,12 +318,13 @@ _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, 
         "meshlib",
         meshlib_denoise,
         {
-            "beta": (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1),
-            "gamma": (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 40.0),
-            "normals": (5, 10, 20, 40, 80),
-            "fits": _FITS,
-            "guide": (0.03, 0.1, 0.3, 1.0, 3.0),
+            "rounds": (1, 2, 3, 5, 8),
+            "beta": (0.005, 0.01, 0.02, 0.04),
+            "gamma": (3.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0),
+            "normals": (10, 20),
+            "fits": (20, 40),
+            "guide": (0.3, 1.0),
         },
-        frozenset(),
+        frozenset({("rounds", 1)}),
     ),
 )
