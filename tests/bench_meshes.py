@@ -1,7 +1,9 @@
 """Meshes, ours by default and at its best beside every peer at its best: ``pytest -m bench -s tests/bench_meshes.py``.
 
 Shapes, noise and searches are seeded; what is chosen for a peer, and for ours at its best, is chosen with the truth in hand, by
-the mean error of the normals. From the environment:
+the mean error of the normals, among results that are no further from the true surface than what came in: by normals alone a shape
+that has shrunk to a smooth nothing would win (VTK's features on the cube: 0.33 degrees, at a distance of 0.204 edges where the
+noise has 0.200, and 4 % of the volume lost). From the environment:
 
 - ``BENCH_SHAPES=cube,torus``: these alone (also ``irregular cube``, ``plate`` and ``dome``, which the table leaves out);
 - ``BENCH_NOISE=iso,nrm``: this noise alone;
@@ -67,8 +69,28 @@ class Case:
     def quality(self, points):
         return mesh_quality(points, self.shape)
 
-    def error(self, points):
-        return normal_angle(points, self.shape.points, self.shape.faces) if np.isfinite(points).all() else np.inf
+    def judge(self):
+        """The error of a result, for one search: infinite where it is further from the surface than what came in.
+
+        Distances are asked for only where the normals are the best so far, since those of a level set are slow.
+        """
+        limit, least = self.rms(self.noisy), np.inf
+
+        def error(points):
+            nonlocal least
+            if not np.isfinite(points).all():
+                return np.inf
+            angle = normal_angle(points, self.shape.points, self.shape.faces)
+            if angle < least:
+                if self.rms(points) > limit:
+                    return np.inf
+                least = angle
+            return angle
+
+        return error
+
+    def rms(self, points):
+        return float(np.sqrt(np.mean(np.square(self.shape.distance(points)))))
 
 
 @dataclass(frozen=True)
@@ -117,7 +139,7 @@ def rows_of_ours(case):
     yield Row("ours, defaults", case.quality(ours(case)), perf_counter() - begun)
     if how == "defaults":
         return
-    best, least = None, np.inf
+    best, least, judge = None, np.inf, case.judge()
     for words in OURS:
         begun = perf_counter()
         try:
@@ -125,7 +147,7 @@ def rows_of_ours(case):
         except (InputError, NotConverged) as cause:
             print(f"  {words} is left out: {str(cause)[:200]}", flush=True)
             continue
-        if (error := case.error(found)) < least:
+        if (error := judge(found)) < least:
             best, least = (words, found, perf_counter() - begun), error
     if best is not None:
         yield Row("ours, best", case.quality(best[1]), best[2], _said(best[0]))
@@ -150,7 +172,7 @@ class Cache:
         state = f"{peer.package} {version(peer.package)}, data {told}, {dict(peer.grid)}"
         kept = self.found.get(case.name, {}).get(peer.name)
         if kept is None or kept["state"] != state:
-            found = tuned(peer, case.noisy, case.level * case.shape.edge, case.error)
+            found = tuned(peer, case.noisy, case.level * case.shape.edge, case.judge())
             begun = perf_counter()
             peer.run(case.noisy, case.level * case.shape.edge, **found.choice)
             took = perf_counter() - begun
@@ -235,6 +257,7 @@ def test_defaults_and_our_best_beside_every_peer_at_its_best():
             rows.append(row)
         found.append((case, rows))
         mine = [row.quality.normal_error for row in rows if row.name.startswith("ours")]
-        assert all(error < case.error(case.noisy) for error in mine), "ours is no better than nothing"
+        nothing = case.quality(case.noisy).normal_error
+        assert all(error < nothing for error in mine), "ours is no better than nothing"
     if any(not row.name.startswith("ours") for _, rows in found for row in rows):
         _summary(found)
