@@ -64,7 +64,9 @@ def versions(*names):
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:
             found.append(f"{name} absent")
-    return f"{THREADS} threads of {os.cpu_count()} cores, {platform.machine()}; " + ", ".join(found)
+    # Peers with one thread lose less on a machine that others use as well: its load at the begin is part of what was measured.
+    load = f"load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "load unknown"
+    return f"{THREADS} threads of {os.cpu_count()} cores, {load}, {platform.machine()}; " + ", ".join(found)
 
 
 def flow_of(points, faces):
