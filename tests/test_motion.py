@@ -8,7 +8,10 @@ from shapes import sphere, square
 from test_facets import along_normals
 
 from meshflow.errors import InputError
+from meshflow.flow.rate import MeshFlow
 from meshflow.geometry.facets import normals_at
+from meshflow.geometry.member import Member
+from meshflow.geometry.surface import Surface
 from meshflow.io.files import read
 from meshflow.smoothing import denoise, smooth
 from meshflow.study.metrics import area, volume
@@ -142,3 +145,15 @@ def test_messy_meshes_stay_finite_in_the_order_they_came(path, way):
     assert np.isfinite(found.points).all()
     assert np.array_equal(found.faces, noun.faces)
     assert found.points.shape == noun.points.shape
+
+
+@pytest.mark.parametrize("boundary", ["linear", "natural", "fixed"])
+@pytest.mark.parametrize("mass", ["barycentric", "voronoi"])
+def test_the_step_in_one_loop_is_the_rate_times_dt(boundary, mass):
+    points, faces, _ = square(200)
+    points = points + 0.05 * np.random.default_rng(2).normal(size=points.shape)
+    points = np.vstack([points, [[9.0, 9.0, 9.0]]])
+    fixed = np.arange(len(points)) % 11 == 0
+    flow = MeshFlow(Surface(points, (faces,), fixed=fixed, boundary=boundary), Member(mass=mass))
+    dt = 1.0 / flow.bound(points)
+    assert np.abs(flow.advance(points, dt) - (points + dt * flow.rate(points))).max() < 1e-13

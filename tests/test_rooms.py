@@ -25,7 +25,7 @@ MAY = {
     "result": {"parameters", "flow", "geometry"},
     "smoothing": {"settings", "parameters", "plan", "result", "io", "grid", "flow", "geometry"},
     "fusing": {"smoothing", "result", "parameters", "io", "flow", "geometry"},
-    "accessors": {"smoothing"},
+    "accessors": {"smoothing", "result"},
     "options": {"geometry"},
     "reading": {"options", "io", "geometry"},
     "cli": {"options", "reading", "fusing", "settings", "result", "smoothing", "geometry", "io", "study", "view"},

@@ -9,6 +9,7 @@ import shapes
 
 import meshflow
 from meshflow.choice import METHODS, _tiled
+from meshflow.flow.motion import MotionName
 from meshflow.flow.tune import TWICE, Candidate, Trial, risk_curves
 from meshflow.geometry.lift import HeightField, Lift
 from meshflow.geometry.member import Member, Method
@@ -111,7 +112,7 @@ def test_what_is_given_is_held_and_what_is_not_is_found():
 
 def test_every_name_of_a_member_is_one_and_runs():
     _, z = noisy(n=48)
-    assert set(METHODS) == set(get_args(Method))
+    assert set(METHODS) | set(get_args(MotionName)) == set(get_args(Method))
     for options in ({"time": 2.0}, {"search": False}, {"steps": 3}):
         smoothed = [meshflow.smooth(z, method=name, **options) for name in METHODS]
         assert all(0.2 < rms(one - z) < 6.0 for one in smoothed)

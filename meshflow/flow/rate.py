@@ -99,8 +99,9 @@ class MeshFlow:
             joined = None if charts[0] is None else np.concatenate([c for c in charts if c is not None])
             self._sheets = (_Sheet.of(surface.sheets, joined, n),)
         assert surface.fixed is not None
-        every = isinstance(surface.free, Axes) and len(surface.free.columns) == surface.points.shape[1]
-        self.triangles: Triangles = triangles if every and len(surface.sheets) == 1 else "given"
+        every = isinstance(surface.free, Axes) and surface.free.columns == tuple(range(surface.points.shape[1]))
+        self._every = every and len(self._sheets) == 1
+        self.triangles: Triangles = triangles if self._every else "given"
         start = surface.points
         self._first = operator.cotangents(start, self._sheets[0].connectivity.faces)[0] if conformal else None
         self.held = surface.fixed.copy()
@@ -145,6 +146,8 @@ class MeshFlow:
         out: Array | None = None,
     ) -> Array:
         """u + dt rate(u) + the sum of c (a - u) over ``toward`` + c a of ``drift``, into ``out``."""
+        if self._plain and not toward and drift is None and u.dtype == np.float64 and u.flags.c_contiguous:
+            return self._stepped(u, dt, self.spare() if out is None else out)
         change = self.rate(u, turn)
         change *= dt
         for c, a in toward:
@@ -152,6 +155,17 @@ class MeshFlow:
         if drift is not None:
             change += drift[0] * drift[1]
         return np.add(u, change, out=change if out is None else out)
+
+    @property
+    def _plain(self) -> bool:
+        """Whether a step is that of points in R^3 at one pace, and nothing more."""
+        return self._every and self.surface.points.shape[1] == 3 and self.surface.pace is None
+
+    def _stepped(self, u: Array, dt: float, out: Array) -> Array:
+        c, cot, area = self._triangulated(self._sheets[0], u)
+        linear = self.surface.boundary == "linear"
+        operator.gather_step(c, cot, area, u, self.member.mass, linear, self.held, dt, out)
+        return out
 
     def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
         """The sum of c a over ``terms``, (n, k): root mean square of the vertices, and the greatest length."""
@@ -246,15 +260,18 @@ class MeshFlow:
         return self.surface.points_at(u) if isinstance(self.surface.free, Rays) else np.ascontiguousarray(u)
 
     def _measured(self, sheet: _Sheet, x: Array) -> _Metric:
-        cot, area = operator.cotangents(x, sheet.connectivity.faces, sheet.forms, self.member.sharpness)
-        connectivity = sheet.connectivity
-        if self._first is not None:
-            cot = self._first
-        elif self.triangles == "delaunay" or (self.triangles == "auto" and is_thin(cot)):
-            faces, lengths = delaunay(connectivity.faces, mollified(side_lengths(x, connectivity.faces)))
-            connectivity = connect((faces,), connectivity.size)
-            cot, area = length_cotangents(lengths)
+        connectivity, cot, area = self._triangulated(sheet, x)
         return _Metric(connectivity, cot, area, operator.gather_mass(connectivity, cot, area, self.member.mass))
+
+    def _triangulated(self, sheet: _Sheet, x: Array) -> tuple[Connectivity, Array, Array]:
+        """Triangles of the surface, its own or Delaunay's, with their cotangents (m, 3) and areas (m,)."""
+        cot, area = operator.cotangents(x, sheet.connectivity.faces, sheet.forms, self.member.sharpness)
+        if self._first is not None:
+            return sheet.connectivity, self._first, area
+        if self.triangles == "given" or (self.triangles == "auto" and not is_thin(cot)):
+            return sheet.connectivity, cot, area
+        faces, lengths = delaunay(sheet.connectivity.faces, mollified(side_lengths(x, sheet.connectivity.faces)))
+        return connect((faces,), sheet.connectivity.size), *length_cotangents(lengths)
 
     def _along(self, gradient: Array) -> Array:
         """P of a gradient, as free coordinates (n, k): for rays, per squared length of d in the inertia."""

@@ -156,6 +156,30 @@ def gather_gradient(connectivity: Connectivity, cot: Array, points: Array, linea
     return out
 
 
+def gather_step(
+    connectivity: Connectivity,
+    cot: Array,
+    area: Array,
+    points: Array,
+    kind: MassKind,
+    linear: bool,
+    held: Array,
+    dt: float,
+    out: Array,
+) -> None:
+    """points - dt M^-1 L points (n, 3) into ``out``, those that are held or without area as they are: mass, gradient and step
+    in one loop over the corners of a vertex, since memory is the limit.
+    """
+    c = connectivity
+    inverse = np.empty(c.size)
+    _gather_step(c.faces, c.first, c.corners, cot, area, points, mass_kind(kind), held, dt, out, inverse)
+    if linear and len(c.border):
+        pull = np.zeros_like(points)
+        _conormals(c.faces, c.border, cot, points[c.faces[c.border // 3]], pull)
+        rim = np.unique(np.concatenate([c.faces[c.border // 3, (c.border + turn) % 3] for turn in (1, 2)]))
+        out[rim] -= inverse[rim, None] * pull[rim]
+
+
 def gather_chart_gradient(connectivity: Connectivity, cot: Array, charts: Array, linear: bool) -> Array:
     """As :func:`gather_gradient`, for coordinates that each triangle's corners (m, 3, c) have in a chart of its own."""
     out = np.empty((connectivity.size, charts.shape[2]))
@@ -236,6 +260,26 @@ def _gather_gradient(faces, first, corners, cot, points, out):
             for q in range(points.shape[1]):
                 x = points[i, q]
                 out[i, q] += 0.5 * (cot[f, d] * (x - points[j, q]) + cot[f, b] * (x - points[k, q]))
+
+
+@njit(cache=True, parallel=True)
+def _gather_step(faces, first, corners, cot, area, points, kind, held, dt, out, inverse):
+    for i in prange(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        gx = gy = gz = own = 0.0
+        for t in range(first[i], first[i + 1]):
+            f = corners[t] // 3
+            c = corners[t] - 3 * f
+            b = c + 1 if c < 2 else 0
+            d = c - 1 if c > 0 else 2
+            j, k, at_j, at_k = faces[f, b], faces[f, d], cot[f, b], cot[f, d]
+            own += triangle.share(kind, cot[f, c], at_j, at_k, area[f])
+            gx += at_k * (x - points[j, 0]) + at_j * (x - points[k, 0])
+            gy += at_k * (y - points[j, 1]) + at_j * (y - points[k, 1])
+            gz += at_k * (z - points[j, 2]) + at_j * (z - points[k, 2])
+        by = dt / own if own > 0.0 and not held[i] else 0.0
+        inverse[i] = by
+        out[i, 0], out[i, 1], out[i, 2] = x - 0.5 * by * gx, y - 0.5 * by * gy, z - 0.5 * by * gz
 
 
 @njit(cache=True, parallel=True)

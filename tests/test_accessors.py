@@ -1,0 +1,37 @@
+"""``.meshflow`` on objects of pyvista and xarray. meshflow.accessors."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import pyvista
+import xarray
+
+from meshflow.errors import InputError
+from meshflow.smoothing import smooth
+
+
+def test_a_mesh_of_pyvista_smooths_itself_and_stays_what_it_was():
+    ball = pyvista.Sphere(theta_resolution=20, phi_resolution=20)
+    before = np.array(ball.points)
+    found = ball.meshflow.smooth(method="curvature", time=0.001)
+    assert isinstance(found, pyvista.PolyData)
+    assert np.array_equal(found.points, smooth(ball, method="curvature", time=0.001).points)
+    assert np.array_equal(ball.points, before)
+    assert ball.meshflow.denoise(method="curvature", time=0.001).reason.startswith("reached time")
+    with pytest.raises(InputError, match="a surface expected"):
+        pyvista.UnstructuredGrid().meshflow.smooth()
+
+
+def test_a_data_array_smooths_itself():
+    z = xarray.DataArray(np.random.default_rng(0).normal(size=(24, 32)), dims=("y", "x"), name="z")
+    found = z.meshflow.smooth(time=2.0)
+    assert found.name == "z"
+    assert float(found.std()) < 0.7 * float(z.std())
+
+
+def test_pyvista_finds_it_by_its_entry_point():
+    script = "import pyvista; assert type(pyvista.Sphere().meshflow).__name__ == 'Smoothing'"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
