@@ -319,7 +319,11 @@ def _reported(result: "Result", path: Path, name: str, overwrite: bool, quiet: b
 
 def _warned(document: Document, result: "Result") -> tuple[str, ...]:
     """A word where a mesh is about to vanish."""
-    if document.kind != "mesh" or result.end.area > 0.8 * result.start.area:
+    if (
+        document.kind != "mesh"
+        or getattr(result.noun, "moves", "") == "channels"
+        or result.end.area > 0.8 * result.start.area
+    ):
         return ()
     lost = 1 - result.end.area / result.start.area
     return (f"the surface lost {lost:.0%} of its area; a smaller --time keeps more",)

@@ -55,7 +55,8 @@ def samples(path: Path | None) -> Array | None:
     """The samples of a raster, a picture or an array file: weights, limits."""
     if path is None:
         return None
-    return data_of(read(path).noun)
+    column = _column(path)
+    return data_of(read(path).noun) if column is None else column
 
 
 def limit(word: str | None) -> float | Array | str | None:
@@ -72,11 +73,28 @@ def mask(path: Path | None) -> Array | None:
     """Where the samples of a file are there and not zero, in any channel."""
     if path is None:
         return None
+    column = _column(path)
+    if column is not None:
+        return np.nan_to_num(column).astype(bool)
     noun = read(path).noun
     if isinstance(noun, Mesh) or noun.missing is None:
         raise InputError(f"{path}: a raster, a picture or an array is a mask, a mesh is none")
     values = np.nan_to_num(data_of(noun))
     return (values if values.ndim == 2 else values.any(axis=2)).astype(bool) & ~noun.missing
+
+
+def _column(path: Path) -> Array | None:
+    """The numbers (n,) of an array file with one for each vertex of a mesh; None for anything else.
+
+    :raises InputError: for a file that is not there, or holds no array of numbers.
+    """
+    if path.suffix.lower() != ".npy" or not path.exists():
+        return None
+    try:
+        values = np.load(path, allow_pickle=False)
+    except ValueError as cause:
+        raise InputError(f"{path}: an array of numbers expected; {cause}") from cause
+    return values if values.ndim == 1 and values.dtype.kind in "biuf" else None
 
 
 INPUTS = (

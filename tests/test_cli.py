@@ -273,3 +273,21 @@ def test_a_report_is_written_asked_before_the_work_and_replaced_on_purpose_only(
     assert runner.invoke(app, [*words, "--overwrite", "-q"]).exit_code == 0
     assert "contrast" in page.read_text()
     assert "a report ends in .html or .png; got .xyz" in refused(*words[:2], tmp_path / "o.tif", "--report", "r.xyz")
+
+
+def test_a_mesh_is_masked_by_an_array_of_its_vertices(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    ball.vertices += 0.02 * np.random.default_rng(3).normal(size=ball.vertices.shape)
+    ball.export(tmp_path / "in.ply")
+    stays = np.asarray(ball.vertices)[:, 2] > 0
+    np.save(tmp_path / "fixed.npy", stays)
+    np.save(tmp_path / "short.npy", stays[:-1])
+    words = ("--method", "curvature", "--time", "0.02")
+    done = run("smooth", tmp_path / "in.ply", tmp_path / "out.ply", "--fixed", tmp_path / "fixed.npy", *words)
+    assert done.returncode == 0, done.stderr
+    before, after = (np.asarray(trimesh.load(tmp_path / n, process=False).vertices) for n in ("in.ply", "out.ply"))
+    assert np.array_equal(before[stays], after[stays])
+    assert not np.array_equal(before[~stays], after[~stays])
+    wrong = run("smooth", tmp_path / "in.ply", tmp_path / "o.ply", "--only", tmp_path / "short.npy", *words)
+    assert wrong.returncode == 1
+    assert "only" in wrong.stderr
