@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 
 from meshflow.geometry.gates import Array
 
-__all__ = ["Connectivity", "Pattern", "boundary_edges", "connect"]
+__all__ = ["Connectivity", "Pattern", "boundary_edges", "connect", "shared_sides"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,14 @@ class Connectivity:
     def size(self) -> int:
         """Number of vertices."""
         return len(self.first) - 1
+
+    @cached_property
+    def rim(self) -> Array:
+        """Vertices (n,) at the boundary."""
+        found = np.zeros(self.size, bool)
+        for turn in (1, 2):
+            found[self.faces[self.border // 3, (self.border + turn) % 3]] = True
+        return found
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -95,3 +103,16 @@ def boundary_edges(faces: Array) -> Array:
     keys[~real] = -1
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return np.flatnonzero((counts[inverse] == 1) & real)
+
+
+def shared_sides(faces: Array) -> tuple[Array, Array]:
+    """Corners (e,) and (e,) opposite to the edges of exactly two triangles, one of each; corner c is ``c % 3`` of ``c // 3``."""
+    ends = np.sort(faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2).astype(np.int64), axis=1)
+    keys = ends[:, 0] * (int(faces.max(initial=0)) + 1) + ends[:, 1]
+    order = np.argsort(keys, kind="stable")
+    same = keys[order][1:] == keys[order][:-1]
+    pair = same.copy()
+    pair[1:] &= ~same[:-1]
+    pair[:-1] &= ~same[1:]
+    first = np.flatnonzero(pair)
+    return order[first], order[first + 1]

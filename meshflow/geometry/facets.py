@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from numba import njit, prange
 
-from meshflow.geometry.connectivity import Connectivity
+from meshflow.geometry.connectivity import Connectivity, shared_sides
 from meshflow.geometry.gates import Array
 
 __all__ = ["beyond", "conductances", "followed", "mean_edge", "measured", "normals_at", "spread"]
@@ -36,16 +36,8 @@ def _threads(size: int) -> Iterator[None]:
 
 def beyond(faces: Array) -> Array:
     """The triangle (m, 3) across the edge opposite each corner; -1 at the boundary, and where more than two share the edge."""
-    edges = np.sort(faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2).astype(np.int64), axis=1)
-    keys = edges[:, 0] * (int(faces.max(initial=0)) + 1) + edges[:, 1]
-    order = np.argsort(keys, kind="stable")
-    same = keys[order][1:] == keys[order][:-1]
-    pair = same.copy()
-    pair[1:] &= ~same[:-1]
-    pair[:-1] &= ~same[1:]
-    first = np.flatnonzero(pair)
-    one, other = order[first], order[first + 1]
-    found = np.full(len(keys), -1, np.int32)
+    one, other = shared_sides(faces)
+    found = np.full(faces.size, -1, np.int32)
     found[one], found[other] = other // 3, one // 3
     return found.reshape(-1, 3)
 

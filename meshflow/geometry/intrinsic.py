@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from meshflow.geometry import triangle
+from meshflow.geometry.connectivity import shared_sides
 from meshflow.geometry.gates import Array
 
 __all__ = ["Triangles", "delaunay", "is_thin", "length_cotangents", "mollified", "side_lengths"]
@@ -64,17 +65,9 @@ def delaunay(faces: Array, lengths: Array) -> tuple[Array, Array]:
 def _glued(faces: Array) -> Array:
     """For each side 3 f + c the side it lies on (3 m,); -1 where it is not flipped."""
     tails, heads = (faces[:, [(c + turn) % 3 for c in range(3)]].ravel().astype(np.int64) for turn in (1, 2))
-    size = int(faces.max(initial=0)) + 1
-    keys = np.minimum(tails, heads) * size + np.maximum(tails, heads)
-    order = np.argsort(keys, kind="stable")
-    same = keys[order][1:] == keys[order][:-1]
-    pair = same.copy()
-    pair[1:] &= ~same[:-1]
-    pair[:-1] &= ~same[1:]
-    first = np.flatnonzero(pair)
-    one, other = order[first], order[first + 1]
+    one, other = shared_sides(faces)
     alike = (tails[one] == heads[other]) & (one // 3 != other // 3) & (tails[one] != heads[one])
-    glue = np.full(len(keys), -1, np.int64)
+    glue = np.full(faces.size, -1, np.int64)
     glue[one[alike]], glue[other[alike]] = other[alike], one[alike]
     return glue
 
