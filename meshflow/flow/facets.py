@@ -16,8 +16,8 @@ from meshflow.geometry.surface import Axes, Surface
 
 __all__ = ["ROUND", "FacetFlow", "Facets"]
 
-# One round, in squared edges: normals spread in steps of SWEEP, then points follow them in FOLLOWED sweeps. A longer round lets
-# normals of noisy triangles settle before any point has moved; shorter ones cost more and are no better (tests/bench_meshes.py).
+# One round, in squared edges: normals spread in steps of SWEEP, then points follow them in FOLLOWED sweeps. A round is long, so
+# that the normals of noisy triangles settle before any point has moved.
 ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
 
 
@@ -49,13 +49,12 @@ class FacetFlow:
     normals agree. Flow of normals as [Tasdizen et al. 2002], on the triangles themselves.
 
     :param surface: in R^3, all coordinates free.
-    :param strength: (n,), the share of its way that each point goes.
     :raises InputError: for another surface.
     """
 
     slivers = False
 
-    def __init__(self, surface: Surface, how: Facets | None = None, strength: Array | None = None) -> None:
+    def __init__(self, surface: Surface, how: Facets | None = None) -> None:
         if not isinstance(surface.free, Axes) or surface.free.columns != (0, 1, 2) or surface.points.shape[1] != 3:
             raise InputError("facets: normals of triangles are kept where the points of a mesh in R^3 move")
         assert surface.fixed is not None
@@ -66,11 +65,7 @@ class FacetFlow:
         self.step = facets.mean_edge(surface.points, faces)
         self.held = surface.fixed.copy()
         if surface.boundary == "fixed":
-            border = self.connectivity.border
-            for turn in (1, 2):
-                self.held[faces[border // 3, (border + turn) % 3]] = True
-        free = np.ones(len(surface.points)) if strength is None else np.asarray(strength, np.float64)
-        self._freedom = np.where(self.held, 0.0, free)
+            self.held |= self.connectivity.rim
 
     def start(self) -> Array:
         """Points (n, 3) as they came."""
@@ -105,14 +100,14 @@ class FacetFlow:
         x = np.ascontiguousarray(u, dtype=np.float64)
         if turn == 0 and self.how.evened > 0:
             even = umbrella_generator(self.connectivity, self.step, ~self.held, curve=True)
-            x = x + self._freedom[:, None] * (filtered(even, x, self.how.evened, 2) - x)
+            x = filtered(even, x, self.how.evened, 2)  # what is held stays: its rows are zero
         faces = self.connectivity.faces
         normals, areas = facets.measured(x, faces)
         weights = facets.conductances(x, faces, self._across)
         sweeps = max(1, round(dt / (SWEEP * self.step**2)))
         how = self.how
         normals = facets.spread(normals, areas, weights, self._across, dt / sweeps, how.contrast, how.sharpness, sweeps)
-        return facets.followed(x, self.connectivity, normals, self._freedom, FOLLOWED)
+        return facets.followed(x, self.connectivity, normals, self.held, FOLLOWED)
 
     def area(self, u: Array) -> float:
         """Area of the surface, squared length."""

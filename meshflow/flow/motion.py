@@ -51,10 +51,10 @@ class Motion:
             raise InputError(f"triangles: {', '.join(get_args(Triangles))} expected, got {self.triangles!r}")
         LowPass(self.order, self.weights)
 
-    def engine(self, surface: Surface, member: Member, strength: Array | None = None) -> Flow:
+    def engine(self, surface: Surface, member: Member) -> Flow:
         """What moves the points."""
         if self.kind == "facets":
-            return FacetFlow(surface, self.facets, strength)
+            return FacetFlow(surface, self.facets)
         return MeshFlow(surface, member, conformal=self.kind == "conformal", triangles=self.triangles)
 
     def stepper(

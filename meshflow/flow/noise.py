@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.flow.patches import patch_noise
 from meshflow.geometry.gates import Array
+from meshflow.geometry.generators import neighbour_means
 
 __all__ = ["Growth", "Noise", "noise_growth", "noise_of", "noise_on", "spread_tiles"]
 
@@ -162,7 +162,8 @@ def noise_on(channels: Array, faces: Array, normals: Array | None = None) -> Noi
     :param faces: (m, 3).
     :param normals: (n, d): the noise along them instead of that of each channel.
     """
-    umbrella = _umbrella(faces, len(channels))
+    n = len(channels)
+    umbrella: Any = sparse.csr_matrix(sparse.identity(n) - neighbour_means(faces, n, "free"))
     twice = umbrella @ umbrella
     gain = np.sqrt(np.asarray(twice.multiply(twice).sum(axis=1)).ravel())
     inner = gain > 0
@@ -177,16 +178,6 @@ def noise_on(channels: Array, faces: Array, normals: Array | None = None) -> Noi
     whole = float(np.sqrt(np.mean(np.square(sigmas))))
     how = "differences" if inner.any() else "nothing"
     return Noise(whole, max(q for q, _ in quanta), tuple(sigmas), max(s for _, s in quanta), how)
-
-
-def _umbrella(faces: Array, n: int) -> Any:
-    """I - A (n, n), A the mean of the neighbours; rows of vertices without neighbours are zero."""
-    pairs = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    pairs = np.concatenate([pairs, pairs[:, ::-1]])
-    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)  # each neighbour once
-    degree = np.bincount(pairs[:, 0], minlength=n)
-    mean = sparse.csr_matrix((1.0 / degree[pairs[:, 0]], (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    return sparse.csr_matrix(sparse.diags((degree > 0).astype(np.float64)) - mean)
 
 
 def spread_tiles(shape: tuple[int, ...], enough: int = ENOUGH, count: int = TILES) -> list[Tile]:

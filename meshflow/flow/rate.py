@@ -107,9 +107,7 @@ class MeshFlow:
         self.held = surface.fixed.copy()
         if surface.boundary == "fixed":
             for sheet in self._sheets:
-                c = sheet.connectivity
-                for turn in (1, 2):
-                    self.held[c.faces[c.border // 3, (c.border + turn) % 3]] = True
+                self.held |= sheet.connectivity.rim
 
     @staticmethod
     def _charts(surface: Surface) -> tuple[Array | None, ...]:

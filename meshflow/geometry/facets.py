@@ -98,18 +98,18 @@ def spread(
     return one
 
 
-def followed(points: Array, connectivity: Connectivity, normals: Array, freedom: Array, sweeps: int) -> Array:
+def followed(points: Array, connectivity: Connectivity, normals: Array, held: Array, sweeps: int) -> Array:
     """Points (n, 3) moved towards the planes that normals (m, 3) give the triangles around each (Sun et al. 2007).
 
     x_i moves by the mean of n_f n_f . (c_f - x_i) over the triangles f around it, c_f their centroids: along their normals
     alone, so that nothing moves where all triangles lie in one plane.
 
-    :param freedom: (n,), the share of its way that each point goes, 0 to stay.
+    :param held: (n,), points that stay.
     """
     one, other, c = points.copy(), np.empty_like(points), connectivity
     with _threads(len(c.faces)):
         for _ in range(sweeps):
-            _follow(one, c.faces, c.first, c.corners, normals, freedom, other)
+            _follow(one, c.faces, c.first, c.corners, normals, held, other)
             one, other = other, one
     return one
 
@@ -184,7 +184,7 @@ def _conducting(stretch, power):
 
 
 @njit(cache=True, parallel=True)
-def _follow(points, faces, first, corners, normals, freedom, out):
+def _follow(points, faces, first, corners, normals, held, out):
     for i in prange(len(points)):
         x = y = z = 0.0
         count = first[i + 1] - first[i]
@@ -201,7 +201,7 @@ def _follow(points, faces, first, corners, normals, freedom, out):
             x += high * nx
             y += high * ny
             z += high * nz
-        share = freedom[i] / count if count > 0 else 0.0
+        share = 1.0 / count if count > 0 and not held[i] else 0.0
         out[i, 0] = points[i, 0] + share * x
         out[i, 1] = points[i, 1] + share * y
         out[i, 2] = points[i, 2] + share * z

@@ -1,6 +1,6 @@
 """The operator of a linear flow as a matrix: du/dt = -A u, by cotangents or by the umbrella."""
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sparse
@@ -9,7 +9,9 @@ from meshflow.geometry.connectivity import Connectivity
 from meshflow.geometry.gates import Array
 from meshflow.geometry.operator import fill_stiffness
 
-__all__ = ["border_pull", "cotangent_generator", "umbrella_generator"]
+__all__ = ["Border", "border_pull", "cotangent_generator", "neighbour_means", "umbrella_generator"]
+
+Border = Literal["curve", "free", "fixed"]
 
 
 def border_pull(connectivity: Connectivity, cot: Array) -> Any:
@@ -46,27 +48,29 @@ def umbrella_generator(connectivity: Connectivity, step: float, moves: Array, cu
     :param step: h.
     :param curve: the border moves as a curve, 2 / h^2 (x_i - mean of its two neighbours there), else with all its neighbours.
     """
-    faces, n = connectivity.faces.astype(np.int64), connectivity.size
-    tails, heads = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
-    real = np.repeat((faces != np.roll(faces, 1, axis=1)).all(axis=1), 3)
-    joined = _joined(tails[real], heads[real], n)
-    factor = np.full(n, 4.0 / step**2)
-    if curve and len(connectivity.border):
-        triangle, corner = connectivity.border // 3, connectivity.border % 3
-        ends = [faces[triangle, (corner + turn) % 3] for turn in (1, 2)]
-        rim, on_rim = _joined(ends[0], ends[1], n), np.zeros(n, bool)
-        on_rim[np.concatenate(ends)] = True
-        joined = sparse.diags((~on_rim).astype(float)) @ joined + rim
-        factor[on_rim] = 2.0 / step**2
-    degree = np.asarray(joined.sum(axis=1)).ravel()
-    factor[~moves | (degree == 0)] = 0.0
-    mean = sparse.diags(np.divide(1.0, degree, out=np.zeros(n), where=degree > 0)) @ joined
-    return sparse.csr_matrix(sparse.diags(factor) @ (sparse.identity(n) - mean))
+    mean = neighbour_means(connectivity.faces.astype(np.int64), connectivity.size, "curve" if curve else "free")
+    factor = np.where(connectivity.rim & curve, 2.0, 4.0) / step**2
+    return sparse.csr_matrix(sparse.diags(np.where(moves, factor, 0.0)) @ (sparse.identity(connectivity.size) - mean))
 
 
-def _joined(tails: Array, heads: Array, n: int) -> Any:
-    """Ones (n, n) where two vertices share an edge."""
-    rows, columns = np.concatenate([tails, heads]), np.concatenate([heads, tails])
-    matrix = sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
-    matrix.data[:] = 1.0
-    return matrix
+def neighbour_means(faces: Array, n: int, border: Border) -> Any:
+    """The matrix (n, n) that takes the mean of the neighbours, each counted once; who has none is its own.
+
+    :param faces: (m, 3).
+    :param border: whom a vertex at the border looks at: its neighbours along the border (``curve``), all (``free``), or nobody
+        (``fixed``).
+    """
+    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    edges, count = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0, return_counts=True)
+    single = count == 1
+    on_border = np.zeros(n, bool)
+    on_border[edges[single]] = True
+    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
+    if border != "free":
+        along = np.concatenate([single, single]) & (border == "curve")
+        keep = ~on_border[rows] | along
+        rows, columns = rows[keep], columns[keep]
+    alone = np.flatnonzero(np.bincount(rows, minlength=n) == 0)
+    rows, columns = np.concatenate([rows, alone]), np.concatenate([columns, alone])
+    share = 1.0 / np.bincount(rows, minlength=n)
+    return sparse.csr_matrix((share[rows], (rows, columns)), shape=(n, n))

@@ -176,8 +176,7 @@ def gather_step(
     if linear and len(c.border):
         pull = np.zeros_like(points)
         _conormals(c.faces, c.border, cot, points[c.faces[c.border // 3]], pull)
-        rim = np.unique(np.concatenate([c.faces[c.border // 3, (c.border + turn) % 3] for turn in (1, 2)]))
-        out[rim] -= inverse[rim, None] * pull[rim]
+        out[c.rim] -= inverse[c.rim, None] * pull[c.rim]
 
 
 def gather_chart_gradient(connectivity: Connectivity, cot: Array, charts: Array, linear: bool) -> Array:

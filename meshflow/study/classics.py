@@ -8,7 +8,7 @@ is smoothed as the curve that it is (the hierarchical neighbourhoods of [Taubin 
 stays. Either way the order of the triangles and of their corners has no say.
 """
 
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 import scipy.sparse as sparse
@@ -16,10 +16,10 @@ from scipy.sparse.linalg import bicgstab
 
 from meshflow.errors import InputError, NotConverged
 from meshflow.geometry.gates import Array
+from meshflow.geometry.generators import Border, neighbour_means
 
-__all__ = ["Border", "hc", "scale_dependent", "taubin", "umbrella"]
+__all__ = ["Border", "hc", "mu", "scale_dependent", "taubin", "umbrella"]
 
-Border = Literal["curve", "free", "fixed"]
 Matrix = Any  # a scipy.sparse.csr_matrix; its type stubs do not know its methods
 
 
@@ -68,11 +68,16 @@ def taubin(
         raise InputError(
             f"taubin: 0 < weight <= 1 and 0 <= passband < 1 / weight expected, got {weight} and {passband}"
         )
-    back = weight / (passband * weight - 1.0)
+    back = mu(weight, passband)
     for _ in range(steps):
         x += weight * (mean @ x - x)
         x += back * (mean @ x - x)
     return x
+
+
+def mu(weight: float, passband: float) -> float:
+    """The weight of Taubin's step back, from 1 / lambda + 1 / mu = passband."""
+    return weight / (passband * weight - 1.0)
 
 
 def hc(
@@ -158,7 +163,7 @@ def _solved(matrix: Matrix, right: Array) -> Array:
     return found
 
 
-def _ready(points: Array, faces: Array, steps: int, border: str) -> tuple[Array, Matrix]:
+def _ready(points: Array, faces: Array, steps: int, border: Border) -> tuple[Array, Matrix]:
     """A copy of the points, float64, and the matrix (n, n) that takes the mean of the neighbours; rows sum to 1."""
     x, faces = np.array(points, dtype=np.float64), np.asarray(faces)
     if x.ndim != 2 or not np.isfinite(x).all():
@@ -171,22 +176,4 @@ def _ready(points: Array, faces: Array, steps: int, border: str) -> tuple[Array,
         raise InputError(f"classics: a whole number of steps, 0 or more, expected, got {steps}")
     if border not in get_args(Border):
         raise InputError(f"border: {', '.join(get_args(Border))} expected, got {border!r}")
-    return x, _means(faces.astype(np.int64), len(x), border)
-
-
-def _means(faces: Array, n: int, border: str) -> Matrix:
-    """Who takes the mean of whom; vertices that look at nobody look at themselves."""
-    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    edges, count = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0, return_counts=True)
-    single = count == 1
-    on_border = np.zeros(n, bool)
-    on_border[edges[single]] = True
-    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
-    if border != "free":
-        along = np.concatenate([single, single]) & (border == "curve")
-        keep = ~on_border[rows] | along
-        rows, columns = rows[keep], columns[keep]
-    alone = np.flatnonzero(np.bincount(rows, minlength=n) == 0)
-    rows, columns = np.concatenate([rows, alone]), np.concatenate([columns, alone])
-    share = 1.0 / np.bincount(rows, minlength=n)
-    return sparse.csr_matrix((share[rows], (rows, columns)), shape=(n, n))
+    return x, neighbour_means(faces.astype(np.int64), len(x), border)

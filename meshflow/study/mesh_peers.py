@@ -34,11 +34,6 @@ class OnFaces:
         return self.run(points, self.faces, **choice)
 
 
-def _back(weight: float, passband: float) -> float:
-    """mu of Taubin's pair, from 1 / lambda + 1 / mu = passband."""
-    return weight / (passband * weight - 1.0)
-
-
 def umbrella(points: Array, faces: Array, weight: float, steps: float) -> Array:
     """[Field 88], [Taubin 95]: ours, plain; see :func:`classics.umbrella`."""
     return classics.umbrella(points, faces, weight, int(steps))
@@ -142,7 +137,7 @@ def meshlab_laplacian(points: Array, faces: Array, steps: float, weights: str) -
 
 def meshlab_taubin(points: Array, faces: Array, weight: float, passband: float, steps: float) -> Array:
     """[Taubin 95]: MeshLab."""
-    options = {"lambda_": weight, "mu": _back(weight, passband), "stepsmoothnum": int(steps)}
+    options = {"lambda_": weight, "mu": classics.mu(weight, passband), "stepsmoothnum": int(steps)}
     return _meshlab(points, faces, [("taubin_smoothing", options)])
 
 
@@ -171,7 +166,9 @@ def open3d_laplacian(points: Array, faces: Array, weight: float, steps: float) -
 
 def open3d_taubin(points: Array, faces: Array, weight: float, passband: float, steps: float) -> Array:
     """[Taubin 95], neighbours weighted by inverse distance: Open3D."""
-    return _open3d(points, faces, lambda mesh: mesh.filter_smooth_taubin(int(steps), weight, _back(weight, passband)))
+    return _open3d(
+        points, faces, lambda mesh: mesh.filter_smooth_taubin(int(steps), weight, classics.mu(weight, passband))
+    )
 
 
 def trimesh_taubin(points: Array, faces: Array, weight: float, passband: float, steps: float) -> Array:
@@ -179,7 +176,7 @@ def trimesh_taubin(points: Array, faces: Array, weight: float, passband: float, 
     import trimesh
 
     mesh = trimesh.Trimesh(points, faces, process=False)
-    trimesh.smoothing.filter_taubin(mesh, weight, -_back(weight, passband), 2 * int(steps))
+    trimesh.smoothing.filter_taubin(mesh, weight, -classics.mu(weight, passband), 2 * int(steps))
     return np.array(mesh.vertices)
 
 
