@@ -6,6 +6,7 @@ from shapes import sphere, square
 
 from meshflow.errors import InputError
 from meshflow.flow import lowpass
+from meshflow.flow.facets import FacetFlow
 from meshflow.flow.lowpass import LowPass
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.step import SemiImplicit
@@ -81,6 +82,12 @@ def test_a_ball_shrinks_the_less_the_higher_the_order():
     for order in (1, 2, 4):
         found = smooth((BALL, FACES), method="fairing", order=order, weights="cotangent", time=0.1)[0]
         assert np.linalg.norm(found, axis=1).mean() == pytest.approx(1 / (1 + 0.2**order), rel=0.01)
+
+
+def test_a_flow_without_a_matrix_is_refused():
+    facets = FacetFlow(Surface(BALL, (FACES,)))
+    with pytest.raises(InputError, match="low-pass: the matrix of an operator expected, FacetFlow has none"):
+        LowPass(2).step(facets, facets.start(), 0.1, 0)
 
 
 def test_orders_and_weights_are_checked():

@@ -137,10 +137,7 @@ def test_ways_of_points_are_refused_where_no_points_move():
 @pytest.mark.parametrize("path", MESSY, ids=lambda path: path.name)
 @pytest.mark.parametrize("way", BRIEF, ids=["default", "fairing", "curvature"])
 def test_messy_meshes_stay_finite_in_the_order_they_came(path, way):
-    try:
-        noun = read(path).noun
-    except InputError:
-        pytest.skip(f"{path.name} is refused with a reason (tests/test_io_mesh_refusals.py)")
+    noun = read(path).noun
     found = smooth(noun, **way)
     assert np.isfinite(found.points).all()
     assert np.array_equal(found.faces, noun.faces)

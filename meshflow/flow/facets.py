@@ -7,6 +7,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.contract import System
+from meshflow.flow.dense import Dense
 from meshflow.flow.lowpass import filtered
 from meshflow.geometry import facets, operator
 from meshflow.geometry.connectivity import connect
@@ -42,7 +43,7 @@ class Facets:
             raise InputError(f"evened: a squared length, zero or more, expected, got {self.evened}")
 
 
-class FacetFlow:
+class FacetFlow(Dense):
     """A flow of the contract: normals of triangles diffuse for a time, edges kept; the points are moved to fit them.
 
     Planes rest, points move along normals alone (but for ``evened``), volume and creases stay; what is smooth is found where the
@@ -67,10 +68,6 @@ class FacetFlow:
         if surface.boundary == "fixed":
             self.held |= self.connectivity.rim
 
-    def start(self) -> Array:
-        """Points (n, 3) as they came."""
-        return self.surface.start
-
     def advance(
         self,
         u: Array,
@@ -81,15 +78,7 @@ class FacetFlow:
         out: Array | None = None,
     ) -> Array:
         """The points after normals have flown for dt, and what else is asked for."""
-        new = self._moved(u, dt, turn)
-        for c, a in toward:
-            new += c * (a - u)
-        if drift is not None:
-            new += drift[0] * drift[1]
-        if out is None:
-            return new
-        out[:] = new
-        return out
+        return self._changed(u, self._moved(u, dt, turn) - u, toward, drift, out)
 
     def rate(self, u: Array, turn: int = 0) -> Array:
         """The mean rate of a round."""
@@ -123,15 +112,3 @@ class FacetFlow:
         :raises InputError: always: the motion of normals has no matrix.
         """
         raise InputError("facets: normals flow in explicit rounds; leave the stepper out")
-
-    def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
-        """The sum of c a over ``terms``, (n, 3): root mean square of the points, and the greatest length."""
-        squares = np.square(sum(c * a for c, a in terms)).sum(axis=1)
-        return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max(initial=0.0)))
-
-    def spare(self) -> Array:
-        """An array (n, 3) to write to."""
-        return np.empty(self.surface.start.shape)
-
-    def done(self, array: Array) -> None:
-        """Nothing."""

@@ -2,7 +2,7 @@
 
 import cmath
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sparse
@@ -21,6 +21,7 @@ CLOSE = 1e-6
 LONGEST = 1024
 
 
+@runtime_checkable
 class Generated(Protocol):
     """A flow that knows its operator as a matrix."""
 
@@ -56,8 +57,15 @@ class LowPass:
             raise InputError(f"weights: cotangent or uniform expected, got {self.weights!r}")
 
     def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
-        """The free coordinates (n, k) after a filter of time dt."""
-        return filtered(flow.generator(u, self.weights), u, dt, self.order)  # type: ignore[attr-defined]
+        """The free coordinates (n, k) after a filter of time dt.
+
+        :raises InputError: for a flow that has no matrix of its operator: of a grid, of facets, or with a fidelity.
+        """
+        if not isinstance(flow, Generated):
+            raise InputError(
+                f"low-pass: the matrix of an operator expected, {type(flow).__name__} has none; take MeshFlow"
+            )
+        return filtered(flow.generator(u, self.weights), u, dt, self.order)
 
     def largest(self, flow: Flow, u: Array) -> float:
         """Infinite: a filter of any length is stable."""

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sparse
 
+from meshflow.flow.dense import Dense
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import Connectivity, connect
 from meshflow.geometry.facets import mean_edge
@@ -65,7 +66,7 @@ class _Metric:
     mass: Array
 
 
-class MeshFlow:
+class MeshFlow(Dense):
     """dX/dt = -s P B on the triangles of a surface, s = (edge indicator)^gamma (7), (10), (14).
 
     The engine of reference: every other engine must agree with it.
@@ -120,10 +121,6 @@ class MeshFlow:
         stay = [q for q in range(surface.points.shape[1]) if q not in surface.free.columns]
         return tuple(surface.points[:, stay][faces] if stay else None for faces in surface.sheets)
 
-    def start(self) -> Array:
-        """Free coordinates (n, k) of the surface as it came."""
-        return self.surface.start
-
     def rate(self, u: Array, turn: int = 0) -> Array:
         """du/dt (n, k), free coordinate per time; zero where a vertex is fixed, isolated, or without area around it."""
         sheet = self._sheets[turn % len(self._sheets)]
@@ -146,13 +143,7 @@ class MeshFlow:
         """u + dt rate(u) + the sum of c (a - u) over ``toward`` + c a of ``drift``, into ``out``."""
         if self._plain and not toward and drift is None and u.dtype == np.float64 and u.flags.c_contiguous:
             return self._stepped(u, dt, self.spare() if out is None else out)
-        change = self.rate(u, turn)
-        change *= dt
-        for c, a in toward:
-            change += c * (a - u)
-        if drift is not None:
-            change += drift[0] * drift[1]
-        return np.add(u, change, out=change if out is None else out)
+        return self._changed(u, dt * self.rate(u, turn), toward, drift, out)
 
     @property
     def _plain(self) -> bool:
@@ -164,18 +155,6 @@ class MeshFlow:
         linear = self.surface.boundary == "linear"
         operator.gather_step(c, cot, area, u, self.member.mass, linear, self.held, dt, out)
         return out
-
-    def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
-        """The sum of c a over ``terms``, (n, k): root mean square of the vertices, and the greatest length."""
-        squares = np.square(sum(c * a for c, a in terms)).sum(axis=1)
-        return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max(initial=0.0)))
-
-    def spare(self) -> Array:
-        """An array (n, k) to write to."""
-        return np.empty(self.surface.start.shape)
-
-    def done(self, array: Array) -> None:
-        """Nothing: the memory of a mesh is not the limit."""
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""

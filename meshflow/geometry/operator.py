@@ -257,8 +257,7 @@ def _gather_gradient(faces, first, corners, cot, points, out):
             b, d = (c + 1) % 3, (c + 2) % 3
             j, k = faces[f, b], faces[f, d]
             for q in range(points.shape[1]):
-                x = points[i, q]
-                out[i, q] += 0.5 * (cot[f, d] * (x - points[j, q]) + cot[f, b] * (x - points[k, q]))
+                out[i, q] += triangle.pull(cot[f, b], cot[f, d], points[i, q], points[j, q], points[k, q])
 
 
 @njit(cache=True, parallel=True)
@@ -273,12 +272,12 @@ def _gather_step(faces, first, corners, cot, area, points, kind, held, dt, out, 
             d = c - 1 if c > 0 else 2
             j, k, at_j, at_k = faces[f, b], faces[f, d], cot[f, b], cot[f, d]
             own += triangle.share(kind, cot[f, c], at_j, at_k, area[f])
-            gx += at_k * (x - points[j, 0]) + at_j * (x - points[k, 0])
-            gy += at_k * (y - points[j, 1]) + at_j * (y - points[k, 1])
-            gz += at_k * (z - points[j, 2]) + at_j * (z - points[k, 2])
+            gx += triangle.pull(at_j, at_k, x, points[j, 0], points[k, 0])
+            gy += triangle.pull(at_j, at_k, y, points[j, 1], points[k, 1])
+            gz += triangle.pull(at_j, at_k, z, points[j, 2], points[k, 2])
         by = dt / own if own > 0.0 and not held[i] else 0.0
         inverse[i] = by
-        out[i, 0], out[i, 1], out[i, 2] = x - 0.5 * by * gx, y - 0.5 * by * gy, z - 0.5 * by * gz
+        out[i, 0], out[i, 1], out[i, 2] = x - by * gx, y - by * gy, z - by * gz
 
 
 @njit(cache=True, parallel=True)
@@ -290,8 +289,7 @@ def _gather_charts(first, corners, cot, charts, out):
             f, c = corners[t] // 3, corners[t] % 3
             b, d = (c + 1) % 3, (c + 2) % 3
             for q in range(charts.shape[2]):
-                x = charts[f, c, q]
-                out[i, q] += 0.5 * (cot[f, d] * (x - charts[f, b, q]) + cot[f, b] * (x - charts[f, d, q]))
+                out[i, q] += triangle.pull(cot[f, b], cot[f, d], charts[f, c, q], charts[f, b, q], charts[f, d, q])
 
 
 @njit(cache=True)

@@ -11,7 +11,7 @@ from numba.extending import register_jitable
 
 from meshflow.geometry.gates import Array
 
-__all__ = ["bound", "cotangents", "dots", "gram", "joint", "share", "sharpened", "stretch"]
+__all__ = ["bound", "cotangents", "dots", "gram", "joint", "pull", "share", "sharpened", "stretch"]
 
 # A triangle whose doubled area is below this share of its longest squared edge has no area: double precision has lost it.
 FLAT = 1e-12
@@ -96,6 +96,12 @@ def cotangents(dot0: float, dot1: float, dot2: float, det: float) -> tuple[float
     if not doubled > FLAT * longest:
         return 0.0, 0.0, 0.0, 0.0
     return dot0 / doubled, dot1 / doubled, dot2 / doubled, 0.5 * doubled
+
+
+@register_jitable
+def pull(at_j: float, at_k: float, x: float, x_j: float, x_k: float) -> float:
+    """What triangle i, j, k adds to the area gradient of a coordinate at i (13): (cot_k (x_i - x_j) + cot_j (x_i - x_k)) / 2."""
+    return 0.5 * (at_k * (x - x_j) + at_j * (x - x_k))
 
 
 @register_jitable
