@@ -288,6 +288,10 @@ def test_a_mesh_is_masked_by_an_array_of_its_vertices(tmp_path):
     before, after = (np.asarray(trimesh.load(tmp_path / n, process=False).vertices) for n in ("in.ply", "out.ply"))
     assert np.array_equal(before[stays], after[stays])
     assert not np.array_equal(before[~stays], after[~stays])
+    np.save(tmp_path / "words.npy", np.array([{}], object), allow_pickle=True)
+    wrong = run("smooth", tmp_path / "in.ply", tmp_path / "o.ply", "--only", tmp_path / "words.npy", *words)
+    assert wrong.returncode == 1
+    assert "words.npy: an array of numbers expected" in wrong.stderr
     wrong = run("smooth", tmp_path / "in.ply", tmp_path / "o.ply", "--only", tmp_path / "short.npy", *words)
     assert wrong.returncode == 1
     assert "only" in wrong.stderr
