@@ -13,27 +13,10 @@ from meshflow.geometry.facets import mean_edge
 from meshflow.geometry.surface import Axes, Surface
 from meshflow.smoothing import denoise, smooth
 from meshflow.study.metrics import normal_angle, volume
+from meshflow.study.shapes import cube
 
-
-def cube(n=12):
-    """A cube of n x n cells on each side, welded."""
-    grid = np.linspace(-0.5, 0.5, n + 1)
-    inside = [np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)] * 6
-    points, faces, index = [], [], np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1).reshape(-1, 4)
-    for side, flat in enumerate(inside):
-        axis, sign = side // 2, 1.0 if side % 2 else -1.0
-        corner = np.insert(flat, axis, 0.5 * sign, axis=1)
-        triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-        turned = (sign > 0) == (axis == 1)
-        points.append(corner)
-        faces.append((triangles[:, ::-1] if turned else triangles) + side * len(flat))
-    points, faces = np.concatenate(points), np.concatenate(faces)
-    kept, inverse = np.unique(np.rint(points * 1e6), axis=0, return_inverse=True)
-    return kept / 1e6, inverse.reshape(-1)[faces]
-
-
-CUBE, SIDES = cube()
+MADE = cube(12)
+CUBE, SIDES = MADE.points, MADE.faces
 
 
 def along_normals(points, faces, share, seed=0):
