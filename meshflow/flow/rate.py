@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -9,11 +10,12 @@ import scipy.sparse as sparse
 
 from meshflow.flow.dense import Dense
 from meshflow.geometry import operator
+from meshflow.geometry.blocks import Blocks, blocked, march_blocks
 from meshflow.geometry.connectivity import Connectivity, connect
 from meshflow.geometry.facets import mean_edge
 from meshflow.geometry.gates import Array
 from meshflow.geometry.generators import cotangent_generator, umbrella_generator
-from meshflow.geometry.intrinsic import Triangles, delaunay, is_thin, length_cotangents, mollified, side_lengths
+from meshflow.geometry.intrinsic import THIN, Triangles, delaunay, is_thin, length_cotangents, mollified, side_lengths
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Axes, Rays, Surface
 
@@ -33,7 +35,9 @@ class MeshSystem:
 
     def matrix(self, dt: float) -> Any:
         """mass + dt stiffness, (n, n)."""
-        return (sparse.diags(self.mass) + dt * self.stiffness).tocsr()
+        whole = sparse.csr_matrix((dt * self.stiffness.data, self.stiffness.indices, self.stiffness.indptr), copy=False)
+        whole.setdiag(whole.diagonal() + self.mass)
+        return whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +127,9 @@ class MeshFlow(Dense):
 
     def rate(self, u: Array, turn: int = 0) -> Array:
         """du/dt (n, k), free coordinate per time; zero where a vertex is fixed, isolated, or without area around it."""
+        marched = self._marched(u, 0.0, 1.0, None)
+        if marched is not None:
+            return marched
         sheet = self._sheets[turn % len(self._sheets)]
         x = self._moving(u)
         metric = self._measured(sheet, x)
@@ -141,20 +148,31 @@ class MeshFlow(Dense):
         out: Array | None = None,
     ) -> Array:
         """u + dt rate(u) + the sum of c (a - u) over ``toward`` + c a of ``drift``, into ``out``."""
-        if self._plain and not toward and drift is None and u.dtype == np.float64 and u.flags.c_contiguous:
-            return self._stepped(u, dt, self.spare() if out is None else out)
-        return self._changed(u, dt * self.rate(u, turn), toward, drift, out)
+        marched = None if toward or drift is not None else self._marched(u, 1.0, dt, out)
+        return self._changed(u, dt * self.rate(u, turn), toward, drift, out) if marched is None else marched
 
-    @property
-    def _plain(self) -> bool:
-        """Whether a step is that of points in R^3 at one pace, and nothing more."""
-        return self._every and self.surface.points.shape[1] == 3 and self.surface.pace is None
-
-    def _stepped(self, u: Array, dt: float, out: Array) -> Array:
-        c, cot, area = self._triangulated(self._sheets[0], u)
-        linear = self.surface.boundary == "linear"
-        operator.gather_step(c, cot, area, u, self.member.mass, linear, self.held, dt, out)
+    def _marched(self, u: Array, keep: float, dt: float, out: Array | None) -> Array | None:
+        """keep u + dt rate(u), by blocks of triangles; None where that is not what moves, or triangles are too thin for it."""
+        plain = self._every and u.shape[1] == 3 and self.surface.pace is None and self._first is None
+        blocks = self._blocks if plain and self.triangles != "delaunay" else None
+        if blocks is None:
+            return None
+        u, c = np.ascontiguousarray(u, dtype=np.float64), self._sheets[0].connectivity
+        out = np.empty_like(u) if out is None else out
+        linear = self.surface.boundary == "linear" and len(c.border) > 0
+        inverse = np.empty(len(u) if linear else 0)
+        kind = operator.mass_kind(self.member.mass)
+        sharpest = march_blocks(blocks, u, kind, self.held, keep, dt, out, inverse)
+        if self.triangles == "auto" and sharpest > THIN:
+            return None
+        if linear:
+            out[c.rim] -= inverse[c.rim, None] * operator.border_pull(c, u)[c.rim]
         return out
+
+    @cached_property
+    def _blocks(self) -> Blocks | None:
+        """Made when the first explicit step asks for them."""
+        return blocked(self.surface.points, self._sheets[0].connectivity.faces)
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""

@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
+from numba import njit
 
 from meshflow.geometry.gates import Array
 
@@ -61,17 +60,14 @@ class Connectivity:
     @cached_property
     def pattern(self) -> Pattern:
         """The sparse pattern; made when the first matrix is asked for, since explicit steps need none."""
-        faces, n = self.faces.astype(np.int64), self.size
-        rows = np.concatenate([faces[:, i] for i in (0, 1, 2, 1, 2, 0)] + [np.arange(n)])
-        columns = np.concatenate([faces[:, i] for i in (1, 2, 0, 0, 1, 2)] + [np.arange(n)])
-        matrix: Any = sparse.csr_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(n, n))
-        matrix.sum_duplicates()
-        keys = np.repeat(np.arange(n), np.diff(matrix.indptr)) * n + matrix.indices  # sorted: rows, then columns
-        triangle, corner = np.divmod(self.corners, 3)
-        own = faces[triangle, corner] * n
-        slots = [np.searchsorted(keys, own + faces[triangle, (corner + turn) % 3]) for turn in (1, 2)]
-        diagonal = np.searchsorted(keys, np.arange(n) * (n + 1))
-        return Pattern(matrix.indptr, matrix.indices, np.stack(slots, axis=-1).astype(np.int32), diagonal)
+        n = self.size
+        indptr = np.zeros(n + 1, np.int32)
+        _count_neighbours(self.faces, self.first, self.corners, indptr)
+        np.cumsum(indptr, out=indptr)
+        indices = np.empty(indptr[-1], np.int32)
+        slots, diagonal = np.empty((len(self.corners), 2), np.int32), np.empty(n, np.int32)
+        _list_neighbours(self.faces, self.first, self.corners, indptr, indices, slots, diagonal)
+        return Pattern(indptr, indices, slots, diagonal)
 
 
 def connect(sheets: tuple[Array, ...], n: int) -> Connectivity:
@@ -79,14 +75,11 @@ def connect(sheets: tuple[Array, ...], n: int) -> Connectivity:
 
     The boundary is that of each triangulation by itself: an edge of one may be covered by a diagonal of the other.
     """
-    faces = np.concatenate(sheets).astype(np.int32)  # half the memory; no mesh has 2^31 / 3 triangles
+    # Half the memory of int64; no mesh has 2^31 / 3 triangles.
+    faces = np.concatenate([np.asarray(sheet, np.int32) for sheet in sheets])
     offsets = [sum(map(len, sheets[:i])) for i in range(len(sheets))]
     border = np.concatenate([boundary_edges(sheet) + 3 * at for sheet, at in zip(sheets, offsets, strict=True)])
-    flat = faces.ravel()
-    corners = np.argsort(flat, kind="stable").astype(np.int32)
-    first = np.zeros(n + 1, np.int64)
-    np.cumsum(np.bincount(flat, minlength=n), out=first[1:])
-    return Connectivity(faces, first, corners, border)
+    return Connectivity(faces, *_around(faces, n), border)
 
 
 def boundary_edges(faces: Array) -> Array:
@@ -94,15 +87,20 @@ def boundary_edges(faces: Array) -> Array:
 
     Triangles that name a vertex twice have no edges; an edge of three triangles (non-manifold) is no boundary.
     """
-    if len(faces) == 0:
-        return np.zeros(0, np.int64)
-    tails, heads = faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()
-    real = np.repeat((faces != np.roll(faces, 1, axis=1)).all(axis=1), 3)
-    edges = np.sort(np.stack([tails, heads], axis=1), axis=1)
-    keys = edges[:, 0] * (faces.max() + 1) + edges[:, 1]
-    keys[~real] = -1
-    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    return np.flatnonzero((counts[inverse] == 1) & real)
+    faces = np.asarray(faces, np.int32)
+    first, corners = _around(faces, int(faces.max(initial=-1)) + 1)
+    lonely = np.zeros(3 * len(faces), np.bool_)
+    _mark_lonely(faces, first, corners, lonely)
+    return np.flatnonzero(lonely)
+
+
+def _around(faces: Array, n: int) -> tuple[Array, Array]:
+    """Where the corners of each vertex begin (n + 1,), and the corners (3 m,)."""
+    first = np.zeros(n + 1, np.int64)
+    np.cumsum(np.bincount(faces.ravel(), minlength=n), out=first[1:])
+    corners = np.empty(3 * len(faces), np.int32)
+    _deal(faces.ravel(), first[:-1].copy(), corners)
+    return first, corners
 
 
 def shared_sides(faces: Array) -> tuple[Array, Array]:
@@ -116,3 +114,75 @@ def shared_sides(faces: Array) -> tuple[Array, Array]:
     pair[:-1] &= ~same[1:]
     first = np.flatnonzero(pair)
     return order[first], order[first + 1]
+
+
+@njit(cache=True)
+def _deal(ends, at, corners):
+    for c in range(len(ends)):
+        corners[at[ends[c]]] = c
+        at[ends[c]] += 1
+
+
+@njit(cache=True)
+def _mark_lonely(faces, first, corners, lonely):
+    # How often each neighbour comes around a vertex, and whose it was: one stamp for all, since a fan may have any width.
+    n = len(first) - 1
+    stamp, times = np.full(n, -1, np.int32), np.zeros(n, np.int32)
+    for i in range(n):
+        for counting in (True, False):
+            for t in range(first[i], first[i + 1]):
+                f, c = corners[t] // 3, corners[t] % 3
+                a, b = (c + 1) % 3, (c + 2) % 3
+                j, k = faces[f, a], faces[f, b]
+                if i in (j, k) or j == k:
+                    continue
+                for other, opposite in ((j, b), (k, a)):
+                    if counting and stamp[other] != i:
+                        stamp[other], times[other] = i, 0
+                    if counting:
+                        times[other] += 1
+                    elif times[other] == 1 and other > i:
+                        lonely[3 * f + opposite] = True
+
+
+@njit(cache=True)
+def _count_neighbours(faces, first, corners, count):
+    n = len(first) - 1
+    stamp = np.full(n, -1, np.int32)
+    for i in range(n):
+        stamp[i] = i
+        found = 1
+        for t in range(first[i], first[i + 1]):
+            f, c = corners[t] // 3, corners[t] % 3
+            for turn in (1, 2):
+                j = faces[f, (c + turn) % 3]
+                if stamp[j] != i:
+                    stamp[j] = i
+                    found += 1
+        count[i + 1] = found
+
+
+@njit(cache=True)
+def _list_neighbours(faces, first, corners, indptr, indices, slots, diagonal):
+    n = len(first) - 1
+    stamp, place = np.full(n, -1, np.int32), np.empty(n, np.int32)
+    for i in range(n):
+        stamp[i] = i
+        indices[indptr[i]] = i
+        found = indptr[i] + 1
+        for t in range(first[i], first[i + 1]):
+            f, c = corners[t] // 3, corners[t] % 3
+            for turn in (1, 2):
+                j = faces[f, (c + turn) % 3]
+                if stamp[j] != i:
+                    stamp[j] = i
+                    indices[found] = j
+                    found += 1
+        row = indices[indptr[i] : found]
+        row.sort()
+        for e in range(len(row)):
+            place[row[e]] = indptr[i] + e
+        diagonal[i] = place[i]
+        for t in range(first[i], first[i + 1]):
+            f, c = corners[t] // 3, corners[t] % 3
+            slots[t, 0], slots[t, 1] = place[faces[f, (c + 1) % 3]], place[faces[f, (c + 2) % 3]]

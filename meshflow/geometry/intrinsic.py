@@ -13,7 +13,7 @@ from meshflow.geometry import triangle
 from meshflow.geometry.connectivity import shared_sides
 from meshflow.geometry.gates import Array
 
-__all__ = ["Triangles", "delaunay", "is_thin", "length_cotangents", "mollified", "side_lengths"]
+__all__ = ["THIN", "Triangles", "delaunay", "is_thin", "length_cotangents", "mollified", "side_lengths"]
 
 Triangles = Literal["auto", "given", "delaunay"]
 # The cotangent of the smallest angle that is left alone, of a three hundredth of a degree: thinner ones make steps hopeless.

@@ -156,27 +156,13 @@ def gather_gradient(connectivity: Connectivity, cot: Array, points: Array, linea
     return out
 
 
-def gather_step(
-    connectivity: Connectivity,
-    cot: Array,
-    area: Array,
-    points: Array,
-    kind: MassKind,
-    linear: bool,
-    held: Array,
-    dt: float,
-    out: Array,
-) -> None:
-    """points - dt M^-1 L points (n, 3) into ``out``, those that are held or without area as they are: mass, gradient and step
-    in one loop over the corners of a vertex, since memory is the limit.
-    """
-    c = connectivity
-    inverse = np.empty(c.size)
-    _gather_step(c.faces, c.first, c.corners, cot, area, points, mass_kind(kind), held, dt, out, inverse)
-    if linear and len(c.border):
-        pull = np.zeros_like(points)
-        _conormals(c.faces, c.border, cot, points[c.faces[c.border // 3]], pull)
-        out[c.rim] -= inverse[c.rim, None] * pull[c.rim]
+def border_pull(connectivity: Connectivity, points: Array) -> Array:
+    """What ``linear`` takes out of the area gradient (n, k): the conormals of the boundary edges, measured at points (n, k)."""
+    c, out = connectivity, np.zeros(points.shape)
+    faces = c.faces[c.border // 3]
+    cot, _ = cotangents(points, faces)
+    _conormals(faces, 3 * np.arange(len(faces)) + c.border % 3, cot, points[faces], out)
+    return out
 
 
 def gather_chart_gradient(connectivity: Connectivity, cot: Array, charts: Array, linear: bool) -> Array:
@@ -258,26 +244,6 @@ def _gather_gradient(faces, first, corners, cot, points, out):
             j, k = faces[f, b], faces[f, d]
             for q in range(points.shape[1]):
                 out[i, q] += triangle.pull(cot[f, b], cot[f, d], points[i, q], points[j, q], points[k, q])
-
-
-@njit(cache=True, parallel=True)
-def _gather_step(faces, first, corners, cot, area, points, kind, held, dt, out, inverse):
-    for i in prange(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        gx = gy = gz = own = 0.0
-        for t in range(first[i], first[i + 1]):
-            f = corners[t] // 3
-            c = corners[t] - 3 * f
-            b = c + 1 if c < 2 else 0
-            d = c - 1 if c > 0 else 2
-            j, k, at_j, at_k = faces[f, b], faces[f, d], cot[f, b], cot[f, d]
-            own += triangle.share(kind, cot[f, c], at_j, at_k, area[f])
-            gx += triangle.pull(at_j, at_k, x, points[j, 0], points[k, 0])
-            gy += triangle.pull(at_j, at_k, y, points[j, 1], points[k, 1])
-            gz += triangle.pull(at_j, at_k, z, points[j, 2], points[k, 2])
-        by = dt / own if own > 0.0 and not held[i] else 0.0
-        inverse[i] = by
-        out[i, 0], out[i, 1], out[i, 2] = x - by * gx, y - by * gy, z - by * gz
 
 
 @njit(cache=True, parallel=True)

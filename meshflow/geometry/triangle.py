@@ -6,35 +6,42 @@ dot1 dot2 + dot2 dot0``: lengths alone, so all of this holds in every dimension 
 """
 
 import math
+from typing import SupportsIndex
 
 from numba.extending import register_jitable
 
 from meshflow.geometry.gates import Array
 
-__all__ = ["bound", "cotangents", "dots", "gram", "joint", "pull", "share", "sharpened", "stretch"]
+__all__ = ["bound", "cotangents", "dots", "gram", "joint", "pull", "share", "sharpened", "stretch", "tension"]
 
 # A triangle whose doubled area is below this share of its longest squared edge has no area: double precision has lost it.
 FLAT = 1e-12
 
 
 @register_jitable
-def dots(points: Array, i: int, j: int, k: int) -> tuple[float, float, float]:
+def dots(points: Array, i: SupportsIndex, j: SupportsIndex, k: SupportsIndex) -> tuple[float, float, float]:
     """Inner products at the three corners: (X_j - X_i) . (X_k - X_i), and so on."""
     dot0 = dot1 = dot2 = 0.0
     for q in range(points.shape[1]):
         a, b, c = points[i, q], points[j, q], points[k, q]
-        dot0 += (b - a) * (c - a)
-        dot1 += (c - b) * (a - b)
-        dot2 += (a - c) * (b - c)
+        u, v, w = b - a, c - a, c - b
+        dot0 += u * v
+        dot1 -= u * w
+        dot2 += v * w
     return dot0, dot1, dot2
 
 
 @register_jitable
-def gram(points: Array, i: int, j: int, k: int) -> float:
+def gram(points: Array, i: SupportsIndex, j: SupportsIndex, k: SupportsIndex) -> float:
     """Four times the squared area, |u|^2 |v|^2 - (u . v)^2, as the sum of squared 2 x 2 minors (Lagrange).
 
     The difference of products loses all digits on slivers and steep cliffs; the sum of squares loses none.
     """
+    if points.shape[1] == 3:  # the same sum, laid out: compilers do not unroll the loops below
+        ux, uy, uz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+        vx, vy, vz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
+        yz, zx, xy = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        return yz * yz + zx * zx + xy * xy
     det = 0.0
     for p in range(points.shape[1]):
         up, vp = points[j, p] - points[i, p], points[k, p] - points[i, p]
@@ -95,13 +102,20 @@ def cotangents(dot0: float, dot1: float, dot2: float, det: float) -> tuple[float
     doubled = math.sqrt(max(det, 0.0))
     if not doubled > FLAT * longest:
         return 0.0, 0.0, 0.0, 0.0
-    return dot0 / doubled, dot1 / doubled, dot2 / doubled, 0.5 * doubled
+    by = 1.0 / doubled
+    return by * dot0, by * dot1, by * dot2, 0.5 * doubled
+
+
+@register_jitable
+def tension(cot: float, x: float, other: float) -> float:
+    """What an edge adds to the area gradient of a coordinate at its end x, for the triangle whose angle across it has ``cot``."""
+    return 0.5 * cot * (x - other)
 
 
 @register_jitable
 def pull(at_j: float, at_k: float, x: float, x_j: float, x_k: float) -> float:
     """What triangle i, j, k adds to the area gradient of a coordinate at i (13): (cot_k (x_i - x_j) + cot_j (x_i - x_k)) / 2."""
-    return 0.5 * (at_k * (x - x_j) + at_j * (x - x_k))
+    return tension(at_k, x, x_j) + tension(at_j, x, x_k)
 
 
 @register_jitable

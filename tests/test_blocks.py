@@ -1,0 +1,82 @@
+"""Blocks of triangles agree with the operator that they compute faster."""
+
+import numpy as np
+import pytest
+
+from meshflow.flow.conjugate import conjugate_gradients
+from meshflow.flow.rate import MeshFlow
+from meshflow.geometry import operator
+from meshflow.geometry.blocks import blocked
+from meshflow.geometry.connectivity import connect
+from meshflow.geometry.member import Member
+from meshflow.geometry.surface import Surface
+from meshflow.study.shapes import sphere
+
+
+def scrambled(rng, open_border=True):
+    """A noisy sphere of many blocks, in no order, with a hole, a fan, a flat triangle, and a vertex that has none."""
+    ball = sphere(4)
+    points = np.concatenate([ball.noisy("iso", 0.2, 3), [[5.0, 5.0, 5.0], [0.0, 0.0, 3.0]]])
+    faces = ball.faces[40:] if open_border else ball.faces
+    apex = len(points) - 1
+    faces = np.concatenate([faces, [[i, i + 1, apex] for i in range(300)], [[7, 7, 9]]])
+    order = rng.permutation(len(points))
+    return points[order], rng.permutation(np.argsort(order)[faces])
+
+
+@pytest.mark.parametrize("boundary", ["natural", "linear"])
+@pytest.mark.parametrize("mass", ["barycentric", "voronoi", "ring"])
+def test_blocks_move_points_as_the_operator_says(mass, boundary):
+    rng = np.random.default_rng(5)
+    points, faces = scrambled(rng)
+    held = rng.random(len(points)) < 0.1
+    flow = MeshFlow(Surface(points, (faces,), boundary=boundary, fixed=held), Member(mass=mass))
+    blocks = blocked(points, faces)
+    assert blocks is not None
+    assert len(blocks.owned) > 4
+    own = [blocks.vertices[a : a + k] for a, k in zip(blocks.start[:-1], blocks.owned, strict=True)]
+    assert np.array_equal(np.sort(np.concatenate(own)), np.arange(len(points)))
+    truth = -operator.curvature_normal(points, faces, mass, boundary)
+    truth[held] = 0.0
+    scale = np.abs(truth).max()
+    assert np.abs(flow.rate(points) - truth).max() < 1e-12 * scale
+    assert np.abs(flow.advance(points, 1e-4) - (points + 1e-4 * truth)).max() < 1e-12
+    assert np.array_equal(flow.advance(points, 1e-4)[held], points[held])
+
+
+def test_where_a_triangle_is_all_but_flat_blocks_leave_the_step_to_delaunay():
+    ball = sphere(3)
+    points = ball.points.copy()
+    points[ball.faces[5, 0]] = 0.5 * (points[ball.faces[5, 1]] + points[ball.faces[5, 2]])
+    surface = Surface(points, (ball.faces,))
+    auto, named, given = (MeshFlow(surface, triangles=word).rate(points) for word in ("auto", "delaunay", "given"))
+    assert np.array_equal(auto, named)
+    assert not np.allclose(auto, given)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 5])
+def test_conjugate_gradients_solve_all_columns_of_a_system(columns):
+    ball, rng = sphere(4), np.random.default_rng(2)
+    matrix = operator.stiffness(ball.points, ball.faces)
+    matrix.setdiag(matrix.diagonal() + operator.mass(ball.points, ball.faces))
+    truth = rng.normal(size=(len(ball.points), columns))
+    right = matrix @ truth
+    x, iterations = conjugate_gradients(matrix, right, None, 1e-12, 1000)
+    assert 0 < iterations < 1000
+    assert np.abs(x - truth).max() < 1e-10
+    again, none = conjugate_gradients(matrix, right, truth, 1e-12, 1000)
+    assert none == 0
+    assert np.array_equal(again, truth)
+
+
+def test_a_wide_fan_costs_no_more_than_its_triangles():
+    n = 200_000  # pairs of triangles around the apex would be 4e10
+    ring = np.arange(1, n)
+    faces = np.stack([np.zeros(n - 1, int), ring, np.roll(ring, -1)], axis=1)
+    connectivity = connect((faces,), n)
+    assert len(connectivity.border) == n - 1
+    assert np.diff(connectivity.pattern.indptr)[0] == n
+    angles = np.linspace(0, 2 * np.pi, n)
+    points = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    flow = MeshFlow(Surface(points, (faces,), boundary="natural"))
+    assert np.isfinite(flow.rate(points)).all()
