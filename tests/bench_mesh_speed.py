@@ -271,7 +271,7 @@ def test_semi_implicit_step_beside_what_a_user_writes_today(length):
         residual = (np.linalg.norm(b - a @ calls[name](), axis=0) / scale).max()
         print(f"  {name:14s} residual of the same system {residual:.1e}")
     print(
-        f"  ours: residual {weaker:.1e} of the change, which is {RESIDUAL:g} of the points; ours, change: {RESIDUAL:g} of the change"
+        f"  ours: residual {weaker:.1e} of the change, that is {RESIDUAL:g} of the points; ours, change: {RESIDUAL:g} of it"
     )
     found = interleaved(calls, 3)
     for name, took in found.items():

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sparse
 from numba import njit, prange
+from numba.extending import register_jitable
 
 from meshflow.errors import InputError
 from meshflow.geometry import triangle
@@ -183,6 +184,13 @@ def gather_seen(connectivity: Connectivity, points: Array, directions: Array) ->
     return out
 
 
+@register_jitable
+def _corner(t):
+    """Triangle and corner; numbers that cannot be negative divide faster, and index without a comparison."""
+    t = np.uint64(t)
+    return t // np.uint64(3), t % np.uint64(3)
+
+
 @njit(cache=True, parallel=True)
 def _measure(points, faces, forms, sharpness, cot, area):
     for f in prange(len(faces)):
@@ -228,7 +236,7 @@ def _gather_mass(first, corners, cot, area, kind, out):
     for i in prange(len(out)):
         total = 0.0
         for t in range(first[i], first[i + 1]):
-            f, c = corners[t] // 3, corners[t] % 3
+            f, c = _corner(corners[t])
             total += triangle.share(kind, cot[f, c], cot[f, (c + 1) % 3], cot[f, (c + 2) % 3], area[f])
         out[i] = total
 
@@ -239,7 +247,7 @@ def _gather_gradient(faces, first, corners, cot, points, out):
         for q in range(points.shape[1]):
             out[i, q] = 0.0
         for t in range(first[i], first[i + 1]):
-            f, c = corners[t] // 3, corners[t] % 3
+            f, c = _corner(corners[t])
             b, d = (c + 1) % 3, (c + 2) % 3
             j, k = faces[f, b], faces[f, d]
             for q in range(points.shape[1]):
@@ -295,7 +303,7 @@ def _fill(faces, first, corners, slots, diagonal, indptr, cot, rays, data):
         for t in range(indptr[i], indptr[i + 1]):
             data[t] = 0.0
         for t in range(first[i], first[i + 1]):
-            f, c = corners[t] // 3, corners[t] % 3
+            f, c = _corner(corners[t])
             b, d = (c + 1) % 3, (c + 2) % 3
             with_j = with_k = own = 1.0
             if moves:
