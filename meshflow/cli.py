@@ -6,20 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
+from meshflow import looking
 from meshflow import options as words
+from meshflow.console import err, out, said, table
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.geometry.lift import RangeImage
 from meshflow.io.files import Document, writable, write
+from meshflow.looking import must_be_drawable, pictured
 from meshflow.reading import HELD, INPUTS, frame, mask, opened
 
 if TYPE_CHECKING:
-    from meshflow.geometry.gates import Array
     from meshflow.result import Result
 
 app = typer.Typer(
@@ -29,8 +26,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Smooth meshes, elevation models, range images and images along their free directions, edges kept.",
 )
-out, err = Console(), Console(stderr=True, highlight=False)
-
 
 # What typer exits with on Ctrl-C, as shells do.
 INTERRUPTED = 130
@@ -126,11 +121,11 @@ def _smoothed(
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **options)
     notes += (*result.warnings, *_warned(document, result))
     if not quiet:
-        _said(f"{source} → {target}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
+        said(f"{source} → {target}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
     if picture is not None:
-        drawn = _pictured(document, done, picture, f"{source.name}, {result.reason}")
+        drawn = pictured(document, done, picture, f"{source.name}, {result.reason}")
         notes += drawn
-        _said("", () if quiet else drawn)
+        said("", () if quiet else drawn)
     if report is not None:
         notes += _reported(result, report, source.name, overwrite, quiet)
     if json:
@@ -157,40 +152,7 @@ def info(
 
     document = opened(source, kind, camera, depth_scale, measure, band, nodata, spacing, channels, viewpoint=viewpoint)
     facts = {"file": str(source), **describe(document.noun), **noise(document.noun)}
-    _table(facts, json, document.notes)
-
-
-@app.command()
-def compare(
-    one: words.In,
-    other: words.Other,
-    kind: words.KindOption = None,
-    camera: words.Camera = None,
-    depth_scale: words.DepthScale = None,
-    measure: words.MeasureOption = None,
-    band: words.Band = None,
-    nodata: words.Nodata = None,
-    spacing: words.Spacing = None,
-    channels: words.Channels = None,
-    viewpoint: words.Viewpoint = None,
-    picture: words.Picture = None,
-    json: words.Json = False,
-) -> None:
-    """Compare IN with OTHER: differences, normals, area, volume."""
-    from meshflow.study.metrics import compare as measured
-
-    first, second = (
-        opened(path, kind, camera, depth_scale, measure, band, nodata, spacing, channels, viewpoint=viewpoint)
-        for path in (one, other)
-    )
-    if first.kind != second.kind and {first.kind, second.kind} <= {"image", "terrain"}:
-        what = f"compare: two things of one kind expected, got {first.kind} and {second.kind}"
-        raise InputError(f"{what}; give --camera if they are depth images, or --kind")
-    facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
-    notes = first.notes + second.notes
-    if picture is not None:
-        notes += _pictured(first, second, picture, f"{one.name} and {other.name}")
-    _table(facts, json, notes)
+    table(facts, json, document.notes)
 
 
 @app.command()
@@ -248,11 +210,11 @@ def _fused(
     many = f"{len(sources)} frames"
     if not quiet:
         seen = result.parameters["frames"]
-        _said(f"{many} → {target}: {f'{chr(10)}{result}' if verbose else f'{result.summary}; {seen.why}'}", notes)
+        said(f"{many} → {target}: {f'{chr(10)}{result}' if verbose else f'{result.summary}; {seen.why}'}", notes)
     if picture is not None:
-        drawn = _pictured(before, done, picture, f"{many}, {result.reason}")
+        drawn = pictured(before, done, picture, f"{many}, {result.reason}")
         notes += drawn
-        _said("", () if quiet else drawn)
+        said("", () if quiet else drawn)
     if report is not None:
         notes += _reported(result, report, many, overwrite, quiet)
     if json:
@@ -260,60 +222,11 @@ def _fused(
         out.print_json(notation.dumps(told))
 
 
-@app.command("compare-flows")
-def compare_flows(
-    source: words.Depths,
-    camera: words.Camera = None,
-    truth: words.Truth = None,
-    depth_scale: words.DepthScale = None,
-    truth_scale: words.TruthScale = None,
-    jump: words.Jump = 0.05,
-    time: words.FlowTime = 5.0,
-    boundary: words.RimOption = "linear",
-    picture: words.Panels = None,
-    overwrite: words.Overwrite = False,
-    json: words.Json = False,
-) -> None:
-    """Compare 3D flow, flow along normals, graph flow of z and ray flow on a depth image, at matched smoothing."""
-    from meshflow.study.flows import compare_flows as compared
-
-    _must_be_drawable(picture, overwrite)
-    depths, cam, notes = _depths(source, camera, depth_scale)
-    true, more = None, ()
-    if truth is not None:
-        true, _, more = _depths(truth, camera, truth_scale)
-    found = compared(depths, cam, true, time=time, jump=jump, boundary=boundary)
-    notes += more
-    if picture is not None:
-        from meshflow.view.panels import flows as drawn
-
-        title = f"{source.name}: four flows, each until it is as smooth as the ray flow"
-        notes += (*drawn(found.panels(), picture, title=title).notes, f"picture: {picture}")
-    if json:
-        out.print_json(notation.dumps({"in": str(source), **found.as_dict(), "notes": list(notes)}))
-        return
-    out.print(Text(str(found)), soft_wrap=True)
-    _said("", notes)
-
-
-def _depths(path: Path, camera: str | None, depth_scale: float | None) -> "tuple[Array, Any, tuple[str, ...]]":
-    """Depths, NaN where missing, their camera, and what was said of them.
-
-    :raises InputError: for what is no range image.
-    """
-    if camera is None:
-        raise InputError("compare-flows: rays are those of a camera; give --camera")
-    document = opened(path, "depth", camera, depth_scale, None, None, None, None, None)
-    noun = document.noun
-    assert isinstance(noun, RangeImage)
-    return np.where(np.asarray(noun.missing), np.nan, noun.depth), noun.camera, document.notes
-
-
 def _reported(result: "Result", path: Path, name: str, overwrite: bool, quiet: bool) -> tuple[str, ...]:
     from meshflow.view.report import report as drawn
 
     notes = (*drawn(result, path, title=name, overwrite=overwrite).notes, f"report: {path}")
-    _said("", () if quiet else notes)
+    said("", () if quiet else notes)
     return notes
 
 
@@ -341,44 +254,13 @@ def _must_be_writable(
     from meshflow.view.report import writable as reportable
 
     writable(document, target, overwrite=overwrite)
-    _must_be_drawable(picture, overwrite)
+    must_be_drawable(picture, overwrite)
     if report is not None:
         reportable(report, overwrite)
 
 
-def _must_be_drawable(picture: Path | None, overwrite: bool) -> None:
-    """Refuse a picture that cannot be written, or is there."""
-    from meshflow.view.picture import writable as drawable
-
-    if picture is not None:
-        drawable(picture)
-        if picture.exists() and not overwrite:
-            raise InputError(f"{picture} exists; name another picture or give --overwrite")
-
-
-def _pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:
-    from meshflow.view import compare as draw
-
-    return (*draw(before.noun, after.noun, path, title=title).notes, f"picture: {path}")
-
-
-def _table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
-    """Facts as JSON or as a table on stdout, notes on stderr."""
-    if json:
-        out.print_json(notation.dumps({**facts, "notes": list(notes)}))
-        return
-    table = Table.grid(padding=(0, 2))
-    for name, value in facts.items():
-        # Text, not markup: brackets in a name or a path are not styles.
-        table.add_row(Text(name, style="bold"), Text(f"{value:.6g}" if isinstance(value, float) else str(value)))
-    out.print(table)
-    _said("", notes)
-
-
-def _said(line: str, notes: tuple[str, ...]) -> None:
-    for said in (line, *notes):
-        if said:
-            err.print(said, markup=False, soft_wrap=True)
+app.command()(looking.compare)
+app.command("compare-flows")(looking.compare_flows)
 
 
 def main() -> None:

@@ -28,7 +28,22 @@ MAY = {
     "accessors": {"smoothing", "result"},
     "options": {"geometry"},
     "reading": {"options", "io", "geometry"},
-    "cli": {"options", "reading", "fusing", "settings", "result", "smoothing", "geometry", "io", "study", "view"},
+    "console": set(),
+    "looking": {"console", "options", "reading", "geometry", "io", "study", "view"},
+    "cli": {
+        "console",
+        "looking",
+        "options",
+        "reading",
+        "fusing",
+        "settings",
+        "result",
+        "smoothing",
+        "geometry",
+        "io",
+        "study",
+        "view",
+    },
     "__main__": {"cli"},
 }
 # The comparison of the flows runs them, and one of the peers of range images is a flow: two modules of the study, so that the

@@ -1,0 +1,32 @@
+"""Where the commands speak: what was asked for on stdout, what is said of it on stderr."""
+
+import json as notation
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+__all__ = ["err", "out", "said", "table"]
+
+out, err = Console(), Console(stderr=True, highlight=False)
+
+
+def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
+    """Facts as JSON or as a table on stdout, notes on stderr."""
+    if json:
+        out.print_json(notation.dumps({**facts, "notes": list(notes)}))
+        return
+    rows = Table.grid(padding=(0, 2))
+    for name, value in facts.items():
+        # Text, not markup: brackets in a name or a path are not styles.
+        rows.add_row(Text(name, style="bold"), Text(f"{value:.6g}" if isinstance(value, float) else str(value)))
+    out.print(rows)
+    said("", notes)
+
+
+def said(line: str, notes: tuple[str, ...]) -> None:
+    """A line and its notes on stderr, those that are not empty."""
+    for sentence in (line, *notes):
+        if sentence:
+            err.print(sentence, markup=False, soft_wrap=True)

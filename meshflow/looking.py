@@ -1,0 +1,117 @@
+"""The commands that look: ``meshflow compare | compare-flows``."""
+
+import json as notation
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.text import Text
+
+from meshflow import options as words
+from meshflow.console import out, said, table
+from meshflow.errors import InputError
+from meshflow.geometry.lift import RangeImage
+from meshflow.io.files import Document
+from meshflow.reading import opened
+
+if TYPE_CHECKING:
+    from meshflow.geometry.gates import Array
+
+__all__ = ["compare", "compare_flows", "must_be_drawable", "pictured"]
+
+
+def compare(
+    one: words.In,
+    other: words.Other,
+    kind: words.KindOption = None,
+    camera: words.Camera = None,
+    depth_scale: words.DepthScale = None,
+    measure: words.MeasureOption = None,
+    band: words.Band = None,
+    nodata: words.Nodata = None,
+    spacing: words.Spacing = None,
+    channels: words.Channels = None,
+    viewpoint: words.Viewpoint = None,
+    picture: words.Picture = None,
+    json: words.Json = False,
+) -> None:
+    """Compare IN with OTHER: differences, normals, area, volume."""
+    from meshflow.study.metrics import compare as measured
+
+    first, second = (
+        opened(path, kind, camera, depth_scale, measure, band, nodata, spacing, channels, viewpoint=viewpoint)
+        for path in (one, other)
+    )
+    if first.kind != second.kind and {first.kind, second.kind} <= {"image", "terrain"}:
+        what = f"compare: two things of one kind expected, got {first.kind} and {second.kind}"
+        raise InputError(f"{what}; give --camera if they are depth images, or --kind")
+    facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
+    notes = first.notes + second.notes
+    if picture is not None:
+        notes += pictured(first, second, picture, f"{one.name} and {other.name}")
+    table(facts, json, notes)
+
+
+def compare_flows(
+    source: words.Depths,
+    camera: words.Camera = None,
+    truth: words.Truth = None,
+    depth_scale: words.DepthScale = None,
+    truth_scale: words.TruthScale = None,
+    jump: words.Jump = 0.05,
+    time: words.FlowTime = 5.0,
+    boundary: words.RimOption = "linear",
+    picture: words.Panels = None,
+    overwrite: words.Overwrite = False,
+    json: words.Json = False,
+) -> None:
+    """Compare 3D flow, flow along normals, graph flow of z and ray flow on a depth image, at matched smoothing."""
+    from meshflow.study.flows import compare_flows as compared
+
+    must_be_drawable(picture, overwrite)
+    depths, cam, notes = _depths(source, camera, depth_scale)
+    true, more = None, ()
+    if truth is not None:
+        true, _, more = _depths(truth, camera, truth_scale)
+    found = compared(depths, cam, true, time=time, jump=jump, boundary=boundary)
+    notes += more
+    if picture is not None:
+        from meshflow.view.panels import flows as drawn
+
+        title = f"{source.name}: four flows, each until it is as smooth as the ray flow"
+        notes += (*drawn(found.panels(), picture, title=title).notes, f"picture: {picture}")
+    if json:
+        out.print_json(notation.dumps({"in": str(source), **found.as_dict(), "notes": list(notes)}))
+        return
+    out.print(Text(str(found)), soft_wrap=True)
+    said("", notes)
+
+
+def _depths(path: Path, camera: str | None, depth_scale: float | None) -> "tuple[Array, Any, tuple[str, ...]]":
+    """Depths, NaN where missing, their camera, and what was said of them.
+
+    :raises InputError: for what is no range image.
+    """
+    if camera is None:
+        raise InputError("compare-flows: rays are those of a camera; give --camera")
+    document = opened(path, "depth", camera, depth_scale, None, None, None, None, None)
+    noun = document.noun
+    assert isinstance(noun, RangeImage)
+    return np.where(np.asarray(noun.missing), np.nan, noun.depth), noun.camera, document.notes
+
+
+def must_be_drawable(picture: Path | None, overwrite: bool) -> None:
+    """Refuse a picture that cannot be written, or is there."""
+    from meshflow.view.picture import writable as drawable
+
+    if picture is not None:
+        drawable(picture)
+        if picture.exists() and not overwrite:
+            raise InputError(f"{picture} exists; name another picture or give --overwrite")
+
+
+def pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:
+    """Draw before and after; what is to be said of it."""
+    from meshflow.view import compare as draw
+
+    return (*draw(before.noun, after.noun, path, title=title).notes, f"picture: {path}")
