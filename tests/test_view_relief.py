@@ -37,7 +37,7 @@ def shade(noun, **look):
 
 
 def panels(path, aspect, look):
-    """Before, after and difference as they stand in a picture, in levels from 0 to 255."""
+    """Before, after and removed as they stand in a picture, in levels from 0 to 255."""
     picture = np.round(imread(path)[..., :3] * 255).astype(int)
     boxes = page.layout(look, aspect).panels
     bottom = [look.size[1] - box.bottom for box in boxes]
@@ -126,15 +126,15 @@ def test_two_panels_differ_where_the_data_differ_and_the_third_says_how(tmp_path
     look = Look(size=(900, 700), exaggeration=1)
     told = compare(before, HeightField(z), tmp_path / "a.png", size=look.size, exaggeration=1)
     assert told.how == "relief"
-    first, second, change = panels(told.path, 90 / 60, look)
+    first, second, removed = panels(told.path, 90 / 60, look)
     differs = np.argwhere((np.abs(first - second) > 8).any(axis=2)) / first.shape[:2]
     assert len(differs) > 100
     assert differs[:, 0].min() > 0.28
     assert differs[:, 0].max() < 0.71
-    middle, width = change[change.shape[0] // 2], change.shape[1]
+    middle, width = removed[removed.shape[0] // 2], removed.shape[1]
     raised, lowered, same = (middle[int(share * width)] for share in (0.78, 0.22, 0.5))
-    assert raised[0] > raised[2] + 50
-    assert lowered[2] > lowered[0] + 50
+    assert raised[2] > raised[0] + 50  # blue: less than nothing was removed
+    assert lowered[0] > lowered[2] + 50
     assert np.abs(same - NEUTRAL).max() <= 2
 
 
@@ -147,12 +147,12 @@ def test_two_panels_differ_where_the_data_differ_and_the_third_says_how(tmp_path
     ],
     ids=lambda n: type(n).__name__,
 )
-def test_a_thing_that_did_not_change_has_a_neutral_difference(noun, tmp_path):
+def test_a_thing_that_did_not_change_has_nothing_removed(noun, tmp_path):
     told = compare(noun, noun, tmp_path / "a.png", size=(600, 450))
-    first, second, change = panels(told.path, 1.5, Look(size=(600, 450)))
+    first, second, removed = panels(told.path, 1.5, Look(size=(600, 450)))
     assert "before and after are equal" in told.notes
     assert (first == second).all()
-    inner = change[10:-10, 20:-20]
+    inner = removed[10:-10, 20:-20]
     assert np.abs(inner - NEUTRAL).max() <= 2
 
 
@@ -197,8 +197,8 @@ def test_scalars_colour_a_thing_and_leave_out_what_is_missing(tmp_path):
 def test_anything_that_the_edge_recognises_can_be_compared(tmp_path):
     z = plane(1.0).z
     assert compare(z, z + 1, tmp_path / "a.png", unit="m", size=(320, 240)).how == "relief"
-    assert paired(z, z + 1, "m").change.label == "height after − before [m]"
-    np.testing.assert_array_equal(paired(z, z + 1, "m").change.values, 1.0)
+    assert paired(z, z + 1, "m").removed.label == "height before − after [m]"
+    np.testing.assert_array_equal(paired(z, z + 1, "m").removed.values, -1.0)
 
 
 def _full(self, path, **options):
@@ -223,10 +223,10 @@ def test_the_old_picture_stays_when_the_new_one_cannot_be_written(tmp_path, monk
 
 def test_a_mesh_is_compared_along_its_normals_and_channels_that_move_by_their_mean():
     moved = Mesh(TRIANGLE.points + 1.0, TRIANGLE.faces)
-    np.testing.assert_allclose(paired(TRIANGLE, moved, None).change.values, np.sqrt(3))
+    np.testing.assert_allclose(paired(TRIANGLE, moved, None).removed.values, -np.sqrt(3))
     one = Mesh(TRIANGLE.points, TRIANGLE.faces, channels=np.zeros((3, 2)), moves="channels")
     other = Mesh(TRIANGLE.points, TRIANGLE.faces, channels=np.full((3, 2), (1.0, 3.0)), moves="channels")
-    np.testing.assert_allclose(paired(one, other, None).change.values, 2.0)
+    np.testing.assert_allclose(paired(one, other, None).removed.values, -2.0)
 
 
 def test_what_comes_after_is_shown_on_the_grid_of_what_was_before():
@@ -236,20 +236,20 @@ def test_what_comes_after_is_shown_on_the_grid_of_what_was_before():
     assert paired(view, RangeImage(np.ones((4, 5)), Pinhole(9, 9, 2, 2)), None).after.camera == CAMERA
 
 
-def test_what_is_missing_in_one_of_two_has_no_difference():
+def test_what_is_missing_in_one_of_two_was_not_removed():
     z = plane(1.0).z.copy()
     z[0, 0] = np.nan
-    change = paired(plane(1.0), HeightField(z), None).change.values
-    assert np.isnan(change[0, 0])
-    assert (change.ravel()[1:] == 0).all()
+    removed = paired(plane(1.0), HeightField(z), None).removed.values
+    assert np.isnan(removed[0, 0])
+    assert (removed.ravel()[1:] == 0).all()
 
 
-def test_colours_reach_the_largest_change_where_nearly_nothing_changed():
+def test_colours_reach_the_largest_where_nearly_nothing_was_removed():
     z = plane().z.copy()
     z[3, 3] = 5.0
-    scale = paired(plane(), HeightField(z), None).change
+    scale = paired(plane(), HeightField(z), None).removed
     assert (scale.low, scale.high) == (-5.0, 5.0)
-    assert "almost nothing changed" in scale.ends
+    assert "almost nothing was removed" in scale.ends
 
 
 def _half(left):

@@ -12,6 +12,7 @@ from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.view import charts, findings
 from meshflow.view.findings import found
+from meshflow.view.pair import paired
 from meshflow.view.report import _sheet, report
 
 ROWS, COLUMNS = np.mgrid[:64, :64].astype(float)
@@ -255,3 +256,9 @@ def test_pyplot_is_left_alone(idle, tmp_path):
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_picture_and_a_report_show_the_same_removed(smoothed):
+    scale, shown = found(smoothed, "").scale, paired(smoothed.before, smoothed.noun, "m").removed
+    np.testing.assert_array_equal(scale.values, shown.values)
+    assert (scale.low, scale.high, scale.label, scale.ends) == (shown.low, shown.high, shown.label, shown.ends)

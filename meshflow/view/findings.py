@@ -16,7 +16,6 @@ from meshflow.view.stage import staged
 
 __all__ = ["Findings", "Panel", "Run", "found"]
 
-_ENDS = 99.0  # percentile of |removed| at which the colours end
 _WIDE, _TALLEST = 720, 900  # pixels of a panel that VTK draws
 
 
@@ -112,7 +111,7 @@ def found(run: Run, title: str) -> Findings:
     unit = run.before.unit if isinstance(run.before, (HeightField, RangeImage)) else ""
     before, channel = _shown(run.before)
     pair = paired(before, _shown(run.noun)[0], unit)
-    scale = _removed(pair, channel)
+    scale = pair.removed if channel is None else replace(pair.removed, what=f"{channel}, {pair.removed.what}")
     panels, foot, notes = _panels(pair, scale)
     told = () if channel is None else (f"pictures: {channel}, of {_channels(run.before)}",)
     rows = tuple((n, _number(p.value), p.unit, p.origin, p.why) for n, p in run.parameters.items())
@@ -147,21 +146,6 @@ def _shown(noun: Noun) -> tuple[Noun, str | None]:
     if isinstance(noun, Image) and _channels(noun) not in (1, 3, 4):
         return replace(noun, values=noun.values[..., 0]), "channel 1"
     return noun, None
-
-
-def _removed(pair: Pair, channel: str | None) -> Scale:
-    """Before minus after, with colours that are symmetric about 0 and end at the 99th percentile of its size."""
-    values = -pair.change.values
-    size = np.abs(values[np.isfinite(values)])
-    most, limit = float(size.max()), float(np.percentile(size, _ENDS))
-    what = pair.change.what.replace("after − before", "before − after").replace("moved outwards", "moved inwards")
-    what = f"{channel}, {what}" if channel else what
-    if most == 0:
-        return replace(pair.change, values=values, what=what, ends="nothing was removed")
-    ends = f"colours end at ±{limit:.3g}, the 99th percentile; largest {most:.3g}"
-    if limit == 0:
-        limit, ends = most, f"colours end at ±{most:.3g}, the largest: almost nothing was removed"
-    return replace(pair.change, values=values, low=-limit, high=limit, what=what, ends=ends)
 
 
 def _panels(pair: Pair, scale: Scale) -> tuple[tuple[Panel, ...], str, tuple[str, ...]]:
@@ -210,7 +194,7 @@ def _charts(run: Run, pair: Pair, unit: str) -> tuple[Chart, ...]:
 def _samples(run: Run, pair: Pair) -> Array:
     """What was removed, as the noise is counted: (n,), or (n, k) of channels; along the normals where points of a mesh move."""
     if isinstance(run.before, Mesh):
-        return -pair.change.values if _moved(run.before) else run.removed
+        return pair.removed.values if _moved(run.before) else run.removed
     return run.removed[~holes(run.before)]
 
 

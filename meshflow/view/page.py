@@ -1,4 +1,4 @@
-"""The page: panels, labels, the scale of the difference, laid out in whole pixels by matplotlib (Agg, no pyplot)."""
+"""The page: panels, labels, the scale of what was removed, laid out in whole pixels by matplotlib (Agg, no pyplot)."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -39,7 +39,7 @@ class Box:
 class Layout:
     """Where everything goes.
 
-    :param panels: before, after, difference; or the one thing shown.
+    :param panels: before, after, removed; or the one thing shown.
     :param scale: colour bar and histogram.
     :param unit: pixels of a page of 1600 x 1200: what all lengths and letters are counted in.
     :param header: pixels above the panels' labels, for the title.
@@ -55,7 +55,7 @@ class Layout:
 def layout(look: Look, aspect: float, panels: int = 3) -> Layout:
     """The arrangement that suits panels of this aspect (width over height).
 
-    Three panels: before | after over difference | scale; or all in one row over the scale, if they are larger so.
+    Three panels: before | after over removed | scale; or all in one row over the scale, if they are larger so.
     """
     width, height = look.size
     unit = min(width / 1600, height / 1200)
@@ -83,18 +83,18 @@ def layout(look: Look, aspect: float, panels: int = 3) -> Layout:
 
 
 def compared_page(
-    arrangement: Layout, pictures: tuple[Array, Array, Array], change: Scale, look: Look, foot: str, pixel: float = 1.0
+    arrangement: Layout, pictures: tuple[Array, Array, Array], removed: Scale, look: Look, foot: str, pixel: float = 1.0
 ) -> "Figure":
-    """Before, after and difference with its scale.
+    """Before, after and removed with its scale.
 
     :param pictures: (h, w, 3) in uint8, of any size.
     :param foot: a line below.
     :param pixel: height over width of a pixel of theirs.
     """
     figure = _blank(arrangement, look, foot)
-    for box, picture, label in zip(arrangement.panels, pictures, ("before", "after", "difference"), strict=True):
+    for box, picture, label in zip(arrangement.panels, pictures, ("before", "after", "removed"), strict=True):
         _panel(figure, arrangement, box, picture, label, pixel)
-    _histogram(figure, arrangement, change)
+    _histogram(figure, arrangement, removed)
     return figure
 
 
@@ -177,20 +177,20 @@ def _panel(figure: "Figure", arrangement: Layout, box: Box, picture: Array, labe
     )
 
 
-def _histogram(figure: "Figure", arrangement: Layout, change: Scale) -> None:
-    """The distribution of the difference, standing on the colour bar that is also its axis."""
+def _histogram(figure: "Figure", arrangement: Layout, removed: Scale) -> None:
+    """The distribution of what was removed, standing on the colour bar that is also its axis."""
     box, unit = arrangement.scale, arrangement.unit
     left, width = box.left + round(0.1 * box.width), round(0.8 * box.width)
     foot, bar = round(108 * unit), round(20 * unit)
     tall = min(box.height - foot - bar - round(66 * unit), round(260 * unit))
     axes = _axes(figure, arrangement, Box(left, box.bottom + foot + bar, width, tall))
-    values = change.values[np.isfinite(change.values)].astype(np.float64)
-    counts, edges = np.histogram(values, bins=61, range=(change.low, change.high))
+    values = removed.values[np.isfinite(removed.values)].astype(np.float64)
+    counts, edges = np.histogram(values, bins=61, range=(removed.low, removed.high))
     axes.bar(edges[:-1], counts, width=np.diff(edges), align="edge", color="#8d949b", linewidth=0)
-    axes.set_xlim(change.low, change.high)
+    axes.set_xlim(removed.low, removed.high)
     axes.set_ylim(0, max(counts.max(), 1) * 1.04)
     axes.set_axis_off()
-    words = _statistics(values, change.unit)
+    words = _statistics(values, removed.unit)
     axes.text(
         0.5,
         1 + 24 * unit / tall,
@@ -203,11 +203,11 @@ def _histogram(figure: "Figure", arrangement: Layout, change: Scale) -> None:
         parse_math=False,
     )
     bar_axes = _axes(figure, arrangement, Box(left, box.bottom + foot, width, bar))
-    _bar(bar_axes, arrangement, change)
+    _bar(bar_axes, arrangement, removed)
     bar_axes.text(
         0.5,
         -88 * unit / bar,
-        change.ends,
+        removed.ends,
         ha="center",
         va="center",
         transform=bar_axes.transAxes,

@@ -12,7 +12,7 @@ from meshflow.io.adopt import adopt
 
 __all__ = ["Pair", "Scale", "holes", "paired", "spread"]
 
-_ENDS = 98.0  # percentile of |difference| at which the colours end: outliers do not bleach the rest
+_ENDS = 99.0  # percentile of the size at which colours end: outliers do not bleach the rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +52,14 @@ class Pair:
 
     :param before: a noun.
     :param after: one of the same kind and size.
-    :param change: after minus before as a scale that is symmetric about 0.
+    :param removed: before minus after, here and in every picture, report and number of this package: positive where
+        something was taken away; of a mesh inwards along the normals of ``before``. Its colours are symmetric about 0.
     :param notes: sentences for the user.
     """
 
     before: Noun
     after: Noun
-    change: Scale
+    removed: Scale
     notes: tuple[str, ...]
 
 
@@ -75,16 +76,16 @@ def paired(before: Any, after: Any, unit: str | None) -> Pair:
     if type(one) is not type(other):
         kinds = f"before is a {type(one).__name__}, after a {type(other).__name__}"
         raise InputError(f"{kinds}: two things of one kind expected")
-    change, what = _change(one, other)
+    values, what = _removed(one, other)
     if isinstance(one, RangeImage) and isinstance(other, RangeImage):
         other = replace(other, camera=one.camera)
     elif not isinstance(one, (Mesh, RangeImage)) and not isinstance(other, (Mesh, RangeImage)):
         other = replace(other, spacing=one.spacing)
     if unit is None:
         unit = one.unit if isinstance(one, (HeightField, RangeImage)) else ""
-    limit, ends = _limit(change)
-    scale = Scale(change, -limit, limit, "RdBu_r", what, unit, ends)
-    equal = (ends,) if not np.any(change[np.isfinite(change)]) else ()  # where colours end stands in the picture
+    limit, ends = _limit(values)
+    scale = Scale(values, -limit, limit, "RdBu_r", what, unit, ends)
+    equal = () if np.any(values[np.isfinite(values)]) else ("before and after are equal",)
     return Pair(one, other, scale, tuple(dict.fromkeys((*first.notes, *second.notes, *equal))))
 
 
@@ -100,23 +101,23 @@ def spread(values: Array) -> tuple[float, float]:
     return (low, high) if high > low else (low - 0.5, high + 0.5)
 
 
-def _limit(change: Array) -> tuple[float, str]:
+def _limit(removed: Array) -> tuple[float, str]:
     """Where the colours end, and why there."""
-    size = np.abs(change[np.isfinite(change)])
+    size = np.abs(removed[np.isfinite(removed)])
     if size.size == 0:
         raise InputError("before and after have no sample in common: one is missing wherever the other is there")
-    if size.max() == 0:
-        return 1.0, "before and after are equal"
-    limit = float(np.percentile(size, _ENDS))
+    most, limit = float(size.max()), float(np.percentile(size, _ENDS))
+    if most == 0:
+        return 1.0, "nothing was removed"
     if limit == 0:
-        return float(size.max()), f"colours end at ±{size.max():.3g}, the largest: almost nothing changed"
-    return limit, f"colours end at ±{limit:.3g}, the {_ENDS:.0f}th percentile of its size"
+        return most, f"colours end at ±{most:.3g}, the largest: almost nothing was removed"
+    return limit, f"colours end at ±{limit:.3g}, the {_ENDS:.0f}th percentile of its size; largest {most:.3g}"
 
 
-def _change(before: Noun, after: Noun) -> tuple[Array, str]:
-    """After minus before, NaN where either is missing, and what it is called."""
+def _removed(before: Noun, after: Noun) -> tuple[Array, str]:
+    """Before minus after, NaN where either is missing, and what it is called."""
     if isinstance(before, Mesh) and isinstance(after, Mesh):
-        return _mesh_change(before, after)
+        return _removed_of_mesh(before, after)
     columns = [_column(noun) for noun in (before, after)]
     shapes = [
         noun.values.shape if isinstance(noun, Image) else column.shape
@@ -124,10 +125,10 @@ def _change(before: Noun, after: Noun) -> tuple[Array, str]:
     ]
     if shapes[0] != shapes[1]:
         raise InputError(f"before has shape {shapes[0]}, after {shapes[1]}: the same samples expected; crop one")
-    words = {HeightField: "height after − before", RangeImage: "depth after − before"}
+    words = {HeightField: "height before − after", RangeImage: "depth before − after"}
     channels = before.values.shape[2:] if isinstance(before, Image) else ()
-    brightness = "mean of the channels, after − before" if channels not in ((), (1,)) else "after − before"
-    return columns[1] - columns[0], words.get(type(before), brightness)
+    brightness = "mean of the channels, before − after" if channels not in ((), (1,)) else "before − after"
+    return columns[0] - columns[1], words.get(type(before), brightness)
 
 
 def _column(noun: Noun) -> Array:
@@ -146,8 +147,8 @@ def _grey(image: Image) -> Array:
     return np.where(holes(image), np.nan, values)
 
 
-def _mesh_change(before: Mesh, after: Mesh) -> tuple[Array, str]:
-    """Motion along the normals of before; of channels that move alone, the change of their mean."""
+def _removed_of_mesh(before: Mesh, after: Mesh) -> tuple[Array, str]:
+    """Motion against the normals of before; of channels that move alone, the mean of what they lost."""
     if before.points.shape != after.points.shape:
         raise InputError(f"before has points {before.points.shape}, after {after.points.shape}: the same expected")
     if not np.array_equal(before.faces, after.faces):
@@ -159,20 +160,9 @@ def _mesh_change(before: Mesh, after: Mesh) -> tuple[Array, str]:
         if before.channels.shape != after.channels.shape:
             shapes = f"before has channels {before.channels.shape}, after {after.channels.shape}"
             raise InputError(f"{shapes}: the same expected")
-        change = after.channels.astype(np.float64) - before.channels
-        return change.mean(axis=1), "mean of the channels, after − before"
-    moved = after.points.astype(np.float64) - before.points
-    if moved.shape[1] != 3:
+        removed = before.channels.astype(np.float64) - after.channels
+        return removed.mean(axis=1), "mean of the channels, before − after"
+    moved, normals = before.points.astype(np.float64) - after.points, before.normals
+    if normals is None:
         return np.linalg.norm(moved, axis=1), "distance moved"
-    return np.einsum("nd,nd->n", moved, _vertex_normals(before)), "moved outwards along the normal"
-
-
-def _vertex_normals(mesh: Mesh) -> Array:
-    """Unit normals (n, 3), weighted by area; zero where there is no triangle."""
-    corners = mesh.points[mesh.faces].astype(np.float64)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros(mesh.points.shape)
-    for corner in range(3):
-        np.add.at(normals, mesh.faces[:, corner], across)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+    return np.einsum("nd,nd->n", moved, normals), "moved inwards along the normal"

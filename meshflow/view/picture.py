@@ -54,16 +54,16 @@ def compare(
     up: Up | None = None,
     how: How | None = None,
 ) -> Pictured:
-    """Show a thing before and after, side by side in the same light, and the difference below.
+    """Show a thing before and after, side by side in the same light, and what was removed below.
 
-    Surfaces are shaded flat, triangle by triangle, so that noise shows. The difference is the change of height, of
-    depth, or of the mean of the channels; of a mesh the motion along the normals of ``before``. Its colours are
-    symmetric about 0 and end at the 98th percentile of its size.
+    Surfaces are shaded flat, triangle by triangle, so that noise shows. Removed is before minus after: of height,
+    of depth, or of the mean of the channels; of a mesh the motion inwards along the normals of ``before``. Its colours
+    are symmetric about 0 and end at the 99th percentile of its size.
 
     :param before: a noun, or anything that :func:`meshflow.io.adopt.adopt` recognises.
     :param after: the same kind of thing on the same samples.
     :param path: the picture to write (.png, .jpg, .tif), in place of one that is there; None: a window.
-    :param unit: of the difference; by default the one that a height field names.
+    :param unit: of what was removed; by default the one that a height field names.
     :param size: of the picture or the window, pixels.
     :param exaggeration: factor on heights; by default one that makes the relief visible.
     :param azimuth: where the light comes from, degrees clockwise from north (from the top of the picture, where there
@@ -82,18 +82,18 @@ def compare(
     stage = staged((pair.before, pair.after), look, how, window=target is None)
     notes = (*pair.notes, *stage.notes)
     one, other = stage.bodies(pair.before, pair.after)
-    change = pair.change.thinned(stage.step)
+    removed = pair.removed.thinned(stage.step)
     if target is None:
-        scene.opened([[("before", one, None), ("after", other, None)], [("difference", other, change)]], look)
+        scene.opened([[("before", one, None), ("after", other, None)], [("removed", other, removed)]], look)
         return Pictured(None, stage.how, notes)
     plan = page.layout(look, stage.aspect(one, pair.before))
     sizes = [panel.size for panel in plan.panels]
     pictures = (
         stage.panel(pair.before, one, sizes[0]),
         stage.panel(pair.after, other, sizes[1]),
-        stage.panel(pair.after, other, sizes[2], change),
+        stage.panel(pair.after, other, sizes[2], removed),
     )
-    _save(page.compared_page(plan, pictures, pair.change, look, stage.foot(), stage.pixel(pair.before)), target)
+    _save(page.compared_page(plan, pictures, pair.removed, look, stage.foot(), stage.pixel(pair.before)), target)
     return Pictured(target, stage.how, notes)
 
 
