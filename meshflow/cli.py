@@ -1,4 +1,4 @@
-"""Words to one call: ``meshflow smooth | info | compare | compare-flows``."""
+"""Words to one call: ``meshflow smooth | info | fuse | compare | show | compare-flows``."""
 
 import json as notation
 import sys
@@ -260,6 +260,7 @@ def _must_be_writable(
 
 
 app.command()(looking.compare)
+app.command()(looking.show)
 app.command("compare-flows")(looking.compare_flows)
 
 

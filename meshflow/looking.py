@@ -1,6 +1,7 @@
-"""The commands that look: ``meshflow compare | compare-flows``."""
+"""The commands that look: ``meshflow compare | show | compare-flows``."""
 
 import json as notation
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,16 @@ from meshflow.console import out, said, table
 from meshflow.errors import InputError
 from meshflow.geometry.lift import RangeImage
 from meshflow.io.files import Document
-from meshflow.reading import opened
+from meshflow.reading import INPUTS, mask, opened
 
 if TYPE_CHECKING:
     from meshflow.geometry.gates import Array
 
-__all__ = ["compare", "compare_flows", "must_be_drawable", "pictured"]
+__all__ = ["compare", "compare_flows", "must_be_drawable", "pictured", "show"]
+
+
+# What a file is, as every command that reads one may be told.
+READ = tuple(name for name in INPUTS if name not in ("moves", "pace"))
 
 
 def compare(
@@ -33,23 +38,101 @@ def compare(
     channels: words.Channels = None,
     viewpoint: words.Viewpoint = None,
     picture: words.Picture = None,
+    window: words.Window = False,
+    quantity: words.ComparedOption = "removed",
+    arrange: words.Arrange = "beside",
+    at: words.At = 0.5,
+    contrast: words.SeenContrast = 1.0,
+    azimuth: words.Azimuth = 315.0,
+    altitude: words.Altitude = 30.0,
+    exaggeration: words.Exaggeration = None,
+    up: words.Up = None,
+    seen: words.Seen = None,
+    colours: words.Colours = None,
+    own_colours: words.OwnColours = False,
+    size: words.Size = (1600, 1200),
+    title: words.Title = None,
     json: words.Json = False,
 ) -> None:
-    """Compare IN with OTHER: differences, normals, area, volume."""
+    """Compare IN with OTHER: differences, normals, area, volume; and draw them, as a picture or in a window."""
+    _compared(**locals())
+
+
+def _compared(
+    one: Path, other: Path, picture: Path | None, window: bool, title: str | None, json: bool, **given: Any
+) -> None:
+    """The command ``compare``, with its options by name."""
     from meshflow.study.metrics import compare as measured
 
-    first, second = (
-        opened(path, kind, camera, depth_scale, measure, band, nodata, spacing, channels, viewpoint=viewpoint)
-        for path in (one, other)
-    )
+    reading = {name: given.pop(name) for name in READ}
+    first, second = (opened(path, **reading) for path in (one, other))
     if first.kind != second.kind and {first.kind, second.kind} <= {"image", "terrain"}:
         what = f"compare: two things of one kind expected, got {first.kind} and {second.kind}"
         raise InputError(f"{what}; give --camera if they are depth images, or --kind")
     facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
     notes = first.notes + second.notes
-    if picture is not None:
-        notes += pictured(first, second, picture, f"{one.name} and {other.name}")
+    for path in (*((picture,) if picture is not None else ()), *((None,) if window else ())):
+        from meshflow.view import compare as draw
+
+        told = draw(first, second, path, title=_titled(title, f"{one.name} and {other.name}"), **given).notes
+        notes += (*(note for note in told if note not in notes), *(() if path is None else (f"picture: {path}",)))
     table(facts, json, notes)
+
+
+def show(
+    source: words.In,
+    picture: words.Shown = None,
+    kind: words.KindOption = None,
+    camera: words.Camera = None,
+    depth_scale: words.DepthScale = None,
+    measure: words.MeasureOption = None,
+    band: words.Band = None,
+    nodata: words.Nodata = None,
+    spacing: words.Spacing = None,
+    channels: words.Channels = None,
+    viewpoint: words.Viewpoint = None,
+    fixed: words.FixedMask = None,
+    quantity: words.QuantityOption = None,
+    contrast: words.SeenContrast = 1.0,
+    azimuth: words.Azimuth = 315.0,
+    altitude: words.Altitude = 30.0,
+    exaggeration: words.Exaggeration = None,
+    up: words.Up = None,
+    seen: words.Seen = None,
+    colours: words.Colours = None,
+    own_colours: words.OwnColours = False,
+    size: words.Size = (1600, 1200),
+    title: words.Title = None,
+    overwrite: words.Overwrite = False,
+    quiet: words.Quiet = False,
+) -> None:
+    """Show IN, plain or in the colours of its curvature, edges, triangles or samples, as a picture or in a window."""
+    _shown(**locals())
+
+
+def _shown(
+    source: Path,
+    picture: Path | None,
+    fixed: Path | None,
+    title: str | None,
+    overwrite: bool,
+    quiet: bool,
+    **given: Any,
+) -> None:
+    """The command ``show``, with its options by name."""
+    from meshflow.view import show as draw
+
+    must_be_drawable(picture, overwrite)
+    document = opened(source, **{name: given.pop(name) for name in READ})
+    if fixed is not None:
+        document = document.holding(replace(document.noun, fixed=mask(fixed)))
+    told = draw(document, picture, title=_titled(title, source.name), **given)
+    notes = (*told.notes, *(() if picture is None else (f"picture: {picture}",)))
+    said("", () if quiet else notes)
+
+
+def _titled(title: str | None, default: str) -> str:
+    return default if title is None else title
 
 
 def compare_flows(

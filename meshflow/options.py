@@ -11,6 +11,8 @@ Kind = Literal["terrain", "image", "depth", "mesh"]
 Measure = Literal["depth", "range"]
 Pace = Literal["footprint", "length", "noise"]
 Moves = Literal["points", "channels", "all"]
+Quantity = Literal["curvature", "edges", "triangles", "samples"]
+Compared = Literal["removed", "curvature", "edges", "triangles", "samples"]
 
 
 def _option(panel: str, words: str, *flags: str) -> Any:
@@ -18,12 +20,13 @@ def _option(panel: str, words: str, *flags: str) -> Any:
     return typer.Option(*flags, help=words, rich_help_panel=panel)
 
 
-INPUT, FLOW, STOP, HOLD, OUTPUT = (
+INPUT, FLOW, STOP, HOLD, OUTPUT, LOOK = (
     "What the file is",
     "How it is smoothed",
     "When it stops before its time",
     "What is held",
     "What is written",
+    "How it looks",
 )
 FILES = "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK; PNG, JPEG; .npy, .npz."
 In = Annotated[Path, typer.Argument(metavar="IN", help=FILES)]
@@ -232,3 +235,44 @@ Overwrite = Annotated[bool, _option(OUTPUT, "Replace OUT if it is there.", "--ov
 Quiet = Annotated[bool, _option(OUTPUT, "Say nothing but errors.", "--quiet", "-q")]
 Verbose = Annotated[bool, _option(OUTPUT, "Every parameter, with its unit and where it came from.", "--verbose", "-v")]
 Json = Annotated[bool, _option(OUTPUT, "JSON on stdout.", "--json")]
+Shown = Annotated[
+    Path | None, typer.Argument(metavar="PICTURE", help="Where to draw (.png, .jpg, .tif). Default: a window.")
+]
+Film = Annotated[Path, typer.Argument(metavar="FILM", help="Where to write: .mp4 (needs meshflow[film]) or .gif.")]
+Window = Annotated[bool, _option(LOOK, "Open a window; needs a display.", "--window")]
+QuantityOption = Annotated[
+    Quantity | None,
+    _option(
+        LOOK,
+        "Colour stands for: mean curvature, edges (the edge indicator 1/W), quality of triangles, or samples (which are fixed "
+        "or missing).",
+    ),
+]
+ComparedOption = Annotated[
+    Compared,
+    _option(LOOK, "Colour stands for: what was removed; or before and after for their curvature, edges, ..."),
+]
+Arrange = Annotated[
+    Literal["beside", "wipe", "blink"],
+    _option(LOOK, "Beside each other; wipe: one view with a divider; blink: one after the other (.gif, .png)."),
+]
+At = Annotated[float, _option(LOOK, "Where the divider of a wipe stands, 0 (left) to 1.")]
+Azimuth = Annotated[
+    float, _option(LOOK, "Where the light comes from, degrees clockwise from north, or the top of the picture.")
+]
+Altitude = Annotated[float, _option(LOOK, "How high the light stands, degrees; low for raking light.")]
+Exaggeration = Annotated[float | None, _option(LOOK, "Factor on heights. Default: one that makes the relief visible.")]
+Up = Annotated[Literal["y", "z"] | None, _option(LOOK, "What is up of a mesh. Default: guessed from its shape.")]
+Seen = Annotated[
+    Literal["front", "side"] | None,
+    _option(
+        LOOK,
+        "front: as a map, an image, through its camera; side: as a surface seen aslant, an image as the heights of its "
+        "brightness. Default: terrains side, all else front.",
+    ),
+]
+Colours = Annotated[str | None, _option(LOOK, "A colour map of matplotlib, as cividis or coolwarm.")]
+OwnColours = Annotated[bool, _option(LOOK, "Meshes in their own colours or texture.", "--own-colours")]
+Size = Annotated[tuple[int, int], _option(LOOK, "Width and height, pixels.")]
+Title = Annotated[str | None, _option(LOOK, "A line above it. Default: the name of the file.")]
+SeenContrast = Annotated[float, _option(LOOK, "Length per unit of the value, for edges.", "--contrast")]

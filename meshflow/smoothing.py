@@ -1,5 +1,6 @@
 """The front door: any supported thing in, the same kind of thing out."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -9,13 +10,13 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.constraint import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
-from meshflow.flow.control import Control, Fixed
+from meshflow.flow.control import Control, Fixed, Until
 from meshflow.flow.keep import Kept
 from meshflow.flow.march import State, march
 from meshflow.flow.noise import noise_growth
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
-from meshflow.geometry.gates import Array
+from meshflow.geometry.gates import Array, whole
 from meshflow.geometry.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
 from meshflow.grid.rate import GridFlow
 from meshflow.io.adopt import adopt
@@ -24,7 +25,7 @@ from meshflow.plan import noise_in, planned
 from meshflow.result import Moment, Result
 from meshflow.settings import Settings
 
-__all__ = ["denoise", "noise", "smooth", "smooth_noun"]
+__all__ = ["denoise", "flowing", "noise", "smooth", "smooth_noun"]
 
 # What a thing may be told about itself (meshflow.io.adopt).
 HINTS = frozenset(
@@ -161,11 +162,7 @@ def _run(
     if plan.twice > 0:
         assert time is not None
         until = replace(until, time=2.0 * time, marks=(time,))
-    control: Control | None = settings.control or (None if settings.dt is None else Fixed(settings.dt))
-    stepper: Any = settings.stepper
-    if plan.motion is not None and isinstance(plan.noun, Mesh):
-        stepper = plan.motion.stepper(stepper, flow, time, plan.noun.faces)
-        control = Fixed(time) if plan.motion.once and control is None and time else control
+    stepper, control = _stepping(flow, plan, settings)
     limit = _held(plan, flow)
     moments, state = [], begin
     for state in march(flow, until, stepper, control, progress, recycle=True, limit=limit):
@@ -182,6 +179,54 @@ def _run(
     if end.step > 0 and record is not None and (kept is not None or not record):
         moments.append(_moment(end, plan))
     return begin, end, tuple(moments)
+
+
+def _stepping(flow: Flow, plan: Plan, settings: Settings) -> tuple[Any, Control | None]:
+    """How time is stepped, and what controls the steps."""
+    time = plan.until.time
+    control: Control | None = settings.control or (None if settings.dt is None else Fixed(settings.dt))
+    stepper: Any = settings.stepper
+    if plan.motion is not None and isinstance(plan.noun, Mesh):
+        stepper = plan.motion.stepper(stepper, flow, time, plan.noun.faces)
+        control = Fixed(time) if plan.motion.once and control is None and time else control
+    return stepper, control
+
+
+def flowing(noun: Noun, settings: Settings, count: int, progress: Progress = None) -> Iterator[tuple[float, Noun]]:
+    """States of a noun on its way, and the times of each: the start, the end, and others between them.
+
+    Times grow with the square, so that the widths of the Gaussians that they equal on flat data grow evenly. It is the flow
+    itself: without the twicing that :func:`smooth_noun` may end in.
+
+    :param count: how many states, two or more; fewer come where the run has fewer steps.
+    :raises InputError: as :func:`smooth_noun`, for a count below two, and for flows of inverse depth.
+    """
+    if whole(count, "count", 2) and settings.space == "disparity":
+        raise InputError("space='disparity': only lengths are shown on their way; leave it out")
+    plan = planned(noun, settings)
+    engine = _engine(plan, settings)
+    flow: Flow = engine if plan.trust is None else Faithful(engine, plan.trust)
+    yield 0.0, plan.noun
+    until, time = plan.until, plan.until.time
+    if plan.idle is not None or time == 0.0:
+        return
+    shares = [(k / (count - 1)) ** 2 for k in range(1, count)]
+    stepper, control = _stepping(flow, plan, settings)
+    limit = _held(plan, flow)
+    if until.stops:  # when they will be met is known afterwards
+        *_, end = march(flow, until, stepper, control, progress, recycle=True, limit=limit)
+        until, time = Until(time=end.time), end.time
+    if plan.motion is not None and plan.motion.once and time is not None:  # each state is one step from the start
+        for mark in (share * time for share in shares):
+            *_, state = march(flow, Until(time=mark), stepper, Fixed(mark), limit=limit)
+            yield state.time, _lowered(plan, engine, state.u)
+        return
+    marks = () if time is None else tuple(share * time for share in shares)
+    steps = frozenset() if until.steps is None else {round(share * until.steps) for share in shares}
+    for state in march(flow, replace(until, marks=marks), stepper, control, progress, limit=limit):
+        met = any(abs(state.time - mark) <= 1e-9 * mark for mark in marks) or state.step in steps
+        if state.step > 0 and (met or state.reason is not None):
+            yield state.time, _lowered(plan, engine, state.u)
 
 
 def _held(plan: Plan, flow: Flow) -> Hold | None:

@@ -9,8 +9,8 @@ from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.view import compare, page, scene, show
 from meshflow.view.bodies import embodied
 from meshflow.view.look import Look
-from meshflow.view.pair import Scale
 from meshflow.view.probe import Rendering
+from meshflow.view.scale import Scale
 from meshflow.view.stage import staged
 
 pytestmark = pytest.mark.needs_gl

@@ -14,7 +14,8 @@ from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.view import compare, page, relief, show
 from meshflow.view.bodies import as_shown, drawable, embodied
 from meshflow.view.look import Look
-from meshflow.view.pair import Scale, paired
+from meshflow.view.pair import paired
+from meshflow.view.scale import Scale
 
 CAMERA = Pinhole(50.0, 50.0, 19.5, 14.5)
 NEUTRAL = 247  # the middle of the colour map, grey

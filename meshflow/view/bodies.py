@@ -8,15 +8,16 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
+from meshflow.geometry.jumps import Cuts
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.geometry.triangulate import grid_sheets, triangles_there
-from meshflow.view.look import Look, Up, View, camera_view, mesh_view, picture_view, terrain_view
+from meshflow.view.look import Look, Seen, Up, View, camera_view, mesh_view, picture_view, side_view, terrain_view
 from meshflow.view.pair import holes
 
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["Body", "as_shown", "drawable", "embodied"]
+__all__ = ["Body", "as_shown", "drawable", "embodied", "raised"]
 
 _SAMPLES = 1000  # a side: more than a panel has pixels
 _RELIEF = 0.15  # height of a relief over its width where the exaggeration is ours to choose
@@ -32,6 +33,7 @@ class Body:
     :param samples: (n,), the index of each point among the samples or vertices of the noun.
     :param view: where it is seen from.
     :param colours: (n, 3) of its own, uint8, where it has some.
+    :param triangles: (m,), the index of each triangle among those of the noun; None: they are the same.
     """
 
     points: Array
@@ -39,6 +41,7 @@ class Body:
     samples: Array
     view: View
     colours: Array | None = None
+    triangles: Array | None = None
 
     def polydata(self) -> "pv.PolyData":
         """The same for VTK: no normals, so that it is shaded flat and noise shows."""
@@ -73,6 +76,8 @@ def embodied(
     exaggeration: float = 1.0,
     shown: Callable[[Array], Array] | None = None,
     up: Up | None = None,
+    seen: Seen | None = None,
+    own_colours: bool = False,
 ) -> Body:
     """The body of a noun.
 
@@ -80,11 +85,13 @@ def embodied(
     :param exaggeration: factor on the heights of a height field.
     :param shown: for an image, its channels as colours: :func:`as_shown`.
     :param up: for a mesh, the axis that is up.
+    :param seen: from which side, as :class:`meshflow.view.look.Look` has it; images are :func:`raised` before.
+    :param own_colours: channels of a mesh are its colours, whether they move or not.
     :raises InputError: when there is no triangle to draw.
     """
     if isinstance(noun, Mesh):
-        points, faces, colours = _three(noun.points), noun.faces, _mesh_colours(noun)
-        view = mesh_view(points, up)
+        points, faces, colours = _three(noun.points), noun.faces, _mesh_colours(noun, own_colours)
+        view = mesh_view(points, up, seen)
     elif isinstance(noun, Image):
         points, faces, colours = _sheet(noun, step, shown or as_shown(noun))
         view = picture_view()
@@ -93,12 +100,22 @@ def embodied(
         points, faces, colours = surface.points, surface.sheets[0], None
         if isinstance(noun, HeightField):
             points = points * (1.0, 1.0, exaggeration)
-        view = terrain_view() if isinstance(noun, HeightField) else camera_view()
+            view = picture_view() if seen == "front" else terrain_view()
+        else:
+            view = side_view() if seen == "side" else camera_view()
     if len(faces) == 0:
         what = type(noun).__name__
         raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, so much is missing")
     samples, corners = np.unique(faces, return_inverse=True)
     return Body(points[samples], corners.reshape(-1, 3), samples, view, None if colours is None else colours[samples])
+
+
+def raised(noun: Noun, seen: Seen | None) -> Noun:
+    """An image that is to be seen from the side as the terrain of its brightness, the mean of its channels; all else as it is."""
+    if seen != "side" or not isinstance(noun, Image):
+        return noun
+    values = noun.values if noun.values.ndim == 2 else noun.values.mean(axis=2)
+    return HeightField(values, noun.spacing, holes(noun))
 
 
 def _thinning(noun: Noun) -> int:
@@ -138,9 +155,22 @@ def _thinned(noun: HeightField | RangeImage, step: int) -> HeightField | RangeIm
     if isinstance(noun, HeightField):
         dx, dy = noun.spacing
         dx = dx * step if np.ndim(dx) == 0 else np.asarray(dx)[::step] * step
-        return replace(noun, z=noun.z[every], spacing=(dx, dy * step), missing=missing, fixed=None)
+        cuts = None if noun.cuts is None else _thinned_cuts(noun.cuts, step)
+        return replace(noun, z=noun.z[every], spacing=(dx, dy * step), missing=missing, fixed=None, cuts=cuts)
     camera = noun.camera.thinned(step, noun.depth.shape)
-    return replace(noun, depth=noun.depth[every], camera=camera, missing=missing, fixed=None)
+    sigma = noun.sigma[every] if isinstance(noun.sigma, np.ndarray) and noun.sigma.ndim else noun.sigma
+    return replace(noun, depth=noun.depth[every], camera=camera, missing=missing, fixed=None, sigma=sigma)
+
+
+def _thinned_cuts(cuts: Cuts, step: int) -> Cuts:
+    """Edges between every ``step``-th sample: cut where one of those that they stand for is."""
+
+    def of_rows(edges: Array) -> Array:
+        edges = edges[::step]
+        count = edges.shape[1] // step
+        return np.logical_or.reduce(edges[:, : count * step].reshape(len(edges), count, step), axis=2)
+
+    return Cuts(of_rows(cuts.right), of_rows(cuts.down.T).T)
 
 
 def _exaggeration(field: HeightField) -> float:
@@ -171,11 +201,12 @@ def _three(points: Array) -> Array:
     return flat if flat.shape[1] == 3 else np.column_stack([flat, np.zeros(len(flat))])
 
 
-def _mesh_colours(mesh: Mesh) -> Array | None:
-    """Channels as colours where they move and are red, green, blue from 0 to 255, opacity left out."""
-    if mesh.moves == "points" or mesh.channels is None or mesh.channels.shape[1] not in (3, 4):
+def _mesh_colours(mesh: Mesh, own: bool) -> Array | None:
+    """Channels as colours where they move or are asked for, and are red, green, blue from 0 to 255, opacity left out."""
+    if (mesh.moves == "points" and not own) or mesh.channels is None or mesh.channels.shape[1] not in (3, 4):
         return None
     low, high = np.percentile(mesh.channels, (1, 99))
-    if low < -25 or not 1 < high <= 280:  # noise may reach beyond what a byte holds
+    if not own and (low < -25 or not 1 < high <= 280):  # noise may reach beyond what a byte holds
         return None
-    return np.clip(np.round(mesh.channels[:, :3]), 0, 255).astype(np.uint8)
+    bright = mesh.channels[:, :3] * (255.0 if own and high <= 1 else 1.0)
+    return np.clip(np.round(bright), 0, 255).astype(np.uint8)

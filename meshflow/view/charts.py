@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshflow.geometry.gates import Array
-from meshflow.view.pair import Scale
+from meshflow.view.scale import Scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -143,7 +143,7 @@ def risks(curves: tuple[Curve, ...], time: float, units: tuple[str, str]) -> Cha
 def bar(axes: "Axes", scale: Scale) -> None:
     """A horizontal colour bar with its numbers, what it shows, and why it ends where it does."""
     axes.imshow(
-        np.linspace(0, 1, 256)[None, :], aspect="auto", cmap=scale.colours, extent=(scale.low, scale.high, 0, 1)
+        np.linspace(0, 1, 256)[None, :], aspect="auto", cmap=scale.colour_map, extent=(scale.low, scale.high, 0, 1)
     )
     axes.set_yticks([])
     _dressed(axes, "\n".join(word for word in (scale.label, scale.ends) if word))

@@ -11,7 +11,8 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.charts import Chart, Curve, course, histogram, risks
 from meshflow.view.look import Look
-from meshflow.view.pair import Pair, Scale, holes, paired
+from meshflow.view.pair import Pair, holes, paired
+from meshflow.view.scale import Scale
 from meshflow.view.stage import staged
 
 __all__ = ["Findings", "Panel", "Run", "found"]

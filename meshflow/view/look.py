@@ -1,16 +1,44 @@
 """The look of a picture: its light, its size, and where the viewer stands."""
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.gates import Array, positive
+from meshflow.view.scale import known_colours
 
-__all__ = ["Look", "Up", "View", "camera_view", "mesh_view", "picture_view", "terrain_view"]
+__all__ = [
+    "Look",
+    "Looks",
+    "Seen",
+    "Up",
+    "View",
+    "camera_view",
+    "looking",
+    "mesh_view",
+    "picture_view",
+    "side_view",
+    "terrain_view",
+]
 
 Up = Literal["y", "z"]
+Seen = Literal["front", "side"]
+
+
+class Looks(TypedDict, total=False):
+    """The fields of :class:`Look` as keywords."""
+
+    exaggeration: float | None
+    azimuth: float
+    altitude: float
+    up: Up | None
+    size: tuple[int, int]
+    title: str
+    seen: Seen | None
+    colours: str | None
+    own_colours: bool
 
 
 @dataclass(frozen=True)
@@ -24,7 +52,12 @@ class Look:
     :param up: the axis of a mesh that is up; None: guessed from its shape.
     :param size: of the picture or window, pixels.
     :param title: a line above it.
-    :raises InputError: for a size, an exaggeration or an altitude that cannot be.
+    :param seen: ``front``: as a map, as an image, through its camera; ``side``: as a surface, seen aslant, brightness of an
+        image as its height (the paper's Figure 10). By default terrains from the side, all else from the front.
+    :param colours: the name of a colour map of matplotlib for what is shown as colour; by default one that is two-sided
+        about 0, or perceptually uniform.
+    :param own_colours: meshes in the colours of their vertices, or of their texture there, instead of stone.
+    :raises InputError: for a size, an exaggeration or an altitude that cannot be, or a colour map that is not there.
     """
 
     exaggeration: float | None = None
@@ -33,12 +66,19 @@ class Look:
     up: Up | None = None
     size: tuple[int, int] = (1600, 1200)
     title: str = ""
+    seen: Seen | None = None
+    colours: str | None = None
+    own_colours: bool = False
 
     def __post_init__(self) -> None:
         if self.exaggeration is not None:
             positive(self.exaggeration, "exaggeration")
         if self.up not in (None, "y", "z"):
             raise InputError(f"up: y or z expected, got {self.up!r}")
+        if self.seen is not None and self.seen not in get_args(Seen):
+            raise InputError(f"seen: front or side expected, got {self.seen!r}")
+        if self.colours is not None:
+            known_colours(self.colours)
         if not (np.isfinite(self.azimuth) and 0 < self.altitude <= 90):
             raise InputError(
                 f"light: an azimuth in degrees and an altitude above 0 and up to 90 expected, "
@@ -54,6 +94,18 @@ class Look:
         return np.array([np.sin(turn) * np.cos(lift), np.cos(turn) * np.cos(lift), np.sin(lift)])
 
 
+def looking(**options: Unpack[Looks]) -> Look:
+    """The look of these options.
+
+    :raises InputError: as :class:`Look`, and for an option that there is not.
+    """
+    strange = set(options) - {field.name for field in fields(Look)}
+    if strange:
+        there = ", ".join(field.name for field in fields(Look))
+        raise InputError(f"{', '.join(sorted(strange))}: no such option of a picture; there are {there}")
+    return Look(**options)
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """Where a body is seen from, and what its light is measured against.
@@ -63,6 +115,7 @@ class View:
     :param ground: (3, 3), rows east, north and up of the light; of what has no north, the axes of the picture.
     :param pinhole: seen from the origin in perspective, as by a camera, instead of from far away.
     :param frame: what the picture shows: lower left and upper right corner in the plane of :meth:`flat`.
+    :param axis: unit vector about which the viewer walks around the body; None: ``up``.
     """
 
     toward: Array
@@ -70,6 +123,7 @@ class View:
     ground: Array
     pinhole: bool = False
     frame: tuple[tuple[float, float], tuple[float, float]] = ((-1.0, -1.0), (1.0, 1.0))
+    axis: Array | None = None
 
     @property
     def right(self) -> Array:
@@ -93,6 +147,17 @@ class View:
         (left, low), (right, high) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
         return replace(self, frame=((left, low), (right, high)))
 
+    def turned(self, degrees: float) -> "View":
+        """The view of who has walked around the body, counter-clockwise from above, and sees it from far away."""
+        axis, angle = self.up if self.axis is None else self.axis, np.radians(degrees)
+
+        def around(vector: Array) -> Array:
+            """Rodrigues' rotation."""
+            level = axis * np.dot(axis, vector)
+            return level + (vector - level) * np.cos(angle) + np.cross(axis, vector) * np.sin(angle)
+
+        return replace(self, toward=around(self.toward), up=around(self.up), pinhole=False)
+
     def _corners(self, points: Array) -> tuple[Array, Array]:
         flat = self.flat(points)
         return flat.min(axis=0), flat.max(axis=0)
@@ -107,7 +172,13 @@ def terrain_view() -> View:
     """From the south-south-west, half from above, north away from the viewer; the light knows its north."""
     turn, lift = np.radians((196.0, 48.0))
     toward = (np.sin(turn) * np.cos(lift), np.cos(turn) * np.cos(lift), np.sin(lift))
-    return View(*_picture(toward, (0.0, 0.0, 1.0)), np.eye(3))
+    return View(*_picture(toward, (0.0, 0.0, 1.0)), np.eye(3), axis=np.array([0.0, 0.0, 1.0]))
+
+
+def side_view() -> View:
+    """What a camera saw, from beside it and above: y down, z forward, the light as the camera has it."""
+    toward, up = _picture((0.64, -0.45, -0.62), (0.0, -1.0, 0.0))
+    return View(toward, up, camera_view().ground, axis=np.array([0.0, -1.0, 0.0]))
 
 
 def camera_view() -> View:
@@ -116,20 +187,23 @@ def camera_view() -> View:
     return View(toward, up, np.stack([np.cross(up, toward), up, toward]), pinhole=True)
 
 
-def mesh_view(points: Array, up: Up | None) -> View:
-    """From its broader side, a little turned and from above; a flat mesh from its front.
+def mesh_view(points: Array, up: Up | None, seen: Seen | None = None) -> View:
+    """From its broader side, a little turned and from above; a flat mesh from its front; from the side a quarter turn on.
 
     Where nobody says what is up, it is z, as in surveying and printing; or y, as in most scans, where z is the least
     extent, as the depth of a bust is, and yet no thin one, as the relief of a terrain is.
     """
     x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
+    axis = (0.0, 0.0, 1.0)
     if z <= 1e-6 * max(x, y):
-        toward, upwards = _picture((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+        toward, axis = (0.0, 0.0, 1.0) if seen != "side" else (0.9, 0.0, 0.6), (0.0, 1.0, 0.0)
     elif up == "y" or (up is None and 0.35 * max(x, y) <= z <= min(x, y / 1.1)):
-        toward, upwards = _picture((0.55, 0.4, 1.0) if x >= z else (1.0, 0.4, 0.55), (0.0, 1.0, 0.0))
+        toward, axis = (0.55, 0.4, 1.0) if x >= z else (1.0, 0.4, 0.55), (0.0, 1.0, 0.0)
     else:
-        toward, upwards = _picture((0.55, -1.0, 0.4) if x >= y else (1.0, 0.55, 0.4), (0.0, 0.0, 1.0))
-    return View(toward, upwards, np.stack([np.cross(upwards, toward), upwards, toward]))
+        toward = (0.55, -1.0, 0.4) if x >= y else (1.0, 0.55, 0.4)
+    view = View(*_picture(toward, axis), np.eye(3), axis=np.array(axis))
+    view = view.turned(90.0) if seen == "side" and z > 1e-6 * max(x, y) else view
+    return replace(view, ground=np.stack([view.right, view.up, view.toward]))
 
 
 def _picture(toward: Any, up: Any) -> tuple[Array, Array]:

@@ -1,19 +1,20 @@
 """The page: panels, labels, the scale of what was removed, laid out in whole pixels by matplotlib (Agg, no pyplot)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from meshflow.geometry.gates import Array
 from meshflow.view.look import Look
-from meshflow.view.pair import Scale
+from meshflow.view.scale import Scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Box", "Layout", "compared_page", "layout", "single_page"]
+__all__ = ["Box", "Layout", "compared_page", "layout", "pixels", "single_page"]
 
 _DPI = 100.0
 _INK = "#26282b"
@@ -52,22 +53,26 @@ class Layout:
     header: int
 
 
-def layout(look: Look, aspect: float, panels: int = 3) -> Layout:
+def layout(look: Look, aspect: float, panels: int = 3, labelled: bool = False) -> Layout:
     """The arrangement that suits panels of this aspect (width over height).
 
-    Three panels: before | after over removed | scale; or all in one row over the scale, if they are larger so.
+    Three panels: before | after over removed | scale; or all in one row over the scale, if they are larger so. One or two
+    stand over the scale.
+
+    :param labelled: one panel has its label, too; several always have.
     """
     width, height = look.size
     unit = min(width / 1600, height / 1200)
     gap, label, header, footer = (round(v * unit) for v in (20, 38, 62 if look.title else 14, 44))
     if panels == 1:
         strip = round(120 * unit)
-        box = Box(gap, footer + strip, width - 2 * gap, height - header - footer - strip)
+        above = header + label * labelled
+        box = Box(gap, footer + strip, width - 2 * gap, height - above - footer - strip)
         return Layout(look.size, (box,), Box(gap, footer, width - 2 * gap, strip), unit, header)
-    w, h = (width - 3 * gap) // 2, (height - header - footer - 2 * label - gap) // 2
     strip = round(300 * unit)
-    narrow, tall = (width - 4 * gap) // 3, height - header - footer - label - strip - gap
-    if 1.1 * min(h, w / aspect) >= min(tall, narrow / aspect):
+    w, h = (width - 3 * gap) // 2, (height - header - footer - 2 * label - gap) // 2
+    narrow, tall = (width - (panels + 1) * gap) // panels, height - header - footer - label - strip - gap
+    if panels == 3 and 1.1 * min(h, w / aspect) >= min(tall, narrow / aspect):
         low, high, right = footer, footer + h + label + gap, 2 * gap + w
         return Layout(
             look.size,
@@ -78,37 +83,67 @@ def layout(look: Look, aspect: float, panels: int = 3) -> Layout:
         )
     tall = min(tall, round(narrow / aspect))
     foot = height - header - label - tall
-    row = tuple(Box(gap + k * (narrow + gap), foot, narrow, tall) for k in range(3))
+    row = tuple(Box(gap + k * (narrow + gap), foot, narrow, tall) for k in range(panels))
     return Layout(look.size, row, Box(width // 5, footer, width * 3 // 5, foot - footer - gap), unit, header)
 
 
 def compared_page(
-    arrangement: Layout, pictures: tuple[Array, Array, Array], removed: Scale, look: Look, foot: str, pixel: float = 1.0
+    arrangement: Layout,
+    panels: Sequence[tuple[str, Array]],
+    counted: Sequence[tuple[str, Scale]],
+    look: Look,
+    foot: str,
+    pixel: float = 1.0,
 ) -> "Figure":
-    """Before, after and removed with its scale.
+    """Panels side by side, with the scale of what is counted.
 
-    :param pictures: (h, w, 3) in uint8, of any size.
+    :param panels: labels, and pictures (h, w, 3) in uint8, of any size.
+    :param counted: names and scales whose values the histogram counts; the colours are those of the last.
     :param foot: a line below.
     :param pixel: height over width of a pixel of theirs.
     """
     figure = _blank(arrangement, look, foot)
-    for box, picture, label in zip(arrangement.panels, pictures, ("before", "after", "removed"), strict=True):
+    for box, (label, picture) in zip(arrangement.panels, panels, strict=True):
         _panel(figure, arrangement, box, picture, label, pixel)
-    _histogram(figure, arrangement, removed)
+    _histogram(figure, arrangement, counted)
     return figure
 
 
 def single_page(
-    arrangement: Layout, picture: Array, scale: Scale | None, look: Look, foot: str, pixel: float = 1.0
+    arrangement: Layout,
+    picture: Array,
+    scale: Scale | None,
+    look: Look,
+    foot: str,
+    pixel: float = 1.0,
+    labels: tuple[str, ...] = (),
+    at: float = 0.5,
 ) -> "Figure":
-    """One thing, with the scale of its colours where they stand for values."""
+    """One thing, with the scale of its colours where they stand for values.
+
+    :param labels: above it; two: above what is left and right of a divider.
+    :param at: where that is, a share of the width.
+    """
     figure = _blank(arrangement, look, foot)
-    _panel(figure, arrangement, arrangement.panels[0], picture, "", pixel)
+    box, unit = arrangement.panels[0], arrangement.unit
+    _panel(figure, arrangement, box, picture, "", pixel)
+    places = (0.5,) if len(labels) == 1 else (at / 2, (1 + at) / 2)
+    for share, label in zip(places, labels, strict=False):
+        _label(figure, arrangement, box, share, label)
     if scale is not None:
-        box, unit = arrangement.scale, arrangement.unit
-        bar = Box(box.left + box.width // 4, box.bottom + round(70 * unit), box.width // 2, round(20 * unit))
-        _bar(_axes(figure, arrangement, bar), arrangement, scale)
+        box = arrangement.scale
+        bar = Box(box.left + box.width // 4, box.bottom + round(84 * unit), box.width // 2, round(20 * unit))
+        axes = _axes(figure, arrangement, bar)
+        _bar(axes, arrangement, scale)
+        _ends(axes, arrangement, scale, bar.height)
     return figure
+
+
+def pixels(figure: "Figure") -> Array:
+    """A page as a picture (height, width, 3) in uint8."""
+    canvas: Any = figure.canvas
+    canvas.draw()
+    return np.array(canvas.buffer_rgba())[..., :3]
 
 
 def _blank(arrangement: Layout, look: Look, foot: str) -> "Figure":
@@ -165,9 +200,14 @@ def _panel(figure: "Figure", arrangement: Layout, box: Box, picture: Array, labe
     axes = _axes(figure, arrangement, box)
     axes.imshow(picture, aspect=pixel, interpolation="antialiased")
     axes.set_axis_off()
+    _label(figure, arrangement, box, 0.5, label)
+
+
+def _label(figure: "Figure", arrangement: Layout, box: Box, share: float, label: str) -> None:
+    """Words above a box, at a share of its width."""
     width, height = arrangement.page
     figure.text(
-        (box.left + box.width / 2) / width,
+        (box.left + share * box.width) / width,
         (box.bottom + box.height + 18 * arrangement.unit) / height,
         label,
         ha="center",
@@ -177,24 +217,31 @@ def _panel(figure: "Figure", arrangement: Layout, box: Box, picture: Array, labe
     )
 
 
-def _histogram(figure: "Figure", arrangement: Layout, removed: Scale) -> None:
-    """The distribution of what was removed, standing on the colour bar that is also its axis."""
+def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[str, Scale]]) -> None:
+    """The distribution of what is counted, standing on the colour bar that is also its axis; of two the first as a line."""
+    scale = counted[-1][1]
     box, unit = arrangement.scale, arrangement.unit
     left, width = box.left + round(0.1 * box.width), round(0.8 * box.width)
     foot, bar = round(108 * unit), round(20 * unit)
     tall = min(box.height - foot - bar - round(66 * unit), round(260 * unit))
     axes = _axes(figure, arrangement, Box(left, box.bottom + foot + bar, width, tall))
-    values = removed.values[np.isfinite(removed.values)].astype(np.float64)
-    counts, edges = np.histogram(values, bins=61, range=(removed.low, removed.high))
-    axes.bar(edges[:-1], counts, width=np.diff(edges), align="edge", color="#8d949b", linewidth=0)
-    axes.set_xlim(removed.low, removed.high)
-    axes.set_ylim(0, max(counts.max(), 1) * 1.04)
+    words, top = [], 1
+    for k, (name, part) in enumerate(counted):
+        values = part.values[np.isfinite(part.values)].astype(np.float64)
+        counts, edges = np.histogram(values, bins=61, range=(scale.low, scale.high))
+        if k < len(counted) - 1:
+            axes.stairs(counts, edges, color="#b2182b", linewidth=_points(unit, 2))
+        else:
+            axes.bar(edges[:-1], counts, width=np.diff(edges), align="edge", color="#8d949b", linewidth=0)
+        top = max(top, int(counts.max()))
+        words.append(f"{name}: {_statistics(values, part.unit)}" if name else _statistics(values, part.unit))
+    axes.set_xlim(scale.low, scale.high)
+    axes.set_ylim(0, top * 1.04)
     axes.set_axis_off()
-    words = _statistics(values, removed.unit)
     axes.text(
         0.5,
         1 + 24 * unit / tall,
-        words,
+        "\n".join(words),
         transform=axes.transAxes,
         ha="center",
         va="bottom",
@@ -203,15 +250,20 @@ def _histogram(figure: "Figure", arrangement: Layout, removed: Scale) -> None:
         parse_math=False,
     )
     bar_axes = _axes(figure, arrangement, Box(left, box.bottom + foot, width, bar))
-    _bar(bar_axes, arrangement, removed)
-    bar_axes.text(
+    _bar(bar_axes, arrangement, scale)
+    _ends(bar_axes, arrangement, scale, bar)
+
+
+def _ends(axes: "Axes", arrangement: Layout, scale: Scale, bar: int) -> None:
+    """Why the colours of a bar end where they do, below its label."""
+    axes.text(
         0.5,
-        -88 * unit / bar,
-        removed.ends,
+        -88 * arrangement.unit / bar,
+        scale.ends,
         ha="center",
         va="center",
-        transform=bar_axes.transAxes,
-        fontsize=_letters(unit, 18),
+        transform=axes.transAxes,
+        fontsize=_letters(arrangement.unit, 18),
         color=_FAINT,
     )
 
@@ -230,10 +282,13 @@ def _bar(axes: "Axes", arrangement: Layout, scale: Scale) -> None:
     from matplotlib.ticker import MaxNLocator
 
     ramp = np.linspace(0, 1, 256)[None, :]
-    axes.imshow(ramp, aspect="auto", cmap=scale.colours, extent=(scale.low, scale.high, 0, 1))
+    axes.imshow(ramp, aspect="auto", cmap=scale.colour_map, extent=(scale.low, scale.high, 0, 1))
     axes.set_yticks([])
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "−"))
+    if scale.names:
+        axes.set_xticks(range(len(scale.names)), scale.names)
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "−"))
     axes.tick_params(
         axis="x",
         labelsize=_letters(arrangement.unit, 18),

@@ -8,42 +8,10 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
-from meshflow.io.adopt import adopt
+from meshflow.view.dress import taken
+from meshflow.view.scale import Scale, symmetric
 
-__all__ = ["Pair", "Scale", "holes", "paired", "spread"]
-
-_ENDS = 99.0  # percentile of the size at which colours end: outliers do not bleach the rest
-
-
-@dataclass(frozen=True, eq=False)
-class Scale:
-    """Values, and the colours that stand for them.
-
-    :param values: (h, w) of a grid or (n,) of a mesh, NaN where there is none.
-    :param low: the value of the first colour.
-    :param high: the value of the last colour.
-    :param colours: the name of a colour map of matplotlib.
-    :param what: what is shown, in words.
-    :param unit: its unit; may be empty.
-    :param ends: why the colours end where they do, a sentence; may be empty.
-    """
-
-    values: Array
-    low: float
-    high: float
-    colours: str
-    what: str
-    unit: str = ""
-    ends: str = ""
-
-    @property
-    def label(self) -> str:
-        """What is shown, with its unit."""
-        return f"{self.what} [{self.unit}]" if self.unit else self.what
-
-    def thinned(self, step: int) -> "Scale":
-        """Every ``step``-th value of a grid."""
-        return self if step == 1 else replace(self, values=self.values[::step, ::step])
+__all__ = ["Pair", "holes", "paired"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +31,16 @@ class Pair:
     notes: tuple[str, ...]
 
 
-def paired(before: Any, after: Any, unit: str | None) -> Pair:
-    """Two things that :func:`meshflow.io.adopt.adopt` recognises, as a pair.
+def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False) -> Pair:
+    """Two things that :func:`meshflow.view.dress.taken` recognises, as a pair.
 
     A grid that comes after is shown with the spacing or the camera of the one before.
 
     :param unit: of what changes; by default the unit that the noun names.
+    :param own_colours: meshes come in the colours of their own.
     :raises InputError: for things of different kind, size or triangles.
     """
-    first, second = adopt(before), adopt(after)
-    one, other = first.noun, second.noun
+    (one, first), (other, second) = taken(before, own_colours), taken(after, own_colours)
     if type(one) is not type(other):
         kinds = f"before is a {type(one).__name__}, after a {type(other).__name__}"
         raise InputError(f"{kinds}: two things of one kind expected")
@@ -83,35 +51,18 @@ def paired(before: Any, after: Any, unit: str | None) -> Pair:
         other = replace(other, spacing=one.spacing)
     if unit is None:
         unit = one.unit if isinstance(one, (HeightField, RangeImage)) else ""
-    limit, ends = _limit(values)
-    scale = Scale(values, -limit, limit, "RdBu_r", what, unit, ends)
-    equal = () if np.any(values[np.isfinite(values)]) else ("before and after are equal",)
-    return Pair(one, other, scale, tuple(dict.fromkeys((*first.notes, *second.notes, *equal))))
+    there = values[np.isfinite(values)]
+    if there.size == 0:
+        raise InputError("before and after have no sample in common: one is missing wherever the other is there")
+    scale = symmetric(values, what, unit, "nothing was removed")
+    equal = () if there.any() else ("before and after are equal",)
+    return Pair(one, other, scale, tuple(dict.fromkeys((*first, *second, *equal))))
 
 
 def holes(noun: HeightField | Image | RangeImage) -> Array:
     """The mask (h, w) of what is missing in a grid; every noun that was made has one."""
     assert noun.missing is not None
     return noun.missing
-
-
-def spread(values: Array) -> tuple[float, float]:
-    """The least and the greatest of the values that are there, never equal."""
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    return (low, high) if high > low else (low - 0.5, high + 0.5)
-
-
-def _limit(removed: Array) -> tuple[float, str]:
-    """Where the colours end, and why there."""
-    size = np.abs(removed[np.isfinite(removed)])
-    if size.size == 0:
-        raise InputError("before and after have no sample in common: one is missing wherever the other is there")
-    most, limit = float(size.max()), float(np.percentile(size, _ENDS))
-    if most == 0:
-        return 1.0, "nothing was removed"
-    if limit == 0:
-        return most, f"colours end at ±{most:.3g}, the largest: almost nothing was removed"
-    return limit, f"colours end at ±{limit:.3g}, the {_ENDS:.0f}th percentile of its size; largest {most:.3g}"
 
 
 def _removed(before: Noun, after: Noun) -> tuple[Array, str]:

@@ -1,34 +1,39 @@
-"""The two calls of this room: compare a thing before and after, show one thing."""
+"""The calls of this room: compare a thing before and after, show one thing; as a picture, a window, or in a notebook."""
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.gates import real
-from meshflow.geometry.lift import Mesh, Noun
-from meshflow.io.adopt import adopt
+from meshflow.geometry.gates import Array
 from meshflow.io.replace import beside
 from meshflow.view import page, scene
-from meshflow.view.look import Look, Up
-from meshflow.view.pair import Scale, holes, paired, spread
+from meshflow.view.frames import ANIMATED, Frames
+from meshflow.view.look import Looks, looking
+from meshflow.view.overlay import divided
 from meshflow.view.probe import displayed
-from meshflow.view.stage import How, staged
+from meshflow.view.quantity import Quantity
+from meshflow.view.sight import Arrange, Removed, Sight, of_one, of_two
+from meshflow.view.stage import How, must_open
 
 if TYPE_CHECKING:
+    import pyvista as pv
     from matplotlib.figure import Figure
 
-__all__ = ["Pictured", "compare", "show"]
+__all__ = ["Pictured", "compare", "plotter", "show", "writable"]
 
 _FORMATS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+_BLINKS = 1.25  # pictures per second
+_DIVIDER = np.array([38, 40, 43], np.uint8)
 
 
 @dataclass(frozen=True)
 class Pictured:
-    """What became of it.
+    """What became of it. In a notebook it shows the picture.
 
     :param path: the picture; None: it was a window.
     :param how: ``pyvista``: drawn in space by VTK; ``relief``: seen from above, without OpenGL.
@@ -39,62 +44,62 @@ class Pictured:
     how: How
     notes: tuple[str, ...] = ()
 
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+        """The picture, as notebooks ask for it."""
+        kinds = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif"}
+        kind = None if self.path is None else kinds.get(self.path.suffix.lower())
+        if kind is None or self.path is None:
+            return {"text/plain": repr(self)}
+        return {"text/plain": repr(self), kind: self.path.read_bytes()}
+
 
 def compare(
     before: Any,
     after: Any,
     path: str | Path | None = None,
     *,
-    title: str = "",
+    quantity: Quantity | Removed = "removed",
+    arrange: Arrange = "beside",
+    at: float = 0.5,
     unit: str | None = None,
-    size: tuple[int, int] = (1600, 1200),
-    exaggeration: float | None = None,
-    azimuth: float = 315.0,
-    altitude: float = 30.0,
-    up: Up | None = None,
+    contrast: float = 1.0,
     how: How | None = None,
+    **look: Unpack[Looks],
 ) -> Pictured:
-    """Show a thing before and after, side by side in the same light, and what was removed below.
+    """Show a thing before and after in the same light, and what was removed.
 
     Surfaces are shaded flat, triangle by triangle, so that noise shows. Removed is before minus after: of height,
     of depth, or of the mean of the channels; of a mesh the motion inwards along the normals of ``before``. Its colours
-    are symmetric about 0 and end at the 99th percentile of its size.
+    are symmetric about 0 and end at the 99th percentile of its size. Numbers are those of all of the data; what is drawn of
+    grids is thinned to 1000 samples a side, and that is said.
 
-    :param before: a noun, or anything that :func:`meshflow.io.adopt.adopt` recognises.
+    :param before: a noun, a :class:`meshflow.Document`, or anything that :func:`meshflow.io.adopt.adopt` recognises.
     :param after: the same kind of thing on the same samples.
-    :param path: the picture to write (.png, .jpg, .tif), in place of one that is there; None: a window.
-    :param unit: of what was removed; by default the one that a height field names.
-    :param size: of the picture or the window, pixels.
-    :param exaggeration: factor on heights; by default one that makes the relief visible.
-    :param azimuth: where the light comes from, degrees clockwise from north (from the top of the picture, where there
-        is no north).
-    :param altitude: how high it stands, degrees.
-    :param up: ``y`` or ``z``, what is up of a mesh; by default guessed from its shape.
+    :param path: the picture to write (.png, .jpg, .tif; to blink .gif or .png), in place of one that is there; None: a window.
+    :param quantity: ``removed``; or before and after in the colours of their ``curvature``, ``edges``, ``triangles`` or
+        ``samples`` (:func:`meshflow.view.measured`), one scale for both.
+    :param arrange: ``beside`` each other; ``wipe``: one view, before to the left of a divider (that a window lets you drag)
+        and after to its right; ``blink``: one after the other (in a window at the key b).
+    :param at: where the divider stands, a share of the width from the left.
+    :param unit: of what was removed; by default the one that the noun names.
+    :param contrast: length per unit of the values, for ``edges``.
     :param how: ``pyvista`` or ``relief``; by default VTK where it can draw, and images always as images.
+    :param look: the fields of :class:`meshflow.view.Look`: light, exaggeration, side, size, title, colours.
     :raises InputError: for two things that cannot be compared, nothing to draw, options that make no sense, or a window
         where there is no display.
     :raises FormatError: for a path that cannot be written, or an extension that is no picture's.
     :raises MissingPackage: for a mesh, or a window, where VTK cannot draw.
     """
-    look = Look(exaggeration, azimuth, altitude, up, size, title)
-    target = writable(path)
-    pair = paired(before, after, unit)
-    stage = staged((pair.before, pair.after), look, how, window=target is None)
-    notes = (*pair.notes, *stage.notes)
-    one, other = stage.bodies(pair.before, pair.after)
-    removed = pair.removed.thinned(stage.step)
+    at, seen = divided(at), looking(**look)
+    target = writable(path, ANIMATED if arrange == "blink" else _FORMATS)
+    sight = of_two(before, after, seen, how, target is None, arrange, unit, quantity, contrast)
     if target is None:
-        scene.opened([[("before", one, None), ("after", other, None)], [("removed", other, removed)]], look)
-        return Pictured(None, stage.how, notes)
-    plan = page.layout(look, stage.aspect(one, pair.before))
-    sizes = [panel.size for panel in plan.panels]
-    pictures = (
-        stage.panel(pair.before, one, sizes[0]),
-        stage.panel(pair.after, other, sizes[1]),
-        stage.panel(pair.after, other, sizes[2], removed),
-    )
-    _save(page.compared_page(plan, pictures, pair.removed, look, stage.foot(), stage.pixel(pair.before)), target)
-    return Pictured(target, stage.how, notes)
+        return _opened(sight, arrange, at)
+    if arrange == "blink":
+        _blinked(sight, target)
+    else:
+        _save(_wiped(sight, at) if arrange == "wipe" else _beside(sight), target)
+    return Pictured(target, sight.stage.how, sight.notes)
 
 
 def show(
@@ -102,71 +107,129 @@ def show(
     path: str | Path | None = None,
     *,
     scalars: ArrayLike | None = None,
-    title: str = "",
+    quantity: Quantity | None = None,
     unit: str | None = None,
-    size: tuple[int, int] = (1600, 1200),
-    exaggeration: float | None = None,
-    azimuth: float = 315.0,
-    altitude: float = 30.0,
-    up: Up | None = None,
+    contrast: float = 1.0,
     how: How | None = None,
+    **look: Unpack[Looks],
 ) -> Pictured:
     """Show one thing in a window, or as a picture.
 
     :param scalars: a number for each sample (h, w) or vertex (n,), shown as colour.
+    :param quantity: instead: ``curvature``, ``edges``, ``triangles`` or ``samples``, with its unit and its scale
+        (:func:`meshflow.view.measured`).
     :param unit: of the scalars.
 
     Everything else, and what is raised, as in :func:`compare`.
     """
-    look = Look(exaggeration, azimuth, altitude, up, size, title)
-    target = writable(path)
-    adopted = adopt(thing)
-    noun = adopted.noun
-    scale = None if scalars is None else _scale(noun, scalars, unit)
-    stage = staged((noun,), look, how, window=target is None)
-    notes = (*adopted.notes, *stage.notes)
-    (body,) = stage.bodies(noun)
-    thin = None if scale is None else scale.thinned(stage.step)
+    seen, target = looking(**look), writable(path, _FORMATS)
+    sight = of_one(thing, seen, how, target is None, unit, scalars, quantity, contrast)
     if target is None:
-        scene.opened([[("", body, thin)]], look)
-        return Pictured(None, stage.how, notes)
-    plan = page.layout(look, stage.aspect(body, noun), panels=1)
-    picture = stage.panel(noun, body, plan.panels[0].size, thin)
-    _save(page.single_page(plan, picture, scale, look, stage.foot(), stage.pixel(noun)), target)
-    return Pictured(target, stage.how, notes)
+        return _opened(sight, "beside", 0.5)
+    plan = page.layout(seen, sight.aspect, panels=1)
+    scale = sight.counted[0][1] if sight.counted else None
+    picture = sight.picture(0, plan.panels[0].size)
+    _save(page.single_page(plan, picture, scale, seen, sight.stage.foot(), sight.pixel), target)
+    return Pictured(target, sight.stage.how, sight.notes)
 
 
-def _scale(noun: Noun, scalars: ArrayLike, unit: str | None) -> Scale:
-    """Numbers of the caller's, one per sample or vertex, as colours from the least to the greatest.
+def plotter(
+    before: Any,
+    after: Any = None,
+    *,
+    quantity: Quantity | Removed | None = None,
+    arrange: Arrange = "beside",
+    at: float = 0.5,
+    unit: str | None = None,
+    contrast: float = 1.0,
+    off_screen: bool | None = None,
+    **look: Unpack[Looks],
+) -> "pv.Plotter":
+    """What :func:`compare`, or :func:`show` of one thing, would open as a window: a ``pyvista.Plotter``, not yet shown.
 
-    :raises InputError: when they do not fit the noun, or none is finite.
+    For notebooks, where its ``show()`` draws a picture, or a view that turns where ``trame`` is installed
+    (``show(jupyter_backend="trame")``), and for whoever wants to add to it. No display is needed to make it; close it in the end.
+
+    :param after: None: one thing is shown.
+    :param off_screen: draw without a window; None: as pyvista decides.
+    :raises MissingPackage: where VTK cannot draw.
     """
-    values = real(scalars, "scalars")
-    shape = noun.points.shape[:1] if isinstance(noun, Mesh) else holes(noun).shape
-    if values.shape != shape:
-        raise InputError(f"scalars: one number per sample or vertex expected, of shape {shape}; got {values.shape}")
-    gone = ~np.isfinite(values) if isinstance(noun, Mesh) else ~np.isfinite(values) | holes(noun)
-    values = np.where(gone, np.nan, values)
-    if np.isnan(values).all():
-        raise InputError("scalars: at least one finite number expected where a sample is, got none")
-    return Scale(values, *spread(values), "viridis", "", unit or "")
+    at, seen = divided(at), looking(**look)
+    if after is None:
+        if quantity == "removed":
+            raise InputError("quantity='removed': of two things, got one; give after, or another quantity")
+        sight = of_one(before, seen, "pyvista", True, unit, None, quantity, contrast)
+    else:
+        sight = of_two(before, after, seen, "pyvista", True, arrange, unit, quantity or "removed", contrast)
+    return _plotted(sight, arrange, at, off_screen)
 
 
-def writable(path: str | Path | None) -> Path | None:
+def writable(path: str | Path | None, formats: tuple[str, ...] = _FORMATS) -> Path | None:
     """A path to write to, or None for a window that can be opened: asked before anything is drawn."""
     if path is None:
         if not displayed():
-            raise InputError("a window needs a display, and DISPLAY is not set; give a path to write a picture instead")
+            raise InputError(
+                "a window needs a display, and DISPLAY is not set; give a path to write a picture instead, or take "
+                "meshflow.view.plotter in a notebook"
+            )
         return None
     target = Path(path)
-    if target.suffix.lower() not in _FORMATS:
+    if target.suffix.lower() not in formats:
         got = target.suffix or "no extension"
-        raise FormatError(f"{target.name}: a picture ends in {', '.join(_FORMATS)}; got {got}")
+        raise FormatError(f"{target.name}: a picture ends in {', '.join(formats)}; got {got}")
     if target.is_dir():
         raise FormatError(f"{target}: is a folder; name a file in it")
     if not target.parent.is_dir():
         raise FormatError(f"{target}: the folder {target.parent} is not there; make it first")
     return target
+
+
+def _opened(sight: Sight, arrange: Arrange, at: float) -> Pictured:
+    """A window; returns when it is closed."""
+    must_open()
+    with closing(_plotted(sight, arrange, at, None)) as window:
+        window.show()
+    return Pictured(None, sight.stage.how, sight.notes)
+
+
+def _plotted(sight: Sight, arrange: Arrange, at: float, off_screen: bool | None) -> "pv.Plotter":
+    """A window, not yet shown."""
+    panels = [(one.label, one.body, one.scale) for one in sight.shown]
+    if arrange == "beside" or len(panels) == 1:
+        return scene.windowed([row for row in (panels[:2], panels[2:]) if row], sight.look, off_screen)
+    pair = (panels[0][1:], panels[1][1:])
+    return scene.overlaid(pair, sight.look, at, arrange == "wipe", off_screen)
+
+
+def _beside(sight: Sight) -> "Figure":
+    """All panels, with a histogram of what is counted."""
+    plan = page.layout(sight.look, sight.aspect, len(sight.shown))
+    drawn = [(one.label, sight.picture(k, plan.panels[k].size)) for k, one in enumerate(sight.shown)]
+    return page.compared_page(plan, drawn, sight.counted, sight.look, sight.stage.foot(), sight.pixel)
+
+
+def _wiped(sight: Sight, at: float) -> "Figure":
+    """One view, before to the left of a divider and after to its right."""
+    plan = page.layout(sight.look, sight.aspect, 1, labelled=True)
+    one, other = (sight.picture(k, plan.panels[0].size) for k in (0, 1))
+    both, place, width = other.copy(), round(at * other.shape[1]), max(1, other.shape[1] // 600)
+    both[:, :place] = one[:, :place]
+    both[:, max(place - width // 2, 0) : place - width // 2 + width] = _DIVIDER
+    return _single(sight, plan, both, ("before", "after"), at)
+
+
+def _blinked(sight: Sight, target: Path) -> None:
+    """Two frames of an animated picture, before and after."""
+    plan = page.layout(sight.look, sight.aspect, 1, labelled=True)
+    with Frames(target, _BLINKS) as frames:
+        for k, one in enumerate(sight.shown[:2]):
+            picture = sight.picture(k, plan.panels[0].size)
+            frames.add(page.pixels(_single(sight, plan, picture, (one.label,))))
+
+
+def _single(sight: Sight, plan: page.Layout, picture: Array, labels: tuple[str, ...], at: float = 0.5) -> "Figure":
+    scale = sight.counted[-1][1] if sight.counted else None
+    return page.single_page(plan, picture, scale, sight.look, sight.stage.foot(), sight.pixel, labels, at)
 
 
 def _save(figure: "Figure", target: Path) -> None:

@@ -8,7 +8,8 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Image
 from meshflow.view.bodies import Body
 from meshflow.view.look import Look
-from meshflow.view.pair import Scale, holes
+from meshflow.view.pair import holes
+from meshflow.view.scale import Scale
 
 __all__ = ["coloured", "imaged", "pictured", "shaded"]
 
@@ -61,10 +62,8 @@ def imaged(image: Image, step: int, shown: Callable[[Array], Array]) -> Array:
 
 def coloured(scale: Scale) -> Array:
     """The colours (h, w, 3) in uint8 of a scale over a grid; missing samples as in :func:`pictured`."""
-    from matplotlib import colormaps
-
     share = (scale.values - scale.low) / (scale.high - scale.low)
-    colours = colormaps[scale.colours](np.clip(np.nan_to_num(share), 0.0, 1.0))[..., :3]
+    colours = scale.colour_map(np.clip(np.nan_to_num(share), 0.0, 1.0))[..., :3]
     return _bytes(np.where(np.isnan(scale.values)[..., None], _MISSING, colours))
 
 

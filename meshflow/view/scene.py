@@ -8,12 +8,14 @@ import numpy as np
 from meshflow.geometry.gates import Array
 from meshflow.view.bodies import Body
 from meshflow.view.look import Look
-from meshflow.view.pair import Scale
+from meshflow.view.overlay import Overlay
+from meshflow.view.scale import Scale
+from meshflow.view.turning import HEAVY, Turning, coarse
 
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["Rows", "drawn", "opened", "windowed"]
+__all__ = ["Rows", "drawn", "overlaid", "windowed"]
 
 Rows = list[list[tuple[str, Body, Scale | None]]]
 """Rows of panels of a window: label, body, the colours it wears instead of its own."""
@@ -52,51 +54,94 @@ def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = N
     return np.asarray(picture)[..., :3]
 
 
-def opened(rows: Rows, look: Look) -> None:
-    """A window with rows of labelled bodies that turn together; returns when it is closed.
+def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plotter":
+    """A window with rows of labelled bodies that turn together, not yet shown; the caller closes it.
 
     :param rows: one or two, the second of one body.
+    :param off_screen: draw without one; None: as pyvista decides.
     """
-    with closing(windowed(rows, look)) as plotter:
-        plotter.show()
-
-
-def windowed(rows: Rows, look: Look) -> "pv.Plotter":
-    """The window of :func:`opened`, not yet shown; the caller closes it."""
     import pyvista as pv
 
     shape: Any = (len(rows), len(rows[0]))
     groups: Any = [(1, slice(None))] if len(rows) == 2 else None
-    plotter = pv.Plotter(
-        shape=shape,
-        groups=groups,
-        window_size=list(look.size),
-        lighting="none",
-        theme=pv.themes.DocumentTheme(),
-        title=look.title or "meshflow",
-    )
+    plotter = pv.Plotter(shape=shape, groups=groups, off_screen=off_screen, **_frame(look))
     _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
+    heavy: list[tuple[Any, Any]] = []
     for r, row in enumerate(rows):
         for c, (label, body, scale) in enumerate(row):
             plotter.subplot(r, c)
-            _add(plotter, body, scale, bar=True)
+            actor = _add(plotter, body, scale, bar=True)
+            heavy += _stood_in(plotter, actor, body, scale)
             plotter.add_text(label, position="upper_left", font_size=12, color="black")
             _aim(plotter, body, look.size[0] / look.size[1])
     plotter.link_views()
     plotter.enable_anti_aliasing("ssaa")
+    if heavy:
+        Turning(plotter, heavy)
     return plotter
 
 
-def _add(plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = False) -> None:
-    """A body, shaded flat: of stone, in its own colours, or in those of a scale."""
+def overlaid(
+    panels: tuple[tuple[Body, Scale | None], ...], look: Look, at: float, wipes: bool, off_screen: bool | None = None
+) -> "pv.Plotter":
+    """A window of one view with a divider to drag between two bodies, or one at a time; not yet shown; the caller closes it.
+
+    :param at: where the divider stands at first, a share of the width.
+    :param wipes: start with the divider; else with the first body alone. The key b goes on.
+    """
+    import pyvista as pv
+
+    plotter = pv.Plotter(off_screen=off_screen, **_frame(look))
+    (one, first), (other, second) = panels
+    _light(plotter, one, look)
+    actors = _add(plotter, one, first, bar=True), _add(plotter, other, second)
+    overlay = Overlay(plotter, *actors, at, wipes)
+    widgets: Any = plotter
+    widgets.add_slider_widget(
+        overlay.slide,
+        rng=(0.0, 1.0),
+        value=at,
+        title="",
+        pointa=(0.0, 0.04),
+        pointb=(1.0, 0.04),
+        interaction_event="always",
+        color="#26282b",
+        fmt="",
+        slider_width=0.03,
+        tube_width=0.002,
+    )
+    _aim(plotter, one, look.size[0] / look.size[1])
+    plotter.enable_anti_aliasing("ssaa")
+    return plotter
+
+
+def _frame(look: Look) -> dict[str, Any]:
+    """What all windows have in common."""
+    import pyvista as pv
+
+    theme = pv.themes.DocumentTheme()
+    return {"window_size": list(look.size), "lighting": "none", "theme": theme, "title": look.title or "meshflow"}
+
+
+def _stood_in(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None) -> list[tuple[Any, Any]]:
+    """A coarse actor beside that of a body of very many triangles."""
+    if len(body.faces) <= HEAVY:
+        return []
+    return [(actor, _add(plotter, coarse(body), scale))]
+
+
+def _add(plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = False) -> Any:
+    """The actor of a body, shaded flat: of stone, in its own colours, or in those of a scale."""
     shape = body.polydata()
     if scale is not None:  # softly lit: the form is to be seen, the colour to be read
         bars: Any = {"title": f"{scale.label}\n", **_BARS} if bar else None
-        plotter.add_mesh(
+        which = body.samples if not scale.of_triangles else slice(None) if body.triangles is None else body.triangles
+        return plotter.add_mesh(
             shape,
-            scalars=scale.values.ravel()[body.samples],
+            scalars=scale.values.ravel()[which],
+            preference="cell" if scale.of_triangles else "point",
             clim=(scale.low, scale.high),
-            cmap=scale.colours,
+            cmap=scale.colour_map,
             nan_color="lightgrey",
             show_scalar_bar=bar,
             scalar_bar_args=bars,
@@ -105,11 +150,12 @@ def _add(plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = Fal
             diffuse=0.5,
             specular=0.0,
         )
-    elif body.colours is not None:
+    if body.colours is not None:
         flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
-        plotter.add_mesh(shape, scalars=body.colours, rgb=True, smooth_shading=False, lighting=not flat, specular=0.0)
-    else:
-        plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
+        return plotter.add_mesh(
+            shape, scalars=body.colours, rgb=True, smooth_shading=False, lighting=not flat, specular=0.0
+        )
+    return plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
 
 
 def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:

@@ -11,11 +11,12 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view import relief, scene
 from meshflow.view.bodies import Body, as_shown, drawable, embodied
-from meshflow.view.look import Look
-from meshflow.view.pair import Scale, holes
+from meshflow.view.look import Look, Seen
+from meshflow.view.pair import holes
 from meshflow.view.probe import rendering
+from meshflow.view.scale import Scale
 
-__all__ = ["How", "Stage", "staged"]
+__all__ = ["How", "Stage", "must_open", "staged"]
 
 How = Literal["pyvista", "relief"]
 
@@ -41,7 +42,11 @@ class Stage:
 
     def bodies(self, *nouns: Noun) -> tuple[Body, ...]:
         """The bodies of nouns of one kind, seen from one side and framed alike."""
-        bodies = [embodied(noun, self.step, self.exaggeration, self.shown, self.look.up) for noun in nouns]
+        look = self.look
+        bodies = [
+            embodied(noun, self.step, self.exaggeration, self.shown, look.up, look.seen, look.own_colours)
+            for noun in nouns
+        ]
         view = bodies[0].view.framing(*(body.points for body in bodies))
         return tuple(replace(body, view=view) for body in bodies)
 
@@ -88,12 +93,12 @@ def staged(nouns: tuple[Noun, ...], look: Look, how: How | None, window: bool) -
     """Decide how these nouns, all of one kind, are drawn.
 
     :param how: what the caller asks for; None: VTK where it can draw, images as images.
-    :param window: it is to be a window, which only VTK can open.
+    :param window: it is to be a window or a plotter, which only VTK can make.
     :raises InputError: for a way that does not suit the noun.
     :raises MissingPackage: where only VTK would do and it cannot draw; the message says what would mend it.
     """
     noun = nouns[0]
-    chosen, notes = _way(noun, how, window)
+    chosen, notes = _way(noun, how, window, look.seen)
     step, exaggeration, caption = drawable(noun, look)
     told = (*notes, *caption) if step > 1 else notes  # light and exaggeration stand in the picture
     images = [noun for noun in nouns if isinstance(noun, Image)]
@@ -102,13 +107,25 @@ def staged(nouns: tuple[Noun, ...], look: Look, how: How | None, window: bool) -
     return Stage(look, chosen, step, exaggeration, as_shown(*images) if images else None, caption, told)
 
 
-def _way(noun: Noun, how: How | None, window: bool) -> tuple[How, tuple[str, ...]]:
+def must_open() -> None:
+    """Refuse a window where VTK draws, but not on a display.
+
+    :raises InputError: there.
+    """
+    answer = rendering()
+    if answer.works and answer.window is not None:
+        raise InputError(f"a window needs a display that VTK can draw on, and here {answer.why}; give a path")
+
+
+def _way(noun: Noun, how: How | None, window: bool, seen: Seen | None) -> tuple[How, tuple[str, ...]]:
     """The way, and why, where it is not the one to be expected."""
     name = type(noun).__name__
     if how not in (None, "pyvista", "relief"):
         raise InputError(f"how: pyvista or relief expected, got {how!r}")
     if how == "relief" and isinstance(noun, Mesh):
         raise InputError("how='relief': a mesh has no grid to be shown as a relief; leave it out")
+    if how == "relief" and seen == "side":
+        raise InputError("how='relief' is seen from the front; leave seen='side' out, or how")
     if how == "relief" and window:
         raise InputError("how='relief' makes pictures, not windows; give a path")
     if how == "pyvista" and isinstance(noun, Image) and not window:
@@ -117,11 +134,9 @@ def _way(noun: Noun, how: How | None, window: bool) -> tuple[How, tuple[str, ...
         return "relief", ()
     answer = rendering()
     if answer.works:
-        if window and answer.window is not None:
-            raise InputError(f"a window needs a display that VTK can draw on, and here {answer.why}; give a path")
         answer.prepare()
         return "pyvista", ()
-    if window or how == "pyvista" or not isinstance(noun, (HeightField, RangeImage)):
+    if window or how == "pyvista" or seen == "side" or not isinstance(noun, (HeightField, RangeImage)):
         what = "a window" if window else f"a {name} in space"
         raise MissingPackage(f"{what} is drawn by VTK alone: {answer.why}")
     return "relief", (f"shown as a relief: {answer.why}",)

@@ -1,0 +1,78 @@
+"""Pictures one after the other: animated GIF and PNG by Pillow, films by imageio and ffmpeg."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from meshflow.errors import InputError, need
+from meshflow.geometry.gates import Array
+from meshflow.io.replace import beside
+
+__all__ = ["ANIMATED", "FILMS", "Frames"]
+
+ANIMATED, FILMS = (".gif", ".png"), (".mp4", ".gif")
+_COLOURS = 160  # of a frame of a GIF, which can have 256: shades of stone, and the colours of a scale
+_QUALITY = 7  # of imageio, 0 to 10
+
+
+class Frames:
+    """A file of frames, written beside the old one and put in its place at the end; on an error nothing is left behind.
+
+    :param path: ``.gif``; ``.png``, animated; or ``.mp4`` (H.264; needs ``meshflow[film]``).
+    :param rate: frames per second.
+    :raises MissingPackage: for a film where imageio-ffmpeg is not installed.
+    :raises InputError: for a rate that cannot be.
+    """
+
+    def __init__(self, path: Path, rate: float) -> None:
+        if not 0.1 <= rate <= 60:
+            raise InputError(f"rate: 0.1 to 60 frames per second expected, got {rate:g}")
+        if path.suffix.lower() == ".mp4":
+            need("imageio_ffmpeg", "film")
+        self.path, self.rate = path, rate
+        self._beside = beside(path)
+        self._pictures: list[Any] = []
+        self._draft = path
+        self._film: Any = None
+
+    def __enter__(self) -> "Frames":
+        self._draft = self._beside.__enter__()
+        return self
+
+    def add(self, picture: Array) -> None:
+        """One more frame, (h, w, 3) in uint8, all of one size."""
+        if self.path.suffix.lower() == ".mp4":
+            even = np.ascontiguousarray(picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2])
+            self._filming().append_data(even)
+            return
+        from PIL import Image
+
+        frame = Image.fromarray(picture)
+        gif = self.path.suffix.lower() == ".gif"
+        self._pictures.append(frame.quantize(_COLOURS, dither=Image.Dither.NONE) if gif else frame)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._film is not None:
+            self._film.close()
+        if kind is None and self._pictures:
+            first, *others = self._pictures
+            options = {"save_all": True, "append_images": others, "duration": round(1000 / self.rate), "loop": 0}
+            try:
+                first.save(self._draft, format=self.path.suffix[1:].upper(), **options)
+            except OSError as cause:
+                kind, error, trace = type(cause), cause, cause.__traceback__
+        self._beside.__exit__(kind, error, trace)  # makes a FormatError of it
+
+    def _filming(self) -> Any:
+        """The pipe to ffmpeg, opened with the first frame."""
+        if self._film is None:
+            import imageio
+
+            self._film = imageio.get_writer(
+                self._draft, format="FFMPEG", fps=self.rate, codec="libx264", quality=_QUALITY, macro_block_size=2
+            )
+        return self._film

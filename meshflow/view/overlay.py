@@ -1,0 +1,90 @@
+"""Two bodies in one view of a window: a divider to be dragged between them, or one at a time."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshflow.errors import InputError
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+__all__ = ["Overlay", "divided"]
+
+_KEY = "b"
+
+
+def divided(at: float) -> float:
+    """Where a divider stands, a share of the width from the left.
+
+    :raises InputError: for one that is outside.
+    """
+    if not 0.0 <= at <= 1.0:
+        raise InputError(f"at: the place of the divider, 0 (left) to 1 (right), expected, got {at}")
+    return float(at)
+
+
+class Overlay:
+    """Before on the left of a divider and after on its right; the key b shows the one, the other, and both again.
+
+    Each actor is clipped by a plane that holds the lines of sight through the divider, so it is a line on the screen whatever the
+    camera does, and nothing is drawn twice.
+
+    :param plotter: a window of one view.
+    :param before: an actor.
+    :param after: an actor.
+    :param at: where the divider stands, a share of the width.
+    :param wipes: start with the divider; else with ``before`` alone.
+    """
+
+    def __init__(self, plotter: "pv.Plotter", before: Any, after: Any, at: float, wipes: bool) -> None:
+        import vtk
+
+        self.plotter, self.actors = plotter, (before, after)
+        self.at, self.mode = at, 0 if wipes else 1
+        self.planes = vtk.vtkPlane(), vtk.vtkPlane()
+        for actor, plane in zip(self.actors, self.planes, strict=True):
+            actor.mapper.AddClippingPlane(plane)
+        self.label: Any = plotter.add_text(
+            self.words, position=(0.02, 0.95), viewport=True, font_size=12, color="black"
+        )
+        window: Any = plotter
+        window.renderer.AddObserver("StartEvent", self._follow)
+        window.add_key_event(_KEY, self.swap)
+
+    @property
+    def words(self) -> str:
+        """What is seen."""
+        return ("before: left,  after: right", "before", "after")[self.mode]
+
+    def slide(self, at: float) -> None:
+        """The divider moved to a share of the width."""
+        self.at = float(at)
+
+    def swap(self) -> None:
+        """The next of before, after, and both with the divider."""
+        self.mode = (self.mode + 1) % 3
+        self.label.input = self.words
+        self.plotter.render()
+
+    def _follow(self, *_: Any) -> None:
+        """Have the planes hold the lines of sight, and the actors be seen or not, just before they are drawn."""
+        at = (self.at, 1.0, 0.0)[self.mode]
+        for actor, seen in zip(self.actors, (at > 0.0, at < 1.0), strict=True):
+            actor.SetVisibility(seen)
+        camera = self.plotter.camera
+        window: Any = self.plotter.render_window
+        wide, tall = window.GetSize()
+        place, focus = np.array(camera.position), np.array(camera.focal_point)
+        forward = (focus - place) / np.linalg.norm(focus - place)
+        right = np.cross(forward, np.array(camera.up))
+        right /= np.linalg.norm(right)
+        across = wide / tall * (2.0 * at - 1.0)
+        if camera.parallel_projection:
+            origin, normal = place + across * camera.parallel_scale * right, right
+        else:
+            half = np.tan(np.radians(camera.view_angle) / 2)
+            origin, normal = place, right - across * half * forward
+        for plane, side in zip(self.planes, (-1.0, 1.0), strict=True):
+            plane.SetOrigin(*origin)
+            plane.SetNormal(*(side * normal))

@@ -1,0 +1,172 @@
+"""What a surface is like at each of its samples: curvature, edges, triangles, what is missing. From all of the data."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry import operator
+from meshflow.geometry.connectivity import connect
+from meshflow.geometry.facets import normals_at
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun
+from meshflow.geometry.surface import Axes, Rays, Surface
+from meshflow.view.pair import holes
+from meshflow.view.scale import Scale, ranging, symmetric
+
+__all__ = ["QUANTITIES", "Quantity", "measured"]
+
+Quantity = Literal["curvature", "edges", "triangles", "samples"]
+QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
+_STRIP = 400_000  # samples of a grid that are lifted at a time: their triangles would not fit in memory otherwise
+_KINDS = ("move", "fixed", "missing")
+
+
+def measured(noun: Noun, quantity: Quantity, contrast: float = 1.0) -> Scale:
+    """A quantity on a surface, with its unit and its colours.
+
+    ``curvature``: the mean curvature (11), of the graph of a grid in its true proportions; positive where the surface bulges
+    outwards, upwards or towards its camera, per length; without sign for colour and other dimensions than three. Mixed Voronoi
+    areas (Meyer et al. 2002).
+    ``edges``: the edge indicator 1/W (3): area of the triangles around a sample across its free directions over their true
+    area; 1 where it is flat, near 0 on edges.
+    ``triangles``: 4 sqrt(3) area over the sum of the squared edges, 1 for an equilateral triangle and 0 without area; of grids
+    the least around a sample.
+    ``samples``: which move, which are fixed, which are missing.
+
+    :param contrast: length per unit of the values, for ``edges`` of height fields and images.
+    :raises InputError: for an unknown word, or the edge indicator of a mesh whose points move: it is 1 everywhere.
+    """
+    if quantity not in QUANTITIES:
+        raise InputError(f"quantity: one of {', '.join(QUANTITIES)} expected, got {quantity!r}")
+    if quantity == "samples":
+        return _samples(noun)
+    if quantity == "edges" and isinstance(noun, Mesh) and noun.moves == "points":
+        raise InputError(
+            "edges: all directions of a mesh are free, its edge indicator is 1; show its curvature instead"
+        )
+    if quantity == "triangles" and isinstance(noun, Mesh):
+        return replace(_dressed(noun, quantity, _qualities(noun.points, noun.faces)), of_triangles=True)
+    return _dressed(noun, quantity, _over(noun, quantity, contrast), contrast)
+
+
+def _dressed(noun: Noun, quantity: Quantity, values: Array, contrast: float = 1.0) -> Scale:
+    """Values with their words, their unit and their colours."""
+    if not np.isfinite(values).any():
+        raise InputError(f"{quantity}: nothing to show, no sample of the {type(noun).__name__} has a triangle")
+    if quantity == "triangles":
+        where = "" if isinstance(noun, Mesh) else ", the worst at each sample"
+        return ranging(values, f"quality of the triangles{where} (1: equilateral)", "", (0.0, 1.0))
+    if quantity == "edges":
+        word = "" if contrast == 1.0 else f", contrast {contrast:g}"
+        return ranging(values, f"edge indicator 1/W{word} (1: flat)", "", (0.0, 1.0))
+    unit = getattr(noun, "unit", "") or ("pixel" if isinstance(noun, Image) else "length")
+    if (np.nan_to_num(values) < 0).any():
+        return symmetric(values, "mean curvature", f"1/{unit}", "flat everywhere")
+    most = float(np.nanpercentile(values, 99.0)) or float(np.nanmax(values)) or 1.0
+    scale = ranging(values, "mean curvature", f"1/{unit}", (0.0, most))
+    return replace(scale, ends=f"colours end at {most:.3g}, the 99th percentile; largest {np.nanmax(values):.3g}")
+
+
+def _samples(noun: Noun) -> Scale:
+    """Which samples move (0), are fixed (1), or missing (2)."""
+    assert noun.fixed is not None
+    kinds = noun.fixed.astype(np.float64)
+    if not isinstance(noun, Mesh):
+        kinds[holes(noun)] = 2.0
+    names = _KINDS[:2] if isinstance(noun, Mesh) else _KINDS
+    shares = [f"{100 * float((kinds == k).mean()):.3g} % {name}" for k, name in enumerate(names)]
+    return Scale(kinds, -0.5, len(names) - 0.5, "viridis", f"samples: {', '.join(shares)}", names=names)
+
+
+def _over(noun: Noun, quantity: Quantity, contrast: float) -> Array:
+    """A quantity of every sample (h, w) or (n,), NaN where there is no triangle."""
+    if not isinstance(noun, (HeightField, Image)) or (isinstance(noun, HeightField) and noun.cuts is not None):
+        values = _local(noun, quantity, contrast)
+        return values if isinstance(noun, Mesh) else values.reshape(holes(noun).shape)
+    h, w = holes(noun).shape
+    rows = max(_STRIP // w, 2)
+    # A sample knows of its neighbours and no others: strips with one row more on either side are as good as the whole.
+    parts = []
+    for first in range(0, h, rows):
+        low, high = max(first - 1, 0), min(first + rows + 1, h)
+        low = min(low, high - 2)
+        if holes(noun)[low:high].all():  # no noun, and no matter
+            parts.append(np.full((min(first + rows, h) - first, w), np.nan))
+            continue
+        values = _local(_rows(noun, low, high), quantity, contrast).reshape(high - low, w)
+        parts.append(values[first - low : min(first + rows, h) - low])
+    return np.concatenate(parts)
+
+
+def _rows(noun: HeightField | Image, low: int, high: int) -> HeightField | Image:
+    """Some rows of a grid."""
+    dx, dy = noun.spacing
+    part, missing = slice(low, high), holes(noun)[low:high]
+    spacing = (dx if np.ndim(dx) == 0 else np.asarray(dx)[part], dy)
+    if isinstance(noun, HeightField):
+        return replace(noun, z=noun.z[part], spacing=spacing, missing=missing, fixed=None)
+    return replace(noun, values=noun.values[part], spacing=spacing, missing=missing, fixed=None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Triangles:
+    """One triangulation of a noun."""
+
+    surface: Surface
+    faces: Array
+
+    def at_samples(self, values: Array) -> Array:
+        """Values (n,), NaN where there is no triangle."""
+        used = np.zeros(len(self.surface.points), bool)
+        used[self.faces] = True
+        return np.where(used, values, np.nan)
+
+
+def _local(noun: Noun, quantity: Quantity, contrast: float) -> Array:
+    """A quantity of every sample (n,) of what is lifted whole."""
+    factor = contrast if quantity == "edges" and isinstance(noun, (HeightField, Image)) else 1.0
+    surface = noun.lifted(Lift(diagonals="forward", contrast=factor))
+    if isinstance(noun, Mesh) and quantity == "curvature":
+        surface = Surface(noun.points, (noun.faces,))
+    there = _Triangles(surface, surface.sheets[0])
+    if len(there.faces) == 0:
+        return np.full(len(surface.points), np.nan)
+    if quantity == "curvature":
+        return there.at_samples(_curvature(surface.points, there.faces))
+    if quantity == "triangles":
+        worst = np.full(len(surface.points), np.inf)
+        np.minimum.at(worst, there.faces, _qualities(surface.points, there.faces)[:, None])
+        return there.at_samples(worst)
+    return there.at_samples(_edges(surface, there.faces))
+
+
+def _curvature(points: Array, faces: Array) -> Array:
+    """Mean curvature (n,), positive where the surface bulges towards its normals; its size outside of space."""
+    if points.shape[1] != 3:
+        return operator.mean_curvature(points, faces)
+    # At the rim there is no ring of triangles, and no curvature to speak of: the pull of the conormals is out.
+    normals = operator.curvature_normal(points, faces, "voronoi", "linear")
+    return 0.5 * np.einsum("nd,nd->n", normals, normals_at(points, faces))
+
+
+def _edges(surface: Surface, faces: Array) -> Array:
+    """Area across the free directions over true area (n,), of the triangles around each vertex."""
+    connectivity = connect((faces,), len(surface.points))
+    if isinstance(surface.free, Rays):
+        seen = operator.gather_seen(connectivity, surface.points, surface.free.directions)
+    else:
+        assert isinstance(surface.free, Axes)
+        stays = [axis for axis in range(surface.points.shape[1]) if axis not in surface.free.columns]
+        seen = operator.mass(surface.points[:, stays], faces, "ring")
+    true = operator.mass(surface.points, faces, "ring")
+    return np.clip(np.divide(seen, true, out=np.ones_like(true), where=true > 0), 0.0, 1.0)
+
+
+def _qualities(points: Array, faces: Array) -> Array:
+    """4 sqrt(3) area over the sum of squared edges (m,): that is sqrt(3) over the sum of the cotangents."""
+    cot, area = operator.cotangents(points, faces)
+    total = cot.sum(axis=1)
+    sound = (area > 0) & np.isfinite(total) & (total > 0)
+    return np.clip(np.divide(np.sqrt(3.0), total, out=np.zeros_like(total), where=sound), 0.0, 1.0)

@@ -1,0 +1,118 @@
+"""Values, and the colours that stand for them."""
+
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.gates import Array
+
+if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
+
+__all__ = ["Scale", "known_colours", "ranging", "spread", "symmetric", "together"]
+
+_ENDS = 99.0  # percentile of the size at which colours end: outliers do not bleach the rest
+# Two-sided values are red above and blue below 0, one-sided ones as bright as they are large, to every eye alike.
+_TWO_SIDED, _ONE_SIDED = "RdBu_r", "viridis"
+_KINDS = ("#eae3d6", "#2b6cb0", "#c2410c", "#7a8088")  # of categories, in their order
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """Values, and the colours that stand for them.
+
+    :param values: (h, w) of a grid or (n,) of a mesh, NaN where there is none; or (m,) of triangles.
+    :param low: the value of the first colour.
+    :param high: the value of the last colour.
+    :param colours: the name of a colour map of matplotlib.
+    :param what: what is shown, in words.
+    :param unit: its unit; may be empty.
+    :param ends: why the colours end where they do, a sentence; may be empty.
+    :param names: of categories: the values are whole numbers, 0 the first of these.
+    :param of_triangles: the values are those of the triangles of a mesh.
+    """
+
+    values: Array
+    low: float
+    high: float
+    colours: str
+    what: str
+    unit: str = ""
+    ends: str = ""
+    names: tuple[str, ...] = ()
+    of_triangles: bool = False
+
+    @property
+    def label(self) -> str:
+        """What is shown, with its unit."""
+        return f"{self.what} [{self.unit}]" if self.unit else self.what
+
+    @property
+    def colour_map(self) -> "Colormap":
+        """The colours as matplotlib and VTK take them."""
+        from matplotlib import colormaps
+        from matplotlib.colors import ListedColormap
+
+        return ListedColormap(_KINDS[: len(self.names)]) if self.names else colormaps[self.colours]
+
+    def thinned(self, step: int) -> "Scale":
+        """Every ``step``-th value of a grid."""
+        return self if step == 1 else replace(self, values=self.values[::step, ::step])
+
+    def wearing(self, colours: str | None) -> "Scale":
+        """The same in other colours; categories keep theirs.
+
+        :raises InputError: for a name that is no colour map's.
+        """
+        return self if colours is None or self.names else replace(self, colours=known_colours(colours))
+
+
+def known_colours(name: str) -> str:
+    """The name of a colour map.
+
+    :raises InputError: for one that matplotlib does not know; the message names those that are like it.
+    """
+    from matplotlib import colormaps
+
+    if name not in colormaps:
+        like = get_close_matches(name, list(colormaps), 3) or ["viridis", "cividis", "RdBu_r"]
+        raise InputError(f"colours: the name of a colour map of matplotlib expected, got {name!r}; {', '.join(like)}?")
+    return name
+
+
+def spread(values: Array) -> tuple[float, float]:
+    """The least and the greatest of the values that are there, never equal."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def symmetric(values: Array, what: str, unit: str, idle: str) -> Scale:
+    """Values about 0, with colours that end at the 99th percentile of their size.
+
+    :param values: at least one of them finite.
+    :param idle: what is to be said where all are 0, as in "nothing was removed".
+    """
+    size = np.abs(values[np.isfinite(values)])
+    most, limit = float(size.max()), float(np.percentile(size, _ENDS))
+    ends = f"colours end at ±{limit:.3g}, the {_ENDS:.0f}th percentile of its size; largest {most:.3g}"
+    if most == 0:
+        limit, ends = 1.0, idle
+    elif limit == 0:
+        limit, ends = most, f"colours end at ±{most:.3g}, the largest: almost {idle}"
+    return Scale(values, -limit, limit, _TWO_SIDED, what, unit, ends)
+
+
+def ranging(values: Array, what: str, unit: str, ends: tuple[float, float] | None = None) -> Scale:
+    """Values from the least to the greatest, or between ends that they cannot leave."""
+    low, high = ends or spread(values)
+    return Scale(values, low, high, _ONE_SIDED, what, unit)
+
+
+def together(one: Scale, other: Scale) -> tuple[Scale, Scale]:
+    """Two scales with the colours of both: none saturates more than it did alone."""
+    low, high = min(one.low, other.low), max(one.high, other.high)
+    ends = one.ends if one.high >= other.high else other.ends
+    return replace(one, low=low, high=high, ends=ends), replace(other, low=low, high=high, ends=ends)

@@ -1,0 +1,158 @@
+"""What is to be seen of one thing or two: nouns, bodies, colours, decided once for pictures, windows and notebooks."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshflow.errors import InputError
+from meshflow.geometry.gates import Array, real
+from meshflow.geometry.lift import Mesh, Noun
+from meshflow.view.bodies import Body, raised
+from meshflow.view.dress import taken
+from meshflow.view.look import Look
+from meshflow.view.pair import holes, paired
+from meshflow.view.quantity import Quantity, measured
+from meshflow.view.scale import Scale, ranging, together
+from meshflow.view.stage import How, Stage, staged
+
+__all__ = ["Arrange", "Removed", "Shown", "Sight", "of_one", "of_two"]
+
+Arrange = Literal["beside", "wipe", "blink"]
+Removed = Literal["removed"]
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One panel.
+
+    :ivar label: above it.
+    :ivar scale: the colours that it wears instead of its own, thinned as the body is.
+    """
+
+    label: str
+    noun: Noun
+    body: Body
+    scale: Scale | None
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """All panels of a picture or a window.
+
+    :ivar counted: names and scales of what a histogram counts, from all of the data; none where colours stand for no values.
+    :ivar notes: sentences for the user.
+    """
+
+    look: Look
+    stage: Stage
+    shown: tuple[Shown, ...]
+    counted: tuple[tuple[str, Scale], ...]
+    notes: tuple[str, ...]
+
+    def picture(self, panel: int, size: tuple[int, int]) -> Array:
+        """A panel as a picture (h, w, 3) in uint8: of that size from VTK, a pixel for each sample as a relief."""
+        one = self.shown[panel]
+        return self.stage.panel(one.noun, one.body, size, one.scale)
+
+    @property
+    def aspect(self) -> float:
+        """Width over height of what a panel is to hold."""
+        return self.stage.aspect(self.shown[0].body, self.shown[0].noun)
+
+    @property
+    def pixel(self) -> float:
+        """Height over width of a pixel of a panel."""
+        return self.stage.pixel(self.shown[0].noun)
+
+
+def of_two(
+    before: Any,
+    after: Any,
+    look: Look,
+    how: How | None,
+    window: bool,
+    arrange: Arrange,
+    unit: str | None,
+    quantity: Quantity | Removed,
+    contrast: float,
+) -> Sight:
+    """A thing before and after, and beside them what was removed; or both in the colours of a quantity.
+
+    :raises InputError: for two things that cannot be compared, nothing to draw, or a word that is unknown.
+    :raises MissingPackage: where only VTK would do and it cannot draw.
+    """
+    if arrange not in get_args(Arrange):
+        raise InputError(f"arrange: one of {', '.join(get_args(Arrange))} expected, got {arrange!r}")
+    pair = paired(before, after, unit, look.own_colours)
+    nouns = (pair.before, pair.after)
+    scales: tuple[Scale | None, Scale | None] = None, None
+    counted: tuple[tuple[str, Scale], ...] = ()
+    if quantity != "removed":
+        one, other = (measured(noun, quantity, contrast).wearing(look.colours) for noun in nouns)
+        scales = one, other = together(one, other)
+        counted = ("before", one), ("after", other)
+    seen = raised(pair.before, look.seen), raised(pair.after, look.seen)
+    stage = staged(seen, look, _how(seen[0], how, quantity, window), window)
+    bodies = stage.bodies(*seen)
+    panels = tuple(
+        Shown(label, noun, body, None if scale is None else scale.thinned(stage.step))
+        for label, noun, body, scale in zip(("before", "after"), seen, bodies, scales, strict=True)
+    )
+    if quantity == "removed" and arrange == "beside":
+        removed = pair.removed.wearing(look.colours)
+        panels = (*panels, Shown("removed", seen[1], bodies[1], removed.thinned(stage.step)))
+        counted = (("", removed),)
+    return Sight(look, stage, panels, counted, (*pair.notes, *stage.notes))
+
+
+def of_one(
+    thing: Any,
+    look: Look,
+    how: How | None,
+    window: bool,
+    unit: str | None,
+    scalars: ArrayLike | None,
+    quantity: Quantity | None,
+    contrast: float,
+) -> Sight:
+    """One thing, in colours that stand for numbers of the caller's or for a quantity, where there are some.
+
+    :raises InputError: for nothing to draw, numbers that do not fit, or a word that is unknown.
+    :raises MissingPackage: where only VTK would do and it cannot draw.
+    """
+    if scalars is not None and quantity is not None:
+        raise InputError(f"scalars and quantity={quantity!r}: a thing wears one of them at a time; leave one out")
+    noun, notes = taken(thing, look.own_colours)
+    scale = None if scalars is None else _scale(noun, scalars, unit)
+    scale = measured(noun, quantity, contrast) if quantity is not None else scale
+    scale = None if scale is None else scale.wearing(look.colours)
+    seen = raised(noun, look.seen)
+    stage = staged((seen,), look, _how(seen, how, quantity, window), window)
+    (body,) = stage.bodies(seen)
+    shown = Shown("", seen, body, None if scale is None else scale.thinned(stage.step))
+    return Sight(look, stage, (shown,), () if scale is None else (("", scale),), (*notes, *stage.notes))
+
+
+def _how(noun: Noun, how: How | None, quantity: Quantity | Removed | None, window: bool) -> How | None:
+    """What is missing has no place in space: grids show it from above, or through their camera."""
+    if quantity != "samples" or how is not None or isinstance(noun, Mesh) or window:
+        return how
+    return "relief"
+
+
+def _scale(noun: Noun, scalars: ArrayLike, unit: str | None) -> Scale:
+    """Numbers of the caller's, one per sample or vertex, as colours from the least to the greatest.
+
+    :raises InputError: when they do not fit the noun, or none is finite.
+    """
+    values = real(scalars, "scalars")
+    shape = noun.points.shape[:1] if isinstance(noun, Mesh) else holes(noun).shape
+    if values.shape != shape:
+        raise InputError(f"scalars: one number per sample or vertex expected, of shape {shape}; got {values.shape}")
+    gone = ~np.isfinite(values) if isinstance(noun, Mesh) else ~np.isfinite(values) | holes(noun)
+    values = np.where(gone, np.nan, values)
+    if np.isnan(values).all():
+        raise InputError("scalars: at least one finite number expected where a sample is, got none")
+    return ranging(values, "", unit or "")

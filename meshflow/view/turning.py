@@ -1,0 +1,70 @@
+"""Windows stay quick while they are turned: a coarse body stands in for one of very many triangles until it rests."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshflow.view.bodies import Body
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+__all__ = ["HEAVY", "Turning", "coarse"]
+
+HEAVY = 400_000  # triangles that software draws in about a tenth of a second
+_CELLS = 256  # along the longest side: a cell is a few pixels of a window
+
+
+def coarse(body: Body, cells: int = _CELLS) -> Body:
+    """The same body of fewer triangles: points within a cell of a grid become one of them (Rossignac and Borrel 1993).
+
+    :param cells: along its longest side.
+    """
+    low, size = body.points.min(axis=0), float(np.ptp(body.points, axis=0).max()) or 1.0
+    place = np.minimum((body.points - low) * (cells / size), cells - 1).astype(np.int64)
+    key = (place[:, 0] * cells + place[:, 1]) * cells + place[:, 2]
+    _, first, home = np.unique(key, return_index=True, return_inverse=True)
+    faces = home.ravel()[body.faces]
+    a, b, c = faces.T
+    kept = np.flatnonzero((a != b) & (b != c) & (c != a))
+    # Of triangles that fell onto each other one is enough, whichever way it turns.
+    _, once = np.unique(np.sort(faces[kept], axis=1), axis=0, return_index=True)
+    kept = kept[np.sort(once)]
+    return replace(
+        body,
+        points=body.points[first],
+        faces=faces[kept],
+        samples=body.samples[first],
+        triangles=kept if body.triangles is None else body.triangles[kept],
+        colours=None if body.colours is None else body.colours[first],
+    )
+
+
+class Turning:
+    """Of pairs of actors the fine ones are seen at rest, the coarse ones while the window is turned.
+
+    :param plotter: whose interaction is watched.
+    :param pairs: fine and coarse.
+    """
+
+    def __init__(self, plotter: "pv.Plotter", pairs: list[tuple[Any, Any]]) -> None:
+        self.pairs, self.plotter = pairs, plotter
+        self.rest()
+        style = plotter.iren
+        if style is not None:
+            style.add_observer("StartInteractionEvent", self.turn)
+            style.add_observer("EndInteractionEvent", self.rest)
+
+    def turn(self, *_: Any) -> None:
+        """The coarse ones."""
+        self._show(fine=False)
+
+    def rest(self, *_: Any) -> None:
+        """The fine ones."""
+        self._show(fine=True)
+
+    def _show(self, *, fine: bool) -> None:
+        for one, other in self.pairs:
+            one.SetVisibility(fine)
+            other.SetVisibility(not fine)
