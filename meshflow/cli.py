@@ -1,4 +1,4 @@
-"""Words to one call: ``meshflow smooth | info | fuse | compare | show | compare-flows``."""
+"""Words to one call: ``meshflow smooth | info | fuse | compare | show | film | compare-flows``."""
 
 import json as notation
 import sys
@@ -261,6 +261,7 @@ def _must_be_writable(
 
 app.command()(looking.compare)
 app.command()(looking.show)
+app.command()(looking.film)
 app.command("compare-flows")(looking.compare_flows)
 
 

@@ -1,4 +1,4 @@
-"""The commands that look: ``meshflow compare | show | compare-flows``."""
+"""The commands that look: ``meshflow compare | show | film | compare-flows``."""
 
 import json as notation
 from dataclasses import replace
@@ -18,9 +18,11 @@ from meshflow.reading import INPUTS, mask, opened
 if TYPE_CHECKING:
     from meshflow.geometry.gates import Array
 
-__all__ = ["compare", "compare_flows", "must_be_drawable", "pictured", "show"]
+__all__ = ["compare", "compare_flows", "film", "must_be_drawable", "pictured", "show"]
 
 
+# How a film's flow may be told.
+FLOW = ("time", "scale", "steps", "strength", "method", "gamma", "sharpness", "patch", "contrast", "search", "keep")
 # What a file is, as every command that reads one may be told.
 READ = tuple(name for name in INPUTS if name not in ("moves", "pace"))
 
@@ -131,6 +133,71 @@ def _shown(
     said("", () if quiet else notes)
 
 
+def film(
+    source: words.In,
+    target: words.Film,
+    time: words.Time = None,
+    scale: words.Scale = None,
+    steps: words.Steps = None,
+    strength: words.Strength = 1.0,
+    method: words.MethodOption = None,
+    gamma: words.Gamma = None,
+    sharpness: words.Sharpness = None,
+    patch: words.Patch = None,
+    contrast: words.Contrast = None,
+    search: words.Search = None,
+    keep: words.KeepOption = None,
+    kind: words.KindOption = None,
+    camera: words.Camera = None,
+    depth_scale: words.DepthScale = None,
+    measure: words.MeasureOption = None,
+    band: words.Band = None,
+    nodata: words.Nodata = None,
+    spacing: words.Spacing = None,
+    channels: words.Channels = None,
+    viewpoint: words.Viewpoint = None,
+    frames: words.States = 48,
+    rate: words.Rate = 12.0,
+    turn: words.Turn = 0.0,
+    quantity: words.FilmedOption = None,
+    azimuth: words.Azimuth = 315.0,
+    altitude: words.Altitude = 30.0,
+    exaggeration: words.Exaggeration = None,
+    up: words.Up = None,
+    seen: words.Seen = None,
+    colours: words.Colours = None,
+    own_colours: words.OwnColours = False,
+    size: words.Size = (960, 720),
+    title: words.Title = None,
+    overwrite: words.Overwrite = False,
+    quiet: words.Quiet = False,
+) -> None:
+    """Film IN while it is smoothed, to FILM: .mp4 or .gif; what is not given is estimated, as in smooth."""
+    _filmed(**locals())
+
+
+def _filmed(
+    source: Path, target: Path, frames: int, title: str | None, overwrite: bool, quiet: bool, **given: Any
+) -> None:
+    """The command ``film``, with its options by name."""
+    from meshflow.filming import film as filmed
+    from meshflow.view.film import filmable
+
+    _must_be_free(filmable(target), overwrite)
+    document = opened(source, **{name: given.pop(name) for name in READ})
+    settings = {name: given.pop(name) for name in FLOW}
+    told = filmed(
+        document,
+        target,
+        count=frames,
+        settings=settings,
+        progress=None if quiet else True,
+        title=_titled(title, source.name),
+        **given,
+    )
+    said("", () if quiet else (*told.notes, f"film: {target}"))
+
+
 def _titled(title: str | None, default: str) -> str:
     return default if title is None else title
 
@@ -189,8 +256,12 @@ def must_be_drawable(picture: Path | None, overwrite: bool) -> None:
 
     if picture is not None:
         drawable(picture)
-        if picture.exists() and not overwrite:
-            raise InputError(f"{picture} exists; name another picture or give --overwrite")
+        _must_be_free(picture, overwrite)
+
+
+def _must_be_free(path: Path, overwrite: bool) -> None:
+    if path.exists() and not overwrite:
+        raise InputError(f"{path} exists; name another picture or give --overwrite")
 
 
 def pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:

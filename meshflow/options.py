@@ -275,4 +275,11 @@ Colours = Annotated[str | None, _option(LOOK, "A colour map of matplotlib, as ci
 OwnColours = Annotated[bool, _option(LOOK, "Meshes in their own colours or texture.", "--own-colours")]
 Size = Annotated[tuple[int, int], _option(LOOK, "Width and height, pixels.")]
 Title = Annotated[str | None, _option(LOOK, "A line above it. Default: the name of the file.")]
+States = Annotated[int, _option(LOOK, "How many states of the flow are shown, 2 or more.", "--frames")]
+Rate = Annotated[float, _option(LOOK, "Frames per second.")]
+Turn = Annotated[float, _option(LOOK, "Degrees by which the camera walks around the surface meanwhile.")]
+FilmedOption = Annotated[
+    Compared | None,
+    _option(LOOK, "Colour stands for: what was removed so far, curvature, edges, ... Default: nothing.", "--quantity"),
+]
 SeenContrast = Annotated[float, _option(LOOK, "Length per unit of the value, for edges.", "--contrast")]

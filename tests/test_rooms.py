@@ -29,7 +29,8 @@ MAY = {
     "options": {"geometry"},
     "reading": {"options", "io", "geometry"},
     "console": set(),
-    "looking": {"console", "options", "reading", "geometry", "io", "study", "view"},
+    "filming": {"smoothing", "settings", "parameters", "flow", "view"},
+    "looking": {"console", "filming", "options", "reading", "geometry", "io", "study", "view"},
     "cli": {
         "console",
         "looking",

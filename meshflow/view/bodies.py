@@ -17,9 +17,9 @@ from meshflow.view.pair import holes
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["Body", "as_shown", "drawable", "embodied", "raised"]
+__all__ = ["SAMPLES", "Body", "as_shown", "drawable", "embodied", "raised", "thinned"]
 
-_SAMPLES = 1000  # a side: more than a panel has pixels
+SAMPLES = 1000  # a side: more than a panel has pixels
 _RELIEF = 0.15  # height of a relief over its width where the exaggeration is ours to choose
 _FORWARD = Lift(diagonals="forward")  # a surface is drawn with one diagonal per cell, or each cell would be there twice
 
@@ -50,16 +50,17 @@ class Body:
         return pv.PolyData.from_regular_faces(np.ascontiguousarray(self.points, dtype=np.float64), self.faces)
 
 
-def drawable(noun: Noun, look: Look) -> tuple[int, float, tuple[str, ...]]:
+def drawable(noun: Noun, look: Look, most: int = SAMPLES) -> tuple[int, float, tuple[str, ...]]:
     """What is chosen once for all panels: every which sample, the exaggeration, and what to say of both.
 
+    :param most: samples of a side that are drawn.
     :raises InputError: for an exaggeration of what has no heights, an axis of what is no mesh.
     """
     if look.exaggeration is not None and not isinstance(noun, HeightField):
         raise InputError(f"exaggeration: of height fields only, this is a {type(noun).__name__}; leave it out")
     if look.up is not None and not isinstance(noun, Mesh):
         raise InputError(f"up: of meshes only, this is a {type(noun).__name__}; leave it out")
-    step = _thinning(noun)
+    step = _thinning(noun, most)
     notes = [f"every {step}{'nd' if step == 2 else 'rd' if step == 3 else 'th'} sample"] if step > 1 else []
     exaggeration = 1.0
     if isinstance(noun, HeightField):
@@ -96,7 +97,7 @@ def embodied(
         points, faces, colours = _sheet(noun, step, shown or as_shown(noun))
         view = picture_view()
     else:
-        surface = _thinned(noun, step).lifted(_FORWARD)
+        surface = thinned(noun, step).lifted(_FORWARD)
         points, faces, colours = surface.points, surface.sheets[0], None
         if isinstance(noun, HeightField):
             points = points * (1.0, 1.0, exaggeration)
@@ -118,9 +119,9 @@ def raised(noun: Noun, seen: Seen | None) -> Noun:
     return HeightField(values, noun.spacing, holes(noun))
 
 
-def _thinning(noun: Noun) -> int:
+def _thinning(noun: Noun, most: int) -> int:
     """Every which sample is drawn, so that a side has no more than a screen can show; of a mesh all."""
-    return 1 if isinstance(noun, Mesh) else -(-max(holes(noun).shape) // _SAMPLES)
+    return 1 if isinstance(noun, Mesh) else -(-max(holes(noun).shape) // most)
 
 
 def as_shown(*images: Image) -> Callable[[Array], Array]:
@@ -146,15 +147,17 @@ def as_shown(*images: Image) -> Callable[[Array], Array]:
     return shown
 
 
-def _thinned(noun: HeightField | RangeImage, step: int) -> HeightField | RangeImage:
-    """Every ``step``-th sample, in the same place."""
-    if step == 1:
+def thinned(noun: Noun, step: int) -> Noun:
+    """Every ``step``-th sample of a grid, in the same place; a mesh as it is."""
+    if step == 1 or isinstance(noun, Mesh):
         return noun
     every = (slice(None, None, step),) * 2
     missing = holes(noun)[every]
-    if isinstance(noun, HeightField):
+    if not isinstance(noun, RangeImage):
         dx, dy = noun.spacing
         dx = dx * step if np.ndim(dx) == 0 else np.asarray(dx)[::step] * step
+        if isinstance(noun, Image):
+            return replace(noun, values=noun.values[every], spacing=(dx, dy * step), missing=missing, fixed=None)
         cuts = None if noun.cuts is None else _thinned_cuts(noun.cuts, step)
         return replace(noun, z=noun.z[every], spacing=(dx, dy * step), missing=missing, fixed=None, cuts=cuts)
     camera = noun.camera.thinned(step, noun.depth.shape)

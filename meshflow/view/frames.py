@@ -13,7 +13,6 @@ from meshflow.io.replace import beside
 __all__ = ["ANIMATED", "FILMS", "Frames"]
 
 ANIMATED, FILMS = (".gif", ".png"), (".mp4", ".gif")
-_COLOURS = 160  # of a frame of a GIF, which can have 256: shades of stone, and the colours of a scale
 _QUALITY = 7  # of imageio, 0 to 10
 
 
@@ -49,9 +48,7 @@ class Frames:
             return
         from PIL import Image
 
-        frame = Image.fromarray(picture)
-        gif = self.path.suffix.lower() == ".gif"
-        self._pictures.append(frame.quantize(_COLOURS, dither=Image.Dither.NONE) if gif else frame)
+        self._pictures.append(Image.fromarray(picture))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -59,7 +56,7 @@ class Frames:
         if self._film is not None:
             self._film.close()
         if kind is None and self._pictures:
-            first, *others = self._pictures
+            first, *others = _in_few_colours(self._pictures) if self._draft.suffix.lower() == ".gif" else self._pictures
             options = {"save_all": True, "append_images": others, "duration": round(1000 / self.rate), "loop": 0}
             try:
                 first.save(self._draft, format=self.path.suffix[1:].upper(), **options)
@@ -76,3 +73,17 @@ class Frames:
                 self._draft, format="FFMPEG", fps=self.rate, codec="libx264", quality=_QUALITY, macro_block_size=2
             )
         return self._film
+
+
+def _in_few_colours(pictures: list[Any]) -> list[Any]:
+    """Pictures of one palette, so that nothing flickers that does not change; white stays white, and no bands appear."""
+    from PIL import Image
+
+    first = pictures[0]
+    some = [pictures[k] for k in sorted({0, len(pictures) // 2, len(pictures) - 1})]
+    sheet = Image.new("RGB", (first.width, first.height * len(some)))
+    for k, picture in enumerate(some):
+        sheet.paste(picture, (0, k * first.height))
+    palette = sheet.quantize(255)
+    palette.putpalette([*(palette.getpalette() or [])[: 3 * 255], 255, 255, 255])
+    return [picture.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG) for picture in pictures]

@@ -10,7 +10,7 @@ from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view import relief, scene
-from meshflow.view.bodies import Body, as_shown, drawable, embodied
+from meshflow.view.bodies import SAMPLES, Body, as_shown, drawable, embodied
 from meshflow.view.look import Look, Seen
 from meshflow.view.pair import holes
 from meshflow.view.probe import rendering
@@ -89,17 +89,18 @@ class Stage:
         return h, w
 
 
-def staged(nouns: tuple[Noun, ...], look: Look, how: How | None, window: bool) -> Stage:
+def staged(nouns: tuple[Noun, ...], look: Look, how: How | None, window: bool, most: int = SAMPLES) -> Stage:
     """Decide how these nouns, all of one kind, are drawn.
 
     :param how: what the caller asks for; None: VTK where it can draw, images as images.
     :param window: it is to be a window or a plotter, which only VTK can make.
+    :param most: samples of a side of a grid that are drawn.
     :raises InputError: for a way that does not suit the noun.
     :raises MissingPackage: where only VTK would do and it cannot draw; the message says what would mend it.
     """
     noun = nouns[0]
     chosen, notes = _way(noun, how, window, look.seen)
-    step, exaggeration, caption = drawable(noun, look)
+    step, exaggeration, caption = drawable(noun, look, most)
     told = (*notes, *caption) if step > 1 else notes  # light and exaggeration stand in the picture
     images = [noun for noun in nouns if isinstance(noun, Image)]
     if not images:

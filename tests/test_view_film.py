@@ -1,0 +1,177 @@
+"""Films and blinking pictures: what is in their frames, and what becomes of a file that fails."""
+
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+from meshflow.errors import FormatError, InputError, MissingPackage
+from meshflow.filming import film
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.settings import Settings
+from meshflow.smoothing import flowing, smooth_noun
+from meshflow.study import shapes
+from meshflow.view import compare
+from meshflow.view.frames import Frames
+from meshflow.view.look import terrain_view
+
+SIZE = (320, 240)
+ROUGH = HeightField(np.random.default_rng(0).normal(size=(40, 50)) + 5.0 * (np.arange(50) > 25), unit="m")
+GIVEN = Settings(time=2.0, method="beltrami")
+
+
+@pytest.fixture(autouse=True)
+def _without_opengl(monkeypatch, request):
+    if "needs_gl" not in request.keywords:
+        monkeypatch.setenv("MESHFLOW_RENDERING", "off")
+    monkeypatch.delenv("DISPLAY", raising=False)
+
+
+def frames(path):
+    with Pillow.open(path) as file:
+        pictures = []
+        for k in range(file.n_frames):
+            file.seek(k)
+            pictures.append(np.asarray(file.convert("RGB"), dtype=int))
+        return pictures
+
+
+def test_states_begin_with_the_thing_and_end_with_what_smoothing_gives():
+    times, nouns = zip(*flowing(ROUGH, GIVEN, 5), strict=True)
+    np.testing.assert_allclose(times, 2.0 * (np.arange(5) / 4) ** 2)
+    np.testing.assert_array_equal(nouns[0].z, ROUGH.z)
+    np.testing.assert_allclose(nouns[-1].z, smooth_noun(ROUGH, GIVEN).noun.z, atol=0.03)  # other steps
+    steps = [noun.z for _, noun in flowing(ROUGH, Settings(steps=8, dt=0.1, stepper="explicit", method="heat"), 3)]
+    assert len(steps) == 3
+    ended = smooth_noun(ROUGH, Settings(steps=8, dt=0.1, stepper="explicit", method="heat")).noun.z
+    np.testing.assert_array_equal(steps[-1], ended)
+
+
+def test_a_stop_is_where_the_states_end():
+    settings = Settings(method="heat", residual=0.5)
+    *_, (time, last) = flowing(ROUGH, settings, 4)
+    ended = smooth_noun(ROUGH, settings)
+    assert time == pytest.approx(ended.end.time)
+    np.testing.assert_allclose(last.z, ended.noun.z, atol=0.1)  # that one lies on a line between steps
+
+
+def test_what_takes_one_step_is_stepped_afresh_for_each_state():
+    sphere = shapes.sphere(3)
+    mesh = Mesh(
+        sphere.points * (1 + 0.02 * np.random.default_rng(0).normal(size=(len(sphere.points), 1))), sphere.faces
+    )
+    settings = Settings(method="fairing", time=0.01)
+    states = list(flowing(mesh, settings, 4))
+    assert [time for time, _ in states] == pytest.approx([0.0, 0.01 / 9, 0.04 / 9, 0.01])
+    np.testing.assert_allclose(states[-1][1].points, smooth_noun(mesh, settings).noun.points, atol=1e-9)
+
+
+def test_a_film_shows_the_noise_go_and_the_last_frame_stay(tmp_path):
+    told = film(ROUGH, tmp_path / "a.gif", count=5, settings={"time": 2.0, "method": "beltrami"}, size=SIZE)
+    shown = frames(told.path)
+    assert len(shown) == 5
+    rough = [np.abs(np.diff(picture[60:180, 60:250], axis=1)).mean() for picture in shown]
+    assert rough[0] > 2 * rough[-1]
+    with Pillow.open(told.path) as file:
+        file.seek(4)
+        assert file.info["duration"] > 1000
+
+
+def test_colours_of_a_film_are_the_same_in_all_frames(tmp_path):
+    told = film(ROUGH, tmp_path / "a.png.gif", count=4, settings={"time": 2.0}, quantity="removed", size=SIZE)
+    shown = frames(told.path)
+    bars = [picture[208:230] for picture in shown]
+    assert np.abs(bars[0] - bars[-1]).max() < 12
+    assert np.ptp(shown[-1][60:150], axis=2).max() > np.ptp(shown[0][60:150], axis=2).max() + 40
+
+
+def test_images_and_range_images_are_filmed_as_they_are(tmp_path):
+    picture = Image(np.random.default_rng(0).random((30, 40, 3)) * 255)
+    assert film(picture, tmp_path / "a.gif", count=3, settings={"time": 1.0}, size=SIZE).how == "relief"
+    scan = RangeImage(2.0 + 0.01 * ROUGH.z, Pinhole(60.0, 60.0, 24.5, 19.5))
+    assert len(frames(film(scan, tmp_path / "b.gif", count=3, size=SIZE).path)) == 3
+
+
+def test_an_mp4_holds_all_frames(tmp_path):
+    imageio = pytest.importorskip("imageio")
+    pytest.importorskip("imageio_ffmpeg")
+    told = film(ROUGH, tmp_path / "a.mp4", count=4, rate=4.0, settings={"time": 2.0}, size=(321, 241))
+    with imageio.get_reader(told.path) as reader:
+        assert reader.count_frames() == 4 + 6  # the last one stays for a second and a half
+        assert reader.get_data(0).shape == (240, 320, 3)
+
+
+@pytest.mark.needs_gl
+def test_a_camera_that_turns_keeps_the_whole_surface_in_its_frame(tmp_path):
+    sphere = shapes.sphere(3)
+    mesh = Mesh(sphere.points * (1.0, 1.0, 2.0), sphere.faces)
+    told = film(mesh, tmp_path / "a.gif", count=3, turn=90.0, settings={"time": 1e-4, "method": "curvature"}, size=SIZE)
+    shown = frames(told.path)
+    for picture in shown:
+        body = (picture[40:190] < 240).all(axis=2)
+        assert 0.02 < body.mean() < 0.5
+        assert not body[:, [0, -1]].any()
+    assert np.abs(shown[0] - shown[-1]).max() > 50
+
+
+def test_who_walks_around_a_terrain_sees_it_from_there():
+    view = terrain_view()
+    turned = view.turned(90.0)
+    np.testing.assert_allclose(turned.toward, [-view.toward[1], view.toward[0], view.toward[2]], atol=1e-12)
+    np.testing.assert_allclose(view.turned(360.0).up, view.up, atol=1e-12)
+    np.testing.assert_allclose(turned.ground, view.ground)
+
+
+@pytest.mark.parametrize("name", ["a.gif", "a.png"])
+def test_a_picture_that_blinks_has_two_frames(tmp_path, name):
+    told = compare(ROUGH, HeightField(np.zeros((40, 50))), tmp_path / name, arrange="blink", size=SIZE)
+    one, other = frames(told.path)
+    assert np.abs(one - other).max() > 30
+    assert np.abs(one[:, :30] - other[:, :30]).max() < 12
+
+
+def test_a_film_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    target = tmp_path / "a.gif"
+    target.write_bytes(b"old")
+
+    def full(self, *args, **options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Pillow.Image, "save", full)
+    with pytest.raises(FormatError, match="No space left"), Frames(target, 5.0) as file:
+        file.add(np.zeros((8, 8, 3), np.uint8))
+    assert target.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
+
+
+def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(MissingPackage, match=r"pip install 'meshflow\[film\]'"):
+        film(ROUGH, tmp_path / "a.mp4", settings=GIVEN)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"count": 1}, "count: a whole number, 2 or more"),
+        ({"rate": 0.0}, "rate: 0.1 to 60 frames per second"),
+        ({"rate": float("nan")}, "rate: 0.1 to 60 frames per second"),
+        ({"turn": 90.0, "how": "relief"}, "turn: degrees"),
+        ({"colours": "virids"}, "viridis"),
+        ({"settings": {"space": "disparity"}}, "only lengths are shown"),
+        ({"fps": 3}, "fps: no such option of a picture"),
+    ],
+)
+def test_a_film_that_makes_no_sense_is_refused(options, says, tmp_path):
+    with pytest.raises(InputError, match=says):
+        film(ROUGH, tmp_path / "a.gif", **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_film_is_asked_where_it_goes_before_it_is_computed(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshflow.filming.flowing", None)
+    for name, says in (("a.avi", "ends in .mp4, .gif"), ("no/a.gif", "make it first")):
+        with pytest.raises(FormatError, match=says):
+            film(ROUGH, tmp_path / name)
