@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Overlay", "divided"]
 
-_KEY = "b"
+_KEY = "space"
 
 
 def divided(at: float) -> float:
@@ -25,7 +25,7 @@ def divided(at: float) -> float:
 
 
 class Overlay:
-    """Before on the left of a divider and after on its right; the key b shows the one, the other, and both again.
+    """Before on the left of a divider and after on its right; the space bar shows the one, the other, and both again.
 
     Each actor is clipped by a plane that holds the lines of sight through the divider, so it is a line on the screen whatever the
     camera does, and nothing is drawn twice.

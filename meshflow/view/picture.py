@@ -79,7 +79,7 @@ def compare(
     :param quantity: ``removed``; or before and after in the colours of their ``curvature``, ``edges``, ``triangles`` or
         ``samples`` (:func:`meshflow.view.measured`), one scale for both.
     :param arrange: ``beside`` each other; ``wipe``: one view, before to the left of a divider (that a window lets you drag)
-        and after to its right; ``blink``: one after the other (in a window at the key b).
+        and after to its right; ``blink``: one after the other (in a window at the space bar).
     :param at: where the divider stands, a share of the width from the left.
     :param unit: of what was removed; by default the one that the noun names.
     :param contrast: length per unit of the values, for ``edges``.

@@ -87,7 +87,7 @@ def overlaid(
     """A window of one view with a divider to drag between two bodies, or one at a time; not yet shown; the caller closes it.
 
     :param at: where the divider stands at first, a share of the width.
-    :param wipes: start with the divider; else with the first body alone. The key b goes on.
+    :param wipes: start with the divider; else with the first body alone. The space bar goes on.
     """
     import pyvista as pv
 

@@ -1,0 +1,267 @@
+"""Wipe, blink, sides, colours of their own, notebooks: what of a pair or a thing is seen, and how."""
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from meshflow.errors import FormatError, InputError, MissingPackage
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.study import shapes
+from meshflow.view import compare, page, plotter, show
+from meshflow.view.bodies import Body, embodied
+from meshflow.view.dress import taken
+from meshflow.view.look import Look, picture_view, side_view
+from meshflow.view.turning import coarse
+
+SIZE = (640, 480)
+ROWS, COLUMNS = np.mgrid[:48, :64]
+ROUGH = HeightField(np.random.default_rng(0).normal(size=(48, 64)), unit="m")
+FLAT = HeightField(np.zeros((48, 64)), unit="m")
+SPHERE = shapes.sphere(3)
+BALL = Mesh(SPHERE.points, SPHERE.faces)
+
+
+@pytest.fixture(autouse=True)
+def _headless(monkeypatch, request):
+    if "needs_gl" not in request.keywords:
+        monkeypatch.setenv("MESHFLOW_RENDERING", "off")
+    monkeypatch.delenv("DISPLAY", raising=False)
+
+
+def panel(path, aspect, look):
+    (box,) = page.layout(look, aspect, 1, labelled=True).panels
+    picture = np.round(imread(path)[..., :3] * 255).astype(int)
+    bottom = look.size[1] - box.bottom
+    return picture[bottom - box.height : bottom, box.left : box.left + box.width]
+
+
+@pytest.mark.parametrize("at", [0.0, 0.3, 1.0])
+def test_a_wipe_is_before_to_the_left_of_its_divider_and_after_to_its_right(at, tmp_path):
+    look, aspect = Look(size=SIZE), 64 / 48
+    whole = [
+        panel(compare(a, b, tmp_path / "w.png", arrange="wipe", at=0.5, size=SIZE).path, aspect, look)
+        for a, b in ((ROUGH, ROUGH), (FLAT, FLAT))
+    ]
+    mixed = panel(compare(ROUGH, FLAT, tmp_path / "a.png", arrange="wipe", at=at, size=SIZE).path, aspect, look)
+    height, width = mixed.shape[:2]
+    left = (width - height * aspect) / 2
+    place = left + at * (width - 2 * left)
+    for column in np.linspace(left + 10, width - left - 10, 9).astype(int):
+        if abs(column - place) > 12 and abs(column - width / 2) > 12:
+            expected = whole[0] if column < place else whole[1]
+            np.testing.assert_array_equal(mixed[20:-20, column], expected[20:-20, column])
+
+
+@pytest.mark.needs_gl
+@pytest.mark.parametrize("kind", ["terrain", "camera"])
+def test_the_divider_of_a_window_is_a_line_on_the_screen_whatever_the_camera_does(kind):
+    wall = RangeImage(np.full((48, 64), 2.0), Pinhole(60.0, 60.0, 31.5, 23.5))
+    pair = (ROUGH, FLAT) if kind == "terrain" else (RangeImage(wall.depth + 0.02 * ROUGH.z, wall.camera), wall)
+
+    def drawn(one, other, at, turned):
+        window = plotter(one, other, arrange="wipe", at=at, off_screen=True, size=SIZE)
+        if turned:
+            window.camera.Azimuth(20)
+            window.camera.Roll(10)
+        picture = window.screenshot(None, return_img=True).astype(int)
+        window.close()
+        return picture[60:-80]
+
+    for turned in (False, True):
+        mixed = drawn(*pair, 0.4, turned)
+        for side, at in ((np.s_[:, : int(0.4 * 640) - 3], 1.0), (np.s_[:, int(0.4 * 640) + 3 :], 0.0)):
+            whole = drawn(*pair, at, turned)
+            assert (np.abs(mixed[side] - whole[side]).max(axis=2) > 30).mean() < 0.01, f"{kind}, turned: {turned}"
+
+
+@pytest.mark.needs_gl
+def test_a_key_shows_before_after_and_both():
+    window = plotter(ROUGH, FLAT, arrange="blink", off_screen=True, size=SIZE)
+    pictures = [window.screenshot(None, return_img=True)[60:-80].astype(int)]
+    for _ in range(3):
+        window.iren._key_press_event_callbacks["space"][0]()
+        pictures.append(window.screenshot(None, return_img=True)[60:-80].astype(int))
+    window.close()
+    before, after, both, again = pictures
+    assert (before == again).all()
+    assert np.abs(before - after).mean() > 2
+    assert np.abs(both[:, :310] - before[:, :310]).mean() < 0.5 < np.abs(both[:, 330:] - before[:, 330:]).mean()
+
+
+def test_an_image_from_the_side_is_the_terrain_of_its_brightness():
+    from meshflow.view.bodies import raised
+
+    image = Image(np.stack([COLUMNS, ROWS, 2 * ROWS], axis=2) * 1.0, missing=(ROWS == 3))
+    field = raised(image, "side")
+    assert isinstance(field, HeightField)
+    np.testing.assert_allclose(field.z, COLUMNS / 3 + ROWS)
+    np.testing.assert_array_equal(field.missing, image.missing)
+    assert raised(image, "front") is image
+
+
+def test_a_range_image_from_the_side_is_seen_from_beside_its_camera_and_above():
+    view = side_view()
+    right, up, toward = view.right, view.up, view.toward
+    assert toward[2] < 0  # still in front of it
+    assert toward[0] > 0.5
+    assert toward[1] < 0  # y is down
+    assert up[1] < -0.5
+    np.testing.assert_allclose(np.stack([right, up, toward]) @ np.stack([right, up, toward]).T, np.eye(3), atol=1e-12)
+    assert not view.pinhole
+
+
+def test_a_terrain_from_the_front_is_its_map():
+    body = embodied(ROUGH, seen="front")
+    np.testing.assert_allclose(body.view.toward, picture_view().toward)
+    around = [embodied(BALL, seen=seen).view.toward for seen in (None, "side")]
+    assert abs(np.dot(*around)) < 0.3  # a quarter turn
+
+
+@pytest.mark.needs_gl
+def test_a_mesh_is_drawn_in_its_own_colours_where_that_is_asked(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    pv = pytest.importorskip("pyvista")
+    mesh = trimesh.Trimesh(SPHERE.points, SPHERE.faces, process=False, vertex_colors=[[200, 10, 10, 255]] * 642)
+    poly = pv.PolyData.from_regular_faces(SPHERE.points, SPHERE.faces)
+    poly.point_data["RGB"] = np.full((642, 3), (200, 10, 10), np.uint8)
+    for thing in (mesh, poly):
+        for own, red in ((True, True), (False, False)):
+            picture = imread(show(thing, tmp_path / "a.png", own_colours=own, size=SIZE).path)
+            assert ((picture[..., 0] > picture[..., 1] + 0.2).mean() > 0.1) == red
+
+
+def test_a_texture_is_taken_at_the_vertices_seams_and_all():
+    trimesh = pytest.importorskip("trimesh")
+    from PIL import Image as Pillow
+
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)  # two split at a seam
+    picture = Pillow.fromarray(np.array([[[0, 0, 255]] * 8] * 4 + [[[255, 0, 0]] * 8] * 4, np.uint8))
+    visual = trimesh.visual.TextureVisuals(uv=points[:, :2] * 0.98 + 0.01, image=picture)
+    mesh = trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5]], visual=visual, process=False)
+    noun, _ = taken(mesh, own_colours=True)
+    assert len(noun.points) == 4
+    assert noun.moves == "points"
+    red = noun.channels[:, 0] > noun.channels[:, 2]
+    np.testing.assert_array_equal(red, noun.points[:, 1] == 0)
+
+
+def test_files_can_be_shown_as_they_were_read(tmp_path):
+    import meshflow
+
+    np.save(tmp_path / "a.npy", ROUGH.z)
+    document = meshflow.read(tmp_path / "a.npy")
+    assert show(document, tmp_path / "a.png", size=SIZE).how == "relief"
+    assert compare(document, document, tmp_path / "b.png", size=SIZE).path == tmp_path / "b.png"
+
+
+@pytest.mark.parametrize("quantity", ["curvature", "edges", "triangles", "samples"])
+def test_before_and_after_wear_one_scale_of_a_quantity(quantity, tmp_path):
+    told = compare(ROUGH, FLAT, tmp_path / "a.png", quantity=quantity, size=SIZE)
+    assert told.how == "relief"
+    boxes = page.layout(Look(size=SIZE), 64 / 48, 2).panels
+    assert boxes[0].size == boxes[1].size
+    one = show(ROUGH, tmp_path / "b.png", quantity=quantity, colours="cividis", size=SIZE)
+    assert imread(one.path).shape == (480, 640, 4)
+
+
+def test_a_notebook_shows_the_picture_itself(tmp_path):
+    told = show(ROUGH, tmp_path / "a.png", size=SIZE)
+    bundle = told._repr_mimebundle_()
+    assert bundle["image/png"] == told.path.read_bytes()
+    assert set(show(ROUGH, tmp_path / "a.tif", size=SIZE)._repr_mimebundle_()) == {"text/plain"}
+
+
+@pytest.mark.needs_gl
+def test_a_plotter_is_ours_to_draw_and_to_add_to():
+    window = plotter(BALL, quantity="curvature", off_screen=True, size=SIZE)
+    window.add_text("mine")
+    picture = window.screenshot(None, return_img=True)
+    window.close()
+    assert picture.shape[1::-1] == SIZE
+    assert (picture[..., :3] < 250).all(axis=2).mean() > 0.2
+
+
+def test_a_coarse_body_is_the_same_surface_in_fewer_triangles():
+    fine = shapes.sphere(6)
+    body = Body(fine.points, fine.faces, np.arange(len(fine.points)), picture_view())
+    few = coarse(body, 24)
+    assert len(few.faces) < len(body.faces) / 4
+    np.testing.assert_array_equal(few.points, fine.points[few.samples])
+    np.testing.assert_allclose(np.ptp(few.points, axis=0), 2.0, atol=0.1)
+    sides = np.sort(np.concatenate([few.faces[:, [0, 1]], few.faces[:, [1, 2]], few.faces[:, [2, 0]]]), axis=1)
+    _, counts = np.unique(sides, axis=0, return_counts=True)
+    assert (counts == 1).sum() < 0.01 * len(counts), "it has holes"
+    middles = [
+        points[faces].mean(axis=1)
+        for points, faces in ((fine.points, fine.faces[few.triangles]), (few.points, few.faces))
+    ]
+    assert np.abs(middles[0] - middles[1]).max() < 3 * 2 / 24
+
+
+@pytest.mark.needs_gl
+def test_what_is_heavy_is_coarse_while_it_turns(monkeypatch):
+    monkeypatch.setattr("meshflow.view.scene.HEAVY", 100)
+    monkeypatch.setattr("meshflow.view.scene.coarse", lambda body: coarse(body, 8))
+    window = plotter(BALL, off_screen=True, size=SIZE)
+    fine, few = list(window.renderer.actors.values())[:2]
+    assert fine.mapper.dataset.n_cells > few.mapper.dataset.n_cells
+
+    def seen():
+        return bool(fine.GetVisibility()), bool(few.GetVisibility())
+
+    assert seen() == (True, False)
+    style = window.iren.get_interactor_style()
+    style.InvokeEvent("StartInteractionEvent")
+    assert seen() == (False, True)
+    style.InvokeEvent("EndInteractionEvent")
+    assert seen() == (True, False)
+    window.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"arrange": "above"}, "arrange: one of beside, wipe, blink expected, got 'above'"),
+        ({"arrange": "wipe", "at": 1.5}, r"0 \(left\) to 1 \(right\), expected, got 1.5"),
+        ({"quantity": "colour"}, "quantity: one of curvature"),
+        ({"colours": "nonsense"}, "got 'nonsense'; viridis, cividis, RdBu_r"),
+        ({"seen": "behind"}, "seen: front or side expected, got 'behind'"),
+        ({"seen": "side", "how": "relief"}, "is seen from the front"),
+        ({"own_colours": True}, "own_colours: of meshes only, this is a HeightField"),
+        ({"color": "red"}, "color: no such option of a picture; there are exaggeration"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(options, says, tmp_path):
+    with pytest.raises(InputError, match=says):
+        compare(ROUGH, FLAT, tmp_path / "a.png", **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mesh_without_colours_has_none_to_be_shown(tmp_path):
+    for thing in (BALL, (SPHERE.points, SPHERE.faces)):
+        with pytest.raises(InputError, match="neither colours of its vertices nor a texture"):
+            taken(thing, own_colours=True)
+
+
+def test_what_cannot_be_drawn_is_refused_and_no_window_is_left(tmp_path):
+    with pytest.raises(InputError, match="a window needs a display"):
+        compare(ROUGH, FLAT, arrange="wipe")
+    with pytest.raises(MissingPackage, match="MESHFLOW_RENDERING"):
+        plotter(ROUGH, FLAT)
+    with pytest.raises(MissingPackage, match="MESHFLOW_RENDERING"):
+        show(ROUGH, tmp_path / "a.png", seen="side")
+    with pytest.raises(InputError, match="of two things, got one"):
+        plotter(ROUGH, quantity="removed")
+    with pytest.raises(InputError, match="one of them at a time"):
+        show(ROUGH, tmp_path / "a.png", scalars=ROUGH.z, quantity="curvature")
+    with pytest.raises(FormatError, match=r"ends in .gif, .png; got .jpg"):
+        compare(ROUGH, FLAT, tmp_path / "a.jpg", arrange="blink")
+    with pytest.raises(FormatError, match=r"got .gif"):
+        compare(ROUGH, FLAT, tmp_path / "a.gif")
+    holes = np.full((8, 8), np.nan)
+    holes[::3, ::3] = 1.0
+    for quantity in (None, "curvature"):
+        with pytest.raises(InputError, match="nothing to (draw|show)"):
+            show(HeightField(holes), tmp_path / "a.png", quantity=quantity)
+    assert list(tmp_path.iterdir()) == []
