@@ -4,6 +4,7 @@ import importlib.util
 from pathlib import Path
 
 import pytest
+from matplotlib.image import imread
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -20,8 +21,51 @@ def test_an_example_is_shorter_than_sixty_lines(path):
     assert path.read_text().count("\n") < 60
 
 
+def drawn(path):
+    """Whether a picture is there, and not blank."""
+    picture = imread(path)
+    return picture.shape[1] == 1400 and (picture[..., :3] < 0.9).any(axis=2).mean() > 0.1
+
+
 def test_a_range_scan_smoothed_along_its_rays_has_a_third_of_its_error():
     assert 0 < example("smooth_range_scan").main() < 1 / 3
+
+
+@pytest.mark.needs_gl
+def test_figure_1_terraces_of_quantisation_go_and_the_truth_comes_nearer(tmp_path):
+    assert 0.1 < example("paper_1_terrain").main(tmp_path / "a.png") < 0.7
+    assert drawn(tmp_path / "a.png")
+
+
+@pytest.mark.needs_gl
+def test_figure_3_cotangents_leave_vertices_where_uniform_weights_drag_them(tmp_path):
+    assert 0 < example("paper_3_irregular_sampling").main(tmp_path / "a.png") < 0.3
+    assert drawn(tmp_path / "a.png")
+
+
+@pytest.mark.needs_gl
+def test_figure_6_the_curvature_of_an_unevenly_sampled_sphere_is_one(tmp_path):
+    assert 0 < example("paper_6_curvature").main(tmp_path / "a.png") < 0.025
+    assert drawn(tmp_path / "a.png")
+
+
+def test_figure_7_discs_come_out_of_noise_in_grey_and_in_colour(tmp_path):
+    assert 0 < example("paper_7_synthetic").main(tmp_path / "a.png") < 0.25
+    assert drawn(tmp_path / "a.png")
+
+
+def test_figure_8_super_time_takes_a_sixth_of_the_rates_to_the_same_picture(tmp_path):
+    rates, away = example("paper_8_colour").main(tmp_path / "a.png")
+    assert rates < 60  # instead of 300
+    assert away < 0.5
+    assert drawn(tmp_path / "a.png")
+
+
+@pytest.mark.needs_gl
+def test_figure_10_the_clock_is_an_image_and_a_height_field(tmp_path):
+    assert 0 < example("paper_10_clock").main(tmp_path / "a.png") < 0.35
+    assert drawn(tmp_path / "a.png")
+    assert drawn(tmp_path / "a_heights.png")
 
 
 def test_heights_that_move_alone_end_nearer_the_truth_than_points_that_move_in_space():

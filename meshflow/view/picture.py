@@ -63,6 +63,7 @@ def compare(
     at: float = 0.5,
     unit: str | None = None,
     contrast: float = 1.0,
+    labels: tuple[str, str] = ("before", "after"),
     how: How | None = None,
     **look: Unpack[Looks],
 ) -> Pictured:
@@ -83,6 +84,7 @@ def compare(
     :param at: where the divider stands, a share of the width from the left.
     :param unit: of what was removed; by default the one that the noun names.
     :param contrast: length per unit of the values, for ``edges``.
+    :param labels: what the two are, where they are not before and after.
     :param how: ``pyvista`` or ``relief``; by default VTK where it can draw, and images always as images.
     :param look: the fields of :class:`meshflow.view.Look`: light, exaggeration, side, size, title, colours.
     :raises InputError: for two things that cannot be compared, nothing to draw, options that make no sense, or a window
@@ -92,7 +94,7 @@ def compare(
     """
     at, seen = divided(at), looking(**look)
     target = writable(path, ANIMATED if arrange == "blink" else _FORMATS)
-    sight = of_two(before, after, seen, how, target is None, arrange, unit, quantity, contrast)
+    sight = of_two(before, after, seen, how, target is None, arrange, unit, quantity, contrast, labels)
     if target is None:
         return _opened(sight, arrange, at)
     if arrange == "blink":
@@ -215,7 +217,7 @@ def _wiped(sight: Sight, at: float) -> "Figure":
     both, place, width = other.copy(), round(at * other.shape[1]), max(1, other.shape[1] // 600)
     both[:, :place] = one[:, :place]
     both[:, max(place - width // 2, 0) : place - width // 2 + width] = _DIVIDER
-    return _single(sight, plan, both, ("before", "after"), at)
+    return _single(sight, plan, both, (sight.shown[0].label, sight.shown[1].label), at)
 
 
 def _blinked(sight: Sight, target: Path) -> None:

@@ -77,6 +77,7 @@ def of_two(
     unit: str | None,
     quantity: Quantity | Removed,
     contrast: float,
+    labels: tuple[str, str] = ("before", "after"),
 ) -> Sight:
     """A thing before and after, and beside them what was removed; or both in the colours of a quantity.
 
@@ -92,13 +93,13 @@ def of_two(
     if quantity != "removed":
         one, other = (measured(noun, quantity, contrast).wearing(look.colours) for noun in nouns)
         scales = one, other = together(one, other)
-        counted = ("before", one), ("after", other)
+        counted = (labels[0], one), (labels[1], other)
     seen = raised(pair.before, look.seen), raised(pair.after, look.seen)
     stage = staged(seen, look, _how(seen[0], how, quantity, window), window)
     bodies = stage.bodies(*seen)
     panels = tuple(
         Shown(label, noun, body, None if scale is None else scale.thinned(stage.step))
-        for label, noun, body, scale in zip(("before", "after"), seen, bodies, scales, strict=True)
+        for label, noun, body, scale in zip(labels, seen, bodies, scales, strict=True)
     )
     if quantity == "removed" and arrange == "beside":
         removed = pair.removed.wearing(look.colours)
