@@ -1,5 +1,8 @@
 """Real data of ../shared/data, smoothed and measured against its truth: ``pytest -m bench -s tests/bench_show.py``."""
 
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import matplotlib.cbook
@@ -9,8 +12,10 @@ import rasterio
 import trimesh
 
 import meshflow
+from meshflow import view
 from meshflow.smoothing import Settings, noise, smooth_noun
-from meshflow.study import metrics
+from meshflow.study import metrics, shapes
+from meshflow.study.scenes import fractal_terrain
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 pytestmark = [pytest.mark.bench, pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")]
@@ -135,3 +140,52 @@ def test_livingroom_along_rays_and_in_space(frame):
     rays = _scored("along the rays", surface.points_at(along.u)[valid], noisy.camera, clean)
     flat = _scored("in space (3D)", space.u[valid], noisy.camera, clean)
     assert rays < flat
+
+
+def _timed(words, act):
+    begun = time.perf_counter()
+    done = act()
+    print(f"  {words}: {time.perf_counter() - begun:.2f} s")
+    return done
+
+
+def test_time_to_the_first_picture_and_frames_per_second(tmp_path):
+    code = (
+        "import numpy as np, meshflow.view as v; from meshflow.study.scenes import fractal_terrain;"
+        f"v.show(fractal_terrain(1000), {str(tmp_path / 'a.png')!r})"
+    )
+    print("\nLooking, headless:")
+    _timed(
+        "first picture of a 1000 x 1000 terrain, from the start of Python",
+        lambda: subprocess.run([sys.executable, "-c", code], check=True, capture_output=True),
+    )
+    field = meshflow.HeightField(fractal_terrain(1000))
+    _timed("a picture more", lambda: view.show(field, tmp_path / "b.png"))
+    _timed("the first without OpenGL", lambda: view.show(field, tmp_path / "c.png", how="relief"))
+    _timed("compare, three panels", lambda: view.compare(field, field, tmp_path / "d.png"))
+    large = meshflow.HeightField(fractal_terrain(4096).astype(np.float32))
+    told = _timed("4096 x 4096", lambda: view.show(large, tmp_path / "e.png"))
+    print(f"    said: {', '.join(told.notes)}")
+    _timed("its mean curvature, of all samples", lambda: view.measured(large, "curvature"))
+    assert "every 5th sample" in " ".join(told.notes)
+
+
+def test_a_mesh_of_millions_of_triangles_stays_interactive():
+    ring = shapes.ring(1600, 820)
+    mesh = meshflow.Mesh(ring.points, ring.faces)
+    print(f"\n{len(mesh.faces)} triangles in a window of 1600 x 1200:")
+    window = _timed("opened", lambda: view.plotter(mesh, off_screen=True))
+    window.screenshot(None, return_img=True)
+    style, rates = window.iren.get_interactor_style(), {}
+    for word, event in (("while it turns", "StartInteractionEvent"), ("at rest", "EndInteractionEvent")):
+        style.InvokeEvent(event)
+        window.camera.Azimuth(5)
+        window.render()
+        begun = time.perf_counter()
+        for _ in range(5):
+            window.camera.Azimuth(5)
+            window.render()
+        rates[word] = 5 / (time.perf_counter() - begun)
+        print(f"  {word}: {rates[word]:.1f} frames per second")
+    window.close()
+    assert rates["while it turns"] > 4 * rates["at rest"]

@@ -75,9 +75,7 @@ def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plot
             plotter.add_text(label, position="upper_left", font_size=12, color="black")
             _aim(plotter, body, look.size[0] / look.size[1])
     plotter.link_views()
-    plotter.enable_anti_aliasing("ssaa")
-    if heavy:
-        Turning(plotter, heavy)
+    Turning(plotter, heavy)
     return plotter
 
 
@@ -111,7 +109,7 @@ def overlaid(
         tube_width=0.002,
     )
     _aim(plotter, one, look.size[0] / look.size[1])
-    plotter.enable_anti_aliasing("ssaa")
+    Turning(plotter, [])
     return plotter
 
 

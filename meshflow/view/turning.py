@@ -1,4 +1,4 @@
-"""Windows stay quick while they are turned: a coarse body stands in for one of very many triangles until it rests."""
+"""Windows stay quick while they are turned: no anti-aliasing, and a coarse body in the place of one of very many triangles."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["HEAVY", "Turning", "coarse"]
 
 HEAVY = 400_000  # triangles that software draws in about a tenth of a second
-_CELLS = 256  # along the longest side: a cell is a few pixels of a window
+_CELLS = 160  # along the longest side: a cell is a few pixels of a window
 
 
 def coarse(body: Body, cells: int = _CELLS) -> Body:
@@ -42,10 +42,10 @@ def coarse(body: Body, cells: int = _CELLS) -> Body:
 
 
 class Turning:
-    """Of pairs of actors the fine ones are seen at rest, the coarse ones while the window is turned.
+    """What is drawn at rest, and what while the window is turned.
 
     :param plotter: whose interaction is watched.
-    :param pairs: fine and coarse.
+    :param pairs: actors, of which the fine ones are seen at rest, and the coarse ones while it turns.
     """
 
     def __init__(self, plotter: "pv.Plotter", pairs: list[tuple[Any, Any]]) -> None:
@@ -65,6 +65,11 @@ class Turning:
         self._show(fine=True)
 
     def _show(self, *, fine: bool) -> None:
+        window: Any = self.plotter
+        if fine:
+            window.enable_anti_aliasing("ssaa", all_renderers=True)
+        else:  # in software it takes longer than all the rest
+            window.disable_anti_aliasing(all_renderers=True)
         for one, other in self.pairs:
             one.SetVisibility(fine)
             other.SetVisibility(not fine)
