@@ -30,7 +30,7 @@ def _headless(monkeypatch, request):
 
 
 def panel(path, aspect, look):
-    (box,) = page.layout(look, aspect, 1, labelled=True).panels
+    (box,) = page.layout(look, aspect, 1, labelled=True, scaled=False).panels
     picture = np.round(imread(path)[..., :3] * 255).astype(int)
     bottom = look.size[1] - box.bottom
     return picture[bottom - box.height : bottom, box.left : box.left + box.width]

@@ -74,7 +74,7 @@ def filmed(
         moments, stage = _moments(states, look, how, quantity, contrast, turn)
         scale = _common([moment.scale for moment in moments])
         bodies = _framed([_body(moment.noun, stage) for moment in moments], turn)
-        plan = page.layout(look, stage.aspect(bodies[0], moments[0].noun), 1, labelled=True)
+        plan = page.layout(look, stage.aspect(bodies[0], moments[0].noun), 1, labelled=True, scaled=scale is not None)
         stay = round(_PAUSE * rate)
         for k, (moment, body) in enumerate(zip(moments, bodies, strict=True)):
             hue = None if scale is None or moment.scale is None else replace(scale, values=moment.scale.values)

@@ -13,6 +13,7 @@ from meshflow.io.replace import beside
 __all__ = ["ANIMATED", "FILMS", "Frames"]
 
 ANIMATED, FILMS = (".gif", ".png"), (".mp4", ".gif")
+_WHITE = 246  # what is as bright is white in a GIF: Pillow looks for the nearest colour in coarse steps
 _QUALITY = 7  # of imageio, 0 to 10
 
 
@@ -85,5 +86,7 @@ def _in_few_colours(pictures: list[Any]) -> list[Any]:
     for k, picture in enumerate(some):
         sheet.paste(picture, (0, k * first.height))
     palette = sheet.quantize(255)
-    palette.putpalette([*(palette.getpalette() or [])[: 3 * 255], 255, 255, 255])
+    colours = np.array([*(palette.getpalette() or [])[: 3 * 255], 255, 255, 255], np.uint8).reshape(-1, 3)
+    colours[colours.min(axis=1) >= _WHITE] = 255
+    palette.putpalette(colours.ravel().tolist())
     return [picture.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG) for picture in pictures]

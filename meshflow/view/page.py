@@ -53,19 +53,20 @@ class Layout:
     header: int
 
 
-def layout(look: Look, aspect: float, panels: int = 3, labelled: bool = False) -> Layout:
+def layout(look: Look, aspect: float, panels: int = 3, labelled: bool = False, scaled: bool = True) -> Layout:
     """The arrangement that suits panels of this aspect (width over height).
 
     Three panels: before | after over removed | scale; or all in one row over the scale, if they are larger so. One or two
     stand over the scale.
 
     :param labelled: one panel has its label, too; several always have.
+    :param scaled: there is room for a scale below one panel; below several there always is.
     """
     width, height = look.size
     unit = min(width / 1600, height / 1200)
     gap, label, header, footer = (round(v * unit) for v in (20, 38, 62 if look.title else 14, 44))
     if panels == 1:
-        strip = round(120 * unit)
+        strip = round(120 * unit) * scaled
         above = header + label * labelled
         box = Box(gap, footer + strip, width - 2 * gap, height - above - footer - strip)
         return Layout(look.size, (box,), Box(gap, footer, width - 2 * gap, strip), unit, header)

@@ -212,7 +212,7 @@ def _beside(sight: Sight) -> "Figure":
 
 def _wiped(sight: Sight, at: float) -> "Figure":
     """One view, before to the left of a divider and after to its right."""
-    plan = page.layout(sight.look, sight.aspect, 1, labelled=True)
+    plan = page.layout(sight.look, sight.aspect, 1, labelled=True, scaled=bool(sight.counted))
     one, other = (sight.picture(k, plan.panels[0].size) for k in (0, 1))
     both, place, width = other.copy(), round(at * other.shape[1]), max(1, other.shape[1] // 600)
     both[:, :place] = one[:, :place]
@@ -222,7 +222,7 @@ def _wiped(sight: Sight, at: float) -> "Figure":
 
 def _blinked(sight: Sight, target: Path) -> None:
     """Two frames of an animated picture, before and after."""
-    plan = page.layout(sight.look, sight.aspect, 1, labelled=True)
+    plan = page.layout(sight.look, sight.aspect, 1, labelled=True, scaled=bool(sight.counted))
     with Frames(target, _BLINKS) as frames:
         for k, one in enumerate(sight.shown[:2]):
             picture = sight.picture(k, plan.panels[0].size)
