@@ -54,6 +54,7 @@ def compare(
     own_colours: words.OwnColours = False,
     size: words.Size = (1600, 1200),
     title: words.Title = None,
+    overwrite: words.Overwrite = False,
     json: words.Json = False,
 ) -> None:
     """Compare IN with OTHER: differences, normals, area, volume; and draw them, as a picture or in a window."""
@@ -61,11 +62,20 @@ def compare(
 
 
 def _compared(
-    one: Path, other: Path, picture: Path | None, window: bool, title: str | None, json: bool, **given: Any
+    one: Path,
+    other: Path,
+    picture: Path | None,
+    window: bool,
+    title: str | None,
+    overwrite: bool,
+    json: bool,
+    **given: Any,
 ) -> None:
     """The command ``compare``, with its options by name."""
     from meshflow.study.metrics import compare as measured
 
+    if picture is not None:
+        _must_be_free(picture, overwrite)
     reading = {name: given.pop(name) for name in READ}
     first, second = (opened(path, **reading) for path in (one, other))
     if first.kind != second.kind and {first.kind, second.kind} <= {"image", "terrain"}:

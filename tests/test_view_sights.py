@@ -265,3 +265,19 @@ def test_what_cannot_be_drawn_is_refused_and_no_window_is_left(tmp_path):
         with pytest.raises(InputError, match="nothing to (draw|show)"):
             show(HeightField(holes), tmp_path / "a.png", quantity=quantity)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.needs_gl
+@pytest.mark.parametrize("arrange", ["beside", "wipe"])
+def test_a_window_that_fails_is_closed(arrange, monkeypatch):
+    from pyvista.plotting import plotter as plotters
+
+    open_before = len(plotters._ALL_PLOTTERS)
+
+    def fails(self, *args, **options):
+        raise RuntimeError("the driver gave up")
+
+    monkeypatch.setattr("pyvista.Plotter.add_mesh", fails)
+    with pytest.raises(RuntimeError, match="gave up"):
+        plotter(ROUGH, FLAT, arrange=arrange, off_screen=True)
+    assert len(plotters._ALL_PLOTTERS) == open_before

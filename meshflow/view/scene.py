@@ -1,6 +1,7 @@
 """Bodies drawn by VTK: panels for a page, and windows."""
 
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,17 +66,18 @@ def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plot
     shape: Any = (len(rows), len(rows[0]))
     groups: Any = [(1, slice(None))] if len(rows) == 2 else None
     plotter = pv.Plotter(shape=shape, groups=groups, off_screen=off_screen, **_frame(look))
-    _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
-    heavy: list[tuple[Any, Any]] = []
-    for r, row in enumerate(rows):
-        for c, (label, body, scale) in enumerate(row):
-            plotter.subplot(r, c)
-            actor = _add(plotter, body, scale, bar=True)
-            heavy += _stood_in(plotter, actor, body, scale)
-            plotter.add_text(label, position="upper_left", font_size=12, color="black")
-            _aim(plotter, body, look.size[0] / look.size[1])
-    plotter.link_views()
-    Turning(plotter, heavy)
+    with _closed_on_failure(plotter):
+        _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
+        heavy: list[tuple[Any, Any]] = []
+        for r, row in enumerate(rows):
+            for c, (label, body, scale) in enumerate(row):
+                plotter.subplot(r, c)
+                actor = _add(plotter, body, scale, bar=True)
+                heavy += _stood_in(plotter, actor, body, scale)
+                plotter.add_text(label, position="upper_left", font_size=12, color="black")
+                _aim(plotter, body, look.size[0] / look.size[1])
+        plotter.link_views()
+        Turning(plotter, heavy)
     return plotter
 
 
@@ -90,27 +92,38 @@ def overlaid(
     import pyvista as pv
 
     plotter = pv.Plotter(off_screen=off_screen, **_frame(look))
-    (one, first), (other, second) = panels
-    _light(plotter, one, look)
-    actors = _add(plotter, one, first, bar=True), _add(plotter, other, second)
-    overlay = Overlay(plotter, *actors, at, wipes)
-    widgets: Any = plotter
-    widgets.add_slider_widget(
-        overlay.slide,
-        rng=(0.0, 1.0),
-        value=at,
-        title="",
-        pointa=(0.0, 0.04),
-        pointb=(1.0, 0.04),
-        interaction_event="always",
-        color="#26282b",
-        fmt="",
-        slider_width=0.03,
-        tube_width=0.002,
-    )
-    _aim(plotter, one, look.size[0] / look.size[1])
-    Turning(plotter, [])
+    with _closed_on_failure(plotter):
+        (one, first), (other, second) = panels
+        _light(plotter, one, look)
+        actors = _add(plotter, one, first, bar=True), _add(plotter, other, second)
+        overlay = Overlay(plotter, *actors, at, wipes)
+        widgets: Any = plotter
+        widgets.add_slider_widget(
+            overlay.slide,
+            rng=(0.0, 1.0),
+            value=at,
+            title="",
+            pointa=(0.0, 0.04),
+            pointb=(1.0, 0.04),
+            interaction_event="always",
+            color="#26282b",
+            fmt="",
+            slider_width=0.03,
+            tube_width=0.002,
+        )
+        _aim(plotter, one, look.size[0] / look.size[1])
+        Turning(plotter, [])
     return plotter
+
+
+@contextmanager
+def _closed_on_failure(plotter: "pv.Plotter") -> Iterator[None]:
+    """No window is left behind by what fails."""
+    try:
+        yield
+    except BaseException:
+        plotter.close()
+        raise
 
 
 def _frame(look: Look) -> dict[str, Any]:
