@@ -98,7 +98,7 @@ def overlaid(
         actors = _add(plotter, one, first, bar=True), _add(plotter, other, second)
         overlay = Overlay(plotter, *actors, at, wipes)
         widgets: Any = plotter
-        widgets.add_slider_widget(
+        slider = widgets.add_slider_widget(
             overlay.slide,
             rng=(0.0, 1.0),
             value=at,
@@ -108,9 +108,12 @@ def overlaid(
             interaction_event="always",
             color="#26282b",
             fmt="",
-            slider_width=0.03,
+            slider_width=0.05,
             tube_width=0.002,
         )
+        handle = slider.GetRepresentation()  # without caps and short, so that it stands where the divider does
+        handle.SetEndCapLength(0.0)
+        handle.SetSliderLength(0.012)
         _aim(plotter, one, look.size[0] / look.size[1])
         Turning(plotter, [])
     return plotter
@@ -164,7 +167,7 @@ def _add(plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = Fal
     if body.colours is not None:
         flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
         return plotter.add_mesh(
-            shape, scalars=body.colours, rgb=True, smooth_shading=False, lighting=not flat, specular=0.0
+            shape, scalars=body.colours, rgb=True, smooth_shading=False, lighting=not flat, ambient=0.3, specular=0.0
         )
     return plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
 
