@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
+    from meshflow.filming import film
     from meshflow.flow.control import AreaChange, Embedded, Fixed, Until
     from meshflow.flow.march import State, march
     from meshflow.flow.rate import MeshFlow
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "errors": ("FormatError", "InputError", "MissingPackage", "NotConverged"),
+    "filming": ("film",),
     "flow.control": ("AreaChange", "Embedded", "Fixed", "Until"),
     "flow.march": ("State", "march"),
     "flow.rate": ("MeshFlow",),

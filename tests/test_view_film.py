@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from meshflow import film
 from meshflow.errors import FormatError, InputError, MissingPackage
-from meshflow.filming import film
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.settings import Settings
