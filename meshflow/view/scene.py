@@ -16,7 +16,7 @@ from meshflow.view.turning import HEAVY, Turning, coarse
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["Rows", "drawn", "overlaid", "windowed"]
+__all__ = ["Rows", "added", "drawn", "overlaid", "single", "windowed"]
 
 Rows = list[list[tuple[str, Body, Scale | None]]]
 """Rows of panels of a window: label, body, the colours it wears instead of its own."""
@@ -127,6 +127,27 @@ def _closed_on_failure(plotter: "pv.Plotter") -> Iterator[None]:
     except BaseException:
         plotter.close()
         raise
+
+
+def single(body: Body, look: Look, off_screen: bool) -> "pv.Plotter":
+    """A plotter with the light and the camera for one body, which is yet to be :func:`added`; the caller closes it."""
+    import pyvista as pv
+
+    plotter = pv.Plotter(off_screen=off_screen, **_frame(look))
+    _light(plotter, body, look)
+    _aim(plotter, body, look.size[0] / look.size[1])
+    return plotter
+
+
+def added(plotter: "pv.Plotter", body: Body, scale: Scale | None, name: str) -> Any:
+    """The actor of a body, in place of the one of that name and its bar."""
+    for bar in list(plotter.scalar_bars.keys()):
+        plotter.remove_scalar_bar(bar, render=False)
+    plotter.remove_actor(name, render=False)
+    actor = _add(plotter, body, scale, bar=scale is not None)
+    plotter.add_actor(actor, name=name, reset_camera=False, render=False)
+    plotter.reset_camera_clipping_range()  # the camera was aimed at an empty place
+    return actor
 
 
 def _frame(look: Look) -> dict[str, Any]:

@@ -1,0 +1,45 @@
+"""Curves of a flow over its time, as a small drawing that a page or a window holds."""
+
+from html import escape
+
+import numpy as np
+
+from meshflow.view.timeline import Timeline
+
+__all__ = ["curves", "told"]
+
+_WIDE, _HIGH, _EDGE = 320, 150, 8
+_COLOURS = {"area": "#2b6cb0", "change": "#c2410c", "residual": "#4d7c0f"}
+
+
+def told(timeline: Timeline, index: int) -> str:
+    """A state in words."""
+    moment = timeline.moments[index]
+    unit = f" {timeline.unit}" if timeline.unit else ""
+    words = [f"time {moment.time:.4g}{unit}", f"area {100 * moment.area:.4g} %", f"rms change {moment.change:.3g}"]
+    return ", ".join(words + ([f"{moment.residual:.3g} of the noise"] if np.isfinite(moment.residual) else []))
+
+
+def curves(timeline: Timeline, index: int) -> str:
+    """SVG of area, change and residual over the square root of time, each from 0 to its largest, this state marked."""
+    times = np.sqrt([moment.time for moment in timeline.moments])
+    wide, high = _WIDE - 2 * _EDGE, _HIGH - 2 * _EDGE - 14
+    across = _EDGE + wide * times / (times[-1] or 1.0)
+    lines, names = [], []
+    for name, colour in _COLOURS.items():
+        values = np.array([getattr(moment, name) for moment in timeline.moments])
+        if not np.isfinite(values).all():
+            continue
+        down = _EDGE + high * (1.0 - values / (values.max() or 1.0))
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
+        lines.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
+        names.append(f'<tspan fill="{colour}">{name} ≤ {values.max():.3g}  </tspan>')
+    x = across[index]
+    marker = f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{_EDGE}" y2="{_EDGE + high}" stroke="#444" stroke-dasharray="3 2"/>'
+    frame = f'<rect x="{_EDGE}" y="{_EDGE}" width="{wide}" height="{high}" fill="none" stroke="#ccc"/>'
+    text = f'<text x="{_EDGE}" y="{_HIGH - 6}" font-size="11" font-family="sans-serif">{"".join(names)}</text>'
+    label = escape(told(timeline, index))
+    return (
+        f'<svg viewBox="0 0 {_WIDE} {_HIGH}" width="100%" role="img" aria-label="{label}">'
+        f"{frame}{''.join(lines)}{marker}{text}</svg>"
+    )

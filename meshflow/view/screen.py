@@ -1,0 +1,89 @@
+"""One surface on a plotter whose states are shown one after the other: for a window with sliders, and for a browser."""
+
+from dataclasses import replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from meshflow.errors import InputError, MissingPackage
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import Image, Noun
+from meshflow.view import scene
+from meshflow.view.bodies import Body, as_shown, drawable, embodied, raised, thinned
+from meshflow.view.look import Look
+from meshflow.view.pair import paired
+from meshflow.view.probe import rendering
+from meshflow.view.scale import Scale
+
+__all__ = ["COLOURINGS", "Colouring", "Screen"]
+
+Colouring = Literal["surface", "removed"]
+COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
+
+
+class Screen:
+    """A plotter that shows a noun, and then others of the same samples, in one frame and one scale of colours.
+
+    :ivar plotter: of pyvista; the caller closes it.
+    :ivar notes: sentences for the user.
+    :param first: the start of a flow.
+    :param last: its end: frame and colours hold both.
+    :param off_screen: draw without a window.
+    :raises InputError: where there is nothing to draw.
+    :raises MissingPackage: where VTK cannot draw.
+    """
+
+    def __init__(self, first: Noun, last: Noun, look: Look, off_screen: bool) -> None:
+        answer = rendering()
+        if not answer.works:
+            raise MissingPackage(f"states are drawn by VTK alone: {answer.why}")
+        if off_screen:
+            answer.prepare()
+        elif answer.window is not None:
+            raise InputError(f"a window needs a display that VTK can draw on, and here {answer.why}; give --web")
+        self._first, self._look = first, look
+        self._colouring: Colouring = "surface"
+        seen = raised(first, look.seen)
+        self._step, self._exaggeration, self.notes = drawable(seen, look)
+        images = [noun for noun in (seen, raised(last, look.seen)) if isinstance(noun, Image)]
+        self._shown = as_shown(*images) if images else None
+        body, end = self._body(first), self._body(last)
+        body = replace(body, view=body.view.framing(body.points, end.points))
+        self._scale = self._removed(last)
+        self.plotter = scene.single(body, look, off_screen)
+        self._surface: Any = None
+        self._draw(body, None)
+
+    def recoloured(self, last: Noun) -> None:
+        """Colours for states that end at another one."""
+        self._scale = self._removed(last)
+
+    def show(self, noun: Noun, colouring: Colouring = "surface") -> None:
+        """A state, as it is or in the colours of what has been removed since the start."""
+        body, scale = self._body(noun), None
+        if colouring == "removed":
+            values = self._removed(noun).values
+            scale = replace(self._scale, values=values)
+        same = self._surface is not None and colouring == self._colouring and scale is None and body.colours is None
+        if same and len(self._surface.points) == len(body.points) and self._surface.n_cells == len(body.faces):
+            self._surface.points = body.points  # the triangles are on the graphics card already
+        else:
+            self._draw(body, scale)
+        self._colouring = colouring
+        self.plotter.render()
+
+    def picture(self) -> Array:
+        """What is seen, (h, w, 3) in uint8."""
+        return np.asarray(self.plotter.screenshot(None, return_img=True))[..., :3]
+
+    def _draw(self, body: Body, scale: Scale | None) -> None:
+        actor = scene.added(self.plotter, body, scale, "state")
+        self._surface = actor.mapper.dataset
+
+    def _body(self, noun: Noun) -> Body:
+        seen = thinned(raised(noun, self._look.seen), self._step)
+        look = self._look
+        return embodied(seen, 1, self._exaggeration, self._shown, look.up, look.seen, look.own_colours)
+
+    def _removed(self, noun: Noun) -> Scale:
+        return paired(self._first, noun, None).removed.wearing(self._look.colours).thinned(self._step)

@@ -1,0 +1,254 @@
+"""The viewer in a browser: trame serves it, VTK draws it here, and another thread computes what is turned."""
+
+import asyncio
+import secrets
+import socket
+from collections.abc import Callable
+from contextlib import closing
+from typing import Any, Protocol
+
+from meshflow.errors import InputError, need
+from meshflow.view.curves import curves, told
+from meshflow.view.look import Look
+from meshflow.view.screen import COLOURINGS, Colouring, Screen
+from meshflow.view.timeline import Timeline
+
+__all__ = ["LOOPBACK", "Dials", "Served"]
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+SETTLE = 0.3  # seconds for which a knob must rest before anything is computed
+
+
+class Dials(Protocol):
+    """What is turned in a page; :class:`meshflow.viewing.Desk` is one."""
+
+    def controls(self) -> list[dict[str, Any]]:
+        """Knobs: ``name, value, low, high, step, label`` each; of a choice ``name, value, items``."""
+        ...
+
+    def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:
+        """The states of a flow with these values; None where ``gone``, told the share that is done, said to leave it.
+
+        :raises InputError: for values that make no sense.
+        """
+        ...
+
+    def command(self, time: float) -> str:
+        """The command line that makes the state at a time."""
+        ...
+
+    def save(self, time: float) -> str:
+        """Write that state; where to."""
+        ...
+
+
+class Served:
+    """A page that shows a timeline.
+
+    :ivar url: where it is; with its token, where it is bound beyond this machine.
+    :param dials: what can be turned.
+    :param host: address to listen at; beyond loopback only who knows the token is let in.
+    :param port: 0: any that is free.
+    :raises InputError: for a port that is taken, or an address that is not this machine's.
+    :raises MissingPackage: without ``meshflow[web]``, and where VTK cannot draw.
+    """
+
+    def __init__(self, dials: Dials, timeline: Timeline, look: Look, host: str = "127.0.0.1", port: int = 0) -> None:
+        need("trame_pyvista", "web")
+        from trame.app import get_server
+
+        self.dials, self.timeline, self.look = dials, timeline, look
+        self.host, self.port = host, _free(host, port)
+        self.token = "wslink-secret" if host in LOOPBACK else secrets.token_urlsafe(24)
+        shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
+        self.url = f"http://{shown}:{self.port}/" + ("" if host in LOOPBACK else f"?secret={self.token}")
+        self.screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), look, off_screen=True)
+        self._server: Any = get_server(f"meshflow-{self.port}", client_type="vue3")
+        self._wanted = 0
+        self._values = {control["name"]: control["value"] for control in dials.controls()}
+        self._page()
+
+    def serve(self, open_browser: bool, ready: Callable[[str], None] | None = None) -> None:
+        """Serve until interrupted.
+
+        :param ready: called with the address as soon as it answers.
+        """
+        server = self._server
+        # trame reads the command line of the process, where --time would be taken for its --timeout.
+        options = server.cli.parse_args([])
+        options.host, options.port, options.authKey, options.timeout = self.host, self.port, self.token, 0
+        server.cli.parse_known_args = lambda *_, **__: (options, [])
+
+        def told_ready(**_: Any) -> None:
+            if ready is not None:
+                ready(self.url)
+            if open_browser:
+                import webbrowser
+
+                webbrowser.open(self.url)
+
+        server.controller.on_server_bind.add(_launched)
+        server.controller.on_server_ready.add(told_ready)
+        with closing(self.screen.plotter):
+            server.start(open_browser=False, show_connection_info=False, disable_logging=True)
+
+    def _page(self) -> None:
+        """What stands where."""
+        from trame.ui.vuetify3 import SinglePageWithDrawerLayout
+        from trame.widgets import html
+        from trame.widgets import vuetify3 as v
+        from trame_pyvista.widgets import PyVistaRemoteView
+
+        state = self._server.state
+        state.trame__title = self.look.title or "meshflow"
+        state.update({"at": len(self.timeline) - 1, "colouring": "surface", "busy": 0, "message": "", "saved": ""})
+        state.update({f"knob_{name}": value for name, value in self._values.items()})
+        self._say()
+        with SinglePageWithDrawerLayout(self._server) as layout:
+            layout.title.set_text(self.look.title or "meshflow")
+            layout.icon.hide()
+            layout.footer.hide()
+            with layout.toolbar:
+                v.VSpacer()
+                html.Span("{{ told }}", id="told", classes="text-body-2 mr-4")
+                with v.VBtnToggle(v_model=("colouring",), density="compact", mandatory=True):
+                    for name in COLOURINGS:
+                        v.VBtn(name, value=name, size="small", id=f"show_{name}")
+            with layout.drawer as drawer:
+                drawer.width = 340
+                self._drawer(html, v)
+            with layout.content, v.VContainer(fluid=True, classes="pa-0 fill-height d-flex flex-column"):
+                with html.Div(style="flex:1 1 auto;width:100%;min-height:0", id="picture"):
+                    view = PyVistaRemoteView(self.screen.plotter, interactive_ratio=1, still_ratio=1)
+                v.VSlider(
+                    v_model=("at",),
+                    min=0,
+                    max=("last",),
+                    step=1,
+                    label="time",
+                    hide_details=True,
+                    classes="mx-4 my-1",
+                    style="width:95%;flex:0 0 auto",
+                    id="time",
+                    aria_label="time",
+                )
+        self._update = view.update
+        state.change("at", "colouring")(self._moved)
+        state.change(*(f"knob_{name}" for name in self._values))(self._turned)
+
+    def _drawer(self, html: Any, v: Any) -> None:
+        with html.Div(classes="pa-3"):
+            html.Div(v_html=("curves",), id="curves")
+            v.VProgressLinear(model_value=("busy",), v_show=("busy > 0",), height=6, color="primary", id="busy")
+            html.Div("{{ message }}", classes="text-error text-body-2", id="message")
+            for control in self.dials.controls():
+                name, model = control["name"], (f"knob_{control['name']}",)
+                html.Div(f"{control['label']}: {{{{ {self._shown(control)} }}}}", classes="text-body-2 mt-2")
+                if "items" in control:
+                    v.VSelect(v_model=model, items=(control["items"],), density="compact", hide_details=True, id=name)
+                    continue
+                ends = {"min": control["low"], "max": control["high"], "step": control["step"]}
+                v.VSlider(v_model=model, hide_details=True, density="compact", id=name, aria_label=name, **ends)
+            v.VBtn("save this state", click=self._save, size="small", classes="mt-4", id="save")
+            html.Div("{{ saved }}", classes="text-body-2 mt-1", id="saved")
+            html.Div("the command that makes it:", classes="text-body-2 mt-3")
+            html.Pre("{{ command }}", id="command", style="white-space:pre-wrap;word-break:break-all;font-size:11px")
+
+    def _shown(self, control: dict[str, Any]) -> str:
+        name = f"knob_{control['name']}"
+        return name if "items" in control else f"Number({name}).toPrecision(3)"
+
+    def _say(self) -> None:
+        state, last = self._server.state, len(self.timeline) - 1
+        index = min(int(state.at), last)
+        state.update({"last": last, "told": told(self.timeline, index), "curves": curves(self.timeline, index)})
+        state.command = self.dials.command(self.timeline.moments[index].time)
+
+    def _moved(self, **_: Any) -> None:
+        """Another state, or other colours."""
+        state = self._server.state
+        colouring: Colouring = "removed" if state.colouring == "removed" else "surface"
+        self.screen.show(self.timeline.at(min(int(state.at), len(self.timeline) - 1)), colouring)
+        self._say()
+        self._update()
+
+    def _turned(self, **_: Any) -> None:
+        """A knob stands elsewhere: what is computed is left, and once it rests another run begins."""
+        values = {name: self._server.state[f"knob_{name}"] for name in self._values}
+        if values == self._values:
+            return
+        self._values = values
+        self._wanted += 1
+        self._task = asyncio.create_task(self._rerun(self._wanted, values))
+
+    async def _rerun(self, wanted: int, values: dict[str, Any]) -> None:
+        await asyncio.sleep(SETTLE)
+        if wanted != self._wanted:
+            return
+        loop, state = asyncio.get_running_loop(), self._server.state
+
+        def gone(share: float) -> bool:
+            loop.call_soon_threadsafe(self._done, wanted, share)
+            return wanted != self._wanted
+
+        with state:
+            state.update({"busy": 1, "message": "", "saved": ""})
+        try:
+            timeline = await asyncio.to_thread(self.dials.run, values, gone)
+        except (InputError, RuntimeError) as cause:
+            timeline, message = None, str(cause)
+        else:
+            message = ""
+        if wanted != self._wanted:
+            return
+        with state:
+            state.update({"busy": 0, "message": message})
+            if timeline is not None:
+                self.timeline = timeline
+                self.screen.recoloured(timeline.at(len(timeline) - 1))
+                self._moved()
+
+    def _done(self, wanted: int, share: float) -> None:
+        if wanted == self._wanted:
+            with self._server.state as state:
+                state.busy = max(1, round(100 * share))
+
+    async def _save(self) -> None:
+        state = self._server.state
+        time = self.timeline.moments[min(int(state.at), len(self.timeline) - 1)].time
+        with state:
+            state.saved = "saving …"
+        try:
+            saved = await asyncio.to_thread(self.dials.save, time)
+        except (InputError, OSError) as cause:
+            saved = str(cause)
+        with state:
+            state.saved = saved
+
+
+def _launched(server: Any) -> None:
+    """Answer a page that asks for a launcher of sessions: this server is the session; else its console shows an error."""
+    from aiohttp import web
+
+    async def session(request: Any) -> Any:
+        scheme = "wss" if request.secure else "ws"
+        return web.json_response({"sessionURL": f"{scheme}://{request.host}/ws"})
+
+    server.app.router.add_post("/paraview/", session)
+
+
+def _free(host: str, port: int) -> int:
+    """A port that can be listened at.
+
+    :raises InputError: where it cannot.
+    """
+    if not 0 <= port <= 65535:
+        raise InputError(f"port: 0 to 65535 expected, got {port}")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with closing(socket.socket(family, socket.SOCK_STREAM)) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as cause:
+            raise InputError(f"cannot listen at {host}:{port} ({cause.strerror}); name another port or host") from cause
+        return int(probe.getsockname()[1])

@@ -1,0 +1,231 @@
+"""From a thing to its flow through time, to look at and to choose from."""
+
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.flow.motion import MotionName
+from meshflow.flow.progress import Progress
+from meshflow.geometry.lift import Mesh, Noun
+from meshflow.parameters import Plan, squared_unit
+from meshflow.plan import planned
+from meshflow.settings import Settings
+from meshflow.smoothing import flowing, smooth_noun
+from meshflow.view.timeline import MEMORY, Timeline, recorded
+
+__all__ = ["Desk", "Knob", "Session"]
+
+# What a plan has chosen that a caller can say.
+SAID = ("method", "gamma", "sharpness", "patch", "contrast", "order", "evened")
+# Knobs: least, greatest, whether they grow by factors; relative to where they stand where they grow.
+KNOBS = {
+    "scale": (0.25, 4.0, True),
+    "gamma": (-2.0, 4.0, False),
+    "sharpness": (1.0, 8.0, False),
+    "patch": (0.0, 3.0, False),
+    "contrast": (0.1, 10.0, True),
+    "order": (1.0, 20.0, False),
+}
+# Of those, what the ways of points of a mesh listen to.
+LISTENED = {"facets": ("scale", "contrast", "sharpness"), "fairing": ("scale", "order")}
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A number that can be turned.
+
+    :ivar name: a field of :class:`meshflow.Settings`.
+    :ivar value: where it stands.
+    :ivar unit: of it; may be empty.
+    :ivar grows: by factors, not by steps.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+    grows: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """A thing, the flow that was chosen for it, and what can be turned.
+
+    :ivar noun: as it came.
+    :ivar settings: the flow, with the numbers that were estimated.
+    :ivar knobs: what can be turned.
+    :ivar sigma: the noise, unit of the values; 0 where none was found.
+    """
+
+    noun: Noun
+    settings: Settings
+    knobs: tuple[Knob, ...]
+    sigma: float
+    count: int = 32
+    memory: int = MEMORY
+
+    @classmethod
+    def begun(cls, noun: Noun, settings: Settings, count: int = 32, memory: int = MEMORY) -> "Session":
+        """Estimate what is not given.
+
+        :param count: how many states are shown.
+        :param memory: bytes of states that are kept.
+        :raises InputError: for what cannot be smoothed, or has nothing to be smoothed, and for stops: the slider is one.
+        """
+        if settings.stopping or settings.steps is not None:
+            raise InputError("view: the slider says when to stop; leave out steps, residual, area_loss, displacement")
+        plan = planned(noun, settings)
+        time = plan.until.time
+        if plan.idle is not None:
+            raise InputError(f"view: nothing to look at, {plan.idle}")
+        if not time:
+            raise InputError("view: a time of 0 shows one state; give a time or a scale")
+        settled = _settled(settings, plan, time)
+        sigma = 0.0 if plan.noise is None else plan.noise.sigma
+        return cls(noun, settled, _knobs(noun, settled, plan), sigma, count, memory)
+
+    def turned(self, **values: float | str) -> "Session":
+        """With other numbers; knobs stay in their ranges.
+
+        :raises InputError: for a name that is no knob's, or a number that makes no sense.
+        """
+        there = {knob.name for knob in self.knobs} | ({"method"} if _moves(self.noun) else set())
+        strange = set(values) - there
+        if strange:
+            raise InputError(f"{', '.join(sorted(strange))}: no such knob; there are {', '.join(sorted(there))}")
+        changed: dict[str, Any] = dict(values)
+        if "method" in changed and changed["method"] != self.settings.method:
+            kept = {"method": changed.pop("method"), "scale": changed.pop("scale", self.settings.scale)}
+            fresh = replace(self.settings, **dict.fromkeys(SAID, None), **kept)
+            return Session.begun(self.noun, fresh, self.count, self.memory)
+        if "order" in changed:
+            changed["order"] = round(float(changed["order"]))
+        settings = replace(self.settings, **changed)
+        knobs = tuple(replace(knob, value=float(changed.get(knob.name, knob.value))) for knob in self.knobs)
+        return replace(self, settings=settings, knobs=knobs)
+
+    def run(self, progress: Progress = None) -> Timeline:
+        """All states of it.
+
+        :param progress: as in :func:`meshflow.smooth`; what it raises ends the run.
+        """
+        states = flowing(self.noun, self.settings, self.count, progress)
+        return recorded(states, self.at, self.sigma, squared_unit(self.noun), self.memory)
+
+    def at(self, time: float, progress: Progress = None) -> Noun:
+        """The state at a time, as :meth:`command` has it."""
+        settings = replace(self.settings, scale=None, time=time)
+        return smooth_noun(self.noun, settings, progress, record=None).noun
+
+    def command(self, source: str, target: str, time: float, more: tuple[str, ...] = ()) -> str:
+        """The command line that makes the state at a time.
+
+        :param more: words on how the file is to be read.
+        """
+        words = ["meshflow", "smooth", source, target, *more, "--time", f"{time!r}"]
+        default = Settings()
+        for field in fields(Settings):
+            value = getattr(self.settings, field.name)
+            if field.name in ("time", "scale") or value is None or value is getattr(default, field.name):
+                continue
+            if isinstance(value, str | int | float) and value != getattr(default, field.name):
+                words += [f"--{field.name.replace('_', '-')}", str(value)]
+        return shlex.join(words)
+
+
+class Turned(Exception):  # noqa: N818 - no error: a knob was turned, and nobody waits for this run any more
+    """The run was left because other numbers are wanted."""
+
+
+class Desk:
+    """What a page turns: a session, the words of its command line, and where states are saved.
+
+    :param source: as the command line names it.
+    :param save: writes a noun beside its source; returns where to.
+    :param more: words of the command line on how the file is to be read.
+    """
+
+    def __init__(
+        self, session: Session, source: str, target: Path, save: Callable[[Noun, Path], None], more: tuple[str, ...] = ()
+    ) -> None:
+        self.session, self.source, self.target, self._write, self._more = session, source, target, save, more
+
+    def controls(self) -> list[dict[str, Any]]:
+        """Knobs as a page wants them; of points of a mesh the method, too."""
+        found: list[dict[str, Any]] = []
+        if _moves(self.session.noun):
+            method = self.session.settings.method
+            found.append({"name": "method", "label": "method", "value": method, "items": list(get_args(MotionName))})
+        for knob in self.session.knobs:
+            unit = f" ({knob.unit})" if knob.unit else ""
+            step = (knob.high - knob.low) / 200 if knob.name != "order" else 1.0
+            ends = {"low": knob.low, "high": knob.high, "step": step}
+            found.append({"name": knob.name, "label": f"{knob.name}{unit}", "value": knob.value, **ends})
+        return found
+
+    def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:
+        """The states with these values; None where ``gone`` said to leave it."""
+        there = {knob.name: float(values[knob.name]) for knob in self.session.knobs if knob.name in values}
+        method = values.get("method")
+        if method not in (None, self.session.settings.method):
+            session = self.session.turned(method=method)
+        else:
+            session = self.session.turned(**there)
+
+        def told(now: float, total: float) -> None:
+            if gone(now / total if total else 1.0):
+                raise Turned
+
+        try:
+            timeline = session.run(told)
+        except Turned:
+            return None
+        self.session = session
+        return timeline
+
+    def command(self, time: float) -> str:
+        """The command line that makes the state at a time."""
+        return self.session.command(self.source, str(self.target), time, self._more)
+
+    def save(self, time: float) -> str:
+        """Write the state that :meth:`command` makes; where to."""
+        self._write(self.session.at(time), self.target)
+        return f"written: {self.target}"
+
+
+def _moves(noun: Noun) -> bool:
+    return isinstance(noun, Mesh) and noun.moves != "channels"
+
+
+def _settled(settings: Settings, plan: Plan, time: float) -> Settings:
+    """With what was estimated, as if it had been given; a method by name is one of points, else its numbers."""
+    chosen: dict[str, Any] = {}
+    for name in SAID:
+        found = plan.parameters.get(name)
+        if found is not None:
+            chosen[name] = found.value
+    if chosen.get("method") not in get_args(MotionName):
+        chosen["method"] = None
+    if "order" in chosen:
+        chosen["order"] = round(chosen["order"])
+    return replace(settings, **chosen, time=None, scale=float(np.sqrt(2.0 * time)), twice=0.0)
+
+
+def _knobs(noun: Noun, settings: Settings, plan: Plan) -> tuple[Knob, ...]:
+    names = LISTENED.get(settings.method or "", ("scale",)) if _moves(noun) else tuple(KNOBS)
+    found = []
+    for name in names:
+        value = getattr(settings, name)
+        if value is None:
+            continue
+        low, high, grows = KNOBS[name]
+        low, high = (low * value, high * value) if grows else (min(low, value), max(high, value))
+        unit = "" if name == "scale" or name not in plan.parameters else plan.parameters[name].unit
+        found.append(Knob(name, float(value), float(low), float(high), unit, grows))
+    return tuple(found)
