@@ -262,6 +262,7 @@ def _must_be_writable(
 app.command()(looking.compare)
 app.command()(looking.show)
 app.command()(looking.film)
+app.command()(looking.view)
 app.command("compare-flows")(looking.compare_flows)
 
 

@@ -18,7 +18,7 @@ from meshflow.reading import INPUTS, mask, opened
 if TYPE_CHECKING:
     from meshflow.geometry.gates import Array
 
-__all__ = ["compare", "compare_flows", "film", "must_be_drawable", "pictured", "show"]
+__all__ = ["compare", "compare_flows", "film", "must_be_drawable", "pictured", "show", "view"]
 
 
 # How a film's flow may be told.
@@ -206,6 +206,99 @@ def _filmed(
         **given,
     )
     said("", () if quiet else (*told.notes, f"film: {target}"))
+
+
+def view(
+    source: words.In,
+    target: words.SavedAs = None,
+    web: words.Web = False,
+    host: words.Host = "127.0.0.1",
+    port: words.Port = 0,
+    browser: words.Browser = True,
+    export: words.Export = None,
+    time: words.Time = None,
+    scale: words.Scale = None,
+    strength: words.Strength = 1.0,
+    method: words.MethodOption = None,
+    gamma: words.Gamma = None,
+    sharpness: words.Sharpness = None,
+    patch: words.Patch = None,
+    contrast: words.Contrast = None,
+    search: words.Search = None,
+    keep: words.KeepOption = None,
+    kind: words.KindOption = None,
+    camera: words.Camera = None,
+    depth_scale: words.DepthScale = None,
+    measure: words.MeasureOption = None,
+    band: words.Band = None,
+    nodata: words.Nodata = None,
+    spacing: words.Spacing = None,
+    channels: words.Channels = None,
+    viewpoint: words.Viewpoint = None,
+    frames: words.States = 32,
+    memory: words.Memory = 1024,
+    azimuth: words.Azimuth = 315.0,
+    altitude: words.Altitude = 30.0,
+    exaggeration: words.Exaggeration = None,
+    up: words.Up = None,
+    seen: words.Seen = None,
+    colours: words.Colours = None,
+    own_colours: words.OwnColours = False,
+    size: words.Size = (1280, 900),
+    title: words.Title = None,
+    overwrite: words.Overwrite = False,
+    quiet: words.Quiet = False,
+) -> None:
+    """View IN through the time of its flow: a slider over its states, knobs for what can be turned, in a window or a browser."""
+    _viewed(**locals())
+
+
+def _viewed(
+    source: Path,
+    target: Path | None,
+    web: bool,
+    export: Path | None,
+    title: str | None,
+    overwrite: bool,
+    quiet: bool,
+    **given: Any,
+) -> None:
+    """The command ``view``, with its options by name."""
+    from meshflow.view.dials import Address
+    from meshflow.viewing import Saving
+    from meshflow.viewing import view as viewed
+
+    if export is not None:
+        _must_be_free(export, overwrite)
+    reading = {name: given.pop(name) for name in READ}
+    document = opened(source, **reading)
+    target = source.with_name(f"{source.stem}_smooth{source.suffix}") if target is None else target
+    settings = {name: given.pop(name) for name in FLOW if name in given}
+    address = Address(given.pop("host"), given.pop("port"), given.pop("browser"))
+    told = viewed(
+        document,
+        way="page" if export is not None else "browser" if web else "window",
+        page=export,
+        address=address,
+        saving=Saving(str(source), target, overwrite, _spoken(reading)),
+        count=given.pop("frames"),
+        memory=given.pop("memory") << 20,
+        settings=settings,
+        progress=None if quiet else True,
+        said=lambda sentence: said(sentence, ()),
+        title=_titled(title, source.name),
+        **given,
+    )
+    said("", () if quiet else told)
+
+
+def _spoken(reading: dict[str, Any]) -> tuple[str, ...]:
+    """The options with which a file was read, as words of a command line."""
+    found: list[str] = []
+    for name, value in reading.items():
+        if value is not None:
+            found += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else (value,))]
+    return tuple(found)
 
 
 def _titled(title: str | None, default: str) -> str:

@@ -283,3 +283,17 @@ FilmedOption = Annotated[
     _option(LOOK, "Colour stands for: what was removed so far, curvature, edges, ... Default: nothing.", "--quantity"),
 ]
 SeenContrast = Annotated[float, _option(LOOK, "Length per unit of the value, for edges.", "--contrast")]
+Web = Annotated[
+    bool, _option(LOOK, "Serve it to a browser (needs meshflow[web]) instead of opening a window.", "--web")
+]
+Host = Annotated[str, _option(LOOK, "Address to serve at; beyond this machine a token is asked for.")]
+Port = Annotated[int, _option(LOOK, "Port to serve at; 0: any that is free.")]
+Browser = Annotated[bool, _option(LOOK, "Open the page.", "--browser/--no-browser")]
+Export = Annotated[
+    Path | None,
+    _option(LOOK, "Write one page that holds all states and opens offline (.html), and end."),
+]
+SavedAs = Annotated[
+    Path | None, _option(LOOK, "Where a state that is chosen is saved. Default: IN_smooth beside IN.", "--save-as")
+]
+Memory = Annotated[int, _option(LOOK, "Megabytes of states that are kept; others are computed again.")]

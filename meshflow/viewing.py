@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, Unpack, get_args
 
 import numpy as np
 
@@ -12,13 +12,20 @@ from meshflow.errors import InputError
 from meshflow.flow.motion import MotionName
 from meshflow.flow.progress import Progress
 from meshflow.geometry.lift import Mesh, Noun
+from meshflow.io.files import Document, write
 from meshflow.parameters import Plan, squared_unit
 from meshflow.plan import planned
 from meshflow.settings import Settings
 from meshflow.smoothing import flowing, smooth_noun
+from meshflow.view.dials import Address
+from meshflow.view.dress import taken
+from meshflow.view.look import Look, Looks, looking
+from meshflow.view.offline import exportable, exported
 from meshflow.view.timeline import MEMORY, Timeline, recorded
 
-__all__ = ["Desk", "Knob", "Session"]
+__all__ = ["Desk", "Knob", "Saving", "Session", "Way", "view"]
+
+Way = Literal["window", "browser", "page"]
 
 # What a plan has chosen that a caller can say.
 SAID = ("method", "gamma", "sharpness", "patch", "contrast", "order", "evened")
@@ -31,7 +38,8 @@ KNOBS = {
     "contrast": (0.1, 10.0, True),
     "order": (1.0, 20.0, False),
 }
-# Of those, what the ways of points of a mesh listen to.
+# What the ways of points of a mesh listen to, and what of that are knobs.
+WAYS = {"facets": ("contrast", "sharpness", "evened"), "fairing": ("order",)}
 LISTENED = {"facets": ("scale", "contrast", "sharpness"), "fairing": ("scale", "order")}
 
 
@@ -102,7 +110,7 @@ class Session:
         changed: dict[str, Any] = dict(values)
         if "method" in changed and changed["method"] != self.settings.method:
             kept = {"method": changed.pop("method"), "scale": changed.pop("scale", self.settings.scale)}
-            fresh = replace(self.settings, **dict.fromkeys(SAID, None), **kept)
+            fresh = replace(self.settings, **{**dict.fromkeys(SAID, None), **kept})
             return Session.begun(self.noun, fresh, self.count, self.memory)
         if "order" in changed:
             changed["order"] = round(float(changed["order"]))
@@ -116,7 +124,8 @@ class Session:
         :param progress: as in :func:`meshflow.smooth`; what it raises ends the run.
         """
         states = flowing(self.noun, self.settings, self.count, progress)
-        return recorded(states, self.at, self.sigma, squared_unit(self.noun), self.memory)
+        contrast = 1.0 if _moves(self.noun) else self.settings.contrast or 1.0
+        return recorded(states, self.at, self.sigma, squared_unit(self.noun), contrast, self.memory)
 
     def at(self, time: float, progress: Progress = None) -> Noun:
         """The state at a time, as :meth:`command` has it."""
@@ -132,7 +141,7 @@ class Session:
         default = Settings()
         for field in fields(Settings):
             value = getattr(self.settings, field.name)
-            if field.name in ("time", "scale") or value is None or value is getattr(default, field.name):
+            if field.name in ("time", "scale", "search") or value is None or value is getattr(default, field.name):
                 continue
             if isinstance(value, str | int | float) and value != getattr(default, field.name):
                 words += [f"--{field.name.replace('_', '-')}", str(value)]
@@ -143,18 +152,30 @@ class Turned(Exception):  # noqa: N818 - no error: a knob was turned, and nobody
     """The run was left because other numbers are wanted."""
 
 
-class Desk:
-    """What a page turns: a session, the words of its command line, and where states are saved.
+@dataclass(frozen=True)
+class Saving:
+    """How a state that is chosen is saved and made again.
 
-    :param source: as the command line names it.
-    :param save: writes a noun beside its source; returns where to.
-    :param more: words of the command line on how the file is to be read.
+    :param source: what the command line calls the thing.
+    :param target: where a state is saved.
+    :param overwrite: in place of a file that is there.
+    :param read_as: words of the command line on how the source is read.
     """
 
-    def __init__(
-        self, session: Session, source: str, target: Path, save: Callable[[Noun, Path], None], more: tuple[str, ...] = ()
-    ) -> None:
-        self.session, self.source, self.target, self._write, self._more = session, source, target, save, more
+    source: str = "IN"
+    target: Path | None = None
+    overwrite: bool = False
+    read_as: tuple[str, ...] = ()
+
+
+class Desk:
+    """What pages and windows turn: a session, and how its states are saved.
+
+    :param thing: what it shows; a Document can be saved.
+    """
+
+    def __init__(self, session: Session, thing: Any, saving: Saving) -> None:
+        self.session, self._thing, self._saving = session, thing, saving
 
     def controls(self) -> list[dict[str, Any]]:
         """Knobs as a page wants them; of points of a mesh the method, too."""
@@ -191,12 +212,84 @@ class Desk:
 
     def command(self, time: float) -> str:
         """The command line that makes the state at a time."""
-        return self.session.command(self.source, str(self.target), time, self._more)
+        saving = self._saving
+        return self.session.command(saving.source, str(saving.target or "OUT"), time, saving.read_as)
 
     def save(self, time: float) -> str:
-        """Write the state that :meth:`command` makes; where to."""
-        self._write(self.session.at(time), self.target)
-        return f"written: {self.target}"
+        """Write the state that :meth:`command` makes; where to.
+
+        :raises InputError: where there is no file to be written like, or one that is not to be replaced.
+        """
+        target = self._saving.target
+        if target is None or not isinstance(self._thing, Document):
+            raise InputError("save: states of a file are saved; read one, or run the command that is shown")
+        write(self._thing.holding(self.session.at(time)), target, overwrite=self._saving.overwrite)
+        return f"written: {target}"
+
+
+def view(
+    thing: Any,
+    *,
+    way: Way = "window",
+    page: str | Path | None = None,
+    address: Address | None = None,
+    saving: Saving | None = None,
+    count: int = 32,
+    memory: int = MEMORY,
+    settings: Settings | dict[str, Any] | None = None,
+    progress: Progress = None,
+    said: Callable[[str], None] = lambda sentence: None,
+    **look: Unpack[Looks],
+) -> tuple[str, ...]:
+    """View a thing through the time of its flow: a slider over its states, and knobs for what can be turned.
+
+    :param thing: a :class:`meshflow.Document`, a noun, or anything that :func:`meshflow.smooth` takes.
+    :param way: a ``window``; the ``browser``, served by this machine until Ctrl-C; or one ``page`` that opens offline.
+    :param page: where that is written, ``.html``.
+    :param address: where it is served.
+    :param saving: what a state that is chosen is called; of a Document only.
+    :param count: how many states.
+    :param memory: bytes of states that are kept; others are computed again.
+    :param settings: of the flow, :class:`meshflow.Settings` or its fields by name; what is not given is estimated.
+    :param progress: of the first run, as in :func:`meshflow.smooth`.
+    :param said: called with a sentence, as soon as there is one: where the page is.
+    :param look: the fields of :class:`meshflow.view.Look`.
+    :returns: sentences for the user.
+    :raises InputError: for what cannot be smoothed or drawn, and a port that is taken.
+    :raises FormatError: for a page that cannot be written.
+    :raises MissingPackage: for the browser without ``meshflow[web]``, and where VTK cannot draw.
+    """
+    seen = looking(**look)
+    if way not in get_args(Way) or (way == "page") != (page is not None):
+        raise InputError(f"way: window, browser, or page with its path, expected; got {way!r} with page {page!r}")
+    if page is not None:
+        exportable(page)
+    noun, notes = taken(thing, seen.own_colours)
+    chosen = settings if isinstance(settings, Settings) else Settings(**(settings or {}))
+    desk = Desk(Session.begun(noun, chosen, count, memory), thing, saving or Saving())
+    timeline = desk.session.run(progress)
+    if page is not None:
+        return (*notes, *exported(timeline, page, seen, desk.command), f"page: {page}")
+    shown = (_served if way == "browser" else _windowed)(desk, timeline, seen, address or Address(), said)
+    return (*notes, *shown)
+
+
+def _served(
+    desk: Desk, timeline: Timeline, look: Look, address: Address, said: Callable[[str], None]
+) -> tuple[str, ...]:
+    from meshflow.view.served import Served
+
+    served = Served(desk, timeline, look, address)
+    served.serve(lambda url: said(f"{url}  (Ctrl-C ends it)"))
+    return served.screen.notes
+
+
+def _windowed(desk: Desk, timeline: Timeline, look: Look, _: Address, __: Callable[[str], None]) -> tuple[str, ...]:
+    from meshflow.view.window import Window
+
+    window = Window(desk, timeline, look)
+    window.show()
+    return window.screen.notes
 
 
 def _moves(noun: Noun) -> bool:
@@ -205,15 +298,13 @@ def _moves(noun: Noun) -> bool:
 
 def _settled(settings: Settings, plan: Plan, time: float) -> Settings:
     """With what was estimated, as if it had been given; a method by name is one of points, else its numbers."""
-    chosen: dict[str, Any] = {}
-    for name in SAID:
-        found = plan.parameters.get(name)
-        if found is not None:
-            chosen[name] = found.value
-    if chosen.get("method") not in get_args(MotionName):
-        chosen["method"] = None
+    method = plan.parameters["method"].value if "method" in plan.parameters else None
+    ways = get_args(MotionName)
+    names = WAYS.get(str(method), ()) if method in ways else SAID[1:]
+    chosen: dict[str, Any] = {name: plan.parameters[name].value for name in names if name in plan.parameters}
     if "order" in chosen:
-        chosen["order"] = round(chosen["order"])
+        chosen["order"] = round(float(chosen["order"]))
+    chosen["method"] = method if method in ways else None
     return replace(settings, **chosen, time=None, scale=float(np.sqrt(2.0 * time)), twice=0.0)
 
 

@@ -30,7 +30,8 @@ MAY = {
     "reading": {"options", "io", "geometry"},
     "console": set(),
     "filming": {"smoothing", "settings", "parameters", "flow", "view"},
-    "looking": {"console", "filming", "options", "reading", "geometry", "io", "study", "view"},
+    "viewing": {"smoothing", "settings", "plan", "parameters", "flow", "geometry", "io", "view"},
+    "looking": {"console", "filming", "viewing", "options", "reading", "geometry", "io", "study", "view"},
     "cli": {
         "console",
         "looking",

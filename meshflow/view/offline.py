@@ -24,11 +24,24 @@ from meshflow.view.pair import paired
 from meshflow.view.scale import Scale
 from meshflow.view.timeline import Timeline
 
-__all__ = ["exported"]
+__all__ = ["exportable", "exported"]
 
 SAMPLES = 400  # of a grid, a side: more would make a page of tens of megabytes
 HEAVY = 400_000  # vertices of a mesh beyond which a page says how large it became
 MANY = 24  # states of a page
+
+
+def exportable(path: str | Path) -> Path:
+    """A path that a page can be written to: asked before anything is computed.
+
+    :raises FormatError: for another extension, or a folder that is not there.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise FormatError(f"{target}: .html expected")
+    if not target.parent.is_dir():
+        raise FormatError(f"{target}: there is no folder {target.parent}")
+    return target
 
 
 def exported(timeline: Timeline, path: str | Path, look: Look, command: Callable[[float], str]) -> tuple[str, ...]:
@@ -41,11 +54,7 @@ def exported(timeline: Timeline, path: str | Path, look: Look, command: Callable
     :raises FormatError: for another extension, or a folder that is not there.
     :raises InputError: where there is nothing to draw.
     """
-    target = Path(path)
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise FormatError(f"{target}: .html expected")
-    if not target.parent.is_dir():
-        raise FormatError(f"{target}: there is no folder {target.parent}")
+    target = exportable(path)
     every = max(1, -(-(len(timeline) - 1) // (MANY - 1)))
     shown = [*range(0, len(timeline) - 1, every), len(timeline) - 1]
     first, last = timeline.at(0), timeline.at(len(timeline) - 1)

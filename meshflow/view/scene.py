@@ -141,9 +141,10 @@ def single(body: Body, look: Look, off_screen: bool) -> "pv.Plotter":
 
 def added(plotter: "pv.Plotter", body: Body, scale: Scale | None, name: str) -> Any:
     """The actor of a body, in place of the one of that name and its bar."""
-    for bar in list(plotter.scalar_bars.keys()):
-        plotter.remove_scalar_bar(bar, render=False)
-    plotter.remove_actor(name, render=False)
+    shown: Any = plotter
+    for bar in list(shown.scalar_bars.keys()):
+        shown.remove_scalar_bar(bar, render=False)
+    shown.remove_actor(name, render=False)
     actor = _add(plotter, body, scale, bar=scale is not None)
     plotter.add_actor(actor, name=name, reset_camera=False, render=False)
     plotter.reset_camera_clipping_range()  # the camera was aimed at an empty place

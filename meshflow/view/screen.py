@@ -51,8 +51,7 @@ class Screen:
         body = replace(body, view=body.view.framing(body.points, end.points))
         self._scale = self._removed(last)
         self.plotter = scene.single(body, look, off_screen)
-        self._surface: Any = None
-        self._draw(body, None)
+        self._surface: Any = self._drawn(body, None)
 
     def recoloured(self, last: Noun) -> None:
         """Colours for states that end at another one."""
@@ -64,11 +63,11 @@ class Screen:
         if colouring == "removed":
             values = self._removed(noun).values
             scale = replace(self._scale, values=values)
-        same = self._surface is not None and colouring == self._colouring and scale is None and body.colours is None
+        same = colouring == self._colouring and scale is None and body.colours is None
         if same and len(self._surface.points) == len(body.points) and self._surface.n_cells == len(body.faces):
             self._surface.points = body.points  # the triangles are on the graphics card already
         else:
-            self._draw(body, scale)
+            self._surface = self._drawn(body, scale)
         self._colouring = colouring
         self.plotter.render()
 
@@ -76,9 +75,9 @@ class Screen:
         """What is seen, (h, w, 3) in uint8."""
         return np.asarray(self.plotter.screenshot(None, return_img=True))[..., :3]
 
-    def _draw(self, body: Body, scale: Scale | None) -> None:
+    def _drawn(self, body: Body, scale: Scale | None) -> Any:
         actor = scene.added(self.plotter, body, scale, "state")
-        self._surface = actor.mapper.dataset
+        return actor.mapper.dataset
 
     def _body(self, noun: Noun) -> Body:
         seen = thinned(raised(noun, self._look.seen), self._step)

@@ -5,41 +5,19 @@ import secrets
 import socket
 from collections.abc import Callable
 from contextlib import closing
-from typing import Any, Protocol
+from typing import Any
 
 from meshflow.errors import InputError, need
 from meshflow.view.curves import curves, told
+from meshflow.view.dials import Address, Dials
 from meshflow.view.look import Look
 from meshflow.view.screen import COLOURINGS, Colouring, Screen
 from meshflow.view.timeline import Timeline
 
-__all__ = ["LOOPBACK", "Dials", "Served"]
+__all__ = ["LOOPBACK", "Served"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 SETTLE = 0.3  # seconds for which a knob must rest before anything is computed
-
-
-class Dials(Protocol):
-    """What is turned in a page; :class:`meshflow.viewing.Desk` is one."""
-
-    def controls(self) -> list[dict[str, Any]]:
-        """Knobs: ``name, value, low, high, step, label`` each; of a choice ``name, value, items``."""
-        ...
-
-    def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:
-        """The states of a flow with these values; None where ``gone``, told the share that is done, said to leave it.
-
-        :raises InputError: for values that make no sense.
-        """
-        ...
-
-    def command(self, time: float) -> str:
-        """The command line that makes the state at a time."""
-        ...
-
-    def save(self, time: float) -> str:
-        """Write that state; where to."""
-        ...
 
 
 class Served:
@@ -47,28 +25,29 @@ class Served:
 
     :ivar url: where it is; with its token, where it is bound beyond this machine.
     :param dials: what can be turned.
-    :param host: address to listen at; beyond loopback only who knows the token is let in.
-    :param port: 0: any that is free.
+    :param address: beyond loopback only who knows the token of the url is let in.
     :raises InputError: for a port that is taken, or an address that is not this machine's.
     :raises MissingPackage: without ``meshflow[web]``, and where VTK cannot draw.
     """
 
-    def __init__(self, dials: Dials, timeline: Timeline, look: Look, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(self, dials: Dials, timeline: Timeline, look: Look, address: Address) -> None:
         need("trame_pyvista", "web")
         from trame.app import get_server
 
         self.dials, self.timeline, self.look = dials, timeline, look
-        self.host, self.port = host, _free(host, port)
+        host = address.host
+        self.host, self.port, self._opened = host, _free(host, address.port), address.opened
         self.token = "wslink-secret" if host in LOOPBACK else secrets.token_urlsafe(24)
         shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{self.port}/" + ("" if host in LOOPBACK else f"?secret={self.token}")
         self.screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), look, off_screen=True)
         self._server: Any = get_server(f"meshflow-{self.port}", client_type="vue3")
         self._wanted = 0
-        self._values = {control["name"]: control["value"] for control in dials.controls()}
+        self._values: dict[str, Any] = {}
+        self._heard: set[str] = set()
         self._page()
 
-    def serve(self, open_browser: bool, ready: Callable[[str], None] | None = None) -> None:
+    def serve(self, ready: Callable[[str], None] | None = None) -> None:
         """Serve until interrupted.
 
         :param ready: called with the address as soon as it answers.
@@ -82,7 +61,7 @@ class Served:
         def told_ready(**_: Any) -> None:
             if ready is not None:
                 ready(self.url)
-            if open_browser:
+            if self._opened:
                 import webbrowser
 
                 webbrowser.open(self.url)
@@ -102,7 +81,6 @@ class Served:
         state = self._server.state
         state.trame__title = self.look.title or "meshflow"
         state.update({"at": len(self.timeline) - 1, "colouring": "surface", "busy": 0, "message": "", "saved": ""})
-        state.update({f"knob_{name}": value for name, value in self._values.items()})
         self._say()
         with SinglePageWithDrawerLayout(self._server) as layout:
             layout.title.set_text(self.look.title or "meshflow")
@@ -116,7 +94,7 @@ class Served:
                         v.VBtn(name, value=name, size="small", id=f"show_{name}")
             with layout.drawer as drawer:
                 drawer.width = 340
-                self._drawer(html, v)
+                self._drawer(html, v, layout)
             with layout.content, v.VContainer(fluid=True, classes="pa-0 fill-height d-flex flex-column"):
                 with html.Div(style="flex:1 1 auto;width:100%;min-height:0", id="picture"):
                     view = PyVistaRemoteView(self.screen.plotter, interactive_ratio=1, still_ratio=1)
@@ -134,14 +112,34 @@ class Served:
                 )
         self._update = view.update
         state.change("at", "colouring")(self._moved)
-        state.change(*(f"knob_{name}" for name in self._values))(self._turned)
+        self._knobs()
 
-    def _drawer(self, html: Any, v: Any) -> None:
+    def _drawer(self, html: Any, v: Any, layout: Any) -> None:
         with html.Div(classes="pa-3"):
             html.Div(v_html=("curves",), id="curves")
             v.VProgressLinear(model_value=("busy",), v_show=("busy > 0",), height=6, color="primary", id="busy")
             html.Div("{{ message }}", classes="text-error text-body-2", id="message")
-            for control in self.dials.controls():
+            self._server.ui.knobs(layout)
+            v.VBtn("save this state", click=self._save, size="small", classes="mt-4", id="save")
+            html.Div("{{ saved }}", classes="text-body-2 mt-1", id="saved")
+            html.Div("the command that makes it:", classes="text-body-2 mt-3")
+            html.Pre("{{ command }}", id="command", style="white-space:pre-wrap;word-break:break-all;font-size:11px")
+
+    def _knobs(self) -> None:
+        """The knobs of the flow that is shown; another method has others."""
+        from trame.widgets import html
+        from trame.widgets import vuetify3 as v
+
+        state, controls = self._server.state, self.dials.controls()
+        self._values = {control["name"]: control["value"] for control in controls}
+        state.update({f"knob_{name}": value for name, value in self._values.items()})
+        fresh = set(self._values) - self._heard
+        if fresh:
+            state.change(*(f"knob_{name}" for name in sorted(fresh)))(self._turned)
+            self._heard |= fresh
+        with self._server.ui.knobs as place:
+            place.clear()
+            for control in controls:
                 name, model = control["name"], (f"knob_{control['name']}",)
                 html.Div(f"{control['label']}: {{{{ {self._shown(control)} }}}}", classes="text-body-2 mt-2")
                 if "items" in control:
@@ -149,10 +147,6 @@ class Served:
                     continue
                 ends = {"min": control["low"], "max": control["high"], "step": control["step"]}
                 v.VSlider(v_model=model, hide_details=True, density="compact", id=name, aria_label=name, **ends)
-            v.VBtn("save this state", click=self._save, size="small", classes="mt-4", id="save")
-            html.Div("{{ saved }}", classes="text-body-2 mt-1", id="saved")
-            html.Div("the command that makes it:", classes="text-body-2 mt-3")
-            html.Pre("{{ command }}", id="command", style="white-space:pre-wrap;word-break:break-all;font-size:11px")
 
     def _shown(self, control: dict[str, Any]) -> str:
         name = f"knob_{control['name']}"
@@ -206,6 +200,8 @@ class Served:
             if timeline is not None:
                 self.timeline = timeline
                 self.screen.recoloured(timeline.at(len(timeline) - 1))
+                if {control["name"] for control in self.dials.controls()} != set(values):
+                    self._knobs()
                 self._moved()
 
     def _done(self, wanted: int, share: float) -> None:

@@ -13,7 +13,6 @@ from meshflow.geometry.lift import Lift, Mesh, Noun, RangeImage, data_of
 __all__ = ["MEMORY", "Moment", "Timeline", "recorded"]
 
 MEMORY = 1 << 30  # bytes of states that are kept
-_FORWARD = Lift(diagonals="forward")  # each triangle once
 
 
 @dataclass(frozen=True)
@@ -66,6 +65,7 @@ def recorded(
     again: Callable[[float], Noun],
     sigma: float,
     unit: str = "",
+    contrast: float = 1.0,
     memory: int = MEMORY,
 ) -> Timeline:
     """Measure states as they come, and keep as many as fit.
@@ -75,6 +75,7 @@ def recorded(
     :param states: times and nouns, the start first; nouns share what does not move.
     :param again: the state at a time, for those that were let go.
     :param sigma: the noise, unit of the values; 0: not known.
+    :param contrast: length per unit of the values, for the area.
     :param memory: bytes.
     :raises InputError: where there is no state.
     """
@@ -85,10 +86,10 @@ def recorded(
     whole = 0.0
     for index, (time, noun) in enumerate(states):
         if first is None:
-            first, whole = noun, _area(noun)
+            first, whole = noun, _area(noun, contrast)
         change = _change(first, noun)
         residual = change / sigma if sigma > 0 else float("nan")
-        moments.append(Moment(time, _area(noun) / whole if whole > 0 else 1.0, change, residual))
+        moments.append(Moment(time, _area(noun, contrast) / whole if whole > 0 else 1.0, change, residual))
         if last > 0 and last % stride:
             del kept[last]
         kept[index], last = noun, index
@@ -108,8 +109,8 @@ def _bytes(noun: Noun) -> int:
     return data_of(noun).nbytes + extra
 
 
-def _area(noun: Noun) -> float:
-    surface = noun.lifted(_FORWARD)
+def _area(noun: Noun, contrast: float) -> float:
+    surface = noun.lifted(Lift(contrast=contrast, diagonals="forward"))  # each triangle once
     return operator.total_area(surface.points, surface.sheets[0])
 
 

@@ -1,0 +1,170 @@
+"""The viewer through time: what is kept, what the command line makes, and what bad input is told."""
+
+import shlex
+import time as clock
+
+import numpy as np
+import pytest
+import trimesh
+
+import meshflow
+from meshflow.cli import app
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.lift import HeightField, Mesh
+from meshflow.settings import Settings
+from meshflow.study.shapes import sphere
+from meshflow.view.curves import curves, told
+from meshflow.view.timeline import recorded
+from meshflow.viewing import Desk, Saving, Session, view
+
+QUICK = Settings(gamma=0.0, sharpness=1.0, patch=0.0, contrast=2.0, time=4.0, search=False)
+
+
+def hills(size=24, seed=1):
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(size), np.arange(size))
+    return HeightField(3.0 * np.sin(x / 5) * np.cos(y / 6) + 0.3 * rng.normal(size=(size, size)))
+
+
+def ball():
+    shape = sphere(2)
+    return Mesh(shape.noisy("iso", 0.2, 3), shape.faces)
+
+
+def test_states_begin_at_the_start_and_their_area_falls():
+    timeline = Session.begun(hills(), QUICK, count=6).run()
+    assert len(timeline) == 6
+    assert np.array_equal(timeline.at(0).z, hills().z)
+    assert timeline.moments[0].change == 0
+    areas, changes = ([getattr(m, name) for m in timeline.moments] for name in ("area", "change"))
+    assert areas[0] == 1.0
+    assert all(np.diff(areas) < 0)
+    assert all(np.diff(changes) > 0)
+    assert timeline.moments[-1].time == pytest.approx(4.0)
+
+
+def test_beyond_the_memory_states_are_let_go_and_computed_again():
+    whole = Session.begun(hills(), QUICK, count=9).run()
+    few = Session.begun(hills(), QUICK, count=9, memory=3 * hills().z.nbytes).run()
+    assert whole.kept == tuple(range(9))
+    assert len(few.kept) <= 3
+    assert {0, 8} <= set(few.kept)
+    assert few.moments == whole.moments
+    gone = next(k for k in range(9) if k not in few.kept)
+    # It takes the steps of a run that ends there, not those of one that goes on.
+    assert np.abs(few.at(gone).z - whole.at(gone).z).max() < 0.05
+    with pytest.raises(InputError, match="state 9: 0 to 8 expected"):
+        few.at(9)
+
+
+def test_no_state_is_refused():
+    with pytest.raises(InputError, match="got none"):
+        recorded(iter(()), lambda time: hills(), 1.0)
+
+
+@pytest.mark.parametrize("kind", ["terrain.npy", "ball.ply"])
+def test_the_command_line_makes_the_state_that_is_saved_to_the_last_bit(tmp_path, kind, monkeypatch):
+    from typer.testing import CliRunner
+
+    source, target = tmp_path / kind, tmp_path / f"out{kind[-4:]}"
+    if kind.endswith("npy"):
+        np.save(source, hills().z)
+    else:
+        trimesh.Trimesh(ball().points, ball().faces, process=False).export(source)
+    document = meshflow.read(source)
+    settings = QUICK if kind.endswith("npy") else Settings(method="fairing", time=0.01)
+    desk = Desk(Session.begun(document.noun, settings, count=5), document, Saving(str(source), target))
+    moment = desk.run({}, lambda share: False).moments[3]
+    assert "written" in desk.save(moment.time)
+    again = tmp_path / f"again{kind[-4:]}"
+    words = shlex.split(desk.command(moment.time).replace(str(target), str(again)))
+    done = CliRunner().invoke(app, [*words[1:], "--quiet"])
+    assert done.exit_code == 0, done.output
+    one, other = meshflow.read(target).noun, meshflow.read(again).noun
+    assert np.array_equal(*(noun.points if isinstance(noun, Mesh) else noun.z for noun in (one, other)))
+    with pytest.raises(InputError, match="exists"):
+        desk.save(moment.time)
+
+
+def test_a_knob_that_is_turned_changes_the_flow_and_only_it():
+    session = Session.begun(hills(), QUICK, count=4)
+    assert {knob.name for knob in session.knobs} == {"scale", "gamma", "sharpness", "patch", "contrast"}
+    far = session.turned(scale=4.0)
+    assert far.run().moments[-1].time == pytest.approx(8.0)
+    assert session.run().moments[-1].time == pytest.approx(4.0)
+    steeper = session.turned(gamma=2.0).run().at(3).z
+    assert not np.array_equal(steeper, session.run().at(3).z)
+    with pytest.raises(InputError, match="order: no such knob; there are contrast, gamma"):
+        session.turned(order=3)
+
+
+def test_points_of_a_mesh_may_change_their_method():
+    session = Session.begun(ball(), Settings(method="fairing", scale=0.2), count=4)
+    desk = Desk(session, ball(), Saving())
+    names = {control["name"]: control for control in desk.controls()}
+    assert set(names) == {"method", "scale", "order"}
+    timeline = desk.run({"method": "curvature", "scale": 0.2, "order": 2.0}, lambda share: False)
+    assert desk.session.settings.method == "curvature"
+    assert timeline.moments[-1].area < 1.0
+
+
+def test_a_run_that_nobody_waits_for_is_left():
+    desk = Desk(Session.begun(hills(), QUICK, count=4), hills(), Saving())
+    assert desk.run({"scale": 3.0}, lambda share: True) is None
+    assert desk.session.settings.scale == pytest.approx(np.sqrt(8.0))
+
+
+def test_curves_mark_the_state_that_is_shown():
+    timeline = Session.begun(hills(), QUICK, count=5).run()
+    marks = [curves(timeline, index).split("<line x1=")[1][:7] for index in range(5)]
+    assert len(set(marks)) == 5
+    assert curves(timeline, 2).count("<polyline") == 3
+    assert told(timeline, 4).startswith("time 4")
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"steps": 3}, "the slider says when to stop"),
+        ({"time": 0.0}, "a time of 0 shows one state"),
+        ({"only": np.zeros((24, 24), bool)}, "nothing to look at"),
+    ],
+)
+def test_what_has_no_states_is_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        Session.begun(hills(), Settings(**settings))
+
+
+def test_bad_ways_and_pages_are_refused_before_anything_is_computed(tmp_path):
+    with pytest.raises(InputError, match="way: window, browser, or page"):
+        view(hills(), way="tab")
+    with pytest.raises(FormatError, match=r"\.html expected"):
+        view(hills(), way="page", page=tmp_path / "page.pdf")
+    with pytest.raises(FormatError, match="there is no folder"):
+        view(hills(), way="page", page=tmp_path / "no" / "page.html")
+
+
+@pytest.mark.needs_gl
+def test_a_window_shows_what_was_computed_meanwhile():
+    from meshflow.view.look import Look
+    from meshflow.view.window import Window
+
+    desk = Desk(Session.begun(hills(), QUICK, count=4), hills(), Saving())
+    window = Window(desk, desk.session.run(), Look(size=(400, 300)), off_screen=True)
+    pictures = [window.screen.picture()]
+    window.move(0)
+    pictures.append(window.screen.picture())
+    window.recolour()
+    pictures.append(window.screen.picture())
+    window.recolour()
+    window.turn("scale", 6.0)
+    window.turn("scale", 5.0)  # the run before it is left
+    until = clock.time() + 60
+    while window.timeline.moments[-1].time != pytest.approx(12.5):
+        assert clock.time() < until
+        clock.sleep(0.02)
+        window.poll()
+    window.save()
+    window.screen.plotter.close()
+    assert len({picture.tobytes() for picture in pictures}) == 3
+    assert "states of a file are saved" in window._message
