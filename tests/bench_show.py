@@ -189,3 +189,30 @@ def test_a_mesh_of_millions_of_triangles_stays_interactive():
         print(f"  {word}: {rates[word]:.1f} frames per second")
     window.close()
     assert rates["while it turns"] > 4 * rates["at rest"]
+
+
+@pytest.mark.parametrize("size", [1000])
+def test_frames_per_second_of_the_slider_through_time(size):
+    from meshflow.view.look import Look
+    from meshflow.view.screen import Screen
+    from meshflow.viewing import Session
+
+    noun = meshflow.HeightField(fractal_terrain(size) + np.random.default_rng(1).normal(size=(size, size)))
+    begun = time.perf_counter()
+    session = Session.begun(noun, Settings(gamma=0.0, contrast=2.0, time=8.0, search=False), count=16)
+    timeline = session.run()
+    states = time.perf_counter() - begun
+    begun = time.perf_counter()
+    screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), Look(size=(1280, 900)), off_screen=True)
+    screen.picture()
+    first = time.perf_counter() - begun
+    print(f"\n{len(timeline)} states of {size}² in {states:.1f} s; first picture {first:.2f} s")
+    for colouring in ("surface", "removed"):
+        took = []
+        for index in range(len(timeline)):
+            begun = time.perf_counter()
+            screen.show(timeline.at(index), colouring)
+            screen.picture()
+            took.append(time.perf_counter() - begun)
+        print(f"  slider, {colouring}: {1 / np.median(took):.1f} frames per second, without a graphics card")
+    screen.plotter.close()
