@@ -107,8 +107,10 @@ def embodied(
     if len(faces) == 0:
         what = type(noun).__name__
         raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, so much is missing")
-    samples, corners = np.unique(faces, return_inverse=True)
-    return Body(points[samples], corners.reshape(-1, 3), samples, view, None if colours is None else colours[samples])
+    used = np.zeros(len(points), bool)
+    used[faces] = True
+    samples, place = np.flatnonzero(used), np.cumsum(used) - 1
+    return Body(points[samples], place[faces], samples, view, None if colours is None else colours[samples])
 
 
 def raised(noun: Noun, seen: Seen | None) -> Noun:

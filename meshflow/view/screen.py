@@ -18,6 +18,7 @@ from meshflow.view.scale import Scale
 __all__ = ["COLOURINGS", "Colouring", "Screen"]
 
 Colouring = Literal["surface", "removed"]
+SAMPLES = 600  # of a grid, a side: a slider is to follow the hand
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 
 
@@ -44,7 +45,7 @@ class Screen:
         self._first, self._look = first, look
         self._colouring: Colouring = "surface"
         seen = raised(first, look.seen)
-        self._step, self._exaggeration, self.notes = drawable(seen, look)
+        self._step, self._exaggeration, self.notes = drawable(seen, look, SAMPLES)
         images = [noun for noun in (seen, raised(last, look.seen)) if isinstance(noun, Image)]
         self._shown = as_shown(*images) if images else None
         body, end = self._body(first), self._body(last)
@@ -63,9 +64,12 @@ class Screen:
         if colouring == "removed":
             values = self._removed(noun).values
             scale = replace(self._scale, values=values)
-        same = colouring == self._colouring and scale is None and body.colours is None
-        if same and len(self._surface.points) == len(body.points) and self._surface.n_cells == len(body.faces):
-            self._surface.points = body.points  # the triangles are on the graphics card already
+        held, worn = self._surface, self._surface.active_scalars_name
+        same = colouring == self._colouring and body.colours is None
+        if same and len(held.points) == len(body.points) and held.n_cells == len(body.faces):
+            held.points = body.points  # the triangles are on the graphics card already
+            if scale is not None and worn is not None:
+                held.point_data[worn] = scale.values.ravel()[body.samples]
         else:
             self._surface = self._drawn(body, scale)
         self._colouring = colouring
