@@ -14,7 +14,8 @@ from meshflow.console import err, out, said, table
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.io.files import Document, writable, write
 from meshflow.looking import must_be_drawable, pictured
-from meshflow.reading import HELD, INPUTS, frame, mask, opened
+from meshflow.reading import HELD, INPUTS, frame, opened, per_sample
+from meshflow.reading import limit as limit_of
 
 if TYPE_CHECKING:
     from meshflow.result import Result
@@ -65,6 +66,7 @@ def smooth(
     limit: words.Limit = None,
     confidence: words.Confidence = None,
     only: words.Only = None,
+    speed: words.SpeedOption = None,
     fixed: words.FixedMask = None,
     keep: words.KeepOption = None,
     islands: words.Islands = None,
@@ -97,7 +99,6 @@ def _smoothed(
     target: Path,
     picture: Path | None,
     report: Path | None,
-    fixed: Path | None,
     dtype: str | None,
     overwrite: bool,
     quiet: bool,
@@ -110,10 +111,11 @@ def _smoothed(
     from meshflow.smoothing import smooth_noun
 
     document = opened(source, **{name: given.pop(name) for name in INPUTS})
-    held = {name: read_as(given[name]) for name, read_as in HELD.items()}
-    settings = Settings(**{**given, **held})
+    held = {word: per_sample(document, word, given.pop(word)) for word in HELD}
+    fixed = held.pop("fixed")
+    settings = Settings(**given, **held)
     _must_be_writable(document, target, picture, report, overwrite)
-    noun = document.noun if fixed is None else replace(document.noun, fixed=mask(fixed))
+    noun = document.noun if fixed is None else replace(document.noun, fixed=fixed)
     result = smooth_noun(noun, settings, progress=None if quiet else True, record=json or report is not None)
     done = document.holding(result.noun)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
@@ -202,7 +204,7 @@ def _fused(
         raise InputError(f"fuse: depths expected, got {len(sources)} frames without a single one")
     _must_be_writable(first, target, picture, report, overwrite)
     nouns = (None if seen is None else seen.noun for seen in (frame(path, **reading) for path in sources))
-    result = fused(nouns, full=True, limit=HELD["limit"](limit), **given)
+    result = fused(nouns, full=True, limit=limit_of(limit), **given)
     before, done = first.holding(result.before), first.holding(result.thing)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
     written = write(done, target, overwrite=overwrite, tags=tags, **_left(first, target, result))

@@ -13,7 +13,7 @@ from meshflow.console import out, said, table
 from meshflow.errors import InputError
 from meshflow.geometry.lift import RangeImage
 from meshflow.io.files import Document
-from meshflow.reading import INPUTS, mask, opened
+from meshflow.reading import INPUTS, opened, per_sample
 
 if TYPE_CHECKING:
     from meshflow.geometry.gates import Array
@@ -125,7 +125,7 @@ def show(
 def _shown(
     source: Path,
     picture: Path | None,
-    fixed: Path | None,
+    fixed: str | None,
     title: str | None,
     overwrite: bool,
     quiet: bool,
@@ -137,7 +137,7 @@ def _shown(
     must_be_drawable(picture, overwrite)
     document = opened(source, **{name: given.pop(name) for name in READ})
     if fixed is not None:
-        document = document.holding(replace(document.noun, fixed=mask(fixed)))
+        document = document.holding(replace(document.noun, fixed=per_sample(document, "fixed", fixed)))
     told = draw(document, picture, title=_titled(title, source.name), **given)
     notes = (*told.notes, *(() if picture is None else (f"picture: {picture}",)))
     said("", () if quiet else notes)

@@ -148,15 +148,30 @@ Limit = Annotated[
     str | None,
     _option(
         HOLD,
-        "No sample leaves its value by more: a number, a raster or .npy of them, or 'step': half the step of quantised data, of "
-        "depth at each depth. Default: half the quantum where rounding is the noise, else none.",
+        "No sample leaves its value by more: a number, a raster or .npy of them, the name of a vertex attribute, or 'step': half "
+        "the step of quantised data, of depth at each depth. Default: half the quantum where rounding is the noise, else none.",
     ),
 ]
 Confidence = Annotated[
-    Path | None, _option(HOLD, "Weights of a fidelity term, 1 / variance: a raster or .npy of the same samples.")
+    str | None,
+    _option(
+        HOLD,
+        "Weights of a fidelity term, 1 / variance: a raster or .npy of the same samples, or the name of a vertex attribute.",
+    ),
 ]
-Only = Annotated[Path | None, _option(HOLD, "Mask of the samples that may move: a raster, picture or .npy, not zero.")]
-FixedMask = Annotated[Path | None, _option(HOLD, "Mask of the samples that stay: likewise.", "--fixed")]
+Only = Annotated[
+    str | None,
+    _option(HOLD, "Mask of the samples that may move, not zero: a raster, picture, .npy, or vertex attribute."),
+]
+SpeedOption = Annotated[
+    str | None,
+    _option(
+        HOLD,
+        "How fast each sample goes, 0 (stays) to 1 (as it would): a raster, .npy, or the name of a vertex attribute.",
+        "--speed",
+    ),
+]
+FixedMask = Annotated[str | None, _option(HOLD, "Mask of the samples that stay: as --only.", "--fixed")]
 Islands = Annotated[int | None, _option(HOLD, "Drop pieces of a range image of fewer samples. Default: none.")]
 SpaceOption = Annotated[
     Literal["length", "disparity"],

@@ -53,6 +53,7 @@ class Plan:
     :ivar twice: w of u(t) + w (u(t) - u(2 t)), t the time of ``until``.
     :ivar limit: what no coordinate leaves, made of the start of a flow.
     :ivar trust: of the fidelity, (n, k), (n, 1) or (1, 1), per time; None: none.
+    :ivar speed: (n, 1), of each sample; None: all go freely.
     :ivar motion: of a mesh whose points move; None of everything else.
     :ivar keep: what it keeps.
     """
@@ -68,6 +69,7 @@ class Plan:
     twice: float = 0.0
     limit: Callable[[Array], Limit] | None = None
     trust: Array | None = None
+    speed: Array | None = None
     motion: Motion | None = None
     keep: Keep | None = None
     warnings: tuple[str, ...] = ()
@@ -133,6 +135,8 @@ def given_words(noun: Noun, settings: Settings) -> dict[str, Parameter]:
         found["islands"] = Parameter(float(settings.islands), "samples", "given")
     if settings.only is not None:
         found["only"] = _counted(np.asarray(settings.only) != 0, "may move")
+    if settings.speed is not None:
+        found["speed"] = Parameter("one per sample", "", "given", "0 stays, 1 goes freely")
     if noun.fixed is not None and noun.fixed.any():
         found["fixed"] = _counted(noun.fixed, "stay")
     return found

@@ -11,6 +11,7 @@ from meshflow.flow.control import Until
 from meshflow.flow.levels import steps_of
 from meshflow.flow.motion import MotionName
 from meshflow.flow.noise import Noise, noise_growth, noise_of, noise_on
+from meshflow.flow.slowed import speed_of
 from meshflow.geometry.gates import Array, mask_of
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage, data_of
 from meshflow.parameters import Parameter, Plan, given_words, squared_unit, value_unit
@@ -22,7 +23,7 @@ __all__ = ["noise_in", "planned"]
 
 # Time at which a run ends that does not come to its stop, in squared sample distances.
 PATIENT = 100.0
-HELD = "no sample may move (only, fixed): nothing was changed"
+HELD = "no sample may move (only, fixed, speed): nothing was changed"
 # Samples that the noise of a range image is looked for in.
 RAYS_ENOUGH = 80_000
 # Times in which a fidelity pulls back after which a run is at rest.
@@ -74,6 +75,7 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     if only is not None:
         assert noun.fixed is not None
         noun = replace(noun, fixed=noun.fixed | ~only)
+    noun, speed = _slowed(noun, settings)
     if settings.sigma is not None and isinstance(noun, RangeImage):
         noun = replace(noun, sigma=float(settings.sigma))
     _must_be_seen(noun, settings)
@@ -100,7 +102,7 @@ def planned(noun: Noun, settings: Settings) -> Plan:
         plan = moving(noun, settings, noise)
     else:
         plan = tuned(noun, settings, noise)
-    plan = _stopping(_held(plan, settings), settings)
+    plan = _stopping(_held(replace(plan, speed=speed), settings), settings)
     if plan.idle == HELD:
         words["time"] = Parameter(0.0, squared_unit(noun), "default", "nothing may move")
     return replace(plan, parameters={**plan.parameters, **words})
@@ -150,6 +152,15 @@ def _mask(noun: Noun, settings: Settings) -> Array | None:
         return None
     assert noun.fixed is not None
     return mask_of(settings.only, noun.fixed.shape, "only")
+
+
+def _slowed(noun: Noun, settings: Settings) -> tuple[Noun, Array | None]:
+    """The noun with what has no speed fixed, and the speeds (n, 1); None where all go freely."""
+    if settings.speed is None:
+        return noun, None
+    assert noun.fixed is not None
+    speed = speed_of(settings.speed, noun.fixed.shape)
+    return replace(noun, fixed=noun.fixed | (speed == 0)), speed.reshape(-1, 1)
 
 
 def _still(noun: Noun) -> bool:

@@ -1,6 +1,7 @@
 """Files to what a command needs of them."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, data_of
 from meshflow.io.files import Document, read
 
-__all__ = ["HELD", "INPUTS", "frame", "limit", "mask", "opened", "samples"]
+__all__ = ["HELD", "INPUTS", "frame", "limit", "mask", "opened", "per_sample", "samples"]
 
 
 def opened(
@@ -63,10 +64,7 @@ def limit(word: str | None) -> float | Array | str | None:
     """A number, the samples of a file, or ``step``."""
     if word is None or word == "step":
         return word
-    try:
-        return float(word)
-    except ValueError:
-        return samples(Path(word))
+    return float(word) if _is_number(word) else samples(Path(word))
 
 
 def mask(path: Path | None) -> Array | None:
@@ -97,6 +95,30 @@ def _column(path: Path) -> Array | None:
     return values if values.ndim == 1 and values.dtype.kind in "biuf" else None
 
 
+def per_sample(document: Document, word: str, given: str | None) -> Any:
+    """What an option says of each sample: of a file of numbers, or of an attribute of the mesh by its name.
+
+    :raises InputError: for what is neither.
+    """
+    if given is None or (word == "limit" and (given == "step" or _is_number(given))):
+        return limit(given)
+    if Path(given).is_file():
+        numbers = (mask if word in ("only", "fixed") else samples)(Path(given))
+        return document.samples(numbers, word)
+    try:
+        return document.samples(given, word)
+    except InputError as cause:
+        raise InputError(f"{cause}; nor is there a file {given}") from cause
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 INPUTS = (
     "kind",
     "camera",
@@ -110,4 +132,4 @@ INPUTS = (
     "pace",
     "viewpoint",
 )
-HELD = {"limit": limit, "confidence": samples, "only": mask}
+HELD = ("limit", "confidence", "only", "speed", "fixed")

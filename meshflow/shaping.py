@@ -184,7 +184,9 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
     motion = Motion(
         "conformal" if kind == "conformal" else "curvature", along=settings.along, triangles=settings.triangles
     )
-    keep = settings.keep or ("area" if kind == "conformal" and settings.along == "all" else None)
+    assert noun.fixed is not None
+    scaled = kind == "conformal" and settings.along == "all" and settings.speed is None and not noun.fixed.any()
+    keep = settings.keep or ("area" if scaled else None)
     plan = replace(bare(noun, replace(settings, method=None) if kind else settings, noise), motion=motion, keep=keep)
     return replace(
         plan,

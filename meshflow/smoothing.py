@@ -16,10 +16,12 @@ from meshflow.flow.march import State, march
 from meshflow.flow.noise import noise_growth
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
+from meshflow.flow.slowed import Slowed
 from meshflow.geometry.gates import Array, whole
 from meshflow.geometry.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
 from meshflow.grid.rate import GridFlow
-from meshflow.io.adopt import adopt
+from meshflow.io.adopt import Adopted, adopt
+from meshflow.io.hints import PER_SAMPLE
 from meshflow.parameters import Parameter, Plan
 from meshflow.plan import noise_in, planned
 from meshflow.result import Moment, Result
@@ -65,7 +67,7 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
         return _in_disparity(noun, settings, progress, record)
     plan = planned(noun, settings)
     engine = _engine(plan, settings)
-    flow: Flow = engine if plan.trust is None else Faithful(engine, plan.trust)
+    flow = _steered(engine, plan)
     start, end, moments = _run(flow, plan, settings, progress, record)
     done, warnings = plan.noun, plan.warnings
     if plan.idle is None:
@@ -151,6 +153,12 @@ def _engine(plan: Plan, settings: Settings) -> Flow:
     return GridFlow(plan.noun.gridded(plan.lift), plan.member, settings.threads)
 
 
+def _steered(engine: Flow, plan: Plan) -> Flow:
+    """The engine with the speeds and the fidelity of a plan."""
+    flow = engine if plan.speed is None else Slowed(engine, plan.speed)
+    return flow if plan.trust is None else Faithful(flow, plan.trust)
+
+
 def _run(
     flow: Flow, plan: Plan, settings: Settings, progress: Progress, record: bool | None
 ) -> tuple[State, State, tuple[Moment, ...]]:
@@ -205,7 +213,7 @@ def flowing(noun: Noun, settings: Settings, count: int, progress: Progress = Non
         raise InputError("space='disparity': only lengths are shown on their way; leave it out")
     plan = planned(noun, settings)
     engine = _engine(plan, settings)
-    flow: Flow = engine if plan.trust is None else Faithful(engine, plan.trust)
+    flow = _steered(engine, plan)
     yield 0.0, plan.noun
     until, time = plan.until, plan.until.time
     if plan.idle is not None or time == 0.0:
@@ -235,7 +243,8 @@ def _held(plan: Plan, flow: Flow) -> Hold | None:
     if plan.keep is None or not isinstance(plan.noun, Mesh):
         return limit
     assert plan.noun.fixed is not None
-    kept = Kept(plan.keep, plan.noun.faces, flow.start(), ~plan.noun.fixed)
+    free = (~plan.noun.fixed).astype(np.float64)
+    kept = Kept(plan.keep, plan.noun.faces, flow.start(), free if plan.speed is None else free * plan.speed[:, 0])
     return kept if limit is None else Both(kept, limit)
 
 
@@ -289,8 +298,10 @@ def smooth(
     :param full: return a :class:`Result`, as :func:`denoise` does.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param settings: further fields of :class:`Settings` by name, also accepted as keywords: ``sharpness, patch, contrast,
-        twice``; ``residual, area_loss, displacement, stop``; ``limit, confidence, only, islands, space``; ``sigma, search``;
-        ``indicator, mass, boundary, diagonals, stepper, dt, control, threads``.
+        twice``; ``residual, area_loss, displacement, stop``; ``limit, confidence, only, speed, islands, space``;
+        ``sigma, search``; ``indicator, mass, boundary, diagonals, stepper, dt, control, threads``.
+        ``only``, ``speed``, ``confidence``, ``limit`` and the hint ``fixed`` hold one number per sample, as the thing stores
+        its samples; or the name of an array that the thing itself holds (point data, vertex attributes).
     :param more: those, and what the thing itself does not say: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
         ``camera``, ``missing``, ``fixed``, ``channels``, ``moves``.
     :returns: the same kind of thing, smoothed; integers come back as floating point, since rounding would undo the smoothing.
@@ -308,10 +319,22 @@ def smooth(
     if strange:
         options = ", ".join((*Settings.__dataclass_fields__, *sorted(HINTS)))
         raise InputError(f"{', '.join(sorted(strange))}: no such option; there are {options}")
+    name = more.pop("fixed") if isinstance(more.get("fixed"), str) else None
     adopted = adopt(thing, **more)
-    found = smooth_noun(adopted.noun, Settings(strength=strength, **known), progress, record=True if full else None)
+    noun = adopted.noun if name is None else replace(adopted.noun, fixed=adopted.samples(name, "fixed"))
+    found = smooth_noun(noun, Settings(strength=strength, **_sampled(known, adopted)), progress, record=full or None)
     back = adopted.restore(found.noun)
     return replace(found, thing=back, warnings=(*adopted.notes, *found.warnings)) if full else back
+
+
+def _sampled(known: dict[str, Any], adopted: Adopted) -> dict[str, Any]:
+    """The words of a caller, those of one number per sample as the noun has its samples."""
+    given = {word: known[word] for word in PER_SAMPLE if known.get(word) is not None}
+    steps = isinstance(known.get("limit"), str) and known["limit"] == "step"
+    return {
+        **known,
+        **{word: adopted.samples(it, word) for word, it in given.items() if not (steps and word == "limit")},
+    }
 
 
 def denoise(thing: Any, **options: Any) -> Result:

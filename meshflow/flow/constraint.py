@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.errors import InputError
+from meshflow.flow.around import Around
 from meshflow.flow.contract import Flow, System
 from meshflow.geometry.gates import Array
 
@@ -117,7 +118,7 @@ class _FaithfulSystem:
         )
 
 
-class Faithful:
+class Faithful(Around):
     """A flow with du/dt = rate(u) + trust (u0 - u): it comes to rest between smoothness and data.
 
     :param flow: an engine.
@@ -125,13 +126,9 @@ class Faithful:
     """
 
     def __init__(self, flow: Flow, trust: Array) -> None:
-        self.flow, self.slivers = flow, flow.slivers
+        super().__init__(flow)
         self.trust = trust.astype(flow.start().dtype)
         self.most = float(trust.max(initial=0.0))
-
-    def start(self) -> Array:
-        """Free coordinates (n, k) at time zero."""
-        return self.flow.start()
 
     def rate(self, u: Array, turn: int = 0) -> Array:
         """du/dt (n, k)."""
@@ -156,10 +153,6 @@ class Faithful:
         to += pull
         return to
 
-    def area(self, u: Array) -> float:
-        """Of the surface, squared length."""
-        return self.flow.area(u)
-
     def bound(self, u: Array) -> float:
         """That of the flow and the greatest trust."""
         return self.flow.bound(u) + self.most
@@ -167,15 +160,3 @@ class Faithful:
     def system(self, u: Array, turn: int = 0) -> System:
         """Mass and stiffness, the fidelity among it (of several channels with weights of their own, that of the first)."""
         return _FaithfulSystem(self.flow.system(u, turn), self.trust)
-
-    def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
-        """Root mean square and greatest of a sum."""
-        return self.flow.size(*terms, roughly=roughly)
-
-    def spare(self) -> Array:
-        """An array (n, k) to write to."""
-        return self.flow.spare()
-
-    def done(self, array: Array) -> None:
-        """An array that nobody needs any more."""
-        self.flow.done(array)

@@ -29,8 +29,8 @@ class Kept:
         about the centroid [DMSB99]; ``area``: the same for the area.
     :param faces: (m, 3), closed and oriented for a volume.
     :param start: points (n, 3).
-    :param free: (n,), which points may move.
-    :raises InputError: for a volume of an open mesh, or scaling where points are fixed.
+    :param free: (n,), how far each point goes, from 0 (fixed) to 1.
+    :raises InputError: for a volume of an open mesh, or scaling where points are fixed or slowed.
     """
 
     how: Keep
@@ -41,9 +41,10 @@ class Kept:
     def __post_init__(self) -> None:
         if self.how not in ("volume", "scale", "area"):
             raise InputError(f"keep: volume, scale or area expected, got {self.how!r}")
-        if self.how != "volume" and not self.free.all():
+        if self.how != "volume" and (self.free < 1).any():
             raise InputError(
-                f"keep={self.how!r}: all points are scaled, and {int((~self.free).sum())} are fixed; take keep='volume'"
+                f"keep={self.how!r}: all points are scaled, and {int((self.free < 1).sum())} are fixed or slowed; "
+                "take keep='volume'"
             )
         if self.how == "area":
             return

@@ -12,7 +12,7 @@ from meshflow.errors import InputError, NotConverged
 from meshflow.flow.contract import Flow
 from meshflow.geometry.gates import Array, whole
 
-__all__ = ["LowPass", "Weights", "filtered", "is_short"]
+__all__ = ["LowPass", "Weights", "filtered", "generator_of", "is_short"]
 
 Weights = Literal["cotangent", "uniform"]
 # What the polynomial may be off by, of a coordinate's deviation from its mean.
@@ -61,15 +61,21 @@ class LowPass:
 
         :raises InputError: for a flow that has no matrix of its operator: of a grid, of facets, or with a fidelity.
         """
-        if not isinstance(flow, Generated):
-            raise InputError(
-                f"low-pass: the matrix of an operator expected, {type(flow).__name__} has none; take MeshFlow"
-            )
-        return filtered(flow.generator(u, self.weights), u, dt, self.order)
+        return filtered(generator_of(flow, u, self.weights), u, dt, self.order)
 
     def largest(self, flow: Flow, u: Array) -> float:
         """Infinite: a filter of any length is stable."""
         return np.inf
+
+
+def generator_of(flow: Flow, u: Array, weights: Weights) -> Any:
+    """The operator of a flow at u as a matrix (n, n).
+
+    :raises InputError: for a flow that has none.
+    """
+    if not isinstance(flow, Generated):
+        raise InputError(f"low-pass: the matrix of an operator expected, {type(flow).__name__} has none; take MeshFlow")
+    return flow.generator(u, weights)
 
 
 def filtered(generator: Any, u: Array, time: float, order: int) -> Array:
@@ -79,9 +85,18 @@ def filtered(generator: Any, u: Array, time: float, order: int) -> Array:
     :param time: squared length.
     :raises NotConverged: where a factorization fails.
     """
-    top = float(np.abs(generator).sum(axis=1).max())
+    fastest = np.asarray(np.abs(generator).sum(axis=1)).reshape(-1, 1)
+    top = float(fastest.max())
     if top == 0 or time == 0:
         return u.copy()
+    return np.where(fastest > 0, _filtered(generator, u, time, order, top), u)  # what is held keeps its bits
+
+
+def _filtered(generator: Any, u: Array, time: float, order: int, top: float) -> Array:
+    """:func:`filtered`, what is held to rounding.
+
+    :param top: no eigenvalue is above it.
+    """
     home = u.mean(axis=0)
     terms = _terms(time * top, order)
     if terms is None:

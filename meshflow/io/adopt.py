@@ -7,6 +7,7 @@ from typing import Any
 
 from meshflow.errors import InputError
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.io.hints import as_given
 
 __all__ = ["Adopted", "adopt"]
 
@@ -29,11 +30,14 @@ class Adopted:
     :param noun: its data, shared or copied, never changed.
     :param restore: a noun of the same kind and size becomes an object of the kind that came in; a new one.
     :param notes: what was done on the way in, sentences for the user.
+    :param samples: what is given under a word of one number per sample, an array as the thing stores its samples or the name
+        of one that it holds, becomes an array of the noun's samples.
     """
 
     noun: Noun
     restore: Callable[[Any], Any]
     notes: tuple[str, ...] = ()
+    samples: Callable[[Any, str], Any] = as_given
 
 
 def adopt(thing: Any, **hints: Any) -> Adopted:

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.camera import Camera
 from meshflow.geometry.lift import Noun
+from meshflow.io.hints import as_given
 
 __all__ = ["Document", "Kind", "read", "writable", "write"]
 
@@ -38,6 +39,15 @@ class Document:
     about: Any
     family: str
     notes: tuple[str, ...] = ()
+
+    def samples(self, given: Any, word: str) -> Any:
+        """One number per sample of the noun: of a mesh also by the name of a vertex attribute of the file.
+
+        :param given: an array, or a name.
+        :param word: ``fixed | only | speed | confidence | limit``: what it is for.
+        :raises InputError: for a name that is not there, with those that there are.
+        """
+        return (self.about.samples if self.family == "meshes" else as_given)(given, word)
 
     def holding(self, noun: Noun) -> "Document":
         """The same document around another noun."""

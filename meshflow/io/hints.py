@@ -1,11 +1,20 @@
 """Hints of the caller about an object: which belong to it, and what they name."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from meshflow.errors import InputError
+import numpy as np
 
-__all__ = ["belong", "must_be_mesh"]
+from meshflow.errors import InputError
+from meshflow.geometry.gates import Array
+
+__all__ = ["PER_SAMPLE", "Found", "as_given", "belong", "looked_up", "must_be_mesh"]
+
+# Words of the front door that hold one number per sample, which may be the name of an array of the thing itself.
+PER_SAMPLE = ("fixed", "only", "speed", "confidence", "limit")
+MASKS = ("fixed", "only")
+# The array of a name, and the names that there are.
+Found = tuple[Any, Iterable[str]]
 
 
 def belong(other: Mapping[str, object], thing: str, known: tuple[str, ...]) -> None:
@@ -24,3 +33,32 @@ def must_be_mesh(kind: Any, thing: str) -> None:
     """
     if kind not in (None, "mesh"):
         raise InputError(f"kind={kind!r}: {thing} is a mesh and nothing else; leave the hint out")
+
+
+def as_given(given: Any, word: str) -> Any:
+    """What a thing without names makes of a word that holds one number per sample: the array as it is.
+
+    :raises InputError: for a name.
+    """
+    if isinstance(given, str):
+        raise InputError(
+            f"{word}: {'a number or ' if word in ('confidence', 'limit') else ''}an array expected, got {given!r}; names are "
+            "those of arrays in the object or the file itself (a mesh of trimesh, pyvista, open3d or meshio, an ImageData)"
+        )
+    return given
+
+
+def looked_up(name: str, word: str, found: Found) -> Array:
+    """The numbers of a named array, of masks whether they are other than zero.
+
+    :param found: the array (n,) of that name, None where there is none, and the names that there are.
+    :raises InputError: for a name that is not there, or an array that holds no number per sample.
+    """
+    array, there = found
+    if array is None:
+        raise InputError(f"{word}={name!r}: no such array; there are {', '.join(map(str, there)) or 'none'}")
+    values = np.asarray(array)
+    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    if values.ndim != 1 or values.dtype.kind not in "biuf":
+        raise InputError(f"{word}={name!r}: one number per vertex expected, got shape {values.shape} of {values.dtype}")
+    return np.nan_to_num(values) != 0 if word in MASKS else values

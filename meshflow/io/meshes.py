@@ -59,6 +59,10 @@ class Held(Protocol):
     notes: tuple[str, ...]
     suffixes: tuple[str, ...]
 
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex of the noun, given by the name of an attribute or as it is (:class:`Adopted`)."""
+        ...
+
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the file again at ``path``, which then becomes ``target``, around another noun; one of its ``suffixes``."""
         ...

@@ -49,6 +49,10 @@ class Obj:
         """The mesh as it was read."""
         return self.skin.noun
 
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex; an OBJ has no attributes to name one by."""
+        return self.skin.samples(given, word, lambda name: (None, ()))
+
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the same file around another noun; its materials and images are copied next to it."""
         path.write_bytes(self._encoded(noun, tags))

@@ -38,6 +38,10 @@ class Off:
         """The mesh as it was read."""
         return self.skin.noun
 
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex; an OFF file has no attributes to name one by."""
+        return self.skin.samples(given, word, lambda name: (None, ()))
+
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the same file around another noun; tags become comments at its end."""
         path.write_bytes(self._encoded(noun, tags))

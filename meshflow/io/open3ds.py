@@ -10,7 +10,7 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io import open3d_images as images
 from meshflow.io.adopt import Adopted
-from meshflow.io.hints import belong, must_be_mesh
+from meshflow.io.hints import Found, belong, must_be_mesh
 from meshflow.io.seams import Skin, fitted, is_soup, normals_after
 
 __all__ = ["adopt"]
@@ -45,7 +45,8 @@ def adopt(
     name = channels if isinstance(channels, str) else None
     values: Any = taken.array(name) if name is not None else channels
     skin = Skin.of(points, faces, split=is_soup(faces, len(points)), channels=values, moves=moves, fixed=fixed)
-    return Adopted(skin.noun, partial(_restored, taken, skin, name), skin.note)
+    samples = partial(skin.samples, find=taken.found)
+    return Adopted(skin.noun, partial(_restored, taken, skin, name), skin.note, samples)
 
 
 def _restored(taken: Any, skin: Skin, name: str | None, noun: Mesh) -> Any:
@@ -89,6 +90,10 @@ class _Legacy:
             _must_have(name, self.names())
         return np.array(getattr(self.mesh, self._HOMES[name])).reshape(-1, 3)
 
+    def found(self, name: str) -> Found:
+        """None: the class knows no other attributes than those three."""
+        return None, ()
+
     def put(self, name: str, values: Array) -> None:
         """Set a vertex attribute."""
         utility = need("open3d", "scan").utility
@@ -130,6 +135,11 @@ class _Tensor:
         """A copy of a vertex attribute."""
         _must_have(name, self.names())
         return self.mesh.vertex[name].cpu().numpy().copy()
+
+    def found(self, name: str) -> Found:
+        """A vertex attribute, or None, and the names of those that there are."""
+        there = [word for word in self.names() if word not in ("positions", "normals")]
+        return (self.array(name) if name in there else None), there
 
     def put(self, name: str, values: Array) -> None:
         """Set a vertex attribute, on the device of the old one."""

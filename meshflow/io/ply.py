@@ -18,6 +18,7 @@ from trimesh.resolvers import FilePathResolver
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
+from meshflow.io.hints import Found
 from meshflow.io.seams import Skin, fitted, is_soup, normals_after
 
 __all__ = ["Ply", "read"]
@@ -50,6 +51,14 @@ class Ply:
     def noun(self) -> Mesh:
         """The mesh as it was read."""
         return self.skin.noun
+
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex, as it is or by the name of a vertex property."""
+        return self.skin.samples(given, word, self._property)
+
+    def _property(self, name: str) -> Found:
+        there = [word for word in self.elements["vertex"]["properties"] if word not in _KNOWN]
+        return (_column(self.elements, "vertex", name) if name in there else None), there
 
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the same file around another noun."""

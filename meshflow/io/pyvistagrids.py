@@ -9,7 +9,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.gates import Array, mask_of
 from meshflow.geometry.lift import HeightField, Image
 from meshflow.io.adopt import Adopted
-from meshflow.io.hints import belong
+from meshflow.io.hints import belong, looked_up
 from meshflow.io.seams import fitted
 
 __all__ = ["adopt_image", "adopt_terrain"]
@@ -54,7 +54,8 @@ def adopt_image(
     notes = (
         () if values.dtype.kind == "f" or colors else (f"the array {name!r} of {values.dtype} becomes floating point",)
     )
-    return Adopted(noun, partial(_restored_image, thing.copy(deep=True), bool(cells), name, order, colors), notes)
+    restore = partial(_restored_image, thing.copy(deep=True), bool(cells), name, order, colors)
+    return Adopted(noun, restore, notes, partial(_samples, data, order))
 
 
 def adopt_terrain(thing: Any, *, kind: Any = None, spacing: Any = None, fixed: Any = None, **other: Any) -> Adopted:
@@ -76,7 +77,17 @@ def adopt_terrain(thing: Any, *, kind: Any = None, spacing: Any = None, fixed: A
     noun = HeightField(
         points[order, 2], steps if spacing is None else spacing, fixed=mask_of(fixed, (len(points),), "fixed")[order]
     )
-    return Adopted(noun, partial(_restored_terrain, thing.copy(deep=True), order))
+    restore = partial(_restored_terrain, thing.copy(deep=True), order)
+    return Adopted(noun, restore, samples=partial(_samples, thing.point_data, order))
+
+
+def _samples(data: Any, order: Array, given: Any, word: str) -> Any:
+    """One number per sample (h, w): of the array of a name, of an array in the order of the object, or as it is."""
+    if isinstance(given, str):
+        found = np.array(data[given]) if given in data else None
+        return looked_up(given, word, (found, data.keys()))[order]
+    values = np.asarray(given)
+    return values[order] if values.shape == (order.size,) else given
 
 
 def _scalars(thing: Any, channels: Any) -> tuple[Any, str]:

@@ -10,7 +10,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io.adopt import Adopted
-from meshflow.io.hints import belong, must_be_mesh
+from meshflow.io.hints import Found, belong, must_be_mesh
 from meshflow.io.seams import Skin, fitted, is_soup, normals_after
 
 __all__ = ["adopt"]
@@ -63,7 +63,8 @@ def _adopt_polydata(
     skin = Skin.of(
         poly.points, faces, split=split or is_soup(faces, poly.n_points), channels=values, moves=moves, fixed=fixed
     )
-    return Adopted(skin.noun, partial(_restored, poly, faces, skin, name), (*skin.note, *notes))
+    samples = partial(skin.samples, find=partial(_point_array, poly))
+    return Adopted(skin.noun, partial(_restored, poly, faces, skin, name), (*skin.note, *notes), samples)
 
 
 def _triangles(thing: Any) -> tuple[Any, tuple[str, ...]]:
@@ -117,6 +118,10 @@ def _array_name(poly: Any, name: str) -> str:
             f"channels={name!r}: an array of the cells; channels stand at points, take .cell_data_to_point_data()"
         )
     raise InputError(f"channels={name!r}: no such point array; there are {', '.join(poly.point_data.keys()) or 'none'}")
+
+
+def _point_array(poly: Any, name: str) -> Found:
+    return (np.array(poly.point_data[name]) if name in poly.point_data else None), poly.point_data.keys()
 
 
 def _normals_name(data: Any) -> str | None:

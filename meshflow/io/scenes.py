@@ -14,8 +14,9 @@ from trimesh.exchange.stl import export_stl_ascii
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
+from meshflow.io.hints import Found
 from meshflow.io.seams import Skin, joined
-from meshflow.io.trimeshes import channel_of, stored_normals, with_changes
+from meshflow.io.trimeshes import attribute_of, channel_of, stored_normals, with_changes
 
 __all__ = ["Parts", "read"]
 
@@ -57,6 +58,15 @@ class Parts:
     def noun(self) -> Mesh:
         """All parts as one mesh, in the coordinates of the scene."""
         return self.skin.noun
+
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex, all parts one after the other, as it is or by the name of an attribute of all."""
+        return self.skin.samples(given, word, self._attribute)
+
+    def _attribute(self, name: str) -> Found:
+        found = [attribute_of(part.mesh, name) for part in self.parts]
+        there = [word for word in found[0][1] if all(word in names for _, names in found)]
+        return (np.concatenate([values for values, _ in found]) if name in there else None), there
 
     def scene(self, noun: Mesh) -> Any:
         """The scene with names, transforms and materials as they were, its parts moved."""

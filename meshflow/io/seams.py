@@ -4,6 +4,7 @@ STL stores every corner of every triangle; textured formats store a vertex once 
 it carries. Moved one by one the copies would tear the surface open along these seams.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.gates import Array, mask_of, real
 from meshflow.geometry.lift import Mesh
+from meshflow.io.hints import Found, looked_up
 
 __all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after"]
 
@@ -77,6 +79,21 @@ class Skin:
             f"{len(self.home)} stored vertices are {len(self.first)} of the surface: {copies} copies at the same position, "
             "which the format splits at seams, move together",
         )
+
+    def samples(self, given: Any, word: str, find: Callable[[str], Found]) -> Any:
+        """One number per vertex of the noun, from one per stored vertex; of joined vertices that which holds most.
+
+        :param given: an array (n, ...), or the name of one; anything else is handed on as it is.
+        :param find: looks up a name.
+        :raises InputError: for a name that is not there, with those that there are.
+        """
+        values = looked_up(given, word, find(given)) if isinstance(given, str) else np.asarray(given)
+        if values.ndim == 0 or len(values) != len(self.home):
+            return given
+        order = np.argsort(self.home, kind="stable")
+        starts = np.searchsorted(self.home[order], np.arange(len(self.first)))
+        most = np.maximum if word in ("fixed", "confidence") else np.minimum
+        return most.reduceat(values[order], starts, axis=0)
 
     def points_of(self, noun: Mesh) -> Array:
         """Positions (n, 3) of the stored vertices, in the stored type.

@@ -10,10 +10,10 @@ from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io.adopt import Adopted
-from meshflow.io.hints import belong, must_be_mesh
+from meshflow.io.hints import Found, belong, must_be_mesh
 from meshflow.io.seams import Skin, fitted, is_soup, normals_after
 
-__all__ = ["adopt", "carries", "channel_of", "stored_normals", "with_changes"]
+__all__ = ["adopt", "attribute_of", "carries", "channel_of", "stored_normals", "with_changes"]
 
 
 def adopt(
@@ -34,7 +34,8 @@ def adopt(
     name = channels if isinstance(channels, str) else None
     values: Any = channel_of(mesh, name) if name is not None else channels
     skin = Skin.of(mesh.vertices, mesh.faces, split=carries(mesh), channels=values, moves=moves, fixed=fixed)
-    return Adopted(skin.noun, partial(_restored, mesh, normals, skin, name), skin.note)
+    samples = partial(skin.samples, find=partial(attribute_of, mesh))
+    return Adopted(skin.noun, partial(_restored, mesh, normals, skin, name), skin.note, samples)
 
 
 def carries(mesh: Any) -> bool:
@@ -48,6 +49,11 @@ def carries(mesh: Any) -> bool:
 def stored_normals(mesh: Any) -> Array | None:
     """Vertex normals (n, 3) if the mesh has them now; the exporters of trimesh ask its cache in the same way."""
     return np.array(mesh.vertex_normals) if "vertex_normals" in mesh._cache.cache else None
+
+
+def attribute_of(mesh: Any, name: str) -> Found:
+    """A vertex attribute, or None, and the names of those that there are."""
+    return mesh.vertex_attributes.get(name), mesh.vertex_attributes
 
 
 def channel_of(mesh: Any, name: str) -> Array:

@@ -36,6 +36,10 @@ class VtkFile:
         """What was done on the way in."""
         return self.adopted.notes
 
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex, as it is or by the name of a point array."""
+        return self.adopted.samples(given, word)
+
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the mesh with all its arrays; tags become field data."""
         save_polydata(self.adopted.restore(noun), path, tags)

@@ -1,0 +1,109 @@
+"""Soft constraints: each vertex goes as fast as it is let."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+
+from meshflow.errors import InputError
+from meshflow.flow.around import Around
+from meshflow.flow.contract import Flow, System
+from meshflow.flow.lowpass import Weights, generator_of
+from meshflow.geometry.gates import Array
+
+__all__ = ["Slowed", "speed_of"]
+
+
+def speed_of(given: Any, shape: tuple[int, ...]) -> Array:
+    """The speeds of a caller, float64.
+
+    :param given: numbers between 0 (stays) and 1 (goes as it would), one per sample.
+    :param shape: of the samples: (h, w) or (n,).
+    :raises InputError: for another shape, or a number outside.
+    """
+    try:
+        values = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as cause:
+        raise InputError(f"speed: an array of numbers expected, got {type(given).__name__}") from cause
+    if values.shape != shape:
+        raise InputError(f"speed: one number per sample, shape {shape}, expected, got {values.shape}")
+    if not ((values >= 0) & (values <= 1)).all():
+        bad = values[~((values >= 0) & (values <= 1))].flat[0]
+        raise InputError(f"speed: numbers between 0 (stays) and 1 (goes as it would) expected, got {bad}")
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class _SlowedSystem:
+    """A system whose masses are heavier."""
+
+    system: System
+    speed: Array
+
+    @property
+    def mass(self) -> Array:
+        """M / s (n,)."""
+        return self.system.mass / self.speed
+
+    def matrix(self, dt: float) -> Any:
+        """With the heavier masses."""
+        return self.system.matrix(dt) + sparse.diags(self.mass - self.system.mass)
+
+
+class Slowed(Around):
+    """du/dt = s rate(u), s in [0, 1] for each vertex: soft constraints [DMSB99]; hard ones where s is 0.
+
+    Of a filter it is the time that is multiplied, of facets the way of each round.
+
+    :param flow: an engine; where s is 0 its vertices are fixed.
+    :param speed: s (n, 1).
+    """
+
+    def __init__(self, flow: Flow, speed: Array) -> None:
+        super().__init__(flow)
+        self.speed = speed.astype(flow.start().dtype)
+
+    def rate(self, u: Array, turn: int = 0) -> Array:
+        """du/dt (n, k)."""
+        rate = self.flow.rate(u, turn)
+        rate *= self.speed
+        return rate
+
+    def advance(
+        self,
+        u: Array,
+        dt: float,
+        turn: int = 0,
+        toward: Sequence[tuple[float, Array]] = (),
+        drift: tuple[float, Array] | None = None,
+        out: Array | None = None,
+    ) -> Array:
+        """u + dt rate(u) and what else is asked for, into ``out``."""
+        # By the step of the inner flow, not by its rate: a round of facets is no multiple of one.
+        to = self.flow.advance(u, dt, turn, out=self.flow.spare())
+        to -= u
+        to *= self.speed
+        for c, a in toward:
+            to += to.dtype.type(c) * (a - u)
+        if drift is not None:
+            to += to.dtype.type(drift[0]) * drift[1]
+        to += u
+        if out is None:
+            return to
+        out[...] = to
+        self.flow.done(to)
+        return out
+
+    def system(self, u: Array, turn: int = 0) -> System:
+        """Mass / s and stiffness."""
+        speed = self.speed[:, 0].astype(np.float64)
+        return _SlowedSystem(self.flow.system(u, turn), np.where(speed > 0, speed, 1.0))
+
+    def generator(self, u: Array, weights: Weights) -> Any:
+        """s A (n, n).
+
+        :raises InputError: for a flow without one.
+        """
+        return sparse.csr_matrix(sparse.diags(self.speed[:, 0]) @ generator_of(self.flow, u, weights))

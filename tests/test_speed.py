@@ -1,0 +1,240 @@
+"""Soft constraints, and words of one number per sample by the name of an array. meshflow.flow.slowed, meshflow.io.hints."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import pyvista
+import trimesh
+from meshfiles import ply
+from shapes import sphere
+from test_facets import along_normals
+
+import meshflow
+from meshflow.errors import InputError
+from meshflow.flow.constraint import Faithful, trust_of
+from meshflow.flow.lowpass import LowPass
+from meshflow.flow.rate import MeshFlow
+from meshflow.flow.slowed import Slowed
+from meshflow.flow.step import SemiImplicit
+from meshflow.geometry.lift import HeightField, Image, Lift, Mesh
+from meshflow.grid.rate import GridFlow
+from meshflow.smoothing import smooth
+
+BALL, FACES = sphere(400)
+NOISY = along_normals(BALL, FACES, 0.2)
+RNG = np.random.default_rng(5)
+Z = np.cumsum(RNG.normal(size=(24, 20)), axis=0)
+WAYS = [
+    {"method": "curvature"},
+    {"method": "curvature", "stepper": "semi-implicit", "time": 0.02},
+    {"method": "conformal", "time": 0.02, "keep": "volume"},
+    {"method": "fairing", "order": 4, "search": False},
+    {"method": "fairing", "weights": "uniform", "search": False},
+    {"method": "facets", "steps": 2},
+]
+
+
+def engines():
+    """Engines of both kinds and one step of each."""
+    mesh = MeshFlow(Mesh(NOISY, FACES).lifted(Lift()))
+    coloured = Mesh(NOISY, FACES, channels=BALL[:, :2]).lifted(Lift(contrast=2.0))
+    for flow in (
+        mesh,
+        MeshFlow(coloured),
+        GridFlow(HeightField(Z).gridded(Lift(contrast=0.5))),
+        GridFlow(Image(np.stack([Z, Z**2], 2)).gridded(Lift())),
+        MeshFlow(HeightField(Z).lifted(Lift())),
+    ):
+        yield flow, RNG.uniform(0.1, 1.0, (len(flow.start()), 1))
+
+
+@pytest.mark.parametrize("index", range(5))
+def test_the_speed_multiplies_the_rate_in_every_engine_and_stepper(index):
+    flow, speed = list(engines())[index]
+    slowed, u = Slowed(flow, speed), flow.start()
+    rate = np.array(flow.rate(u))
+    dt = 1.0 / slowed.bound(u)
+    assert np.allclose(slowed.rate(u), speed * rate, rtol=1e-12)
+    assert np.allclose(slowed.advance(u, dt), u + dt * speed * rate, rtol=1e-12, atol=1e-12)
+    more = slowed.advance(u, dt, 0, [(0.25, rate)], (0.5, rate), np.empty_like(u, order="F"))
+    assert np.allclose(more, u + dt * speed * rate + 0.25 * (rate - u) + 0.5 * rate, rtol=1e-12, atol=1e-12)
+    # Implicit: (M / s + dt L) change = dt M rate.
+    system, inner = slowed.system(u), flow.system(u)
+    change = SemiImplicit("direct").step(slowed, u, 10 * dt, 0) - u
+    stiffness = inner.matrix(1.0) - inner.matrix(0.0)
+    left = (np.asarray(inner.mass)[:, None] / speed) * change + 10 * dt * (stiffness @ change)
+    assert np.allclose(system.mass, np.asarray(inner.mass) / speed[:, 0])
+    assert np.allclose(left, 10 * dt * np.asarray(inner.mass)[:, None] * rate, atol=1e-8 * np.abs(left).max())
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: " ".join(map(str, way.values())))
+def test_speed_one_is_the_flow_itself_and_speed_zero_is_fixed(way):
+    free = smooth((NOISY, FACES), **way)[0]
+    same = smooth((NOISY, FACES), speed=np.ones(len(NOISY)), **way)[0]
+    assert np.abs(same - free).max() < 1e-9
+    stays = np.arange(len(NOISY)) % 3 == 0
+    still = smooth((NOISY, FACES), speed=np.where(stays, 0.0, 1.0), **way)[0]
+    fixed = smooth((NOISY, FACES), fixed=stays, **way)[0]
+    assert np.array_equal(still[stays], NOISY[stays])
+    assert np.abs(still - fixed).max() < 1e-9
+    half = smooth((NOISY, FACES), speed=np.full(len(NOISY), 0.3), **way)[0]
+    assert 0 < np.linalg.norm(half - NOISY) < np.linalg.norm(free - NOISY)
+
+
+def test_half_the_speed_everywhere_is_half_the_time():
+    words = {"gamma": 0.0, "contrast": 0.7, "stepper": "explicit"}
+    half = smooth(Z, speed=np.full(Z.shape, 0.5), time=2.0, dt=0.1, **words)
+    assert np.allclose(half, smooth(Z, time=1.0, dt=0.05, **words), atol=1e-10)
+    fairing = {"method": "fairing", "order": 2, "weights": "cotangent"}
+    filtered = smooth((NOISY, FACES), speed=np.full(len(NOISY), 0.5), time=0.02, **fairing)[0]
+    assert np.allclose(filtered, smooth((NOISY, FACES), time=0.01, **fairing)[0], atol=1e-6)
+
+
+def test_a_grid_goes_slower_where_it_is_told_to_with_a_fidelity_too():
+    speed = np.ones(Z.shape)
+    speed[:, :10] = 0.1
+    for words in ({}, {"confidence": 0.1}, {"limit": 1.0}, {"stepper": "super-time"}):
+        moved = np.abs(smooth(Z, speed=speed, time=1.0, search=False, **words) - Z)
+        free = np.abs(smooth(Z, time=1.0, search=False, **words) - Z)
+        assert moved[:, :8].mean() < 0.6 * free[:, :8].mean()
+        assert np.allclose(moved[:, 14:].mean(), free[:, 14:].mean(), rtol=0.1)
+    flow = GridFlow(HeightField(Z).gridded(Lift()))
+    held = Faithful(Slowed(flow, speed.reshape(-1, 1)), trust_of(0.5, Z.shape, Z.size, 1.0))
+    assert np.allclose(held.rate(flow.start() + 1.0), speed.reshape(-1, 1) * flow.rate(flow.start() + 1.0) - 0.5)
+
+
+def test_the_volume_is_kept_by_what_is_free_to_go():
+    speed = np.linspace(0.0, 1.0, len(NOISY))
+    found = smooth((NOISY, FACES), method="curvature", keep="volume", speed=speed)[0]
+    assert np.array_equal(found[0], NOISY[0])
+    assert meshflow.study.metrics.volume(found, FACES) == pytest.approx(
+        meshflow.study.metrics.volume(NOISY, FACES), rel=1e-10
+    )
+
+
+BAD = [
+    (np.ones(5), r"speed: one number per sample, shape \(400,\), expected, got \(5,\)"),
+    (np.full(400, 1.5), "between 0 .stays. and 1 .* got 1.5"),
+    (np.full(400, np.nan), "got nan"),
+    (0.5, r"got \(\)"),
+    (np.array([object()] * 400), "an array of numbers expected"),
+]
+
+
+@pytest.mark.parametrize(("speed", "said"), BAD, ids=[said for _, said in BAD])
+def test_speeds_that_make_no_sense_are_refused(speed, said):
+    with pytest.raises(InputError, match=said):
+        smooth((NOISY, FACES), speed=speed)
+
+
+def test_a_low_pass_of_a_slowed_grid_has_no_matrix():
+    flow = GridFlow(HeightField(Z).gridded(Lift()))
+    with pytest.raises(InputError, match="GridFlow has none"):
+        LowPass().step(Slowed(flow, np.ones((Z.size, 1))), flow.start(), 1.0, 0)
+
+
+def named():
+    """Meshes of other packages with a selection, speeds and a vector by name."""
+    half = BALL[:, 2] > 0
+    speed = np.where(half, 0.0, 1.0)
+    mesh = trimesh.Trimesh(NOISY, FACES, process=False)
+    poly = pyvista.PolyData.from_regular_faces(NOISY, FACES)
+    for data in (mesh.vertex_attributes, poly.point_data):
+        data["half"], data["how"], data["flow"] = half.astype(np.uint8), speed, BALL
+    return half, [(mesh, lambda thing: np.asarray(thing.vertices)), (poly, lambda thing: np.asarray(thing.points))]
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["trimesh", "pyvista"])
+def test_a_region_is_named_by_an_array_of_the_object(which):
+    half, things = named()
+    thing, points = things[which]
+    for words in ({"fixed": "half"}, {"speed": "how"}):
+        moved = points(smooth(thing, method="curvature", **words)) != points(thing)
+        assert not moved[half].any()
+        assert moved[~half].any(axis=1).all()
+    moved = points(smooth(thing, method="curvature", only="half")) != points(thing)
+    assert not moved[~half].any()
+    for words, said in (
+        ({"only": "hlf"}, "only='hlf': no such array; there are half, how, flow"),
+        ({"fixed": "hlf"}, "fixed='hlf': no such array; there are half, how, flow"),
+        ({"speed": "flow"}, "one number per vertex expected, got shape"),
+        ({"only": half[:-1]}, r"only: a mask of shape \(400,\) expected"),
+    ):
+        with pytest.raises(InputError, match=said):
+            smooth(thing, **words)
+
+
+def test_a_region_of_an_image_is_named_by_an_array_of_the_object():
+    image = pyvista.ImageData(dimensions=(20, 24, 1))
+    image.point_data["z"] = Z.ravel()
+    image.point_data["still"] = (np.arange(480) < 100).astype(int)
+    image.set_active_scalars("z")
+    found = smooth(image, fixed="still", time=1.0, search=False)
+    moved = np.asarray(found.point_data["z"]) != Z.ravel()
+    assert not moved[:100].any()
+    assert moved[100:].mean() > 0.9
+    with pytest.raises(InputError, match="there are z, still"):
+        smooth(image, fixed="stil")
+
+
+def test_a_thing_without_names_refuses_one():
+    with pytest.raises(InputError, match="only: an array expected, got 'region'"):
+        smooth(Z, only="region")
+
+
+def test_joined_vertices_are_held_if_one_of_them_is():
+    soup = trimesh.Trimesh(NOISY, FACES, process=False)
+    soup.unmerge_vertices()
+    one = np.zeros(len(soup.vertices), bool)
+    one[0] = True
+    for words in ({"only": ~one}, {"fixed": one}, {"speed": (~one).astype(float)}, {"limit": np.where(one, 0.0, 1.0)}):
+        found = smooth(soup, method="curvature", **words)
+        copies = (np.asarray(soup.vertices) == soup.vertices[0]).all(axis=1)
+        assert copies.sum() > 3
+        assert np.array_equal(found.vertices[copies], soup.vertices[copies])
+        assert (found.vertices != soup.vertices).any(axis=1)[~copies].all()
+
+
+def test_the_command_takes_the_name_of_an_attribute_in_the_file(tmp_path):
+    rows = [f"{x} {y} {z} {int(x > 0)} {min(abs(x), 1)}" for x, y, z in NOISY]
+    vertex = ("double x", "double y", "double z", "uchar mark", "float how")
+    path = ply(tmp_path / "ball.ply", vertex=vertex, rows=rows, faces=[f"3 {i} {j} {k}" for i, j, k in FACES])
+    document = meshflow.read(path)
+    mark = document.samples("mark", "fixed")
+    assert np.array_equal(mark, NOISY[:, 0] > 0)
+
+    def run(*words):
+        command = [sys.executable, "-m", "meshflow", "smooth", str(path), str(tmp_path / "o.ply"), "--overwrite"]
+        return subprocess.run([*command, "--method", "curvature", *words], capture_output=True, text=True, check=False)
+
+    for word, still in (("--fixed", mark), ("--only", ~mark)):
+        done = run(word, "mark")
+        assert done.returncode == 0, done.stderr
+        moved = (meshflow.read(tmp_path / "o.ply").noun.points != document.noun.points).any(axis=1)
+        assert np.array_equal(moved, ~still)
+    assert run("--speed", "how").returncode == 0
+    refusal = run("--fixed", "marc").stderr
+    assert "fixed='marc': no such array; there are mark, how; nor is there a file marc" in refusal
+    assert refusal.count("\n") == 1
+
+
+def test_every_mesh_format_says_which_names_it_has(tmp_path):
+    mesh = trimesh.Trimesh(NOISY, FACES, process=False)
+    poly = pyvista.PolyData.from_regular_faces(NOISY, FACES)
+    mesh.vertex_attributes["_mark"] = poly.point_data["_mark"] = np.arange(400, dtype=np.float32)
+    mesh.export(tmp_path / "m.glb")
+    poly.save(tmp_path / "m.vtp")
+    for name in ("m.glb", "m.vtp"):
+        document = meshflow.read(tmp_path / name)
+        assert np.array_equal(document.samples("_mark", "speed"), np.arange(400))
+        with pytest.raises(InputError, match="there are _mark"):
+            document.samples("mark", "only")
+    mesh = trimesh.Trimesh(NOISY, FACES, process=False)
+    for name in ("m.obj", "m.off", "m.stl"):
+        mesh.export(tmp_path / name)
+        with pytest.raises(InputError, match="there are none"):
+            meshflow.read(tmp_path / name).samples("mark", "only")
+    assert replace(document, family="rasters").samples(mesh, "only") is mesh
