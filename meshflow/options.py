@@ -199,11 +199,11 @@ Contrast = Annotated[
     ),
 ]
 BoundaryOption = Annotated[
-    Literal["natural", "linear", "fixed"] | None,
+    Literal["natural", "linear", "fixed", "curve"] | None,
     _option(
         FLOW,
-        "linear: tilted planes rest at borders and holes; natural: no flux; fixed: borders stay. Default: natural for "
-        "images, else linear.",
+        "linear: tilted planes rest at borders and holes; natural: no flux; fixed: borders stay; curve: those of a mesh move by "
+        "their own curvature. Default: natural for images, else linear.",
     ),
 ]
 DiagonalsOption = Annotated[

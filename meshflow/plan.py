@@ -117,6 +117,7 @@ def _must_be_seen(noun: Noun, settings: Settings) -> None:
     ways |= {
         "triangles": settings.triangles != "auto",
         "along": settings.along != "all",
+        "boundary='curve'": settings.boundary == "curve",
         f"method={settings.method!r}": settings.method in get_args(MotionName),
     }
     for word, given in ways.items():

@@ -85,8 +85,8 @@ class Settings:
 
     :param indicator: ``metric | projection``.
     :param mass: ``barycentric | voronoi | ring``.
-    :param boundary: ``natural | linear | fixed``; by default linear for height fields, range images and meshes, natural for
-        images.
+    :param boundary: ``natural | linear | fixed``, of a mesh whose points move also ``curve``: the border moves by its own
+        curvature (:class:`Bordered`); by default linear for height fields, range images and meshes, natural for images.
     :param diagonals: of a grid's cells, ``forward | backward | both | alternate``.
     :param stepper: ``auto | explicit | super-time | semi-implicit``, or a stepper with options of its own.
     :param dt: length of a step, squared length; by default what suits the stepper.
@@ -125,7 +125,7 @@ class Settings:
     space: Space = "length"
     indicator: Indicator = "metric"
     mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
-    boundary: Boundary | None = None
+    boundary: Boundary | Literal["curve"] | None = None
     diagonals: Diagonals = "alternate"
     stepper: Stepper | StepperName = "auto"
     dt: float | None = None
@@ -165,8 +165,8 @@ class Settings:
         """The gates of the parts, before any of the work."""
         if self.method is not None and self.method not in get_args(Method):
             raise InputError(f"method: {', '.join(get_args(Method))} expected, got {self.method!r}")
-        if self.boundary not in (None, "natural", "linear", "fixed"):
-            raise InputError(f"boundary: natural, linear or fixed expected, got {self.boundary!r}")
+        if self.boundary not in (None, "natural", "linear", "fixed", "curve"):
+            raise InputError(f"boundary: natural, linear, fixed or curve expected, got {self.boundary!r}")
         if self.space not in get_args(Space):
             raise InputError(f"space: {' or '.join(get_args(Space))} expected, got {self.space!r}")
         if self.control is not None and not isinstance(self.control, (Fixed, AreaChange, Embedded)):
@@ -194,6 +194,11 @@ class Settings:
     def until_time(self) -> float | None:
         """The time asked for, squared length."""
         return self.scale**2 / 2 if self.scale is not None else self.time
+
+    @property
+    def rim(self) -> Boundary | None:
+        """The boundary as the operator of a surface knows it: one that moves as a curve, is held by that."""
+        return "fixed" if self.boundary == "curve" else self.boundary
 
     @property
     def stopping(self) -> bool:

@@ -182,7 +182,10 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
     if kind in ("facets", "fairing") or (kind is None and whole and not _told_otherwise(settings)):
         return _shaped(noun, settings, noise, kind)
     motion = Motion(
-        "conformal" if kind == "conformal" else "curvature", along=settings.along, triangles=settings.triangles
+        "conformal" if kind == "conformal" else "curvature",
+        along=settings.along,
+        triangles=settings.triangles,
+        curve=settings.boundary == "curve",
     )
     assert noun.fixed is not None
     scaled = kind == "conformal" and settings.along == "all" and settings.speed is None and not noun.fixed.any()
@@ -195,6 +198,7 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
             **_named(motion, settings, noun),
             **_kept(settings, keep),
             **_triangulated(noun, settings),
+            **({"boundary": Parameter("curve", "", "given")} if motion.curve else {}),
         },
     )
 
@@ -227,7 +231,7 @@ def _told_otherwise(settings: Settings) -> bool:
 
 def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None) -> Plan:
     """Facets or a fairing."""
-    lift, timed = Lift(1.0, settings.diagonals, settings.boundary), given_time(noun, settings)
+    lift, timed = Lift(1.0, settings.diagonals, settings.rim), given_time(noun, settings)
     if settings.confidence is not None:
         raise InputError(
             "confidence: weights pull at the curvature flow of a mesh only; give method='curvature', or fixed and limit"
@@ -263,6 +267,9 @@ def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None) -> P
 def _open(noun: Mesh, settings: Settings, kind: str | None) -> tuple[Motion, ...]:
     """The ways that the caller leaves open; the first is the one where nothing is searched for."""
     held, made = settings, []
+    curve = held.boundary == "curve"
+    if curve and kind is None:
+        kind = "fairing"
     for way in (FIXED, *candidates(noun.step)) if kind != "fairing" else (FAIRED, *candidates(noun.step)):
         if kind not in (None, way.kind):
             continue
@@ -279,6 +286,7 @@ def _open(noun: Mesh, settings: Settings, kind: str | None) -> tuple[Motion, ...
                 weights=held.weights or way.weights,
                 along=held.along,
                 triangles=held.triangles,
+                curve=curve,
             )
         )
     return tuple(dict.fromkeys(made))

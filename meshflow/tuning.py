@@ -65,7 +65,7 @@ def bare(noun: Noun, settings: Settings, noise: Noise) -> Plan:
         contrast = Parameter(1.0, contrast_unit(noun), "default", "lengths as they are")
     time = given_time(noun, settings)
     time = time or Parameter(MESH_TIME * noun.step**2, squared_unit(noun), "default", "half a squared edge")
-    lift = Lift(float(contrast.value), settings.diagonals, settings.boundary)
+    lift = Lift(float(contrast.value), settings.diagonals, settings.rim)
     plan = Plan(noun, settings.member(**named), lift, Until(0.0), {}, noise)
     return _unsearched(plan, settings, time, contrast)
 
@@ -83,7 +83,7 @@ def tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
     unit = noun.step / sigma if sigma > 0 else 0.0
     timed = given_time(noun, settings)
     asked = timed is not None or settings.steps is not None or settings.confidence is not None or settings.stopping
-    plan = Plan(noun, settings.member(), Lift(1.0, settings.diagonals, settings.boundary), Until(0.0), {}, noise)
+    plan = Plan(noun, settings.member(), Lift(1.0, settings.diagonals, settings.rim), Until(0.0), {}, noise)
     if sigma == 0 and not asked:
         plan = replace(plan, idle=no_noise(noise))
         return _told(
@@ -168,7 +168,7 @@ def along_rays(noun: RangeImage, settings: Settings, noise: Noise, why: str) -> 
 
     :param why: how the noise grows, in words.
     """
-    lift = Lift(1.0 if settings.contrast is None else settings.contrast, settings.diagonals, settings.boundary)
+    lift = Lift(1.0 if settings.contrast is None else settings.contrast, settings.diagonals, settings.rim)
     named = METHODS[settings.method][0] if settings.method else {}
     plan = Plan(noun, settings.member(**named), lift, Until(0.0), {}, noise)
     told = {

@@ -1,9 +1,10 @@
 """How the points of a mesh move, all three coordinates free: which engine, and which stepper it asks for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 from meshflow.errors import InputError
+from meshflow.flow.border import Bordered
 from meshflow.flow.contract import Flow
 from meshflow.flow.facets import FacetFlow, Facets
 from meshflow.flow.keep import AlongNormals
@@ -32,6 +33,7 @@ class Motion:
     :param facets: how normals flow.
     :param along: ``all`` directions, or ``normals``: what moves points across the surface is left out (:class:`AlongNormals`).
     :param triangles: of the curvature flow and of cotangent weights, as of :class:`MeshFlow`.
+    :param curve: the border moves as a curve (:class:`Bordered`); not of facets.
     :raises InputError: for an unknown word.
     """
 
@@ -41,6 +43,7 @@ class Motion:
     facets: Facets = Facets()
     along: Literal["all", "normals"] = "all"
     triangles: Triangles = "auto"
+    curve: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(MotionName):
@@ -49,13 +52,20 @@ class Motion:
             raise InputError(f"along: all or normals expected, got {self.along!r}")
         if self.triangles not in get_args(Triangles):
             raise InputError(f"triangles: {', '.join(get_args(Triangles))} expected, got {self.triangles!r}")
+        if self.curve and self.kind == "facets":
+            raise InputError(
+                "boundary='curve': of method curvature, conformal and fairing, got method='facets', which asks normals alone; "
+                "take one of them, or boundary='fixed'"
+            )
         LowPass(self.order, self.weights)
 
     def engine(self, surface: Surface, member: Member) -> Flow:
         """What moves the points."""
         if self.kind == "facets":
             return FacetFlow(surface, self.facets)
-        return MeshFlow(surface, member, conformal=self.kind == "conformal", triangles=self.triangles)
+        inside = replace(surface, boundary="fixed") if self.curve else surface
+        flow = MeshFlow(inside, member, conformal=self.kind == "conformal", triangles=self.triangles)
+        return Bordered(flow, inside) if self.curve else flow
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array

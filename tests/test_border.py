@@ -1,0 +1,179 @@
+"""Borders of meshes whose points move: as a curve, free, fixed, linear; holes and what is no manifold. meshflow.flow.border."""
+
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+from shapes import sphere, square
+
+from meshflow.errors import InputError
+from meshflow.flow.border import Bordered
+from meshflow.flow.motion import Motion
+from meshflow.flow.rate import MeshFlow
+from meshflow.geometry.connectivity import connect
+from meshflow.geometry.surface import Surface
+from meshflow.smoothing import denoise, smooth
+
+BORDERS = ("curve", "natural", "fixed", "linear")
+
+
+def disc(around=60, inside=300, seed=0):
+    """A flat unit disc with an irregular rim; points, faces, and the mask of the rim."""
+    rng = np.random.default_rng(seed)
+    angles = 2 * np.pi * (np.arange(around) + rng.uniform(-0.3, 0.3, around)) / around
+    i = np.arange(inside) + 0.5
+    radii, turns = 0.88 * np.sqrt(i / inside), np.pi * (1 + 5**0.5) * i + rng.uniform(-0.02, 0.02, inside)
+    rim = np.stack([np.cos(angles), np.sin(angles)], 1)
+    flat = np.concatenate([rim, radii[:, None] * np.stack([np.cos(turns), np.sin(turns)], 1)])
+    faces = Delaunay(flat).simplices
+    return np.column_stack([flat, np.zeros(len(flat))]), faces, np.arange(len(flat)) < around
+
+
+def bow_tie():
+    """Two sheets that touch in one vertex, 0."""
+    one, two = np.array([[0, 0], [1, 1], [2, 0.5], [1, 0], [2, 1.5], [0.5, 1.5]]), None
+    two = -one[1:]
+    points = np.column_stack([np.concatenate([one, two]), np.zeros(11)])
+    faces = np.array([[0, 3, 1], [3, 2, 1], [1, 2, 4], [0, 1, 5], [0, 8, 6], [8, 7, 6], [6, 7, 9], [0, 6, 10]])
+    return points, faces
+
+
+def book():
+    """Three pages of two triangles at one edge, 0 1."""
+    points = [[0, 0, 0], [0, 0, 1]]
+    faces = []
+    for angle in (0.0, 2.0, 4.0):
+        out = np.array([np.cos(angle), np.sin(angle), 0.0])
+        points += [out * 1.1, out + [0, 0, 1.2]]
+        faces += [[0, len(points) - 2, 1], [1, len(points) - 2, len(points) - 1]]
+    return np.array(points, float), np.array(faces)
+
+
+@pytest.mark.parametrize("stepper", ["explicit", "super-time", "semi-implicit"])
+def test_a_round_border_shrinks_as_a_curve_does(stepper):
+    points, faces, rim = disc()
+    step = {"dt": 0.001} if stepper == "semi-implicit" else {}
+    found = smooth((points, faces), method="curvature", boundary="curve", time=0.05, stepper=stepper, **step)[0]
+    radii = np.linalg.norm(found[rim], axis=1)
+    assert radii == pytest.approx(np.sqrt(1 - 0.1), rel=4e-3)
+    assert np.abs(found[:, 2]).max() == 0
+
+
+@pytest.mark.parametrize(
+    "way", [{"method": "curvature"}, {"method": "fairing", "search": False}, {"method": "conformal"}]
+)
+def test_a_straight_border_rests_however_irregular(way):
+    points, faces, _ = square(300)
+    rng = np.random.default_rng(1)
+    corner = (np.abs(points[:, :2] - 0.5) > 0.4999).all(axis=1)
+    slid = points.copy()
+    for axis in (0, 1):  # along the sides, the order kept
+        on = (np.abs(points[:, 1 - axis] - 0.5) > 0.4999) & ~corner
+        slid[on, axis] += rng.uniform(-0.3, 0.3, on.sum()) / 19
+    found = smooth((slid, faces), boundary="curve", time=0.01, fixed=corner, **way)[0]
+    assert np.abs(found - slid).max() < 1e-12
+
+
+def test_a_noisy_border_becomes_smooth_where_a_natural_one_gives_way():
+    points, faces, rim = disc(120, 1500)
+    noisy = points.copy()
+    noisy[rim] *= 1 + 0.01 * np.random.default_rng(2).normal(size=(120, 1))
+
+    def rough(x):
+        radii = np.linalg.norm(x[rim], axis=1)
+        return radii.std(), radii.mean()
+
+    free, curve = (smooth((noisy, faces), method="curvature", boundary=b, time=0.004)[0] for b in ("natural", "curve"))
+    linear = smooth((noisy, faces), method="curvature", boundary="linear", time=0.004)[0]
+    assert rough(curve)[0] < 0.45 * rough(noisy)[0]
+    assert rough(linear)[0] == pytest.approx(rough(noisy)[0], rel=1e-6)  # a flat sheet rests, outline and all
+    assert rough(free)[1] < rough(curve)[1] < rough(noisy)[1]
+    faired = smooth((noisy, faces), method="fairing", boundary="curve", time=0.004, search=False)[0]
+    assert rough(faired)[0] < 0.55 * rough(noisy)[0]
+
+
+def test_the_rate_of_what_is_inside_is_that_of_the_flow_and_a_step_that_of_the_rate():
+    points, faces, rim = disc()
+    points = points + 0.05 * np.random.default_rng(3).normal(size=points.shape)
+    surface = Surface(points, (faces,), boundary="fixed")
+    inside = MeshFlow(surface)
+    flow = Bordered(inside, surface)
+    rate, dt = flow.rate(points), 1.0 / flow.bound(points)
+    assert np.array_equal(rate[~rim], inside.rate(points)[~rim])
+    assert (np.abs(rate[rim]).max(axis=1) > 0).all()
+    assert np.allclose(flow.advance(points, dt), points + dt * rate, atol=1e-14)
+    assert np.allclose(flow.generator(points, "cotangent") @ points, -rate, atol=1e-9)
+    # The stiffness is symmetric, and its rows at the border are those of the rate but for what stays.
+    system = flow.system(points)
+    stiffness = system.matrix(1.0) - system.matrix(0.0)
+    assert abs(stiffness - stiffness.T).max() < 1e-12
+    assert np.allclose(-(stiffness @ points)[rim] / system.mass[rim, None], rate[rim], atol=1e-8)
+
+
+@pytest.mark.parametrize("boundary", BORDERS)
+@pytest.mark.parametrize(
+    "way", [{"method": "curvature"}, {"method": "fairing", "search": False}], ids=["curvature", "fairing"]
+)
+def test_holes_stay_holes(boundary, way):
+    points, faces = sphere(600)
+    faces = faces[(np.abs(points[faces].mean(axis=1)) < 0.9).all(axis=1)]  # six holes
+    before = len(connect((faces,), len(points)).border)
+    found, after = smooth((points, faces), boundary=boundary, time=0.003, **way)
+    assert before > 30
+    assert np.array_equal(after, faces)
+    assert np.isfinite(found).all()
+    if boundary == "fixed":
+        rim = connect((faces,), len(points)).rim
+        assert np.array_equal(found[rim], points[rim])
+
+
+@pytest.mark.parametrize("boundary", BORDERS)
+@pytest.mark.parametrize("make", [bow_tie, book])
+@pytest.mark.parametrize("stepper", ["explicit", "semi-implicit"])
+def test_borders_that_are_no_manifold_stay_finite(boundary, make, stepper):
+    points, faces = make()
+    shaken = points + 0.02 * np.random.default_rng(4).normal(size=points.shape)
+    found = smooth((shaken, faces), method="curvature", boundary=boundary, stepper=stepper, time=0.02)[0]
+    assert np.isfinite(found).all()
+    assert np.abs(found - shaken).max() < 0.5
+    flat = smooth((points, faces), method="curvature", boundary="linear", stepper=stepper, time=0.02)[0]
+    if make is bow_tie:
+        assert np.abs(flat - points).max() < 1e-12  # planes rest, touched in a vertex or not
+
+
+def test_where_no_curve_passes_the_border_stays():
+    points, faces = bow_tie()
+    found = smooth((points, faces), method="curvature", boundary="curve", time=0.02)[0]
+    assert np.array_equal(found[0], points[0])
+    assert (np.abs(found - points).max(axis=1)[1:] > 0).sum() >= 6
+    points, faces = book()
+    found = smooth((points, faces), method="curvature", boundary="curve", time=0.02)[0]
+    assert np.array_equal(
+        found[:2], points[:2]
+    )  # three edges of the border meet in each end of the edge of three triangles
+    assert (np.abs(found - points).max(axis=1)[2:] > 0).all()
+
+
+def test_the_default_with_such_a_border_is_a_fairing_and_says_curve():
+    points, faces, _ = disc()
+    noisy = points + 0.01 * np.random.default_rng(5).normal(size=points.shape)
+    result = denoise((noisy, faces), boundary="curve")
+    assert result.parameters["method"].value == "fairing"
+    assert result.parameters["boundary"].value == "curve"
+    assert denoise((noisy, faces), boundary="curve", method="curvature").parameters["boundary"].value == "curve"
+
+
+def test_a_curve_is_refused_where_there_is_none():
+    z = np.random.default_rng(0).normal(size=(8, 8))
+    points, faces, rim = disc()
+    for call in (
+        lambda: smooth(z, boundary="curve"),
+        lambda: smooth((points, faces), channels=rim * 1.0, boundary="curve"),
+    ):
+        with pytest.raises(InputError, match="boundary='curve': where the points of a mesh move only"):
+            call()
+    with pytest.raises(InputError, match="got method='facets'"):
+        smooth((points, faces), method="facets", boundary="curve")
+    with pytest.raises(InputError, match="got method='facets'"):
+        Motion("facets", curve=True)
+    with pytest.raises(InputError, match="natural, linear, fixed or curve expected"):
+        smooth((points, faces), boundary="round")
