@@ -113,8 +113,13 @@ AlongOption = Annotated[
     Literal["all", "normals"], _option(FLOW, "Points of a mesh move anywhere, or along their normals.", "--along")
 ]
 TrianglesOption = Annotated[
-    Literal["auto", "given", "delaunay"],
-    _option(FLOW, "Whose cotangents: the mesh's own, or those of its intrinsic Delaunay triangulation.", "--triangles"),
+    Literal["auto", "given", "delaunay", "clamped"],
+    _option(
+        FLOW,
+        "Whose cotangents: the mesh's own, those of its intrinsic Delaunay triangulation, or clamped to weights of zero and "
+        "above, so that no value leaves its range.",
+        "--triangles",
+    ),
 ]
 KeepOption = Annotated[
     Literal["volume", "scale", "area"] | None,

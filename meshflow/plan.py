@@ -90,6 +90,14 @@ def planned(noun: Noun, settings: Settings) -> Plan:
         noise = replace(noise, sigma=float(settings.sigma), how="given")
     shape, n = _free(noun)
     settings = _stepped(noun, settings)
+    if settings.triangles == "clamped":
+        settings = replace(settings, twice=0.0)
+        words |= {
+            "triangles": Parameter("clamped", "", "given"),
+            "twice": Parameter(0.0, "", "default", "it overshoots"),
+        }
+        if settings.boundary is None:
+            words["boundary"] = Parameter("natural", "", "default", "weights of zero and above")
     if settings.limit is not None:  # what makes no sense is refused now, not after the search
         Limit.of(np.zeros((n, 1)), settings.limit, shape)
     if settings.confidence is not None:
@@ -113,9 +121,11 @@ def _must_be_seen(noun: Noun, settings: Settings) -> None:
     for word, given in (("islands", settings.islands is not None), ("space", settings.space != "length")):
         if given and not isinstance(noun, RangeImage):
             raise InputError(f"{word}: of range images only, got {type(noun).__name__}")
+    if settings.triangles == "clamped" and not isinstance(noun, Mesh):
+        raise InputError(f"triangles: of meshes only, got {type(noun).__name__}")
     ways = {name: getattr(settings, name) is not None for name in ("order", "weights", "evened", "keep")}
     ways |= {
-        "triangles": settings.triangles != "auto",
+        "triangles": settings.triangles not in ("auto", "clamped"),
         "along": settings.along != "all",
         "boundary='curve'": settings.boundary == "curve",
         f"method={settings.method!r}": settings.method in get_args(MotionName),

@@ -53,7 +53,9 @@ class Settings:
     :param weights: of a fairing, ``cotangent | uniform``.
     :param evened: of facets: a squared length over which the sampling is evened first; points then move along the surface.
     :param along: points of a mesh move in ``all`` directions, or along their ``normals`` alone.
-    :param triangles: of a mesh whose points move, ``given``, ``delaunay`` (intrinsic) or ``auto``: where thin ones ask for it.
+    :param triangles: of a mesh whose points move, ``given``, ``delaunay`` (intrinsic) or ``auto``: where thin ones ask for it;
+        of every mesh ``clamped``: weights below zero are zero, and no value leaves its range (the maximum principle; no longer
+        the gradient of the area). Of the curvature flow and of channels; of a fairing of order 1 alone does it keep the range.
     :param twice: w in [0, 1]: u(t) + w (u(t) - u(2 t)), twicing in time; 0 where a time or a stop is given, else searched for.
 
     What is known, and how much is wanted:
@@ -173,6 +175,8 @@ class Settings:
             raise InputError(f"control: Fixed, AreaChange or Embedded expected, got {self.control!r}")
         if self.search is not None and not isinstance(self.search, (bool, np.bool_)):
             raise InputError(f"search: true or false expected, got {self.search!r}")
+        if self.triangles == "clamped":
+            self._check_range()
         if self.keep not in (None, "volume", "scale", "area"):
             raise InputError(f"keep: volume, scale or area expected, got {self.keep!r}")
         if self.order is not None or self.weights is not None:
@@ -190,6 +194,20 @@ class Settings:
         if self.stop is not None:
             When(self.stop)
 
+    def _check_range(self) -> None:
+        """What would leave the range that clamped weights keep."""
+        if self.boundary == "linear" or self.mass == "voronoi":
+            raise InputError(
+                f"triangles='clamped': boundary natural or fixed and mass barycentric or ring expected, got "
+                f"{self.boundary or 'natural'} and {self.mass}, which have weights below zero"
+            )
+        if self.twice:
+            raise InputError(f"triangles='clamped': twice {self.twice} leaves the range of the values; leave it out")
+        if isinstance(self.stepper, str) and self.stepper == "super-time":
+            raise InputError(
+                "triangles='clamped': stepper explicit or semi-implicit expected, got 'super-time', which may overshoot"
+            )
+
     @property
     def until_time(self) -> float | None:
         """The time asked for, squared length."""
@@ -198,6 +216,8 @@ class Settings:
     @property
     def rim(self) -> Boundary | None:
         """The boundary as the operator of a surface knows it: one that moves as a curve, is held by that."""
+        if self.triangles == "clamped" and self.boundary is None:
+            return "natural"  # that of the plane has weights below zero
         return "fixed" if self.boundary == "curve" else self.boundary
 
     @property

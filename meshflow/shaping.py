@@ -226,7 +226,8 @@ def _told_otherwise(settings: Settings) -> bool:
         "indicator",
         "method",
     )
-    return settings.named or settings.stopping or any(getattr(settings, n) is not getattr(plain, n) for n in names)
+    asked = settings.named or settings.stopping or settings.triangles == "clamped"
+    return asked or any(getattr(settings, n) is not getattr(plain, n) for n in names)
 
 
 def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None) -> Plan:

@@ -17,6 +17,7 @@ from meshflow.flow.noise import noise_growth
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.slowed import Slowed
+from meshflow.flow.step import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.gates import Array, whole
 from meshflow.geometry.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
 from meshflow.grid.rate import GridFlow
@@ -149,7 +150,9 @@ def _engine(plan: Plan, settings: Settings) -> Flow:
     """What moves the noun."""
     if isinstance(plan.noun, Mesh):
         surface = plan.noun.lifted(plan.lift)
-        return MeshFlow(surface, plan.member) if plan.motion is None else plan.motion.engine(surface, plan.member)
+        if plan.motion is not None:
+            return plan.motion.engine(surface, plan.member)
+        return MeshFlow(surface, plan.member, triangles="clamped" if settings.triangles == "clamped" else "given")
     return GridFlow(plan.noun.gridded(plan.lift), plan.member, settings.threads)
 
 
@@ -193,7 +196,7 @@ def _stepping(flow: Flow, plan: Plan, settings: Settings) -> tuple[Any, Control 
     """How time is stepped, and what controls the steps."""
     time = plan.until.time
     control: Control | None = settings.control or (None if settings.dt is None else Fixed(settings.dt))
-    stepper: Any = settings.stepper
+    stepper: Any = _stepper(flow, plan, settings)
     if plan.motion is not None and isinstance(plan.noun, Mesh):
         stepper = plan.motion.stepper(stepper, flow, time, plan.noun.faces)
         control = Fixed(time) if plan.motion.once and control is None and time else control
@@ -235,6 +238,15 @@ def flowing(noun: Noun, settings: Settings, count: int, progress: Progress = Non
         met = any(abs(state.time - mark) <= 1e-9 * mark for mark in marks) or state.step in steps
         if state.step > 0 and (met or state.reason is not None):
             yield state.time, _lowered(plan, engine, state.u)
+
+
+def _stepper(flow: Flow, plan: Plan, settings: Settings) -> Stepper | StepperName:
+    """The stepper that is asked for, or the one that keeps a range: super-time steps would overshoot."""
+    free = plan.motion is None or not plan.motion.once
+    if settings.triangles != "clamped" or settings.stepper != "auto" or not free:
+        return settings.stepper
+    suits = stepper_for("auto", flow, plan.until.time)
+    return suits if isinstance(suits, Explicit) else SemiImplicit()
 
 
 def _held(plan: Plan, flow: Flow) -> Hold | None:

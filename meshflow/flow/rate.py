@@ -1,21 +1,31 @@
 """The one formula of the flow, on explicit triangles."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sparse
 
+from meshflow.errors import InputError
 from meshflow.flow.dense import Dense
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import Blocks, blocked, march_blocks
-from meshflow.geometry.connectivity import Connectivity, connect
+from meshflow.geometry.connectivity import Connectivity, connect, shared_sides
 from meshflow.geometry.facets import mean_edge
 from meshflow.geometry.gates import Array
 from meshflow.geometry.generators import cotangent_generator, umbrella_generator
-from meshflow.geometry.intrinsic import THIN, Triangles, delaunay, is_thin, length_cotangents, mollified, side_lengths
+from meshflow.geometry.intrinsic import (
+    THIN,
+    Triangles,
+    clamped,
+    delaunay,
+    is_thin,
+    length_cotangents,
+    mollified,
+    side_lengths,
+)
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Axes, Rays, Surface
 
@@ -48,6 +58,7 @@ class _Sheet:
     charts: Array | None
     forms: Array
     flat: Array | None
+    pairs: tuple[Array, Array] | None = None
 
     @classmethod
     def of(cls, faces: tuple[Array, ...], charts: Array | None, n: int) -> "_Sheet":
@@ -81,7 +92,9 @@ class MeshFlow(Dense):
         pinches off, and what is like a sphere becomes one. Where all coordinates are free.
     :param triangles: ``given``; ``delaunay``: those of the intrinsic Delaunay triangulation of the same surface, sides of all but
         flat ones made longer by a hair, so that no weight is below zero and no system singular; ``auto``: where thin ones ask for
-        it. Where all coordinates are free.
+        it. Where all coordinates are free. ``clamped``: weights below zero are zero, so that no coordinate leaves its range (the
+        maximum principle); not the gradient of the area. With the natural boundary, or a fixed one.
+    :raises InputError: for ``clamped`` with a linear boundary or Voronoi mass, which have weights below zero of their own.
     """
 
     slivers = True
@@ -106,13 +119,26 @@ class MeshFlow(Dense):
         assert surface.fixed is not None
         every = isinstance(surface.free, Axes) and surface.free.columns == tuple(range(surface.points.shape[1]))
         self._every = every and len(self._sheets) == 1
-        self.triangles: Triangles = triangles if self._every else "given"
-        start = surface.points
-        self._first = operator.cotangents(start, self._sheets[0].connectivity.faces)[0] if conformal else None
+        self.triangles: Triangles = triangles if self._every or triangles == "clamped" else "given"
+        if triangles == "clamped":
+            self._check_clamped()
+            self._sheets = tuple(replace(s, pairs=shared_sides(s.connectivity.faces)) for s in self._sheets)
+        self._first: Array | None = None
+        self._first = self._triangulated(self._sheets[0], surface.points)[1] if conformal else None
         self.held = surface.fixed.copy()
         if surface.boundary == "fixed":
             for sheet in self._sheets:
                 self.held |= sheet.connectivity.rim
+
+    def _check_clamped(self) -> None:
+        if self.surface.boundary == "linear":
+            raise InputError(
+                "triangles='clamped': boundary natural or fixed expected, got 'linear', which leaves the range"
+            )
+        if self.member.mass == "voronoi":
+            raise InputError(
+                "triangles='clamped': mass barycentric or ring expected, got 'voronoi', which asks for all angles"
+            )
 
     @staticmethod
     def _charts(surface: Surface) -> tuple[Array | None, ...]:
@@ -154,7 +180,7 @@ class MeshFlow(Dense):
     def _marched(self, u: Array, keep: float, dt: float, out: Array | None) -> Array | None:
         """keep u + dt rate(u), by blocks of triangles; None where that is not what moves, or triangles are too thin for it."""
         plain = self._every and u.shape[1] == 3 and self.surface.pace is None and self._first is None
-        blocks = self._blocks if plain and self.triangles != "delaunay" else None
+        blocks = self._blocks if plain and self.triangles in ("auto", "given") else None
         if blocks is None:
             return None
         u, c = np.ascontiguousarray(u, dtype=np.float64), self._sheets[0].connectivity
@@ -187,6 +213,8 @@ class MeshFlow(Dense):
         Dirichlet energy, whatever the sharpness: the bound of the flat triangles holds as well, times what M / s is less than the
         flat mass.
         """
+        if self.triangles == "clamped":
+            return self._range_bound(u)
         dynamic, m = self._dynamic_bound(u), self.member
         alone = isinstance(self.surface.free, Axes) and len(self.surface.free.columns) == 1
         if not alone or m.mass == "voronoi" or (m.gamma < 0 and m.indicator == "projection"):
@@ -199,6 +227,18 @@ class MeshFlow(Dense):
             lighter = 1.0 if m.gamma >= -1 else self._lightening(sheet, self._moving(u))
             flat = max(flat, float(bounds.max(initial=0.0)) * lighter)
         return min(dynamic, flat)
+
+    def _range_bound(self, u: Array) -> float:
+        """2 max L_ii s / M, Gershgorin's: an explicit step of 2 / bound takes every vertex to a mean of its neighbours."""
+        x, fastest = self._moving(u), 0.0
+        for sheet in self._sheets:
+            metric = self._measured(sheet, x)
+            inertia = self._inertia(sheet, x, metric, None)
+            at = 0.5 * (np.roll(metric.cot, -1, axis=1) + np.roll(metric.cot, -2, axis=1))
+            diagonal = np.bincount(metric.connectivity.faces.ravel(), at.ravel(), len(inertia))
+            moves = self._moves(inertia)
+            fastest = max(fastest, float((diagonal[moves] / inertia[moves]).max(initial=0.0)))
+        return 2.0 * fastest
 
     def _lightening(self, sheet: _Sheet, x: Array) -> float:
         """The flat mass over M / s where that is greatest."""
@@ -263,6 +303,8 @@ class MeshFlow(Dense):
         cot, area = operator.cotangents(x, sheet.connectivity.faces, sheet.forms, self.member.sharpness)
         if self._first is not None:
             return sheet.connectivity, self._first, area
+        if sheet.pairs is not None:
+            return sheet.connectivity, clamped(cot, *sheet.pairs), area
         if self.triangles == "given" or (self.triangles == "auto" and not is_thin(cot)):
             return sheet.connectivity, cot, area
         faces, lengths = delaunay(sheet.connectivity.faces, mollified(side_lengths(x, sheet.connectivity.faces)))

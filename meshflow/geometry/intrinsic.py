@@ -13,9 +13,9 @@ from meshflow.geometry import triangle
 from meshflow.geometry.connectivity import shared_sides
 from meshflow.geometry.gates import Array
 
-__all__ = ["THIN", "Triangles", "delaunay", "is_thin", "length_cotangents", "mollified", "side_lengths"]
+__all__ = ["THIN", "Triangles", "clamped", "delaunay", "is_thin", "length_cotangents", "mollified", "side_lengths"]
 
-Triangles = Literal["auto", "given", "delaunay"]
+Triangles = Literal["auto", "given", "delaunay", "clamped"]
 # The cotangent of the smallest angle that is left alone, of a three hundredth of a degree: thinner ones make steps hopeless.
 THIN = 2e4
 
@@ -41,6 +41,23 @@ def is_thin(cot: Array) -> bool:
     """Whether a triangle of these cotangents (m, 3) is so thin that a system of them is all but singular, or has no area."""
     flat = ~cot.any(axis=1)
     return bool(flat.any() or np.abs(cot).max(initial=0.0) > THIN)
+
+
+def clamped(cot: Array, one: Array, other: Array) -> Array:
+    """Cotangents (m, 3) of which no edge has a weight below zero: those of the edges that would are zero.
+
+    Sums of them are no longer the gradient of the area, nor exact on planes where triangles are obtuse; but what each vertex
+    moves towards is a mean of its neighbours, and no value leaves the range of those around it.
+
+    :param one: corners (e,), and ``other``, opposite to the edges of two triangles (:func:`shared_sides`).
+    """
+    flat = cot.ravel().copy()
+    below = flat[one] + flat[other] < 0
+    lone = np.ones(len(flat), bool)
+    lone[one] = lone[other] = False
+    flat[one[below]] = flat[other[below]] = 0.0
+    flat[lone] = np.maximum(flat[lone], 0.0)
+    return flat.reshape(-1, 3)
 
 
 def length_cotangents(lengths: Array) -> tuple[Array, Array]:

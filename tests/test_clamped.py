@@ -1,0 +1,97 @@
+"""The maximum principle: weights of zero and above keep every value in its range. meshflow.geometry.intrinsic.clamped."""
+
+import numpy as np
+import pytest
+from shapes import sphere
+
+from meshflow.errors import InputError
+from meshflow.flow.rate import MeshFlow
+from meshflow.geometry.connectivity import connect, shared_sides
+from meshflow.geometry.intrinsic import clamped
+from meshflow.geometry.member import Member
+from meshflow.geometry.operator import cotangents, fill_stiffness, stiffness
+from meshflow.geometry.surface import Surface
+from meshflow.smoothing import denoise, smooth
+
+
+def obtuse():
+    """A bumpy sheet whose triangles are twelve times as long as high, and a value on it that jumps from 0 to 1."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(16) * 6.0, np.arange(40) * 0.5))
+    index = np.arange(640).reshape(40, 16)
+    a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    points = np.column_stack([x + 2.9 * (y % 1.0 > 0.2), y, 0.05 * np.sin(x)])
+    return points, faces, ((x > 40) ^ (y > 9)).astype(float)
+
+
+POINTS, FACES, VALUES = obtuse()
+
+
+@pytest.mark.parametrize("stepper", ["auto", "explicit", "semi-implicit"])
+@pytest.mark.parametrize("time", [0.3, 20.0])
+def test_values_never_leave_their_range_where_triangles_are_obtuse(stepper, time):
+    words = {"channels": VALUES, "gamma": 0.0, "contrast": 0.1, "time": time}
+    found = smooth((POINTS, FACES), triangles="clamped", stepper=stepper, **words)[2]
+    assert found.min() >= -1e-9
+    assert found.max() <= 1 + 1e-9
+    assert np.abs(found - VALUES).max() > 0.05
+    if stepper == "semi-implicit" and time < 1:  # later all is as good as even
+        free = smooth((POINTS, FACES), stepper=stepper, boundary="natural", twice=0.0, **words)[2]
+        assert free.max() > 1.001 or free.min() < -0.001
+
+
+@pytest.mark.parametrize("gamma", [-1.0, 0.0, 1.0])
+def test_the_largest_explicit_step_takes_each_value_to_a_mean_of_its_neighbours(gamma):
+    surface = Surface(np.column_stack([POINTS, 3.0 * VALUES]), (FACES,), boundary="natural")
+    flow = MeshFlow(surface, Member(gamma=gamma), triangles="clamped")
+    u = flow.start()
+    around = [set() for _ in u]
+    for triangle in FACES:
+        for i in triangle:
+            around[i] |= set(triangle)
+    new = flow.advance(u, 2.0 / flow.bound(u))
+    for i, ring in enumerate(around):
+        there = u[list(ring)]
+        assert (new[i] >= there.min(axis=0) - 1e-12).all()
+        assert (new[i] <= there.max(axis=0) + 1e-12).all()
+
+
+def test_weights_that_are_above_zero_stay_as_they_are():
+    cot = cotangents(POINTS, FACES)[0]
+    found = clamped(cot, *shared_sides(FACES))
+    before = stiffness(POINTS, FACES).tocoo()
+    after = fill_stiffness(connect((FACES,), len(POINTS)), found).tocoo()
+    off = before.row != before.col
+    assert np.allclose(after.data[off], np.minimum(before.data[off], 0.0), atol=1e-12)
+    assert (before.data[off] > 0.01).any()
+    assert abs(after.sum(axis=1)).max() < 1e-9
+    points, faces = sphere(300)  # a convex hull is all but Delaunay
+    cot = cotangents(points, faces)[0]
+    same = clamped(cot, *shared_sides(faces)) == cot
+    assert same.mean() > 0.95
+
+
+def test_points_stay_in_the_box_that_they_came_in():
+    rng = np.random.default_rng(0)
+    points = POINTS + 0.1 * rng.normal(size=POINTS.shape)
+    result = denoise((points, FACES), triangles="clamped", time=3.0)
+    found = result.thing[0]
+    assert (found >= points.min(axis=0) - 1e-9).all()
+    assert (found <= points.max(axis=0) + 1e-9).all()
+    words = {name: result.parameters[name].value for name in ("triangles", "boundary", "twice")}
+    assert words == {"triangles": "clamped", "boundary": "natural", "twice": 0.0}
+    assert (
+        np.abs(smooth((points, FACES), triangles="clamped", method="fairing", order=1, time=1.0)[0] - points).max() > 0
+    )
+
+
+def test_what_leaves_the_range_is_refused():
+    for words in ({"boundary": "linear"}, {"mass": "voronoi"}, {"twice": 0.5}, {"stepper": "super-time"}):
+        with pytest.raises(InputError, match="triangles='clamped'"):
+            smooth((POINTS, FACES), channels=VALUES, triangles="clamped", **words)
+    with pytest.raises(InputError, match="triangles: of meshes only, got HeightField"):
+        smooth(np.eye(4), triangles="clamped")
+    with pytest.raises(InputError, match="'linear', which leaves the range"):
+        MeshFlow(Surface(POINTS, (FACES,), boundary="linear"), triangles="clamped")
+    with pytest.raises(InputError, match="'voronoi', which asks for all angles"):
+        MeshFlow(Surface(POINTS, (FACES,)), Member(mass="voronoi"), triangles="clamped")
