@@ -44,11 +44,13 @@ class Settings:
     Which flow:
 
     :param method: a member by name: ``beltrami | graph | mean-curvature | total-variation | perona-malik | geman-mcclure | heat |
-        patches``; where the points of a mesh move: ``curvature | conformal | fairing | facets`` (:class:`Motion`).
+        patches``; where the points of a mesh move: ``curvature | conformal | fairing | facets | principal |
+        normal-channels`` (:class:`Motion`).
     :param gamma: exponent of the edge indicator, instead of a method. See :class:`Member`, as for the next two.
     :param sharpness: above 1 keeps edges more by the flux across them.
     :param patch: width in samples of the patches in whose space lengths are measured.
-    :param contrast: length per unit of the value; 1 for range images and where the points of a mesh move.
+    :param contrast: length per unit of the value; 1 for range images and where the points of a mesh move; of facets, principal
+        and normal-channels as :class:`Motion` says.
     :param order: of a fairing, 1 (implicit fairing) to 20 (all but an ideal low-pass).
     :param weights: of a fairing, ``cotangent | uniform``.
     :param evened: of facets: a squared length over which the sampling is evened first; points then move along the surface.

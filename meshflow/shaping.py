@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from meshflow.errors import InputError, NotConverged
 from meshflow.flow.control import Until
 from meshflow.flow.facets import Facets
+from meshflow.flow.keep import Keep
 from meshflow.flow.lowpass import is_short
 from meshflow.flow.motion import Motion, MotionName
 from meshflow.flow.noise import Noise
@@ -17,10 +18,11 @@ from meshflow.flow.rate import MeshFlow
 from meshflow.flow.tune import PROBE, Trial, ranked
 from meshflow.geometry.facets import beyond, measured
 from meshflow.geometry.gates import Array
+from meshflow.geometry.inside import is_closed, volume
 from meshflow.geometry.intrinsic import is_thin
 from meshflow.geometry.lift import Lift, Mesh
 from meshflow.geometry.member import Member
-from meshflow.geometry.operator import cotangents
+from meshflow.geometry.operator import cotangents, total_area
 from meshflow.geometry.surface import Surface
 from meshflow.parameters import Origin, Parameter, Plan, squared_unit, value_unit
 from meshflow.settings import Settings
@@ -39,6 +41,10 @@ FAIRINGS = ((2, "uniform"), (4, "uniform"), (10, "uniform"), (2, "cotangent"))
 # The one way where no search is wanted.
 FIXED, FAIRED = Motion("facets"), Motion("fairing")
 FIXED_TIME = {"facets": 100.0, "fairing": 1.0}
+# Contrast of normal channels in edges; the greatest curvature of noise, in sigma / h^2; and times in squared edges.
+CHANNELS, BENDS, LONGER = 8.0, 6.0, {"normal-channels": 5.0, "principal": 2.0}
+# The volume of a closed mesh, over its area to the power 3/2, below which it holds none.
+HOLLOW = 1e-6
 # Vertices that the search looks at, in so many pieces, and how many rings at their cuts are not counted.
 ENOUGH, PIECES, RINGS = 12_000, 4, 3
 # A triangle whose normal has turned this far (cosine) from the mean of its own and its neighbours' has folded; a share of them
@@ -169,7 +175,7 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
 
     :raises InputError: for what such a mesh does not know.
     """
-    kind = settings.method if settings.method in get_args(MotionName) else None
+    kind: Any = settings.method if settings.method in get_args(MotionName) else None
     if settings.order is not None or settings.weights is not None:
         kind = _same(kind, "fairing", "order and weights")
     if settings.evened is not None:
@@ -181,26 +187,52 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
         )
     if kind in ("facets", "fairing") or (kind is None and whole and not _told_otherwise(settings)):
         return _shaped(noun, settings, noise, kind)
-    motion = Motion(
-        "conformal" if kind == "conformal" else "curvature",
-        along=settings.along,
-        triangles=settings.triangles,
-        curve=settings.boundary == "curve",
-    )
+    motion, featured = _curved(noun, settings, noise, kind or "curvature")
+    keep = settings.keep or _holding(noun, settings, motion)
+    plain = replace(settings, method=None) if kind else settings
+    plan = bare(noun, replace(plain, contrast=None) if featured else plain, noise)
+    told = {
+        **plan.parameters,
+        **_named(motion, settings, noun),
+        **_kept(settings, keep),
+        **_triangulated(noun, settings),
+    }
+    if motion.curve:
+        told["boundary"] = Parameter("curve", "", "given")
+    if featured and given_time(noun, settings) is None:
+        much = LONGER[motion.kind]
+        told["time"] = Parameter(much * noun.step**2, squared_unit(noun), "default", f"{much:g} squared edges")
+    return replace(plan, motion=motion, keep=keep, parameters={**told, **featured})
+
+
+def _holding(noun: Mesh, settings: Settings, motion: Motion) -> Keep | None:
+    """What is kept where nobody says: the area of a conformalised flow, the volume of normal channels, which shrink balls."""
     assert noun.fixed is not None
-    scaled = kind == "conformal" and settings.along == "all" and settings.speed is None and not noun.fixed.any()
-    keep = settings.keep or ("area" if scaled else None)
-    plan = replace(bare(noun, replace(settings, method=None) if kind else settings, noise), motion=motion, keep=keep)
-    return replace(
-        plan,
-        parameters={
-            **plan.parameters,
-            **_named(motion, settings, noun),
-            **_kept(settings, keep),
-            **_triangulated(noun, settings),
-            **({"boundary": Parameter("curve", "", "given")} if motion.curve else {}),
-        },
+    if motion.kind == "conformal":
+        free = settings.along == "all" and settings.speed is None and not noun.fixed.any()
+        return "area" if free else None
+    if motion.kind != "normal-channels" or not is_closed(noun.faces):
+        return None
+    return (
+        "volume" if abs(volume(noun.points, noun.faces)) > HOLLOW * total_area(noun.points, noun.faces) ** 1.5 else None
     )
+
+
+def _curved(noun: Mesh, settings: Settings, noise: Noise, kind: MotionName) -> tuple[Motion, dict[str, Parameter]]:
+    """A way of mean curvature, and the contrast of one that keeps features."""
+    motion = Motion(kind, along=settings.along, triangles=settings.triangles, curve=settings.boundary == "curve")
+    if kind not in ("principal", "normal-channels"):
+        return motion, {}
+    sigma = noise.sigma * settings.strength
+    if settings.contrast is not None:
+        contrast = Parameter(float(settings.contrast), "length", "given")
+    elif kind == "normal-channels":
+        contrast = Parameter(CHANNELS * noun.step, "length", "default", f"{CHANNELS:g} edges")
+    elif sigma > 0:
+        contrast = Parameter(noun.step**2 / (BENDS * sigma), "length", "estimated", f"h² / {BENDS:g} sigma")
+    else:
+        contrast = Parameter(noun.step, "length", "default", "an edge")
+    return replace(motion, contrast=float(contrast.value)), {"contrast": contrast}
 
 
 def _same(kind: str | None, own: str, words: str) -> str:

@@ -9,16 +9,17 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.facets import FacetFlow, Facets
 from meshflow.flow.keep import AlongNormals
 from meshflow.flow.lowpass import LowPass, Weights
+from meshflow.flow.principal import Principal
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.step import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
-from meshflow.geometry.gates import Array
+from meshflow.geometry.gates import Array, positive
 from meshflow.geometry.intrinsic import Triangles
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Surface
 
 __all__ = ["Motion", "MotionName"]
 
-MotionName = Literal["curvature", "conformal", "fairing", "facets"]
+MotionName = Literal["curvature", "conformal", "fairing", "facets", "principal", "normal-channels"]
 
 
 @dataclass(frozen=True)
@@ -27,10 +28,13 @@ class Motion:
 
     :param kind: ``curvature``: mean curvature flow [DMSB99], which shrinks what it smooths; ``conformal``: the same with the
         stiffness of the start, for large times (:class:`MeshFlow`); ``fairing``: a low-pass of an order
-        (:class:`LowPass`); ``facets``: normals flow and points follow (:class:`FacetFlow`), creases kept.
+        (:class:`LowPass`); ``facets``: normals flow and points follow (:class:`FacetFlow`), creases kept; ``principal``:
+        curvature, weighted by the principal curvatures (:class:`Principal`); ``normal-channels``: curvature, lengths measured in
+        (x, contrast n) (:class:`MeshFlow`).
     :param order: of a fairing.
     :param weights: of a fairing.
     :param facets: how normals flow.
+    :param contrast: of the last two, a length: what is curved more than 1 / contrast is a feature; the factor on the normals.
     :param along: ``all`` directions, or ``normals``: what moves points across the surface is left out (:class:`AlongNormals`).
     :param triangles: of the curvature flow and of cotangent weights, as of :class:`MeshFlow`.
     :param curve: the border moves as a curve (:class:`Bordered`); not of facets.
@@ -41,6 +45,7 @@ class Motion:
     order: int = 2
     weights: Weights = "cotangent"
     facets: Facets = Facets()
+    contrast: float = 1.0
     along: Literal["all", "normals"] = "all"
     triangles: Triangles = "auto"
     curve: bool = False
@@ -57,6 +62,7 @@ class Motion:
                 "boundary='curve': of method curvature, conformal and fairing, got method='facets', which asks normals alone; "
                 "take one of them, or boundary='fixed'"
             )
+        positive(self.contrast, "contrast")
         LowPass(self.order, self.weights)
 
     def engine(self, surface: Surface, member: Member) -> Flow:
@@ -64,7 +70,9 @@ class Motion:
         if self.kind == "facets":
             return FacetFlow(surface, self.facets)
         inside = replace(surface, boundary="fixed") if self.curve else surface
-        flow = MeshFlow(inside, member, conformal=self.kind == "conformal", triangles=self.triangles)
+        lengths = self.contrast if self.kind == "normal-channels" else 0.0
+        flow: Flow = MeshFlow(inside, member, self.kind == "conformal", self.triangles, lengths)
+        flow = Principal(flow, surface.sheets[0], self.contrast) if self.kind == "principal" else flow
         return Bordered(flow, inside) if self.curve else flow
 
     def stepper(
@@ -74,14 +82,14 @@ class Motion:
 
         :raises InputError: where the kind has one of its own and the caller asks for another.
         """
-        if self.kind in ("curvature", "conformal"):
-            asked = SemiImplicit() if self.kind == "conformal" and asked == "auto" else asked
+        if self.kind not in ("fairing", "facets"):
+            asked = SemiImplicit() if self.kind != "curvature" and asked == "auto" else asked
             return asked if self.along == "all" else AlongNormals(stepper_for(asked, flow, time), faces)
-        own: Stepper = LowPass(self.order, self.weights) if self.kind == "fairing" else Explicit()
-        if isinstance(asked, str) and asked not in ("auto", own.name):
+        way: Stepper = LowPass(self.order, self.weights) if self.kind == "fairing" else Explicit()
+        if isinstance(asked, str) and asked not in ("auto", way.name):
             raise InputError(f"stepper: {self.kind} steps in its own way, got {asked!r}; leave it out")
-        own = own if isinstance(asked, str) else asked
-        return own if self.along == "all" else AlongNormals(own, faces)
+        way = way if isinstance(asked, str) else asked
+        return way if self.along == "all" else AlongNormals(way, faces)
 
     @property
     def once(self) -> bool:
@@ -98,6 +106,8 @@ class Motion:
             return {
                 "method": "facets", "contrast": how.contrast, "sharpness": how.sharpness, "evened": how.evened,
             }  # fmt: skip
+        if self.kind in ("principal", "normal-channels"):
+            return {"method": self.kind, "contrast": self.contrast}
         return {"method": self.kind}
 
     def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Any:

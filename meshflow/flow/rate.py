@@ -13,7 +13,7 @@ from meshflow.flow.dense import Dense
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import Blocks, blocked, march_blocks
 from meshflow.geometry.connectivity import Connectivity, connect, shared_sides
-from meshflow.geometry.facets import mean_edge
+from meshflow.geometry.facets import mean_edge, normals_at
 from meshflow.geometry.gates import Array
 from meshflow.geometry.generators import cotangent_generator, umbrella_generator
 from meshflow.geometry.intrinsic import (
@@ -94,6 +94,8 @@ class MeshFlow(Dense):
         flat ones made longer by a hair, so that no weight is below zero and no system singular; ``auto``: where thin ones ask for
         it. Where all coordinates are free. ``clamped``: weights below zero are zero, so that no coordinate leaves its range (the
         maximum principle); not the gradient of the area. With the natural boundary, or a fixed one.
+    :param normals: above 0, a length: triangles are measured in (x, normals n), n the vertex normals of now, and move in x alone:
+        what turns counts as far away, so faces become flat and creases stay. Points in R^3, all coordinates free.
     :raises InputError: for ``clamped`` with a linear boundary or Voronoi mass, which have weights below zero of their own.
     """
 
@@ -105,6 +107,7 @@ class MeshFlow(Dense):
         member: Member | None = None,
         conformal: bool = False,
         triangles: Triangles = "given",
+        normals: float = 0.0,
     ) -> None:
         self.surface = surface
         self.member = member or Member()
@@ -123,6 +126,7 @@ class MeshFlow(Dense):
         if triangles == "clamped":
             self._check_clamped()
             self._sheets = tuple(replace(s, pairs=shared_sides(s.connectivity.faces)) for s in self._sheets)
+        self._normals = normals if self._every else 0.0
         self._first: Array | None = None
         self._first = self._triangulated(self._sheets[0], surface.points)[1] if conformal else None
         self.held = surface.fixed.copy()
@@ -179,7 +183,9 @@ class MeshFlow(Dense):
 
     def _marched(self, u: Array, keep: float, dt: float, out: Array | None) -> Array | None:
         """keep u + dt rate(u), by blocks of triangles; None where that is not what moves, or triangles are too thin for it."""
-        plain = self._every and u.shape[1] == 3 and self.surface.pace is None and self._first is None
+        plain = (
+            self._every and u.shape[1] == 3 and self.surface.pace is None and self._first is None and not self._normals
+        )
         blocks = self._blocks if plain and self.triangles in ("auto", "given") else None
         if blocks is None:
             return None
@@ -203,6 +209,8 @@ class MeshFlow(Dense):
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
         x = self._moving(u)
+        if self._normals:  # of the surface itself, without its normals
+            return operator.total_area(x, self._sheets[0].connectivity.faces)
         total = sum(float(self._measured(s, x).area.sum()) for s in self._sheets)
         return total / len(self.surface.sheets)
 
@@ -300,15 +308,18 @@ class MeshFlow(Dense):
 
     def _triangulated(self, sheet: _Sheet, x: Array) -> tuple[Connectivity, Array, Array]:
         """Triangles of the surface, its own or Delaunay's, with their cotangents (m, 3) and areas (m,)."""
-        cot, area = operator.cotangents(x, sheet.connectivity.faces, sheet.forms, self.member.sharpness)
+        faces, measured = sheet.connectivity.faces, x
+        if self._normals:
+            measured = np.column_stack([x, self._normals * normals_at(x, faces)])
+        cot, area = operator.cotangents(measured, faces, sheet.forms, self.member.sharpness)
         if self._first is not None:
             return sheet.connectivity, self._first, area
         if sheet.pairs is not None:
             return sheet.connectivity, clamped(cot, *sheet.pairs), area
         if self.triangles == "given" or (self.triangles == "auto" and not is_thin(cot)):
             return sheet.connectivity, cot, area
-        faces, lengths = delaunay(sheet.connectivity.faces, mollified(side_lengths(x, sheet.connectivity.faces)))
-        return connect((faces,), sheet.connectivity.size), *length_cotangents(lengths)
+        flipped, lengths = delaunay(faces, mollified(side_lengths(measured, faces)))
+        return connect((flipped,), sheet.connectivity.size), *length_cotangents(lengths)
 
     def _along(self, gradient: Array) -> Array:
         """P of a gradient, as free coordinates (n, k): for rays, per squared length of d in the inertia."""

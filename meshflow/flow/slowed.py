@@ -13,7 +13,10 @@ from meshflow.flow.contract import Flow, System
 from meshflow.flow.lowpass import Weights, generator_of
 from meshflow.geometry.gates import Array
 
-__all__ = ["Slowed", "speed_of"]
+__all__ = ["Scaled", "Slowed", "speed_of"]
+
+# The least speed that an implicit step knows: a vertex that is slower stays.
+SLOWEST = 1e-6
 
 
 def speed_of(given: Any, shape: tuple[int, ...]) -> Array:
@@ -52,23 +55,17 @@ class _SlowedSystem:
         return self.system.matrix(dt) + sparse.diags(self.mass - self.system.mass)
 
 
-class Slowed(Around):
-    """du/dt = s rate(u), s in [0, 1] for each vertex: soft constraints [DMSB99]; hard ones where s is 0.
+class Scaled(Around):
+    """du/dt = s rate(u), s a factor for each vertex."""
 
-    Of a filter it is the time that is multiplied, of facets the way of each round.
-
-    :param flow: an engine; where s is 0 its vertices are fixed.
-    :param speed: s (n, 1).
-    """
-
-    def __init__(self, flow: Flow, speed: Array) -> None:
-        super().__init__(flow)
-        self.speed = speed.astype(flow.start().dtype)
+    def factor(self, u: Array) -> Array:
+        """s (n, 1) at u, none of a size above 1."""
+        raise NotImplementedError
 
     def rate(self, u: Array, turn: int = 0) -> Array:
         """du/dt (n, k)."""
         rate = self.flow.rate(u, turn)
-        rate *= self.speed
+        rate *= self.factor(u)
         return rate
 
     def advance(
@@ -84,7 +81,7 @@ class Slowed(Around):
         # By the step of the inner flow, not by its rate: a round of facets is no multiple of one.
         to = self.flow.advance(u, dt, turn, out=self.flow.spare())
         to -= u
-        to *= self.speed
+        to *= self.factor(u)
         for c, a in toward:
             to += to.dtype.type(c) * (a - u)
         if drift is not None:
@@ -97,9 +94,27 @@ class Slowed(Around):
         return out
 
     def system(self, u: Array, turn: int = 0) -> System:
-        """Mass / s and stiffness."""
-        speed = self.speed[:, 0].astype(np.float64)
-        return _SlowedSystem(self.flow.system(u, turn), np.where(speed > 0, speed, 1.0))
+        """Mass / |s| and stiffness; the sign of s is that of the rate, so that an implicit step is damped either way."""
+        factor = np.abs(self.factor(u)[:, 0].astype(np.float64))
+        return _SlowedSystem(self.flow.system(u, turn), np.maximum(factor, SLOWEST))
+
+
+class Slowed(Scaled):
+    """du/dt = s rate(u), s in [0, 1] for each vertex: soft constraints [DMSB99]; hard ones where s is 0.
+
+    Of a filter it is the time that is multiplied, of facets the way of each round.
+
+    :param flow: an engine; where s is 0 its vertices are fixed.
+    :param speed: s (n, 1).
+    """
+
+    def __init__(self, flow: Flow, speed: Array) -> None:
+        super().__init__(flow)
+        self.speed = speed.astype(flow.start().dtype)
+
+    def factor(self, u: Array) -> Array:
+        """s (n, 1), whatever u."""
+        return self.speed
 
     def generator(self, u: Array, weights: Weights) -> Any:
         """s A (n, n).

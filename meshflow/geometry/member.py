@@ -25,6 +25,8 @@ Method = Literal[
     "conformal",
     "fairing",
     "facets",
+    "principal",
+    "normal-channels",
 ]
 # The widest patch: the taps must fit beside the rows of a grid.
 WIDEST = 6.0
