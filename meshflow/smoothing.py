@@ -23,6 +23,7 @@ from meshflow.geometry.lift import HeightField, Mesh, Noun, RangeImage, from_dis
 from meshflow.grid.rate import GridFlow
 from meshflow.io.adopt import Adopted, adopt
 from meshflow.io.hints import PER_SAMPLE
+from meshflow.io.several import Several, several
 from meshflow.parameters import Parameter, Plan
 from meshflow.plan import noise_in, planned
 from meshflow.result import Moment, Result
@@ -245,7 +246,7 @@ def _stepper(flow: Flow, plan: Plan, settings: Settings) -> Stepper | StepperNam
     free = plan.motion is None or not plan.motion.once
     if settings.triangles != "clamped" or settings.stepper != "auto" or not free:
         return settings.stepper
-    suits = stepper_for("auto", flow, plan.until.time)
+    suits = "semi-implicit" if plan.motion is not None else stepper_for("auto", flow, plan.until.time)
     return suits if isinstance(suits, Explicit) else SemiImplicit()
 
 
@@ -298,7 +299,8 @@ def smooth(
 
     :param thing: numpy array (h, w): a height field, (h, w, k): an image of k channels, masked arrays and NaN as missing;
         ``(points, faces)``: a mesh; ``trimesh.Trimesh``, ``pyvista`` PolyData, ImageData, StructuredGrid, ``open3d`` triangle
-        meshes, ``xarray.DataArray``; a noun of meshflow. Files: :func:`meshflow.read`, or the command ``meshflow smooth``.
+        meshes, ``meshio.Mesh``, ``xarray.DataArray``; a ``trimesh.Scene`` or ``pyvista.MultiBlock``, each of its parts as if it
+        were alone; a noun of meshflow. Files: :func:`meshflow.read`, or the command ``meshflow smooth``.
     :param time: how far, in squared length; by default searched for, for meshes half a squared mean edge.
     :param scale: instead of ``time``, the standard deviation of the equal Gaussian on flat data, a length.
     :param steps: the number of steps; then nothing is searched for.
@@ -320,7 +322,22 @@ def smooth(
     :raises InputError: for what cannot be smoothed or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.
     """
-    known = {**(settings or {}), "time": time, "scale": scale, "steps": steps, "method": method, "gamma": gamma}
+    words = {"time": time, "scale": scale, "steps": steps, "method": method, "gamma": gamma, "strength": strength}
+    known, fixed = _words({**(settings or {}), **words}, more)
+    parts = several(thing, **more)
+    if parts is not None:
+        return _one_by_one(parts, known, fixed, progress, full)
+    adopted = adopt(thing, **more)
+    found = _smoothed(adopted, known, fixed, progress, full)
+    back = adopted.restore(found.noun)
+    return replace(found, thing=back, warnings=(*adopted.notes, *found.warnings)) if full else back
+
+
+def _words(known: dict[str, Any], more: dict[str, Any]) -> tuple[dict[str, Any], str | None]:
+    """The words of :class:`Settings`, those among ``more`` too, which keeps the hints; and ``fixed`` where it is a name.
+
+    :raises InputError: for a word that nobody knows.
+    """
     known |= {name: more.pop(name) for name in list(more) if name in Settings.__dataclass_fields__}
     unknown = set(known) - set(Settings.__dataclass_fields__)
     if unknown:
@@ -331,12 +348,37 @@ def smooth(
     if strange:
         options = ", ".join((*Settings.__dataclass_fields__, *sorted(HINTS)))
         raise InputError(f"{', '.join(sorted(strange))}: no such option; there are {options}")
-    name = more.pop("fixed") if isinstance(more.get("fixed"), str) else None
-    adopted = adopt(thing, **more)
-    noun = adopted.noun if name is None else replace(adopted.noun, fixed=adopted.samples(name, "fixed"))
-    found = smooth_noun(noun, Settings(strength=strength, **_sampled(known, adopted)), progress, record=full or None)
-    back = adopted.restore(found.noun)
-    return replace(found, thing=back, warnings=(*adopted.notes, *found.warnings)) if full else back
+    return known, more.pop("fixed") if isinstance(more.get("fixed"), str) else None
+
+
+def _smoothed(adopted: Adopted, known: dict[str, Any], fixed: str | None, progress: Progress, full: bool) -> Result:
+    """An adopted thing, with the words of a caller.
+
+    :param fixed: the name of an array in the thing.
+    """
+    noun = adopted.noun if fixed is None else replace(adopted.noun, fixed=adopted.samples(fixed, "fixed"))
+    return smooth_noun(noun, Settings(**_sampled(known, adopted)), progress, record=full or None)
+
+
+def _one_by_one(parts: Several, known: dict[str, Any], fixed: str | None, progress: Progress, full: bool) -> Any:
+    """A thing of several parts, each as if it were alone.
+
+    :raises InputError: for an array of numbers per sample, whose parts nobody has said, or a :class:`Result` of them all.
+    """
+    if full:
+        raise InputError(
+            f"a Result is of one thing, and there are {len(parts.parts)} parts; denoise them one by one, or smooth all of them"
+        )
+    for word in PER_SAMPLE:
+        if word in known and known[word] is not None and np.ndim(known[word]) > 0:
+            raise InputError(f"{word}: of several parts the name of an array in each of them expected, got an array")
+    nouns = []
+    for name, part in parts.parts:
+        try:
+            nouns.append(_smoothed(part, known, fixed, progress, False).noun)
+        except InputError as cause:
+            raise InputError(f"part {name}: {cause}") from cause
+    return parts.restore(nouns)
 
 
 def _sampled(known: dict[str, Any], adopted: Adopted) -> dict[str, Any]:

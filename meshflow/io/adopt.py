@@ -20,6 +20,7 @@ _HOMES = {
     "trimesh": "trimeshes",
     "pyvista": "pyvistas",
     "open3d": "open3ds",
+    "meshio": "meshios",
 }
 
 
@@ -44,7 +45,7 @@ def adopt(thing: Any, **hints: Any) -> Adopted:
     """Recognise what a thing is.
 
     numpy arrays (h, w) are height fields, (h, w, k) images; ``(points, faces)`` is a mesh; objects of xarray, trimesh,
-    pyvista and open3d as they are; the nouns of meshflow pass.
+    pyvista, open3d and meshio as they are; the nouns of meshflow pass.
 
     :param hints: ``kind`` (``terrain | image | depth | mesh``), ``spacing``, ``camera``, ``missing``, ``fixed``, ``channels``,
         ``moves``: what the object itself does not say.
@@ -61,5 +62,5 @@ def adopt(thing: Any, **hints: Any) -> Adopted:
             return import_module(f"meshflow.io.{home}").adopt(thing, **hints)
     raise InputError(
         f"{type(thing).__module__}.{type(thing).__qualname__}: expected a numpy array, (points, faces), a mesh of "
-        "trimesh, pyvista or open3d, an xarray.DataArray, or a noun of meshflow; read a file with meshflow.read"
+        "trimesh, pyvista, open3d or meshio, an xarray.DataArray, or a noun of meshflow; read a file with meshflow.read"
     )

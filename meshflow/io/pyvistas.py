@@ -19,7 +19,7 @@ __all__ = ["adopt"]
 _ELSEWHERE = {
     "UnstructuredGrid": "take its surface: .extract_surface().triangulate()",
     "RectilinearGrid": "make it a .cast_to_structured_grid()",
-    "MultiBlock": "hand over its blocks one by one, or .combine().extract_surface().triangulate()",
+    "MultiBlock": "meshflow.smooth takes its blocks one by one; here .combine().extract_surface().triangulate()",
     "ExplicitStructuredGrid": "take its surface: .extract_surface().triangulate()",
     "PointSet": "a cloud has no surface; reconstruct one: .cast_to_polydata().reconstruct_surface()",
 }

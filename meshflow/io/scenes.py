@@ -2,7 +2,7 @@
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,12 @@ from trimesh.exchange.stl import export_stl_ascii
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
-from meshflow.io.hints import Found
+from meshflow.io.adopt import Adopted
+from meshflow.io.hints import Found, belong, must_be_mesh
 from meshflow.io.seams import Skin, joined
-from meshflow.io.trimeshes import attribute_of, channel_of, stored_normals, with_changes
+from meshflow.io.trimeshes import attribute_of, carries, channel_of, stored_normals, with_changes
 
-__all__ = ["Parts", "read"]
+__all__ = ["Parts", "read", "taken_apart"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,11 @@ class Parts:
     def scene(self, noun: Mesh) -> Any:
         """The scene with names, transforms and materials as they were, its parts moved."""
         scene = self.scene_read.copy()
+        self.put(scene, noun)
+        return scene
+
+    def put(self, scene: Any, noun: Mesh) -> None:
+        """Its parts into a copy of the scene, moved."""
         points = self.skin.points_of(noun)
         values, start = self.skin.channels_of(noun), 0
         for part in self.parts:
@@ -80,7 +86,6 @@ class Parts:
             moved = part.mesh.vertices + shift if shift.any() else None  # added, so that what stays keeps its bits
             part_values = None if values is None else values[rows]
             scene.geometry[part.name] = with_changes(part.mesh, moved, part.normals, self.channels, part_values)
-        return scene
 
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the scene in the format that it came in."""
@@ -103,7 +108,7 @@ def read(path: Path, channels: str | None, moves: str | None) -> Parts:
     notes = list(_gltf_notes(path)) if suffix == ".glb" else []
     is_ascii = suffix == ".stl" and _is_ascii_stl(path)
     scene = trimesh.load_scene(path, file_type=suffix[1:], process=False)
-    parts = _parts_of(path, scene, suffix)
+    parts = _parts_of(path.name, scene, suffix)
     others = len(scene.geometry) - len(parts)
     if others:
         notes.append(f"{others} parts without triangles (points, lines) stay as they are")
@@ -123,7 +128,44 @@ def read(path: Path, channels: str | None, moves: str | None) -> Parts:
     return Parts(scene, parts, skin, channels, (*skin.note, *notes), (suffix,), is_ascii)
 
 
-def _parts_of(path: Path, scene: Any, suffix: str) -> tuple[Part, ...]:
+def taken_apart(
+    scene: Any, *, channels: Any = None, moves: Any = None, fixed: Any = None, kind: Any = None, **other: Any
+) -> tuple[tuple[tuple[str, Adopted], ...], Callable[[Sequence[Any]], Any]]:
+    """The parts of a ``trimesh.Scene``, and the way back to a scene from their nouns; names, transforms and all else stay.
+
+    :param channels: the name of a vertex attribute of every part, or ``"colors"``.
+    :raises InputError: for a scene without triangles, arrays where names are expected, or hints that do not belong.
+    """
+    belong(other, "a trimesh scene", ("channels", "moves", "fixed"))
+    must_be_mesh(kind, "a trimesh scene")
+    for word, given in (("channels", channels), ("fixed", fixed)):
+        if given is not None and not isinstance(given, str):
+            raise InputError(f"{word}: of several parts the name of an attribute expected, got {type(given).__name__}")
+    copy: Any = scene.copy()
+    made: list[Parts] = []
+    parts = _parts_of("trimesh.Scene", copy, "")
+    families: dict[int, list[Part]] = {}
+    for part in parts:
+        families.setdefault(part.family, []).append(part)
+    for mine in families.values():
+        points, faces, _, values = _one_after_the_other(tuple(mine), channels)
+        split = len(mine) > 1 or carries(mine[0].mesh)
+        skin = Skin.of(points, faces, split=split, channels=values, moves=moves)
+        made.append(Parts(copy, tuple(mine), skin, channels, skin.note, (), False))
+
+    def restore(nouns: Sequence[Any]) -> Any:
+        new = copy.copy()
+        for one, noun in zip(made, nouns, strict=True):
+            one.put(new, noun)
+        return new
+
+    adopted = (
+        (", ".join(p.name for p in one.parts), Adopted(one.noun, one.scene, one.notes, one.samples)) for one in made
+    )
+    return tuple(adopted), restore
+
+
+def _parts_of(title: str, scene: Any, suffix: str) -> tuple[Part, ...]:
     nodes: dict[str, str] = {}
     for node in scene.graph.nodes_geometry:
         nodes.setdefault(scene.graph[node][1], node)
@@ -134,7 +176,7 @@ def _parts_of(path: Path, scene: Any, suffix: str) -> tuple[Part, ...]:
         frame = np.array(scene.graph[nodes[name]][0]) if name in nodes else np.eye(4)
         if abs(np.linalg.det(frame[:3, :3])) < 1e-30:
             raise FormatError(
-                f"{path.name}: part {name} is flattened by a transform without inverse; apply its transforms first"
+                f"{title}: part {name} is flattened by a transform without inverse; apply its transforms first"
             )
         parent = scene.graph.transforms.parents.get(nodes.get(name))
         family = (parent or name) if mesh.metadata.get("from_gltf_primitive") else name
@@ -142,7 +184,7 @@ def _parts_of(path: Path, scene: Any, suffix: str) -> tuple[Part, ...]:
         parts.append(Part(name, frame, families.setdefault(family, len(families)), mesh, stored_normals(mesh)))
     if not parts:
         raise FormatError(
-            f"{path.name}: no triangles in it (is it a {suffix[1:].upper()}?); a mesh expected, "
+            f"{title}: no triangles in it{f' (is it a {suffix[1:].upper()}?)' if suffix else ''}; a mesh expected, "
             "a point cloud has no surface"
         )
     return tuple(parts)

@@ -119,8 +119,8 @@ def _restored(mesh: Any, normals: Array | None, skin: Skin, name: str | None, no
 def _must_be_trimesh(thing: Any) -> None:
     if isinstance(thing, trimesh.Scene):
         raise InputError(
-            f"trimesh.Scene of {len(thing.geometry)} parts: one trimesh.Trimesh expected; smooth its parts one by "
-            "one (scene.geometry), or all as one with scene.to_mesh()"
+            f"trimesh.Scene of {len(thing.geometry)} parts: one trimesh.Trimesh expected here; meshflow.smooth takes scenes "
+            "part by part, or all as one with scene.to_mesh()"
         )
     if isinstance(thing, trimesh.PointCloud):
         raise InputError(
