@@ -1,0 +1,74 @@
+"""Colours, texture and data of faces of real files come through a smoothing untouched."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from meshflow.io.files import read, write
+from meshflow.smoothing import smooth
+
+FOLDER = Path(__file__).parents[2] / "shared" / "data" / "meshes" / "attributes"
+FILES = sorted(p for p in FOLDER.glob("*") if p.suffix in (".ply", ".glb", ".obj"))
+MOVED = {"x", "y", "z", "nx", "ny", "nz"}
+
+
+def parts(path):
+    return trimesh.load_scene(path, process=False).geometry
+
+
+def columns(path):
+    """Every number of a PLY by element and property."""
+    raw = next(iter(parts(path).values())).metadata["_ply_raw"]
+    for element, held in raw.items():
+        names = held["properties"]
+        for name in names:
+            column = held["data"][name]
+            yield (element, name), column["f1"] if column.dtype.names else column
+
+
+def visuals(mesh):
+    """What is drawn: texture coordinates, colours, the pixels of the image."""
+    uv, material = getattr(mesh.visual, "uv", None), getattr(mesh.visual, "material", None)
+    if uv is not None:
+        yield "uv", np.asarray(uv)
+    if mesh.visual.kind in ("vertex", "face"):
+        yield (
+            "colours",
+            np.asarray(mesh.visual.vertex_colors if mesh.visual.kind == "vertex" else mesh.visual.face_colors),
+        )
+    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    if image is not None:
+        yield "image", np.asarray(image)
+    yield from ((name, np.asarray(values)) for name, values in mesh.vertex_attributes.items() if "color" not in name)
+    yield from ((name, np.asarray(values)) for name, values in mesh.face_attributes.items())
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not FOLDER.exists(), reason="no ../shared/data/meshes")
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_attributes_of_real_files_come_back_as_they_were(path, tmp_path):
+    document = read(path)
+    step = document.noun.step
+    shaken = document.noun.points + 0.05 * step * np.random.default_rng(0).normal(size=document.noun.points.shape)
+    noun = smooth(document.holding(type(document.noun)(shaken, document.noun.faces)).noun, method="curvature", steps=2)
+    target = tmp_path / path.name
+    write(document.holding(noun), target)
+    before, after = parts(path), parts(target)
+    assert list(before) == list(after)
+    moved = 0.0
+    for name in before:
+        assert np.array_equal(before[name].faces, after[name].faces)
+        moved = max(moved, np.abs(before[name].vertices - after[name].vertices).max())
+        one, two = dict(visuals(before[name])), dict(visuals(after[name]))
+        assert list(one) == list(two)
+        for what, values in one.items():
+            assert np.array_equal(values, two[what]), what
+    assert moved > 1e-3 * step
+    if path.suffix == ".ply":
+        kept = dict(columns(target))
+        for where, values in columns(path):
+            if where[1] not in MOVED:
+                assert kept[where].dtype == values.dtype
+                assert np.array_equal(kept[where], values), where
