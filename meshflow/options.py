@@ -1,7 +1,7 @@
 """The words of the command line: each option once, with its help and its panel."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import typer
 
@@ -91,9 +91,13 @@ Scale = Annotated[
     ),
 ]
 Steps = Annotated[int | None, _option(FLOW, "Stop after this many steps.")]
+# A word, so that an unknown one is refused in one line like everything else.
 MethodOption = Annotated[
-    Method | None,
-    _option(FLOW, "A member of the family by name. Default: the one of least estimated risk."),
+    str | None,
+    _option(
+        FLOW,
+        f"A member of the family by name. Default: the one of least estimated risk. {' | '.join(get_args(Method))}.",
+    ),
 ]
 Order = Annotated[
     int | None,

@@ -70,6 +70,18 @@ class Result:
         return self._removed
 
     @property
+    def counted(self) -> Array:
+        """What was removed as the noise is counted: over the samples that are there; where the points of a mesh move, (n,), the
+        way along the normals of ``before``, as in pictures and in ``compare``: what only slides leaves the surface as it is.
+        """
+        if isinstance(self.before, Mesh) and self._points:
+            return np.einsum("ij,ij->i", self.removed, np.asarray(self.before.normals))
+        if isinstance(self.before, Mesh):
+            return self.removed
+        assert self.before.missing is not None
+        return self.removed[~self.before.missing]
+
+    @property
     def left(self) -> float:
         """The noise that is still in what came back, unit of the values, as far as it was white: the flow of a flat grid, the
         heat equation of this time, leaves exp(-4 t) I0(4 t) of it, t in squared sample distances.
@@ -132,10 +144,13 @@ class Result:
         if self.end.step == 0:
             return self.reason
         p = self.parameters
-        names = [name for name in ("method", "order", "gamma", "sharpness", "patch", "contrast") if name in p]
+        rays = isinstance(self.before, RangeImage)
+        names = ("method", "order", "gamma") if rays else ("method", "order", "gamma", "sharpness", "patch", "contrast")
+        names = [name for name in names if name in p]
         chosen = ", ".join(f"{name} {_short(p[name].value)}" for name in names)
         sigma = "" if self.noise is None else f" of noise {self.noise.sigma:.4g}{self._unit}"
-        return f"{self.reason}; {chosen}; removed rms {self._rms:.4g}{self._unit}{sigma}"
+        chosen = f"{chosen}; " if chosen else ""
+        return f"{self.reason}; {chosen}removed {self._way}rms {self._rms:.4g}{self._unit}{sigma}"
 
     def words(self) -> dict[str, Any]:
         """All of it but the data, as JSON has it."""
@@ -162,7 +177,7 @@ class Result:
             "noise": noise,
             "removed": {
                 "rms": self._rms,
-                "largest": float(np.abs(self.removed).max()),
+                "largest": float(np.abs(self.counted).max()),
                 "correlation": self.correlation,
             },
             "moments": [vars(moment) for moment in self.moments],
@@ -178,7 +193,7 @@ class Result:
         lines = [f"{self.reason}"]
         lines += [f"  {name:<11} {parameter}" for name, parameter in self.parameters.items()]
         correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
-        sizes = f"rms {self._rms:.6g}{self._unit}, largest {np.abs(self.removed).max():.6g}{self._unit}"
+        sizes = f"{self._way}rms {self._rms:.6g}{self._unit}, largest {np.abs(self.counted).max():.6g}{self._unit}"
         lines.append(f"  removed     {sizes}{correlation}")
         if self.trials:
             lines.append(f"  searched    {len(self.trials)} members; expected errors (rms), least first:")
@@ -198,10 +213,17 @@ class Result:
     @property
     def _rms(self) -> float:
         """Root mean square of what was removed, over the samples that are there."""
-        if isinstance(self.before, Mesh):
-            return float(np.sqrt(np.mean(self.removed**2)))
-        assert self.before.missing is not None
-        return float(np.sqrt(np.mean(self.removed[~self.before.missing] ** 2)))
+        return float(np.sqrt(np.mean(self.counted**2)))
+
+    @property
+    def _way(self) -> str:
+        """Along what it is counted, where that is not the values themselves."""
+        return "along the normals " if self.counted.ndim == 1 and self.removed.ndim == 2 and self._points else ""
+
+    @property
+    def _points(self) -> bool:
+        """Whether the points of a mesh in R^3 have moved, and nothing else."""
+        return isinstance(self.before, Mesh) and self.before.moves == "points" and self.before.normals is not None
 
 
 def _short(value: float | str) -> str:

@@ -45,6 +45,8 @@ FIXED_TIME = {"facets": 100.0, "fairing": 1.0}
 CHANNELS, BENDS, LONGER = 8.0, 6.0, {"normal-channels": 5.0, "principal": 2.0}
 # The volume of a closed mesh, over its area to the power 3/2, below which it holds none.
 HOLLOW = 1e-6
+# What says how values stand above a base, and nothing where all coordinates are free.
+EXPONENTS = ("gamma", "sharpness", "patch")
 # Vertices that the search looks at, in so many pieces, and how many rings at their cuts are not counted.
 ENOUGH, PIECES, RINGS = 12_000, 4, 3
 # A triangle whose normal has turned this far (cosine) from the mean of its own and its neighbours' has folded; a share of them
@@ -187,6 +189,7 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
         )
     if kind in ("facets", "fairing") or (kind is None and whole and not _told_otherwise(settings)):
         return _shaped(noun, settings, noise, kind)
+    named = settings.method if kind is None else None  # a member of those whose values stand above a base
     motion, featured = _curved(noun, settings, noise, kind or "curvature")
     keep = settings.keep or _holding(noun, settings, motion)
     plain = replace(settings, method=None) if kind else settings
@@ -202,7 +205,16 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
     if featured and given_time(noun, settings) is None:
         much = LONGER[motion.kind]
         told["time"] = Parameter(much * noun.step**2, squared_unit(noun), "default", f"{much:g} squared edges")
-    return replace(plan, motion=motion, keep=keep, parameters={**told, **featured})
+    useless = [name for name in EXPONENTS if getattr(settings, name) is not None]
+    for name in (*EXPONENTS, "indicator", *(("contrast",) if noun.moves == "points" else ())):
+        told.pop(name, None)
+    warnings = plan.warnings
+    if useless or named:
+        words = [*useless, *([f"method {named}"] if named else [])]
+        warnings += (
+            f"{', '.join(words)}: no effect where points move; this was mean curvature flow, method curvature",
+        )
+    return replace(plan, motion=motion, keep=keep, parameters={**told, **featured}, warnings=warnings)
 
 
 def _holding(noun: Mesh, settings: Settings, motion: Motion) -> Keep | None:

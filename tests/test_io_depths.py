@@ -136,7 +136,7 @@ def test_rounding_is_told_where_it_is_not_small_beside_the_noise_that_is_left(tm
     document = read(make(tmp_path / "a.png", counts()), camera=CAMERA)
     moved = document.holding(replace(document.noun, depth=document.noun.depth + np.float32(0.003)))
     note = write(moved, tmp_path / "b.png", left=0.0002)[0]
-    assert "rounding to 1 mm errs by 0.29 mm (rms), beside 0.2 mm of noise that is left" in note
+    assert "rounding to 1 mm errs by 0.29 mm (rms): the 0.2 mm of noise that are left become 0.35 mm" in note
     assert ".tif, .npy or .exr, which hold float32 or a depth_scale of 10000" in note
     assert not any("left" in note for note in write(moved, tmp_path / "c.png", left=0.002))
     assert write(moved, tmp_path / "d.tif", left=0.0002) == ()

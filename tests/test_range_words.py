@@ -88,7 +88,7 @@ def test_a_picture_of_sixteen_bit_says_what_rounding_costs_beside_the_noise_that
     words = ["smooth", str(tmp_path / "a.npy"), str(tmp_path / "b.png"), "--camera", str(tmp_path / "camera.json")]
     told = CliRunner().invoke(app, words)
     assert told.exit_code == 0, told.exception
-    assert "rounding to 1 mm errs by 0.29 mm (rms), beside" in told.output
+    assert "rounding to 1 mm errs by 0.29 mm (rms): the" in told.output
     np.save(tmp_path / "c.npy", DEPTH)
     words[1:3] = str(tmp_path / "c.npy"), str(tmp_path / "d.png")
     assert "noise that is left" not in CliRunner().invoke(app, words).output

@@ -156,13 +156,14 @@ def _cost(counts: Array, scale: float, changed: float | None, left: float | None
     if left is not None and (changed is None or changed > 1e-3) and error > ADDS * left:
         finer = f" or a depth_scale of {10 ** np.ceil(np.log10(scale * error / (ADDS * left))):g}" if left > 0 else ""
         notes += (
-            f"rounding to {1000 / scale:g} mm errs by {1000 * error / scale:.2g} mm (rms), beside {1000 * left / scale:.2g} mm "
-            f"of noise that is left: much of what was gained is lost; write .tif, .npy or .exr, which hold float32{finer}",
+            f"rounding to {1000 / scale:g} mm errs by {1000 * error / scale:.2g} mm (rms): the {1000 * left / scale:.2g} mm "
+            f"of noise that are left become {1000 * np.hypot(error, left) / scale:.2g} mm; "
+            f"write .tif, .npy or .exr, which hold float32{finer}",
         )
     elif left is None and changed is not None and 1e-3 < changed < 1:
         notes += (
             f"depths changed by {changed * 1000 / scale:.3g} mm (rms), less than the steps of {1000 / scale:g} mm that they are "
-            "rounded to: much of what was gained is lost; write .tif, or give a larger depth_scale",
+            "rounded to; .tif holds them, or a larger depth_scale",
         )
     if scale <= 1000:
         notes += (f"depths are rounded to {1000 / scale:g} mm, up to {500 / scale:g} mm off; .tif holds them exactly",)

@@ -147,6 +147,10 @@ def read(path: Path, channels: str | None, moves: str | None) -> Ply:
     content = path.read_bytes()
     mesh: Any = _loaded(path, content)
     if not isinstance(mesh, trimesh.Trimesh):
+        if mesh is None or not len(mesh.vertices):
+            raise FormatError(
+                f"{path.name}: a mesh with triangles expected, got none, not even a vertex; is the file whole?"
+            )
         raise FormatError(
             f"{path.name}: a mesh with triangles expected, got a point cloud; a cloud has no surface, "
             "reconstruct one first (open3d: create_from_point_cloud_poisson)"

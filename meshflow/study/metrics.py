@@ -95,6 +95,7 @@ class Comparison:
     :ivar missing_after: and after.
     :ivar rms: of heights, depths, all channels together; of meshes of the distances between the points before and after (of
         what moves: the channels where those alone are free, points and channels as one vector where both are).
+    :ivar along: of meshes in R^3 whose points move: the root mean square way along the normals before, as noise is counted.
     :ivar median: of the sizes of the differences.
     :ivar largest: of them.
     :ivar normal_angle: mean angle between the normals of the same triangle, degrees; None for images, whose channels have no
@@ -118,6 +119,7 @@ class Comparison:
     area_after: float
     volume_before: float | None = None
     volume_after: float | None = None
+    along: float | None = None
 
     def words(self) -> dict[str, str | int | float]:
         """Names to numbers, in reading order, ``unit`` that of the differences; what does not apply is left out."""
@@ -128,6 +130,7 @@ class Comparison:
             "missing before": self.missing_before,
             "missing after": self.missing_after,
             "rms difference": self.rms,
+            "rms along the normals": self.along,
             "median difference": self.median,
             "largest difference": self.largest,
             "mean angle of normals (degrees)": self.normal_angle,
@@ -187,6 +190,10 @@ def _compared_meshes(before: Mesh, after: Mesh) -> Comparison:
     corners = before.points[before.faces].astype(np.float64), after.points[after.faces].astype(np.float64)
     space = before.points.shape[1] == 3
     found = _comparison((_name(before), ""), len(sizes), None, sizes, corners, _angles(*corners) if space else None)
+    normals = before.normals
+    if normals is not None and before.moves == "points":
+        ways = np.einsum("ij,ij->i", after.points.astype(np.float64) - before.points, normals)
+        found = replace(found, along=float(np.sqrt(np.mean(ways**2))))
     if not (space and is_closed(before.faces)):
         return found
     volumes = (volume(mesh.points, mesh.faces) for mesh in (before, after))

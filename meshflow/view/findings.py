@@ -122,7 +122,7 @@ def found(run: Run, title: str) -> Findings:
         scale,
         foot,
         _charts(run, pair, unit),
-        _facts(run, unit),
+        _facts(run, pair, unit),
         rows,
         told + notes,
     )
@@ -204,12 +204,12 @@ def _moved(noun: Noun) -> bool:
     return isinstance(noun, Mesh) and noun.moves == "points"
 
 
-def _facts(run: Run, unit: str) -> tuple[tuple[str, str], ...]:
+def _facts(run: Run, pair: Pair, unit: str) -> tuple[tuple[str, str], ...]:
     """Why it ended, what noise was found, what was removed, what to beware of."""
     after = f" {unit}" if unit else ""
-    there = run.removed if isinstance(run.before, Mesh) else run.removed[~holes(run.before)]
+    there = _samples(run, pair)
     rms, most = float(np.sqrt(np.mean(there**2))), float(np.abs(there).max())
-    each = "" if there.ndim == 1 else ", of each coordinate" if _moved(run.before) else ", of each channel"
+    each = ", along the normals" if _moved(run.before) else "" if there.ndim == 1 else ", of each channel"
     removed = f"rms {rms:.4g}{after}, largest {most:.4g}{after}{each}" if most > 0 else "nothing was removed"
     if run.correlation is not None:
         removed += f"; correlation with its neighbours {run.correlation:.3f} (0: white noise, 1: all structure)"

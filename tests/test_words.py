@@ -1,0 +1,98 @@
+"""What is said of a run is what was done. meshflow.result, meshflow.shaping, meshflow.options."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+from shapes import sphere
+from test_facets import along_normals
+
+import meshflow
+from meshflow.errors import FormatError
+from meshflow.geometry.camera import Pinhole
+from meshflow.geometry.facets import normals_at
+from meshflow.geometry.lift import Mesh, RangeImage
+from meshflow.smoothing import denoise
+from meshflow.study.metrics import compare
+from meshflow.view.findings import found
+
+BALL, FACES = sphere(400)
+NOISY = along_normals(BALL, FACES, 0.2)
+
+
+def test_what_was_removed_of_points_is_one_number_wherever_it_is_said():
+    result = denoise((NOISY, FACES), method="fairing", weights="uniform", order=2, search=False)
+    along = np.einsum("ij,ij->i", NOISY - result.noun.points, normals_at(NOISY, FACES))
+    rms = float(np.sqrt(np.mean(along**2)))
+    assert np.sqrt(np.mean(np.sum(result.removed**2, axis=1))) > 1.05 * rms  # what slides is not counted
+    assert result.removed.shape == NOISY.shape
+    assert np.allclose(result.counted, along)
+    assert f"removed along the normals rms {rms:.4g} of noise" in result.summary
+    assert f"removed     along the normals rms {rms:.6g}" in str(result)
+    assert result.words()["removed"]["rms"] == pytest.approx(rms)
+    told = compare(result.before, result.noun).words()
+    assert told["rms along the normals"] == pytest.approx(rms)
+    assert told["rms difference"] > 1.05 * rms
+    facts = dict(found(result, "").facts)
+    assert facts["removed"].startswith(f"rms {rms:.4g}, largest")
+    assert facts["removed"].endswith("along the normals")
+
+
+def test_what_channels_lost_is_counted_by_channel():
+    noun = Mesh(BALL, FACES, channels=np.random.default_rng(0).normal(size=(400, 2)))
+    result = denoise(noun, time=0.01, search=False)
+    assert np.array_equal(result.counted, result.removed)
+    assert "; removed rms" in result.summary
+    assert "rms along the normals" not in compare(result.before, result.noun).words()
+
+
+def test_a_summary_names_what_had_an_effect():
+    result = denoise((NOISY, FACES), time=0.01)
+    for name in ("gamma", "sharpness", "patch", "contrast", "indicator"):
+        assert name not in result.parameters
+    assert "method curvature; removed" in result.summary
+    depth = 2 + 0.01 * np.random.default_rng(1).normal(size=(20, 20))
+    summary = denoise(RangeImage(depth, Pinhole(50, 50, 10, 10))).summary
+    assert "gamma" in summary
+    assert not any(word in summary for word in ("sharpness", "patch", "contrast"))
+    both = denoise((NOISY, FACES), channels=BALL, moves="all", time=0.01)
+    assert "contrast" in both.parameters
+
+
+@pytest.mark.parametrize("words", [{"method": "heat"}, {"gamma": -1.0}, {"sharpness": 2.0}, {"method": "perona-malik"}])
+def test_members_of_grids_say_that_they_have_no_effect_on_points(words):
+    result = denoise((NOISY, FACES), time=0.01, **words)
+    plain = denoise((NOISY, FACES), time=0.01)
+    (warning,) = [warning for warning in result.warnings if "no effect where points move" in warning]
+    assert str(next(iter(words.values() if "method" in words else words))) in warning
+    assert np.array_equal(result.noun.points, plain.noun.points)
+    assert not plain.warnings
+
+
+def test_an_unknown_method_is_refused_in_one_line(tmp_path):
+    np.save(tmp_path / "z.npy", np.eye(8))
+    command = [sys.executable, "-m", "meshflow", "smooth", str(tmp_path / "z.npy"), str(tmp_path / "o.npy")]
+    done = subprocess.run([*command, "--method", "nonsense"], capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert done.stderr.startswith("meshflow: method: beltrami, ")
+    assert done.stderr.endswith("got 'nonsense'\n")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_file_without_a_vertex_is_not_called_a_cloud(tmp_path):
+    path = tmp_path / "empty.ply"
+    head = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n"
+    path.write_text(head + "element face 0\nproperty list uchar int vertex_indices\nend_header\n")
+    with pytest.raises(FormatError, match="got none, not even a vertex"):
+        meshflow.read(path)
+
+
+def test_grey_of_sixteen_bit_may_be_depths_and_is_told_so(tmp_path):
+    values = np.random.default_rng(0).integers(500, 4000, (16, 16)).astype(np.uint16)
+    Picture.fromarray(values).save(tmp_path / "d.png")
+    Picture.fromarray((values // 256).astype(np.uint8)).save(tmp_path / "p.png")
+    assert any("if these are depths, name their camera" in note for note in meshflow.read(tmp_path / "d.png").notes)
+    assert not meshflow.read(tmp_path / "p.png").notes
+    assert not meshflow.read(tmp_path / "d.png", kind="image").notes
