@@ -15,6 +15,7 @@ from meshflow.geometry.lift import Mesh, Noun
 from meshflow.io.files import Document, write
 from meshflow.parameters import Plan, squared_unit
 from meshflow.plan import planned
+from meshflow.result import Result
 from meshflow.settings import Settings
 from meshflow.smoothing import flowing, smooth_noun
 from meshflow.view.dials import Address
@@ -124,13 +125,15 @@ class Session:
         :param progress: as in :func:`meshflow.smooth`; what it raises ends the run.
         """
         states = flowing(self.noun, self.settings, self.count, progress)
-        contrast = 1.0 if _moves(self.noun) else self.settings.contrast or 1.0
-        return recorded(states, self.at, self.sigma, squared_unit(self.noun), contrast, self.memory)
+        return recorded(states, self.at, self.sigma, squared_unit(self.noun), self.memory)
 
-    def at(self, time: float, progress: Progress = None) -> Noun:
+    def at(self, time: float) -> Noun:
         """The state at a time, as :meth:`command` has it."""
-        settings = replace(self.settings, scale=None, time=time)
-        return smooth_noun(self.noun, settings, progress, record=None).noun
+        return self.result(time).noun
+
+    def result(self, time: float) -> Result:
+        """The run to a time, as :meth:`command` has it."""
+        return smooth_noun(self.noun, replace(self.settings, scale=None, time=time), record=None)
 
     def command(self, source: str, target: str, time: float, more: tuple[str, ...] = ()) -> str:
         """The command line that makes the state at a time.
@@ -223,7 +226,9 @@ class Desk:
         target = self._saving.target
         if target is None or not isinstance(self._thing, Document):
             raise InputError("save: states of a file are saved; read one, or run the command that is shown")
-        write(self._thing.holding(self.session.at(time)), target, overwrite=self._saving.overwrite)
+        result = self.session.result(time)
+        tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
+        write(self._thing.holding(result.noun), target, overwrite=self._saving.overwrite, tags=tags)
         return f"written: {target}"
 
 

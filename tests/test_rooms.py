@@ -30,7 +30,7 @@ MAY = {
     "reading": {"options", "io", "geometry"},
     "console": set(),
     "filming": {"smoothing", "settings", "parameters", "flow", "view"},
-    "viewing": {"smoothing", "settings", "plan", "parameters", "flow", "geometry", "io", "view"},
+    "viewing": {"smoothing", "settings", "plan", "parameters", "result", "flow", "geometry", "io", "view"},
     "looking": {"console", "filming", "viewing", "options", "reading", "geometry", "io", "study", "view"},
     "cli": {
         "console",

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+import trimesh
 from matplotlib.image import imread
 
 from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.study import shapes
-from meshflow.view import compare, page, plotter, show
+from meshflow.view import compare, measured, page, plotter, show
 from meshflow.view.bodies import Body, embodied
 from meshflow.view.dress import taken
 from meshflow.view.look import Look, picture_view, side_view
@@ -281,3 +282,18 @@ def test_a_window_that_fails_is_closed(arrange, monkeypatch):
     with pytest.raises(RuntimeError, match="gave up"):
         plotter(ROUGH, FLAT, arrange=arrange, off_screen=True)
     assert len(plotters._ALL_PLOTTERS) == open_before
+
+
+def test_colours_that_stand_for_nothing_are_refused(tmp_path):
+    field = HeightField(np.arange(64.0).reshape(8, 8))
+    with pytest.raises(InputError, match="nothing is shown as colour"):
+        show(field, tmp_path / "a.png", colours="cividis")
+    ball = trimesh.creation.icosphere(2)
+    ball.visual.vertex_colors = [200, 100, 50, 255]
+    with pytest.raises(InputError, match="its own colours or those of numbers"):
+        show(ball, tmp_path / "a.png", quantity="curvature", own_colours=True)
+
+
+def test_a_quantity_is_measured_of_whatever_smooth_takes():
+    ball = trimesh.creation.icosphere(3)
+    assert np.median(measured(ball, "curvature").values) == pytest.approx(1.0, abs=0.02)

@@ -118,7 +118,7 @@ def test_curves_mark_the_state_that_is_shown():
     timeline = Session.begun(hills(), QUICK, count=5).run()
     marks = [curves(timeline, index).split("<line x1=")[1][:7] for index in range(5)]
     assert len(set(marks)) == 5
-    assert curves(timeline, 2).count("<polyline") == 3
+    assert curves(timeline, 2).count("<polyline") == 2
     assert told(timeline, 4).startswith("time 4")
 
 

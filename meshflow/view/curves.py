@@ -9,31 +9,35 @@ from meshflow.view.timeline import Timeline
 __all__ = ["curves", "told"]
 
 _WIDE, _HIGH, _EDGE = 320, 150, 8
-_COLOURS = {"area": "#2b6cb0", "change": "#c2410c", "residual": "#4d7c0f"}
+_AREA, _REMOVED = "#2b6cb0", "#c2410c"
 
 
 def told(timeline: Timeline, index: int) -> str:
     """A state in words."""
     moment = timeline.moments[index]
     unit = f" {timeline.unit}" if timeline.unit else ""
-    words = [f"time {moment.time:.4g}{unit}", f"area {100 * moment.area:.4g} %", f"rms change {moment.change:.3g}"]
+    words = [f"time {moment.time:.4g}{unit}", f"area {100 * moment.area:.4g} %", f"removed rms {moment.change:.3g}"]
     return ", ".join(words + ([f"{moment.residual:.3g} of the noise"] if np.isfinite(moment.residual) else []))
 
 
 def curves(timeline: Timeline, index: int) -> str:
-    """SVG of area, change and residual over the square root of time, each from 0 to its largest, this state marked."""
+    """SVG of area and of what was removed over the square root of time, each from 0 to its largest, this state marked."""
     times = np.sqrt([moment.time for moment in timeline.moments])
     wide, high = _WIDE - 2 * _EDGE, _HIGH - 2 * _EDGE - 14
     across = _EDGE + wide * times / (times[-1] or 1.0)
+    moments = timeline.moments
+    last = moments[-1]
+    removed = f"{last.residual:.3g} of the noise" if np.isfinite(last.residual) else f"rms {last.change:.3g}"
+    drawn = (
+        ([moment.area for moment in moments], _AREA, f"area, 100 to {100 * last.area:.3g} %"),
+        ([moment.change for moment in moments], _REMOVED, f"removed, 0 to {removed}"),
+    )
     lines, names = [], []
-    for name, colour in _COLOURS.items():
-        values = np.array([getattr(moment, name) for moment in timeline.moments])
-        if not np.isfinite(values).all():
-            continue
-        down = _EDGE + high * (1.0 - values / (values.max() or 1.0))
+    for values, colour, words in drawn:
+        down = _EDGE + high * (1.0 - np.asarray(values) / (max(values) or 1.0))
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
         lines.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
-        names.append(f'<tspan fill="{colour}">{name} ≤ {values.max():.3g}  </tspan>')
+        names.append(f'<tspan fill="{colour}">{words}  </tspan>')
     x = across[index]
     marker = f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{_EDGE}" y2="{_EDGE + high}" stroke="#444" stroke-dasharray="3 2"/>'
     frame = f'<rect x="{_EDGE}" y="{_EDGE}" width="{wide}" height="{high}" fill="none" stroke="#ccc"/>'

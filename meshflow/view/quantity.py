@@ -1,7 +1,7 @@
 """What a surface is like at each of its samples: curvature, edges, triangles, what is missing. From all of the data."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from meshflow.geometry.facets import normals_at
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun
 from meshflow.geometry.surface import Axes, Rays, Surface
+from meshflow.view.dress import taken
 from meshflow.view.pair import holes
 from meshflow.view.scale import Scale, ranging, symmetric
 
@@ -23,7 +24,7 @@ _STRIP = 400_000  # samples of a grid that are lifted at a time: their triangles
 _KINDS = ("move", "fixed", "missing")
 
 
-def measured(noun: Noun, quantity: Quantity, contrast: float = 1.0) -> Scale:
+def measured(thing: Any, quantity: Quantity, contrast: float = 1.0) -> Scale:
     """A quantity on a surface, with its unit and its colours.
 
     ``curvature``: the mean curvature (11), of the graph of a grid in its true proportions; positive where the surface bulges
@@ -35,11 +36,13 @@ def measured(noun: Noun, quantity: Quantity, contrast: float = 1.0) -> Scale:
     the least around a sample.
     ``samples``: which move, which are fixed, which are missing.
 
+    :param thing: a noun, or anything that :func:`meshflow.smooth` takes. The numbers are the ``values`` of what comes back.
     :param contrast: length per unit of the values, for ``edges`` of height fields and images.
     :raises InputError: for an unknown word, or the edge indicator of a mesh whose points move: it is 1 everywhere.
     """
     if quantity not in QUANTITIES:
         raise InputError(f"quantity: one of {', '.join(QUANTITIES)} expected, got {quantity!r}")
+    noun, _ = taken(thing)
     if quantity == "samples":
         return _samples(noun)
     if quantity == "edges" and isinstance(noun, Mesh) and noun.moves == "points":

@@ -34,6 +34,8 @@ _BARS = {
     "height": 0.6,
     "position_x": 0.8,
     "position_y": 0.2,
+    "fill": True,  # or its digits would be lost on the body behind it
+    "background_color": "white",
 }
 
 

@@ -5,6 +5,7 @@ import secrets
 import socket
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from typing import Any
 
 from meshflow.errors import InputError, need
@@ -40,7 +41,9 @@ class Served:
         self.token = "wslink-secret" if host in LOOPBACK else secrets.token_urlsafe(24)
         shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{self.port}/" + ("" if host in LOOPBACK else f"?secret={self.token}")
-        self.screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), look, off_screen=True)
+        # A page may be of any shape: framed for a square, nothing is cut off where it is wider.
+        square = replace(look, size=(min(look.size),) * 2)
+        self.screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), square, off_screen=True)
         self._server: Any = get_server(f"meshflow-{self.port}", client_type="vue3")
         self._wanted = 0
         self._values: dict[str, Any] = {}

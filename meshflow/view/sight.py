@@ -125,6 +125,11 @@ def of_one(
     """
     if scalars is not None and quantity is not None:
         raise InputError(f"scalars and quantity={quantity!r}: a thing wears one of them at a time; leave one out")
+    plain = scalars is None and quantity is None
+    if plain and look.colours is not None:
+        raise InputError(f"colours {look.colours!r}: nothing is shown as colour; say what, by quantity or scalars")
+    if look.own_colours and not plain:
+        raise InputError("own_colours: a thing wears its own colours or those of numbers; leave one out")
     noun, notes = taken(thing, look.own_colours)
     scale = None if scalars is None else _scale(noun, scalars, unit)
     scale = measured(noun, quantity, contrast) if quantity is not None else scale

@@ -9,6 +9,7 @@ from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Lift, Mesh, Noun, RangeImage, data_of
+from meshflow.view.pair import paired
 
 __all__ = ["MEMORY", "Moment", "Timeline", "recorded"]
 
@@ -21,7 +22,7 @@ class Moment:
 
     :ivar time: squared length.
     :ivar area: of the surface, as a share of that at the start.
-    :ivar change: root mean square of what was removed, unit of the values; of points that move, of their distance.
+    :ivar change: root mean square of what was removed, unit of the values, per channel; of points along their normals.
     :ivar residual: that as a share of the noise; NaN where none was found.
     """
 
@@ -65,7 +66,6 @@ def recorded(
     again: Callable[[float], Noun],
     sigma: float,
     unit: str = "",
-    contrast: float = 1.0,
     memory: int = MEMORY,
 ) -> Timeline:
     """Measure states as they come, and keep as many as fit.
@@ -75,7 +75,6 @@ def recorded(
     :param states: times and nouns, the start first; nouns share what does not move.
     :param again: the state at a time, for those that were let go.
     :param sigma: the noise, unit of the values; 0: not known.
-    :param contrast: length per unit of the values, for the area.
     :param memory: bytes.
     :raises InputError: where there is no state.
     """
@@ -86,10 +85,10 @@ def recorded(
     whole = 0.0
     for index, (time, noun) in enumerate(states):
         if first is None:
-            first, whole = noun, _area(noun, contrast)
+            first, whole = noun, _area(noun)
         change = _change(first, noun)
         residual = change / sigma if sigma > 0 else float("nan")
-        moments.append(Moment(time, _area(noun, contrast) / whole if whole > 0 else 1.0, change, residual))
+        moments.append(Moment(time, _area(noun) / whole if whole > 0 else 1.0, change, residual))
         if last > 0 and last % stride:
             del kept[last]
         kept[index], last = noun, index
@@ -109,19 +108,17 @@ def _bytes(noun: Noun) -> int:
     return data_of(noun).nbytes + extra
 
 
-def _area(noun: Noun, contrast: float) -> float:
-    surface = noun.lifted(Lift(contrast=contrast, diagonals="forward"))  # each triangle once
+def _area(noun: Noun) -> float:
+    surface = noun.lifted(Lift(diagonals="forward"))  # each triangle once
     return operator.total_area(surface.points, surface.sheets[0])
 
 
 def _change(before: Noun, after: Noun) -> float:
-    """Root mean square of the difference of what moves, over the samples that are there."""
+    """Root mean square of what was removed, as the noise is counted: per channel; of points along their normals."""
     if isinstance(before, Mesh) and isinstance(after, Mesh):
-        one, other = (
-            noun.channels if noun.moves == "channels" and noun.channels is not None else noun.points
-            for noun in (before, after)
-        )
-        return _rms(np.square(one - other).reshape(len(one), -1).sum(axis=1))
+        if before.moves == "channels" and before.channels is not None and after.channels is not None:
+            return _rms(np.square(before.channels.astype(np.float64) - after.channels))
+        return _rms(np.square(paired(before, after, None).removed.values))
     assert not isinstance(before, Mesh)
     assert before.missing is not None
     if isinstance(before, RangeImage) and isinstance(after, RangeImage):
