@@ -360,5 +360,5 @@ def _plot(rows, path):
     axes.set_ylabel("ns per vertex")
     axes.set_title(f"meshes, float64, {THREADS} threads", fontsize=10)
     axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="center right", bbox_to_anchor=(1.0, 0.58))
     figure.savefig(path, dpi=90)
