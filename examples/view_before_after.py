@@ -18,6 +18,7 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 def main(folder: Path | None = None) -> float:
     """The rms of what was removed, metres; the noise that went in was 2 m."""
     folder = folder or Path(tempfile.mkdtemp())
+    folder.mkdir(parents=True, exist_ok=True)
     document = meshflow.read(DATA / "terrain.tif")
     before = document.noun
 

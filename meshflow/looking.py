@@ -364,7 +364,7 @@ def must_be_drawable(picture: Path | None, overwrite: bool) -> None:
 
 def _must_be_free(path: Path, overwrite: bool) -> None:
     if path.exists() and not overwrite:
-        raise InputError(f"{path} exists; name another picture or give --overwrite")
+        raise InputError(f"{path} exists; name another file or give --overwrite")
 
 
 def pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:

@@ -168,3 +168,10 @@ def test_a_window_shows_what_was_computed_meanwhile():
     window.screen.plotter.close()
     assert len({picture.tobytes() for picture in pictures}) == 3
     assert "states of a file are saved" in window._message
+
+
+@pytest.mark.needs_gl
+def test_without_a_display_a_window_says_what_else_there_is(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(InputError, match="a window needs a display.*--web"):
+        view(hills(), settings=QUICK, count=3)

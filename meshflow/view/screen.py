@@ -12,7 +12,7 @@ from meshflow.view import scene
 from meshflow.view.bodies import Body, as_shown, drawable, embodied, raised, thinned
 from meshflow.view.look import Look
 from meshflow.view.pair import paired
-from meshflow.view.probe import rendering
+from meshflow.view.probe import displayed, rendering
 from meshflow.view.scale import Scale
 
 __all__ = ["COLOURINGS", "Colouring", "Screen"]
@@ -40,8 +40,11 @@ class Screen:
             raise MissingPackage(f"states are drawn by VTK alone: {answer.why}")
         if off_screen:
             answer.prepare()
-        elif answer.window is not None:
-            raise InputError(f"a window needs a display that VTK can draw on, and here {answer.why}; give --web")
+        elif not displayed() or answer.window is not None:
+            raise InputError(
+                "a window needs a display, and there is none that VTK can draw on: view it in a browser (--web, way='browser') "
+                "or write a page (--export, way='page')"
+            )
         self._first, self._look = first, look
         self._colouring: Colouring = "surface"
         seen = raised(first, look.seen)

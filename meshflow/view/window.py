@@ -1,5 +1,6 @@
 """The viewer as a window of VTK: a slider over the states, knobs at its side, and another thread that computes what is turned."""
 
+from collections.abc import Callable
 from contextlib import closing
 from threading import Thread
 from typing import Any
@@ -120,9 +121,7 @@ class Window:
         self.screen.plotter.add_text(lines, position="upper_left", font_size=9, color="black", name="told")
 
     def _sliders(self) -> None:
-        widgets: Any = self.screen.plotter
-        plain = {"title_height": 0.018, "color": "#26282b", "slider_width": 0.02, "tube_width": 0.002}
-        widgets.add_slider_widget(
+        self._slider(
             self.move,
             rng=(0, len(self.timeline) - 1),
             value=self.index,
@@ -131,11 +130,10 @@ class Window:
             pointb=(0.97, 0.06),
             fmt="%.0f",
             interaction_event="always",
-            **plain,
         )
         for k, control in enumerate(c for c in self.dials.controls() if "items" not in c):
-            height = 0.06 + 0.11 * k
-            widgets.add_slider_widget(
+            height = 0.06 + 0.12 * k
+            self._slider(
                 lambda value, name=control["name"]: self.turn(name, value),
                 rng=(control["low"], control["high"]),
                 value=control["value"],
@@ -144,5 +142,16 @@ class Window:
                 pointb=(0.2, height),
                 fmt="%.3g",
                 interaction_event="end",
-                **plain,
             )
+
+    def _slider(self, moved: Callable[[float], None], **options: Any) -> None:
+        """A slider that takes little room: title and value stand apart, in small letters."""
+        plotter: Any = self.screen.plotter
+        widget = plotter.add_slider_widget(
+            moved, title_height=0.016, color="#26282b", slider_width=0.016, tube_width=0.002, **options
+        )
+        shown = widget.GetRepresentation()
+        shown.SetLabelHeight(0.016)
+        shown.SetSliderLength(0.012)
+        shown.SetEndCapLength(0.003)
+        shown.SetEndCapWidth(0.012)
