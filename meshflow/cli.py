@@ -236,7 +236,7 @@ def _warned(document: Document, result: "Result") -> tuple[str, ...]:
     """A word where a mesh is about to vanish."""
     if (
         document.kind != "mesh"
-        or getattr(result.noun, "moves", "") == "channels"
+        or getattr(result.noun, "moves", "") != "points"  # the area of points and channels is of both
         or result.end.area > 0.8 * result.start.area
     ):
         return ()

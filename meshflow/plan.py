@@ -196,11 +196,12 @@ def _held(plan: Plan, settings: Settings) -> Plan:
     limit, origin = limit_of(noun, settings, plan.noise)
     shape, n = _free(noun)
     unit = plan.unit
+    around = isinstance(noun, Mesh) and noun.moves == "points"
     if limit is not None:
         most = float(limit) if np.ndim(limit) == 0 else "one per sample"
         why = "half the quantum, rounding is the noise" if origin == "estimated" else ""
         parameters["limit"] = Parameter(most, value_unit(noun), origin, why)
-        plan = replace(plan, limit=lambda start: Limit.of(start, limit, shape, unit))
+        plan = replace(plan, limit=lambda start: Limit.of(start, limit, shape, unit, around))
     if settings.confidence is not None:
         trust = trust_of(settings.confidence, shape, n, plan.lift.contrast)
         if isinstance(noun, RangeImage) and noun.stride is not None:

@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, Noun, RangeImage, data_of
 from meshflow.parameters import Parameter, value_unit
 
-__all__ = ["Moment", "Result"]
+__all__ = ["Moment", "Result", "release"]
 
 
 @dataclass(frozen=True)
@@ -238,3 +239,11 @@ def _told(trial: Trial, whole: bool) -> dict[str, Any]:
         "risk": trial.risk,
         **({"curve": {"times": list(trial.times), "risks": list(trial.risks)}} if whole else {}),
     }
+
+
+def release() -> str:
+    """The version of this package."""
+    try:
+        return version("meshflow")
+    except PackageNotFoundError:  # run from a checkout that is not installed
+        return "unknown"

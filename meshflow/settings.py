@@ -72,8 +72,8 @@ class Settings:
 
     :param limit: no sample leaves its value by more, a number or one per sample, unit of the values, or ``step``: half the step
         of quantised data, of depths at each depth; half the quantum by default where rounding is all the noise that is found,
-        of range images none. Where points and
-        channels of a mesh move: of each coordinate, channels times the contrast.
+        of range images none. Where the points of a mesh move: of their way, whichever the axes; an array (n, 3), of each
+        coordinate. Where points and channels move: of each coordinate, channels times the contrast.
     :param confidence: weights of a fidelity term, 1 / variance, a number or one per sample; the flow then comes to rest between
         smoothness and data.
     :param only: mask of the samples that may move.

@@ -16,6 +16,7 @@ from meshflow.flow.motion import Motion, MotionName
 from meshflow.flow.noise import Noise
 from meshflow.flow.rate import MeshFlow
 from meshflow.flow.tune import PROBE, Trial, ranked
+from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.facets import beyond, measured
 from meshflow.geometry.gates import Array
 from meshflow.geometry.inside import is_closed, volume
@@ -182,6 +183,8 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
         kind = _same(kind, "fairing", "order and weights")
     if settings.evened is not None:
         kind = _same(kind, "facets", "evened")
+    if kind == "facets" and settings.triangles == "clamped":
+        raise InputError("triangles='clamped': normals flow between facets, without cotangents; leave it out")
     whole = noun.moves == "points" and noun.points.shape[1] == 3
     if kind not in (None, "curvature") and not whole:
         raise InputError(
@@ -218,16 +221,21 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
 
 
 def _holding(noun: Mesh, settings: Settings, motion: Motion) -> Keep | None:
-    """What is kept where nobody says: the area of a conformalised flow, the volume of normal channels, which shrink balls."""
+    """What is kept where nobody says: of a conformalised flow the volume by scaling, of an open mesh the area, where all points
+    are free; the volume of normal channels, which shrink balls.
+    """
     assert noun.fixed is not None
+    filled = (
+        is_closed(noun.faces)
+        and noun.points.shape[1] == 3
+        and abs(volume(noun.points, noun.faces)) > HOLLOW * total_area(noun.points, noun.faces) ** 1.5
+    )
     if motion.kind == "conformal":
         free = settings.along == "all" and settings.speed is None and not noun.fixed.any()
-        return "area" if free else None
-    if motion.kind != "normal-channels" or not is_closed(noun.faces):
-        return None
-    return (
-        "volume" if abs(volume(noun.points, noun.faces)) > HOLLOW * total_area(noun.points, noun.faces) ** 1.5 else None
-    )
+        rim = settings.boundary == "fixed" and len(boundary_edges(noun.faces)) > 0
+        # Noise is area that is not there without it: where the area is kept, what is noisy swells.
+        return ("scale" if filled else "area") if free and not rim else None
+    return "volume" if motion.kind == "normal-channels" and filled else None
 
 
 def _curved(noun: Mesh, settings: Settings, noise: Noise, kind: MotionName) -> tuple[Motion, dict[str, Parameter]]:

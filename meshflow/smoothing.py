@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,8 @@ from meshflow.errors import InputError
 from meshflow.flow.constraint import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
 from meshflow.flow.control import Control, Fixed, Until
-from meshflow.flow.keep import Kept
-from meshflow.flow.march import State, march
+from meshflow.flow.keep import Kept, free_of
+from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.noise import noise_growth
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
@@ -26,7 +25,7 @@ from meshflow.io.hints import PER_SAMPLE
 from meshflow.io.several import Several, several
 from meshflow.parameters import Parameter, Plan
 from meshflow.plan import noise_in, planned
-from meshflow.result import Moment, Result
+from meshflow.result import Moment, Result, release
 from meshflow.settings import Settings
 
 __all__ = ["denoise", "flowing", "noise", "smooth", "smooth_noun"]
@@ -74,6 +73,7 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
     done, warnings = plan.noun, plan.warnings
     if plan.idle is None:
         done = _lowered(plan, engine, end.u)
+        warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
     if isinstance(engine, GridFlow):
         engine.release()
         warnings += _alone(engine, plan) if record is not None else ()
@@ -92,7 +92,7 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
         moments=moments,
         reason=end.reason or "",
         warnings=warnings,
-        version=_release(),
+        version=release(),
     )
 
 
@@ -256,8 +256,8 @@ def _held(plan: Plan, flow: Flow) -> Hold | None:
     if plan.keep is None or not isinstance(plan.noun, Mesh):
         return limit
     assert plan.noun.fixed is not None
-    free = (~plan.noun.fixed).astype(np.float64)
-    kept = Kept(plan.keep, plan.noun.faces, flow.start(), free if plan.speed is None else free * plan.speed[:, 0])
+    free = free_of(plan.noun.faces, plan.noun.fixed, plan.speed, rim=plan.lift.boundary == "fixed")
+    kept = Kept(plan.keep, plan.noun.faces, flow.start(), free)
     return kept if limit is None else Both(kept, limit)
 
 
@@ -269,13 +269,6 @@ def _moment(state: State, plan: Plan) -> Moment:
     return Moment(
         state.time, state.dt, state.area, float(change / np.sqrt(plan.there) / plan.unit), largest / plan.unit
     )
-
-
-def _release() -> str:
-    try:
-        return version("meshflow")
-    except PackageNotFoundError:  # run from a checkout that is not installed
-        return "unknown"
 
 
 def smooth(

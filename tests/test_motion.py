@@ -9,6 +9,7 @@ from test_facets import along_normals
 
 from meshflow.errors import InputError
 from meshflow.flow.rate import MeshFlow
+from meshflow.geometry.connectivity import connect
 from meshflow.geometry.facets import normals_at
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Surface
@@ -67,7 +68,7 @@ def test_the_conformalised_flow_of_what_is_like_a_sphere_ends_at_one():
     radii = np.linalg.norm(found - middle, axis=1)
     assert radii.std() / radii.mean() < 0.01
     assert np.linalg.norm(points, axis=1).std() / np.linalg.norm(points, axis=1).mean() > 0.1
-    assert area(found, FACES) == pytest.approx(area(points, FACES), rel=1e-9)
+    assert volume(found, FACES) == pytest.approx(volume(points, FACES), rel=1e-9)
 
 
 @pytest.mark.parametrize("way", FLAT, ids=lambda way: " ".join(map(str, way.values())) or "default")
@@ -99,12 +100,13 @@ def test_an_open_mesh_has_no_volume_to_keep():
     points, faces, _ = square(50)
     with pytest.raises(InputError, match="the mesh is open"):
         smooth((points, faces), method="curvature", keep="volume")
-    with pytest.raises(InputError, match="are fixed or slowed; take keep='volume'"):
+    with pytest.raises(InputError, match="are fixed or slowed; leave it out, or take keep='volume'"):
         smooth((NOISY, FACES), method="curvature", keep="scale", fixed=np.arange(len(NOISY)) == 0)
 
 
 BAD = [
     ({"order": 0}, "order: a whole number"),
+    ({"triangles": "clamped", "method": "facets"}, "normals flow between facets, without cotangents"),
     ({"order": 2, "method": "facets"}, "order and weights: of method fairing, got method='facets'"),
     ({"weights": "round"}, "weights: cotangent or uniform"),
     ({"evened": 1.0, "method": "fairing"}, "evened: of method facets"),
@@ -154,3 +156,19 @@ def test_the_step_in_one_loop_is_the_rate_times_dt(boundary, mass):
     flow = MeshFlow(Surface(points, (faces,), fixed=fixed, boundary=boundary), Member(mass=mass))
     dt = 1.0 / flow.bound(points)
     assert np.abs(flow.advance(points, dt) - (points + dt * flow.rate(points))).max() < 1e-13
+
+
+def test_what_is_conformalised_keeps_its_volume_though_noise_is_area():
+    after = smooth((NOISY, FACES), method="conformal", time=0.05)[0]
+    assert volume(after, FACES) == pytest.approx(volume(NOISY, FACES), rel=1e-9)
+
+
+def test_a_border_that_is_fixed_stays_whatever_is_kept():
+    flat, faces, *_ = square(300)
+    points = np.column_stack([flat[:, :2], 0.02 * np.random.default_rng(2).normal(size=len(flat))])
+    rim = connect((faces,), len(points)).rim
+    after = smooth((points, faces), method="conformal", time=0.01, boundary="fixed")[0]
+    assert np.array_equal(after[rim], points[rim])
+    assert not np.array_equal(after[~rim], points[~rim])
+    with pytest.raises(InputError, match="keep='area': all points are scaled"):
+        smooth((points, faces), method="fairing", boundary="fixed", keep="area")

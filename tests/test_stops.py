@@ -202,3 +202,22 @@ def test_what_makes_no_sense_is_refused_by_name(options, words):
     _, z = noisy()
     with pytest.raises(InputError, match=words):
         meshflow.smooth(z, **options)
+
+
+def test_the_limit_of_points_is_of_their_way_whichever_the_axes():
+    points, faces = shapes.sphere(600, shake=0.1)
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    straight = meshflow.smooth((points, faces), time=0.05, limit=0.01)[0]
+    turned = meshflow.smooth((points @ turn.T, faces), time=0.05, limit=0.01)[0] @ turn
+    way = np.linalg.norm(straight - points, axis=1)
+    assert way.max() == pytest.approx(0.01, rel=1e-9)
+    assert np.abs(straight - turned).max() < 1e-9
+    box = meshflow.smooth((points, faces), time=0.05, limit=np.full(points.shape, 0.01))[0]
+    assert np.abs(box - points).max() <= 0.01 + 1e-12
+    assert np.linalg.norm(box - points, axis=1).max() > 0.0101
+
+
+def test_a_surface_that_vanishes_is_told():
+    points, faces = shapes.sphere(300)
+    result = meshflow.denoise((points, faces), method="curvature", time=2.0, stepper="semi-implicit", dt=0.02)
+    assert any("the surface has vanished" in warning for warning in result.warnings)

@@ -37,31 +37,43 @@ class Both:
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """No free coordinate leaves u0 +- limit: the projection on that box after every step.
+    """No free coordinate leaves u0 +- limit: the projection on that box after every step, or on a ball around each vertex.
 
     :param start: u0 (n, k).
     :param most: a number, or one per coordinate (n, k) or vertex (n, 1); unit of u.
+    :param around: the limit is of the way of a vertex, whichever the axes, not of each of its coordinates.
     """
 
     start: Array
     most: Array
+    around: bool = False
 
     @classmethod
-    def of(cls, start: Array, limit: Any, shape: tuple[int, ...], unit: float = 1.0) -> "Limit":
+    def of(cls, start: Array, limit: Any, shape: tuple[int, ...], unit: float = 1.0, around: bool = False) -> "Limit":
         """The limit of a caller.
 
         :param limit: a number, zero or more, or an array that broadcasts to ``shape``; infinite where there is none.
         :param shape: of the caller's data: (h, w), (h, w, k), (n,) or (n, k).
         :param unit: units of u for one of the caller's.
+        :param around: of the way of each vertex, where it is one number for all its coordinates.
         :raises InputError: for another shape, a negative or missing limit.
         """
         values = _weights(limit, shape, "limit", finite=False) * unit
         if values.ndim == 0:
-            return cls(start, values.astype(start.dtype))
-        return cls(start, np.broadcast_to(values, shape).reshape(start.shape[0], -1).astype(start.dtype))
+            return cls(start, values.astype(start.dtype), around)
+        whole = around and values.shape[-1] == 1
+        to = (*shape[:-1], 1) if whole else shape
+        return cls(start, np.broadcast_to(values, to).reshape(start.shape[0], -1).astype(start.dtype), whole)
 
     def hold(self, u: Array) -> Array:
-        """u, moved into the box, in place; where nothing lies outside its bits stay."""
+        """u, moved into the box or the ball, in place; where nothing lies outside its bits stay."""
+        if self.around:
+            way = u - self.start
+            length = np.linalg.norm(way, axis=1, keepdims=True)
+            most = np.broadcast_to(self.most, length.shape)
+            out = (length > most)[:, 0]
+            u[out] = self.start[out] + way[out] * (most[out] / length[out])
+            return u
         np.minimum(u, self.start + self.most, out=u)
         return np.maximum(u, self.start - self.most, out=u)
 

@@ -8,17 +8,31 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.step import Stepper
+from meshflow.geometry.connectivity import connect
 from meshflow.geometry.facets import normals_at
 from meshflow.geometry.gates import Array
 from meshflow.geometry.inside import is_closed, volume, volume_gradient
 from meshflow.geometry.operator import total_area
 
-__all__ = ["AlongNormals", "Keep", "Kept"]
+__all__ = ["AlongNormals", "Keep", "Kept", "free_of"]
 
 Keep = Literal["volume", "scale", "area"]
 # Newton's steps for the volume: it is a cubic of the way, and the way is short.
 NEWTON = 20
 EXACT = 1e-14
+
+
+def free_of(faces: Array, fixed: Array, speed: Array | None, rim: bool) -> Array:
+    """How far each point goes (n,), from 0 (fixed) to 1.
+
+    :param fixed: (n,) mask.
+    :param speed: (n, 1) or None.
+    :param rim: the border is fixed.
+    """
+    free = (~fixed).astype(np.float64)
+    if rim:
+        free[connect((faces,), len(fixed)).rim] = 0.0
+    return free if speed is None else free * speed[:, 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +58,7 @@ class Kept:
         if self.how != "volume" and (self.free < 1).any():
             raise InputError(
                 f"keep={self.how!r}: all points are scaled, and {int((self.free < 1).sum())} are fixed or slowed; "
-                "take keep='volume'"
+                "leave it out, or take keep='volume' where the mesh is closed"
             )
         if self.how == "area":
             return

@@ -16,13 +16,15 @@ from meshflow.flow.step import MANY, Embedding, Explicit, SemiImplicit, Stepper,
 from meshflow.flow.stop import crossing, unmet
 from meshflow.geometry.gates import Array
 
-__all__ = ["State", "march"]
+__all__ = ["VANISHED", "State", "march"]
 
 
 # Explicit steps still to take at which a run asked for by name is given up: hours for any mesh worth the name.
 HOPELESS = 100_000
 # The share of its area at which a mesh is a point.
-VANISHED = 1e-9
+GONE = 1e-9
+# What is said then.
+VANISHED = "the surface has vanished"
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,9 +207,9 @@ def _gone(flow: Flow, new: State, stepper: Stepper) -> State:
     if new.reason is not None or not flow.slivers or not isinstance(stepper, SemiImplicit):
         return new
     left = new.area / max(flow.area(flow.start()), np.finfo(float).tiny)
-    if left > VANISHED:
+    if left > GONE:
         return new
-    return replace(new, reason=f"the surface has vanished: {left:.1e} of its area is left at time {new.time:.6g}")
+    return replace(new, reason=f"{VANISHED}: {left:.1e} of its area is left at time {new.time:.6g}")
 
 
 def _implicit_instead(changes: bool, state: State, longest: float) -> Stepper:
