@@ -64,7 +64,7 @@ def test_compare_blinks_into_a_gif(files):
     with Image.open("a.gif") as file:
         assert file.n_frames == 2
     again = run("compare", "rough.npy", "flat.npy", "--picture", "a.gif", "--arrange", "blink", *SIZE)
-    assert "exists; name another picture or give --overwrite" in str(again.exception)
+    assert "exists; name another file or give --overwrite" in str(again.exception)
 
 
 def test_show_draws_a_quantity_and_what_is_fixed(files):
@@ -75,7 +75,7 @@ def test_show_draws_a_quantity_and_what_is_fixed(files):
     assert ((blue[..., 2] > blue[..., 0] + 0.3).mean()) > 0.02  # what is fixed
     again = run("show", "rough.npy", "a.png", *SIZE)
     assert isinstance(again.exception, InputError)
-    assert "exists; name another picture" in str(again.exception)
+    assert "exists; name another file" in str(again.exception)
     assert run("show", "rough.npy", "a.png", "--overwrite", "--quiet", *SIZE).stderr == ""
 
 
