@@ -21,11 +21,11 @@ from meshflow.geometry.lift import Mesh
 from meshflow.io.hints import Found
 from meshflow.io.seams import Skin, fitted, is_soup, normals_after
 
-__all__ = ["Ply", "read"]
+__all__ = ["KNOWN", "TEXTURE", "Ply", "elements_of", "has", "read", "stacked", "values_of"]
 
-_COLORS = ("red", "green", "blue")
-_UV = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
-_KNOWN = {"x", "y", "z", "nx", "ny", "nz", *_COLORS, "alpha", *(name for pair in _UV for name in pair)}
+COLORS = ("red", "green", "blue")
+TEXTURE = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
+KNOWN = {"x", "y", "z", "nx", "ny", "nz", *COLORS, "alpha", *(name for pair in TEXTURE for name in pair)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +57,8 @@ class Ply:
         return self.skin.samples(given, word, self._property)
 
     def _property(self, name: str) -> Found:
-        there = [word for word in self.elements["vertex"]["properties"] if word not in _KNOWN]
-        return (_column(self.elements, "vertex", name) if name in there else None), there
+        there = [word for word in self.elements["vertex"]["properties"] if word not in KNOWN]
+        return (values_of(self.elements, "vertex", name) if name in there else None), there
 
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the same file around another noun."""
@@ -78,18 +78,18 @@ class Ply:
         )
         (mesh,) = scene.geometry.values()
         elements = mesh.metadata.pop("_ply_raw")
-        names = [name for name in elements["vertex"]["properties"] if name not in _KNOWN]
+        names = [name for name in elements["vertex"]["properties"] if name not in KNOWN]
         if names and len(mesh.vertices) != len(self.skin.points):
             raise FormatError(
                 f"{self.path.name}: texture coordinates of faces split its vertices, and {', '.join(names)} would "
                 "be lost in another format; write .ply"
             )
         for name in names:
-            mesh.vertex_attributes[name] = _column(elements, "vertex", name)
+            mesh.vertex_attributes[name] = values_of(elements, "vertex", name)
         if elements["face"]["length"] == len(mesh.faces):
             for name, kind in elements["face"]["properties"].items():
-                if "(" not in kind and name not in _KNOWN:  # a list has its length in brackets
-                    mesh.face_attributes[name] = _column(elements, "face", name)
+                if "(" not in kind and name not in KNOWN:  # a list has its length in brackets
+                    mesh.face_attributes[name] = values_of(elements, "face", name)
         return scene
 
     def _encoded(self, noun: Mesh, tags: Mapping[str, str]) -> bytes:
@@ -98,14 +98,14 @@ class Ply:
         points = self.skin.points_of(noun)
         if self.skin.has_moved(noun):
             columns.update(zip("xyz", points.T, strict=True))
-            if _has(self.elements, "nx", "ny", "nz"):
-                old = _stacked(self.elements, ("nx", "ny", "nz"))
+            if has(self.elements, "nx", "ny", "nz"):
+                old = stacked(self.elements, ("nx", "ny", "nz"))
                 new = normals_after(points, self.skin.faces, self.skin.points, old)
                 columns.update(zip(("nx", "ny", "nz"), new.T, strict=True))
         channels = self.skin.channels_of(noun)
         if channels is not None:
             for name, values in zip(self.names, channels.T, strict=True):
-                columns[name] = fitted(values, _column(self.elements, "vertex", name).dtype)
+                columns[name] = fitted(values, values_of(self.elements, "vertex", name).dtype)
         body = self._ascii(columns) if b"ascii" in self.header.split(b"\n")[1] else self._binary(columns)
         return _tagged(self.header, tags) + body
 
@@ -157,19 +157,31 @@ def read(path: Path, channels: str | None, moves: str | None) -> Ply:
         )
     elements = mesh.metadata["_ply_raw"]
     _must_be_whole(path, elements)
-    points = _stacked(elements, ("x", "y", "z"))
+    points = stacked(elements, ("x", "y", "z"))
     if points.dtype.kind != "f":
         raise FormatError(
             f"{path.name}: positions stored as {points.dtype} would round what is smoothed; store them as float"
         )
-    textured = any(_has(elements, *pair) for pair in _UV) or "texcoord" in elements["face"]["properties"]
-    split = textured or _has(elements, "nx", "ny", "nz") or is_soup(np.asarray(mesh.faces), len(points))
+    textured = any(has(elements, *pair) for pair in TEXTURE) or "texcoord" in elements["face"]["properties"]
+    split = textured or has(elements, "nx", "ny", "nz") or is_soup(np.asarray(mesh.faces), len(points))
     names = _named(elements, channels)
-    values = _stacked(elements, names) if names else None
+    values = stacked(elements, names) if names else None
     skin = Skin.of(points, np.asarray(mesh.faces), split=split, channels=values, moves=moves)
     notes = (*skin.note, *_polygons(elements, len(mesh.faces)))
     end = content.index(b"\n", content.index(b"end_header")) + 1
     return Ply(path, content[:end], content[end:], elements, skin, names, notes)
+
+
+def elements_of(path: Path) -> Mapping[str, Any]:
+    """All that is in a PLY file of a mesh or a cloud: name of an element -> length, properties, data.
+
+    :raises FormatError: when it is cut off, mixes polygons in binary, or has no vertices.
+    """
+    found: Any = _loaded(path, path.read_bytes())
+    if found is None:
+        raise FormatError(f"{path.name}: no vertices; is the file whole?")
+    _must_be_whole(path, found.metadata["_ply_raw"])
+    return found.metadata["_ply_raw"]
 
 
 def _loaded(path: Path, content: bytes) -> Any:
@@ -212,21 +224,22 @@ def _named(elements: Mapping[str, Any], channels: str | None) -> tuple[str, ...]
     """The vertex properties that a name of channels stands for."""
     if channels is None:
         return ()
-    names = _COLORS if channels == "colors" else (channels,)
+    names = COLORS if channels == "colors" else (channels,)
     there = elements["vertex"]["properties"]
     if all(name in there for name in names):
-        if any(_column(elements, "vertex", name).ndim > 1 for name in names):
+        if any(values_of(elements, "vertex", name).ndim > 1 for name in names):
             raise InputError(f"channels={channels!r}: a list for each vertex; a number for each vertex is expected")
         return names
-    rest = [name for name in there if name not in _KNOWN] + (["colors"] if _has(elements, *_COLORS) else [])
+    rest = [name for name in there if name not in KNOWN] + (["colors"] if has(elements, *COLORS) else [])
     raise InputError(f"channels={channels!r}: no such vertex property; the file has {', '.join(rest) or 'none'}")
 
 
-def _has(elements: Mapping[str, Any], *names: str) -> bool:
+def has(elements: Mapping[str, Any], *names: str) -> bool:
+    """Whether the vertices have all these properties."""
     return all(name in elements["vertex"]["properties"] for name in names)
 
 
-def _column(elements: Mapping[str, Any], element: str, name: str) -> Array:
+def values_of(elements: Mapping[str, Any], element: str, name: str) -> Array:
     """A property of vertices or faces (n,) or, of a list, (n, k), in native byte order."""
     column = elements[element]["data"][name]
     if column.dtype.names:
@@ -235,8 +248,9 @@ def _column(elements: Mapping[str, Any], element: str, name: str) -> Array:
     return column[:, 0] if column.ndim == 2 and column.shape[1] == 1 else column
 
 
-def _stacked(elements: Mapping[str, Any], names: tuple[str, ...]) -> Array:
-    return np.column_stack([_column(elements, "vertex", name) for name in names])
+def stacked(elements: Mapping[str, Any], names: tuple[str, ...]) -> Array:
+    """Properties of the vertices (n, k)."""
+    return np.column_stack([values_of(elements, "vertex", name) for name in names])
 
 
 def _places(vertex: Mapping[str, Any]) -> dict[str, int]:
