@@ -93,6 +93,19 @@ def test_steps_as_long_as_the_bound_allows_stay_within_the_data(gamma):
     assert last.u[there].std() < flow.start()[there].std()
 
 
+@pytest.mark.parametrize("mass", ["barycentric", "ring"])
+@pytest.mark.parametrize("diagonals", ["forward", "alternate", "both"])
+@pytest.mark.parametrize("holes", [False, True])
+def test_one_channel_is_measured_as_the_sweep_of_several_measures_it(holes, diagonals, mass):
+    image = scene(1, holes, shape=(40, 30))
+    beside = Image(np.concatenate([image.values, np.zeros_like(image.values)], axis=2), image.spacing, image.missing)
+    for gamma, sharpness in itertools.product((-1.0, -0.5, 0.3), (1.0, 1.5)):
+        member = Member(gamma=gamma, sharpness=sharpness, patch=0.7, mass=mass)
+        one, two = (GridFlow(noun.gridded(Lift(1.7, diagonals)), member) for noun in (image, beside))
+        assert one.area(one.start()) == two.area(two.start())
+        assert one.bound(one.start()) == two.bound(two.start())
+
+
 def test_planes_with_holes_rest_in_the_space_of_patches():
     rng = np.random.default_rng(0)
     plane = 3.0 * np.mgrid[0:30, 0:40][0] - 2.0 * np.mgrid[0:30, 0:40][1]

@@ -15,6 +15,7 @@ from meshflow.geometry.triangulate import triangulations
 from meshflow.grid.bands import bands, worked
 from meshflow.grid.cells import Cells, border_samples, cells_of
 from meshflow.grid.coupled_sweep import coupled_measured, coupled_swept
+from meshflow.grid.patch_sweep import patched_measured
 from meshflow.grid.ray_sweep import rays_measured, rays_swept
 from meshflow.grid.sizes import sized
 from meshflow.grid.sweep import swept
@@ -290,6 +291,8 @@ class GridFlow:
             found = self._worked(
                 (lambda rows: _RAYS_MEASURED(rows, sheets, planes, fixed, *self._coupled[:4], self._pitch, bounding))
                 if self._by_rays
+                else (lambda rows: patched_measured(rows, sheets, planes, fixed, *self._coupled[1:]))
+                if self._single
                 else (lambda rows: coupled_measured(rows, sheets, planes, fixed, *self._coupled))
             )
         return sum(area for area, _ in found), max(fastest for _, fastest in found)
