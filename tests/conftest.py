@@ -18,3 +18,10 @@ if "NUMBA_CACHE_DIR" not in os.environ:
     sources = sorted(path for room in rooms for path in room.rglob("*.py"))
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
     os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / f"meshflow-numba-{digest}")
+
+
+def pytest_xdist_auto_num_workers(config):
+    """A process for each core for all of the tests; none of its own for measurements and for files that are named."""
+    measures = "bench" in config.option.markexpr and "not bench" not in config.option.markexpr
+    named = config.args_source == config.ArgsSource.ARGS
+    return 0 if measures or named else min(os.cpu_count() or 1, 8)
