@@ -24,6 +24,9 @@ Rows = list[list[tuple[str, Body, Scale | None]]]
 """Rows of panels of a window: label, body, the colours it wears instead of its own."""
 
 _STONE = "#eae3d6"  # pale and matt: shading, not colour, tells the shape
+# Colours are to be read as they are, and the form yet to be seen: what faces the viewer keeps six sevenths of its brightness,
+# what faces the light all of it.
+_COLOURED: dict[str, Any] = {"ambient": 0.52, "diffuse": 0.48, "specular": 0.0}
 _MARGIN = 1.04
 _BARS = {
     "title_font_size": 15,
@@ -205,24 +208,33 @@ def _add(
             show_scalar_bar=bar,
             scalar_bar_args=bars,
             smooth_shading=False,
-            ambient=0.55,
-            diffuse=0.5,
-            specular=0.0,
+            **_COLOURED,
         )
     if body.colours is not None:
         flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
-        return plotter.add_mesh(
-            shape, scalars=body.colours, rgb=True, smooth_shading=False, lighting=not flat, ambient=0.3, specular=0.0
-        )
+        light: dict[str, Any] = {"lighting": False, "ambient": 0.0, "diffuse": 1.0} if flat else _COLOURED
+        worn: dict[str, Any] = {"scalars": body.colours, "rgb": True}
+        if body.texture is not None:
+            import pyvista as pv
+
+            shape, worn = body.textured(body.texture), {"texture": pv.Texture(body.texture.picture), "color": "white"}
+        return plotter.add_mesh(shape, smooth_shading=False, **light, **worn)
     return plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
 
 
 def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:
-    """The raking light of the look, and a weak one at the viewer's head, so that no shadow is black."""
+    """The raking light of the look, a weak one from across it, and one at the viewer's head: shadow sides keep their form.
+
+    Together they are all but nowhere brighter than one light alone.
+    """
     import pyvista as pv
 
-    toward = look.light @ body.view.ground
-    plotter.add_light(pv.Light(position=tuple(toward), focal_point=(0, 0, 0), light_type="scene light"))
+    east, north, high = look.light
+    for toward, intensity in (((east, north, high), 0.97), ((-east, -north, high), 0.15)):
+        place = tuple(np.array(toward) @ body.view.ground)
+        plotter.add_light(
+            pv.Light(position=place, focal_point=(0, 0, 0), light_type="scene light", intensity=intensity)
+        )
     plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))
 
 

@@ -69,9 +69,11 @@ class Screen:
             values = self._removed(noun).values
             scale = replace(self._scale, values=values)
         held, worn = self._surface, self._surface.active_scalars_name
-        same = colouring == self._colouring and body.colours is None
-        if same and len(held.points) == len(body.points) and held.n_cells == len(body.faces):
-            held.points = body.points  # the triangles are on the graphics card already
+        textured = scale is None and body.texture is not None
+        same = colouring == self._colouring and (scale is not None or textured or body.colours is None)
+        places = body.corners if textured else body.points
+        if same and len(held.points) == len(places) and held.n_cells == len(body.faces):
+            held.points = places  # the triangles are on the graphics card already
             if scale is not None and worn is not None:
                 held.point_data[worn] = scale.values.ravel()[body.samples]
         else:
