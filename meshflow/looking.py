@@ -11,12 +11,13 @@ from rich.text import Text
 from meshflow import options as words
 from meshflow.console import out, said, table
 from meshflow.errors import InputError
-from meshflow.geometry.lift import RangeImage
+from meshflow.geometry.lift import Mesh, RangeImage
 from meshflow.io.files import Document
 from meshflow.reading import INPUTS, opened, per_sample
 
 if TYPE_CHECKING:
     from meshflow.geometry.gates import Array
+    from meshflow.view.riding import Riding
 
 __all__ = ["compare", "compare_flows", "film", "must_be_drawable", "pictured", "show", "view"]
 
@@ -83,12 +84,24 @@ def _compared(
         raise InputError(f"{what}; give --camera if they are depth images, or --kind")
     facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
     notes = first.notes + second.notes
+    ridden = _ridden(first, second)
+    if ridden is not None:
+        facts[f"rms difference of {ridden.name}"] = ridden.rms
+        notes += (ridden.told,)
     for path in (*((picture,) if picture is not None else ()), *((None,) if window else ())):
         from meshflow.view import compare as draw
 
         told = draw(first, second, path, title=_titled(title, f"{one.name} and {other.name}"), **given).notes
         notes += (*(note for note in told if note not in notes), *(() if path is None else (f"picture: {path}",)))
     table(facts, json, notes)
+
+
+def _ridden(first: Document, second: Document) -> "Riding | None":
+    """In which attribute two meshes differ whose points do not."""
+    from meshflow.view.riding import riding
+
+    one, other = first.noun, second.noun
+    return riding(first, second, one, other) if isinstance(one, Mesh) and isinstance(other, Mesh) else None
 
 
 def show(

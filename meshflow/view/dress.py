@@ -11,7 +11,17 @@ from meshflow.geometry.lift import Mesh, Noun
 from meshflow.io.adopt import adopt
 from meshflow.io.files import Document
 
-__all__ = ["taken"]
+__all__ = ["carried", "taken"]
+
+_OF_COLOUR = (
+    "colors",
+    "RGB",
+    "RGBA",
+    "rgb",
+    "rgba",
+    "Normals",
+    "TCoords",
+)  # read as colours, or no quantity on the surface
 
 
 def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]:
@@ -39,15 +49,57 @@ def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]
     return replace(noun, channels=colours, moves="points"), notes
 
 
+def carried(thing: Any, noun: Mesh) -> dict[str, Array]:
+    """What rides along with the points of a mesh: arrays (n, k), one row for each vertex of the noun, by their names.
+
+    :param thing: what the noun came from, as :func:`taken` has it.
+    :returns: ``colours`` first, 0 to 255, those of the vertices or of a texture at them; then other vertex attributes of
+        numbers. Empty for what carries nothing.
+    """
+    mesh = _as_trimesh(thing, noun)
+    if isinstance(thing, Mesh) or (mesh is None and isinstance(thing, (Document, tuple, list))):
+        return {}
+    colours = _colours(thing, noun)
+    found = {} if colours is None else {"colours": colours}
+    if mesh is None:
+        names = [name for name in getattr(thing, "point_data", ()) if str(name) not in _OF_COLOUR]
+        return {**found, **{str(name): column for name in names if (column := _column(thing, name, noun)) is not None}}
+    there = {str(name): np.asarray(values) for name, values in mesh.vertex_attributes.items()}
+    numbers = {
+        name: v for name, v in there.items() if name not in _OF_COLOUR and v.dtype.kind in "biuf" and v.ndim <= 2
+    }
+    if numbers:
+        nearest = _nearest(mesh.vertices, noun)
+        found |= {
+            name: values[nearest].astype(np.float64).reshape(len(nearest), -1) for name, values in numbers.items()
+        }
+    return found
+
+
+def _column(thing: Any, name: Any, noun: Mesh) -> Array | None:
+    """A point array (n, k) of an object that is no trimesh's; None for what is no channel, as text or the wrong length."""
+    try:
+        channels = adopt(thing, channels=name, moves="channels").noun
+    except InputError:  # an array that cannot move does not ride along as one
+        return None
+    assert isinstance(channels, Mesh)
+    fits = channels.channels is not None and len(channels.channels) == len(noun.points)
+    return channels.channels.astype(np.float64) if fits and channels.channels is not None else None
+
+
+def _as_trimesh(thing: Any, noun: Mesh) -> Any:
+    """The thing as a trimesh.Trimesh, where it is one or was read from a file; else None."""
+    if isinstance(thing, Document):
+        return thing.about.scene(noun).to_mesh() if hasattr(thing.about, "scene") else None
+    return thing if hasattr(thing, "visual") else None
+
+
 def _colours(thing: Any, noun: Mesh) -> Array | None:
     """The colours (n, 3), 0 to 255, of the vertices of a noun; None where the thing has none."""
     if isinstance(thing, Mesh):
         return None
-    if isinstance(thing, Document):
-        worn = _worn(thing.about.scene(noun).to_mesh()) if hasattr(thing.about, "scene") else None
-    elif hasattr(thing, "visual"):
-        worn = _worn(thing)
-    else:
+    mesh = _as_trimesh(thing, noun)
+    if mesh is None and not isinstance(thing, Document):
         try:
             found = adopt(thing, channels="colors", moves="points").noun
         except InputError:  # it has none; the caller says so
@@ -56,13 +108,19 @@ def _colours(thing: Any, noun: Mesh) -> Array | None:
         assert found.channels is not None
         bright = found.channels.astype(np.float64)
         return bright * 255.0 if bright.max() <= 1.0 else bright
+    worn = None if mesh is None else _worn(mesh)
     if worn is None:
         return None
+    points, colours = worn
+    return colours[_nearest(points, noun)].astype(np.float64)
+
+
+def _nearest(points: Any, noun: Mesh) -> Array:
+    """Of each vertex of a noun the one among these that lies there: textures split vertices, and places tell which is which."""
     from scipy.spatial import KDTree
 
-    points, colours = worn
-    _, nearest = KDTree(points).query(noun.points[:, :3])  # textures split vertices: places tell which is which
-    return colours[nearest].astype(np.float64)
+    _, nearest = KDTree(np.asarray(points, dtype=np.float64)).query(noun.points[:, :3])
+    return np.asarray(nearest)
 
 
 def _worn(mesh: Any) -> tuple[Array, Array] | None:
