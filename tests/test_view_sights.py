@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from matplotlib.image import imread
 
+import meshflow
 from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
@@ -148,8 +149,6 @@ def test_a_texture_is_taken_at_the_vertices_seams_and_all():
 
 
 def test_files_can_be_shown_as_they_were_read(tmp_path):
-    import meshflow
-
     np.save(tmp_path / "a.npy", ROUGH.z)
     document = meshflow.read(tmp_path / "a.npy")
     assert show(document, tmp_path / "a.png", size=SIZE).how == "relief"
@@ -266,6 +265,23 @@ def test_what_cannot_be_drawn_is_refused_and_no_window_is_left(tmp_path):
         with pytest.raises(InputError, match="nothing to (draw|show)"):
             show(HeightField(holes), tmp_path / "a.png", quantity=quantity)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_where_all_is_missing_there_is_nothing_to_draw(tmp_path):
+    gone = np.full((8, 8), np.nan)
+    np.save(tmp_path / "gone.npy", gone)
+    looks = (
+        lambda: show(gone, tmp_path / "a.png"),
+        lambda: compare(ROUGH, np.full((48, 64), np.nan), tmp_path / "a.png"),
+        lambda: show(meshflow.read(tmp_path / "gone.npy"), tmp_path / "a.png"),
+        lambda: show((np.zeros((0, 3)), np.zeros((0, 3), int)), tmp_path / "a.png"),
+        lambda: meshflow.film(gone, tmp_path / "a.gif"),
+        lambda: show(RangeImage(gone, Pinhole(60.0, 60.0, 3.5, 3.5)), tmp_path / "a.png"),
+    )
+    for look in looks:
+        with pytest.raises(InputError, match="nothing .*to draw"):
+            look()
+    assert [path.name for path in tmp_path.iterdir()] == ["gone.npy"]
 
 
 @pytest.mark.needs_gl
