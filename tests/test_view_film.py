@@ -145,6 +145,19 @@ def test_a_film_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkey
     assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
 
 
+def test_a_film_that_is_there_is_replaced_on_purpose_alone(tmp_path, monkeypatch):
+    target = tmp_path / "a.gif"
+    target.write_bytes(b"old")
+    given = {"count": 2, "settings": {"time": 1.0, "method": "beltrami"}, "size": SIZE}
+    with monkeypatch.context() as nothing:
+        nothing.setattr("meshflow.filming.flowing", None)  # it is refused before anything is computed
+        with pytest.raises(FormatError, match="exists; name another file, or overwrite it on purpose"):
+            film(ROUGH, target, **given)
+    assert target.read_bytes() == b"old"
+    film(ROUGH, target, overwrite=True, **given)
+    assert len(frames(target)) == 2
+
+
 def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):
     import sys
 
