@@ -12,6 +12,7 @@ from meshflow.view import page
 from meshflow.view.bodies import Body, embodied, raised, thinned
 from meshflow.view.frames import FILMS, Frames
 from meshflow.view.look import Look
+from meshflow.view.numbers import plain
 from meshflow.view.pair import paired
 from meshflow.view.picture import Pictured, writable
 from meshflow.view.quantity import Quantity, measured
@@ -82,7 +83,7 @@ def filmed(
         for k, (moment, body) in enumerate(zip(moments, bodies, strict=True)):
             hue = None if scale is None or moment.scale is None else replace(scale, values=moment.scale.values)
             picture = stage.panel(moment.noun, body, plan.panels[0].size, hue)
-            label = f"time {moment.time:.3g}{' ' + time_unit if time_unit else ''}"
+            label = f"time {plain(moment.time, moments[-1].time)} {time_unit}".rstrip()
             sheet = page.single_page(plan, picture, scale, look, stage.foot(), stage.pixel(moment.noun), (label,))
             drawn = page.pixels(sheet)
             for _ in range(1 + stay * (k == len(moments) - 1)):
