@@ -139,6 +139,9 @@ def test_bad_ways_and_pages_are_refused_before_anything_is_computed(tmp_path):
         view(hills(), way="tab")
     with pytest.raises(FormatError, match=r"\.html expected"):
         view(hills(), way="page", page=tmp_path / "page.pdf")
+    (tmp_path / "there.html").write_text("old")
+    with pytest.raises(FormatError, match="exists; name another file, or overwrite it on purpose"):
+        view(hills(), way="page", page=tmp_path / "there.html")
     with pytest.raises(FormatError, match="there is no folder"):
         view(hills(), way="page", page=tmp_path / "no" / "page.html")
 

@@ -6,6 +6,7 @@ from html import escape
 import numpy as np
 
 from meshflow.geometry.gates import Array
+from meshflow.view.numbers import plain
 from meshflow.view.timeline import Timeline
 
 __all__ = ["Curve", "across", "curves", "measures", "told"]
@@ -32,7 +33,11 @@ def told(timeline: Timeline, index: int) -> str:
     """A state in words."""
     moment = timeline.moments[index]
     unit = f" {timeline.unit}" if timeline.unit else ""
-    words = [f"time {moment.time:.4g}{unit}", f"area {100 * moment.area:.4g} %", f"removed rms {moment.change:.3g}"]
+    words = [
+        f"time {plain(moment.time, timeline.moments[-1].time, 4)}{unit}",
+        f"area {100 * moment.area:.4g} %",
+        f"removed rms {moment.change:.3g}",
+    ]
     return ", ".join(words + ([f"{moment.residual:.3g} of the noise"] if np.isfinite(moment.residual) else []))
 
 

@@ -94,6 +94,11 @@ def of_two(
         one, other = (measured(noun, quantity, contrast).wearing(look.colours) for noun in nouns)
         scales = one, other = together(one, other)
         counted = (labels[0], one), (labels[1], other)
+    elif pair.worn is not None:
+        one, other = pair.worn
+        scales = one.wearing(look.colours), other.wearing(look.colours)
+        before_label, after_label = (f"{label}: {one.what}, {one.low:.3g} to {one.high:.3g}" for label in labels)
+        labels = before_label, after_label  # their colours are not those of the bar
     seen = raised(pair.before, look.seen), raised(pair.after, look.seen)
     stage = staged(seen, look, _how(seen[0], how, quantity, window), window)
     bodies = stage.bodies(*seen)
