@@ -14,7 +14,7 @@ from meshflow.view.dress import taken
 from meshflow.view.look import Look
 from meshflow.view.pair import holes, paired
 from meshflow.view.quantity import Quantity, measured
-from meshflow.view.scale import Scale, ranging, together
+from meshflow.view.scale import Scale, ranging, showing_both, together
 from meshflow.view.stage import How, Stage, staged
 
 __all__ = ["Arrange", "Removed", "Shown", "Sight", "of_one", "of_two"]
@@ -92,7 +92,7 @@ def of_two(
     counted: tuple[tuple[str, Scale], ...] = ()
     if quantity != "removed":
         one, other = (measured(noun, quantity, contrast).wearing(look.colours) for noun in nouns)
-        scales = one, other = together(one, other)
+        scales = one, other = (showing_both if quantity == "curvature" else together)(one, other)
         counted = (labels[0], one), (labels[1], other)
     elif pair.worn is not None:
         one, other = pair.worn
