@@ -100,6 +100,7 @@ def test_a_picture_shows_where_colours_differ(tmp_path):
     told = compare(one, other, tmp_path / "a.png", size=(640, 480))
     assert "colours differ" in " ".join(told.notes)
     picture = imread(told.path)[260:430, 20:310]
-    red, grey = (picture[..., 0] - picture[..., 2] > 0.3).mean(), (np.ptp(picture[..., :3], axis=2) < 0.05).mean()
+    # the last colour of the map is 0.28 redder than it is blue, and light adds nothing to it
+    red, grey = (picture[..., 0] - picture[..., 2] > 0.2).mean(), (np.ptp(picture[..., :3], axis=2) < 0.05).mean()
     assert red > 0.1
     assert grey > 0.1

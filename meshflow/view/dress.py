@@ -1,6 +1,5 @@
 """Things as they are to be drawn: files, objects and nouns as nouns, meshes in their own colours where that is asked."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, Noun
 from meshflow.io.adopt import adopt
 from meshflow.io.files import Document
+from meshflow.view.texture import Textured, image_of, texture_of
 
 __all__ = ["carried", "taken"]
 
@@ -29,7 +29,7 @@ def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]
 
     :param thing: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.adopt.adopt` recognises.
     :param own_colours: of a mesh, with the colours (n, 3) of its vertices, or of its texture at them, as channels that ride
-        along.
+        along, as the texture itself does.
     :raises InputError: where colours are asked for and there are none.
     """
     if isinstance(thing, Document):
@@ -43,10 +43,11 @@ def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]
         raise InputError(f"own_colours: of meshes only, this is a {type(noun).__name__}; leave it out")
     if noun.channels is not None and noun.channels.shape[1] in (3, 4):
         return noun, notes
-    colours = _colours(thing, noun)
+    colours, mesh = _colours(thing, noun), _as_trimesh(thing, noun)
     if colours is None:
         raise InputError("own_colours: the mesh has neither colours of its vertices nor a texture; leave it out")
-    return replace(noun, channels=colours, moves="points"), notes
+    texture = None if mesh is None else texture_of(mesh, noun)
+    return Textured(noun.points, noun.faces, colours, "points", noun.fixed, texture), notes
 
 
 def carried(thing: Any, noun: Mesh) -> dict[str, Array]:
@@ -129,8 +130,7 @@ def _worn(mesh: Any) -> tuple[Array, Array] | None:
     if not visual.defined:
         return None
     if visual.kind == "texture":
-        image = getattr(visual.material, "image", None) or getattr(visual.material, "baseColorTexture", None)
-        if image is None:
+        if image_of(visual) is None:
             return None
         visual = visual.to_color()
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(visual.vertex_colors)[:, :3]

@@ -45,7 +45,7 @@ def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False)
     :raises InputError: for things of different kind, size or triangles.
     """
     (one, first), (other, second) = taken(before, own_colours), taken(after, own_colours)
-    if type(one) is not type(other):
+    if type(one) is not type(other) and not (isinstance(one, Mesh) and isinstance(other, Mesh)):
         kinds = f"before is a {type(one).__name__}, after a {type(other).__name__}"
         raise InputError(f"{kinds}: two things of one kind expected")
     values, what = _removed(one, other)

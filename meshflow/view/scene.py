@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from meshflow.geometry.gates import Array
 from meshflow.view.bodies import Body
+from meshflow.view.column import COLUMN, FOOT
 from meshflow.view.look import Look
 from meshflow.view.overlay import Overlay
 from meshflow.view.scale import Scale
@@ -22,6 +24,9 @@ Rows = list[list[tuple[str, Body, Scale | None]]]
 """Rows of panels of a window: label, body, the colours it wears instead of its own."""
 
 _STONE = "#eae3d6"  # pale and matt: shading, not colour, tells the shape
+# Colours are to be read as they are, and the form yet to be seen: what faces the viewer keeps six sevenths of its brightness,
+# what faces the light all of it.
+_COLOURED: dict[str, Any] = {"ambient": 0.52, "diffuse": 0.48, "specular": 0.0}
 _MARGIN = 1.04
 _BARS = {
     "title_font_size": 15,
@@ -37,6 +42,7 @@ _BARS = {
     "fill": True,  # or its digits would be lost on the body behind it
     "background_color": "white",
 }
+_BELOW = {"vertical": False, "width": 0.5, "height": 0.05, "position_x": 0.25, "position_y": 0.09, "fill": False}
 
 
 def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = None) -> Array:
@@ -139,23 +145,39 @@ def _closed_on_failure(plotter: "pv.Plotter") -> Iterator[None]:
         raise
 
 
-def single(body: Body, look: Look, off_screen: bool) -> "pv.Plotter":
-    """A plotter with the light and the camera for one body, which is yet to be :func:`added`; the caller closes it."""
+def single(body: Body, look: Look, off_screen: bool, *, column: bool = False) -> "pv.Plotter":
+    """A plotter with the light and the camera for one body, which is yet to be :func:`added`; the caller closes it.
+
+    :param column: to the left of the body there is a renderer for :class:`meshflow.view.column.Column`, and below the body
+        room for a bar and its slider.
+    """
     import pyvista as pv
 
-    plotter = pv.Plotter(off_screen=off_screen, **_frame(look))
+    aspect, parts = look.size[0] / look.size[1], dict[str, Any]()
+    if column:
+        parts = {"shape": (1, 2), "col_weights": (COLUMN, 1 - COLUMN), "border": False}
+        aspect *= 1 - COLUMN
+        (left, low), (right, high) = body.view.frame
+        below = (left, low - max(high - low, (right - left) / aspect) * FOOT / (1 - FOOT))
+        body = replace(body, view=replace(body.view, frame=(below, (right, high))))
+    plotter = pv.Plotter(off_screen=off_screen, **parts, **_frame(look))
+    if column:
+        plotter.subplot(0, 1)
     _light(plotter, body, look)
-    _aim(plotter, body, look.size[0] / look.size[1])
+    _aim(plotter, body, aspect)
     return plotter
 
 
-def added(plotter: "pv.Plotter", body: Body, scale: Scale | None, name: str) -> Any:
-    """The actor of a body, in place of the one of that name and its bar."""
+def added(plotter: "pv.Plotter", body: Body, scale: Scale | None, name: str, *, below: bool = False) -> Any:
+    """The actor of a body, in place of the one of that name and its bar.
+
+    :param below: the bar lies below the body, where :func:`single` left room for it; else it stands at its right.
+    """
     shown: Any = plotter
     for bar in list(shown.scalar_bars.keys()):
         shown.remove_scalar_bar(bar, render=False)
     shown.remove_actor(name, render=False)
-    actor = _add(plotter, body, scale, bar=scale is not None)
+    actor = _add(plotter, body, scale, bar=scale is not None, place=_BELOW if below else {})
     plotter.add_actor(actor, name=name, reset_camera=False, render=False)
     plotter.reset_camera_clipping_range()  # the camera was aimed at an empty place
     return actor
@@ -176,11 +198,13 @@ def _stood_in(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None
     return [(actor, _add(plotter, coarse(body), scale))]
 
 
-def _add(plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = False) -> Any:
+def _add(
+    plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = False, place: dict[str, Any] | None = None
+) -> Any:
     """The actor of a body, shaded flat: of stone, in its own colours, or in those of a scale."""
     shape = body.polydata()
     if scale is not None:  # softly lit: the form is to be seen, the colour to be read
-        bars: Any = {"title": f"{scale.label}\n", **_BARS} if bar else None
+        bars: Any = {"title": f"{scale.label}\n", **_BARS, **(place or {})} if bar else None
         which = body.samples if not scale.of_triangles else slice(None) if body.triangles is None else body.triangles
         return plotter.add_mesh(
             shape,
@@ -192,24 +216,33 @@ def _add(plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = Fal
             show_scalar_bar=bar,
             scalar_bar_args=bars,
             smooth_shading=False,
-            ambient=0.55,
-            diffuse=0.5,
-            specular=0.0,
+            **_COLOURED,
         )
     if body.colours is not None:
         flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
-        return plotter.add_mesh(
-            shape, scalars=body.colours, rgb=True, smooth_shading=False, lighting=not flat, ambient=0.3, specular=0.0
-        )
+        light: dict[str, Any] = {"lighting": False, "ambient": 0.0, "diffuse": 1.0} if flat else _COLOURED
+        worn: dict[str, Any] = {"scalars": body.colours, "rgb": True}
+        if body.texture is not None:
+            import pyvista as pv
+
+            shape, worn = body.textured(body.texture), {"texture": pv.Texture(body.texture.picture), "color": "white"}
+        return plotter.add_mesh(shape, smooth_shading=False, **light, **worn)
     return plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
 
 
 def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:
-    """The raking light of the look, and a weak one at the viewer's head, so that no shadow is black."""
+    """The raking light of the look, a weak one from across it, and one at the viewer's head: shadow sides keep their form.
+
+    Together they are all but nowhere brighter than one light alone.
+    """
     import pyvista as pv
 
-    toward = look.light @ body.view.ground
-    plotter.add_light(pv.Light(position=tuple(toward), focal_point=(0, 0, 0), light_type="scene light"))
+    east, north, high = look.light
+    for toward, intensity in (((east, north, high), 0.97), ((-east, -north, high), 0.15)):
+        place = tuple(np.array(toward) @ body.view.ground)
+        plotter.add_light(
+            pv.Light(position=place, focal_point=(0, 0, 0), light_type="scene light", intensity=intensity)
+        )
     plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))
 
 

@@ -38,6 +38,7 @@ def coarse(body: Body, cells: int = _CELLS) -> Body:
         samples=body.samples[first],
         triangles=kept if body.triangles is None else body.triangles[kept],
         colours=None if body.colours is None else body.colours[first],
+        texture=None if body.texture is None else body.texture.of(kept),
     )
 
 
