@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshflow.view.numbers import plain
+from meshflow.view.numbers import brief, plain
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,13 @@ from meshflow.view.numbers import plain
 )
 def test_a_number_is_written_in_full_or_with_a_power_of_ten(value, shown):
     assert plain(value) == shown
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [(50.0, "50"), (-0.25, "−0.25"), (-3e-5, "−30.0 × 10⁻⁶"), (1234.0, "1234"), (0.0, "0")]
+)
+def test_a_brief_number_ends_in_no_zero(value, shown):
+    assert brief(value) == shown
 
 
 def test_numbers_one_after_the_other_have_the_decimals_of_the_largest():

@@ -219,6 +219,38 @@ def test_what_is_heavy_is_coarse_while_it_turns(monkeypatch):
     window.close()
 
 
+@pytest.mark.needs_gl
+def test_what_is_heavy_is_coarse_on_both_sides_of_a_divider_while_it_turns(monkeypatch):
+    pv = pytest.importorskip("pyvista")
+    monkeypatch.setattr("meshflow.view.scene.HEAVY", 100)
+    monkeypatch.setattr("meshflow.view.scene.coarse", lambda body: coarse(body, 8))
+    window = plotter(BALL, Mesh(0.9 * BALL.points, BALL.faces), arrange="wipe", off_screen=True, size=SIZE)
+    bodies = [actor for actor in window.renderer.actors.values() if isinstance(actor, pv.Actor)]
+    many = [actor.mapper.dataset.n_cells for actor in bodies]
+    assert sorted(many)[:2] < [len(BALL.faces)] * 2 == sorted(many)[2:]
+
+    def seen():
+        window.render()
+        return [bool(actor.GetVisibility()) for actor in bodies]
+
+    fine = [count == len(BALL.faces) for count in many]
+    whole = window.screenshot(None, return_img=True)[60:-80].astype(int)
+    assert seen() == fine
+    style = window.iren.get_interactor_style()
+    style.InvokeEvent("StartInteractionEvent")
+    assert seen() == [not of for of in fine]
+    few = window.screenshot(None, return_img=True)[60:-80].astype(int)
+    window.iren._key_press_event_callbacks["space"][0]()  # before alone: one coarse body
+    assert sum(seen()) == 1
+    assert not any(there and of for there, of in zip(seen(), fine, strict=True))
+    style.InvokeEvent("EndInteractionEvent")
+    assert [there and of for there, of in zip(seen(), fine, strict=True)] == seen()
+    window.close()
+    # The coarse ones are cut by the same divider: apart from their facets the picture is the same.
+    body = [(picture < 250).all(axis=2) for picture in (whole, few)]
+    assert (body[0] != body[1]).mean() < 0.05
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -2,10 +2,16 @@
 
 import numpy as np
 
-__all__ = ["plain"]
+__all__ = ["brief", "plain"]
 
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FULL = (1e-3, 1e6)  # what lies between is written in full
+
+
+def brief(value: float) -> str:
+    """A number in three digits, without zeros at its end; with a power of ten where in full it would be long."""
+    short = f"{value:.3g}"
+    return plain(value) if "e" in short else short.replace("-", "−")
 
 
 def plain(value: float, largest: float | None = None, digits: int = 3) -> str:

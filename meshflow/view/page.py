@@ -8,6 +8,7 @@ import numpy as np
 
 from meshflow.geometry.gates import Array
 from meshflow.view.look import Look
+from meshflow.view.numbers import brief
 from meshflow.view.ruler import Ruler
 from meshflow.view.scale import Scale
 
@@ -20,6 +21,8 @@ __all__ = ["Box", "Foot", "Layout", "compared_page", "layout", "pixels", "single
 _DPI = 100.0
 _INK = "#26282b"
 _FAINT = "#6b7075"
+_PEAK = 0.15  # share of the values in one bin, beyond which a histogram counts by powers of ten; of a normal one it has 0.035
+_NONE = 0.7  # where a logarithmic axis of counts begins: one is seen
 
 
 @dataclass(frozen=True)
@@ -255,18 +258,23 @@ def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[st
     foot, bar = round(108 * unit), round(20 * unit)
     tall = min(box.height - foot - bar - round(66 * unit), round(260 * unit))
     axes = _axes(figure, arrangement, Box(left, box.bottom + foot + bar, width, tall))
-    words, top = [], 1
+    words, top, peaked = [], 1, False
     for k, (name, part) in enumerate(counted):
         values = part.values[np.isfinite(part.values)].astype(np.float64)
         counts, edges = np.histogram(values, bins=61, range=(scale.low, scale.high))
         if k < len(counted) - 1:
-            axes.stairs(counts, edges, color="#b2182b", linewidth=_points(unit, 2))
+            axes.stairs(counts, edges, baseline=None, color="#b2182b", linewidth=_points(unit, 2))
         else:
             axes.bar(edges[:-1], counts, width=np.diff(edges), align="edge", color="#8d949b", linewidth=0)
+        peaked = peaked or (not scale.names and counts.max() > _PEAK * counts.sum())
         top = max(top, int(counts.max()))
         words.append(f"{name}: {_statistics(values, part.unit)}" if name else _statistics(values, part.unit))
     axes.set_xlim(scale.low, scale.high)
     axes.set_ylim(0, top * 1.04)
+    if peaked:  # one bin would stand alone on what looks like nothing
+        axes.set_yscale("log")
+        axes.set_ylim(_NONE, top**1.04)
+        _beside(axes, arrangement, "counts, logarithmic")
     axes.set_axis_off()
     axes.text(
         0.5,
@@ -282,6 +290,21 @@ def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[st
     bar_axes = _axes(figure, arrangement, Box(left, box.bottom + foot, width, bar))
     _bar(bar_axes, arrangement, scale)
     _ends(bar_axes, arrangement, scale, bar)
+
+
+def _beside(axes: "Axes", arrangement: Layout, words: str) -> None:
+    """Words along the left side of a diagram."""
+    axes.text(
+        -0.02,
+        0.5,
+        words,
+        ha="center",
+        va="center",
+        rotation="vertical",
+        transform=axes.transAxes,
+        fontsize=_letters(arrangement.unit, 18),
+        color=_FAINT,
+    )
 
 
 def _ends(axes: "Axes", arrangement: Layout, scale: Scale, bar: int) -> None:
@@ -304,7 +327,7 @@ def _statistics(values: Array, unit: str) -> str:
     digits = 3 - int(np.floor(np.log10(rms))) if rms > 0 else 0
     numbers = {"rms": rms, "mean": round(float(values.mean()), digits) + 0.0, "largest": float(np.abs(values).max())}
     suffix = f" {unit}" if unit else ""
-    return ",   ".join(f"{name} {number:.3g}{suffix}" for name, number in numbers.items()).replace("-", "−")
+    return ",   ".join(f"{name} {brief(number)}{suffix}" for name, number in numbers.items())
 
 
 def _bar(axes: "Axes", arrangement: Layout, scale: Scale) -> None:

@@ -109,7 +109,13 @@ def overlaid(
         (one, first), (other, second) = panels
         _light(plotter, one, look)
         actors = _add(plotter, one, first, bar=True), _add(plotter, other, second)
-        overlay = Overlay(plotter, *actors, at, wipes)
+        heavy = [
+            _stood_in(plotter, actor, *panel)
+            for actor, panel in zip(actors, ((one, first), (other, second)), strict=True)
+        ]
+        turning = Turning(plotter, [])  # which of them is seen the overlay says
+        sides = [pairs[0] if pairs else (actor,) for actor, pairs in zip(actors, heavy, strict=True)]
+        overlay = Overlay(plotter, sides[0], sides[1], turning, at, wipes)
         widgets: Any = plotter
         slider = widgets.add_slider_widget(
             overlay.slide,
@@ -127,8 +133,10 @@ def overlaid(
         handle = slider.GetRepresentation()  # without caps and short, so that it stands where the divider does
         handle.SetEndCapLength(0.0)
         handle.SetSliderLength(0.012)
+        if any(heavy):  # the divider is to follow the hand, too
+            slider.AddObserver("StartInteractionEvent", turning.turn)
+            slider.AddObserver("EndInteractionEvent", turning.rest)
         _aim(plotter, one, look.size[0] / look.size[1])
-        Turning(plotter, [])
     return plotter
 
 

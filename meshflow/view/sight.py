@@ -16,7 +16,7 @@ from meshflow.view.page import Foot
 from meshflow.view.pair import holes, paired
 from meshflow.view.quantity import Quantity, measured
 from meshflow.view.ruler import Ground, grounded, ruled
-from meshflow.view.scale import Scale, ranging, together
+from meshflow.view.scale import Scale, ranging, showing_both, together
 from meshflow.view.stage import How, Stage, staged
 
 __all__ = ["Arrange", "Removed", "Shown", "Sight", "of_one", "of_two"]
@@ -106,7 +106,7 @@ def of_two(
     counted: tuple[tuple[str, Scale], ...] = ()
     if quantity != "removed":
         one, other = (measured(noun, quantity, contrast).wearing(look.colours) for noun in nouns)
-        scales = one, other = together(one, other)
+        scales = one, other = (showing_both if quantity == "curvature" else together)(one, other)
         counted = (labels[0], one), (labels[1], other)
     elif pair.worn is not None:
         one, other = pair.worn
