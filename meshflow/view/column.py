@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshflow.view.curves import across, measures
+from meshflow.view.numbers import plain
 from meshflow.view.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class Column:
             chart.x_range, chart.y_range = [0.0, 1.0], [0.0, 1.05]
             ticks = _ticks(times[-1])
             chart.x_axis.tick_locations = [float(np.sqrt(tick / (times[-1] or 1.0))) for tick in ticks]
-            chart.x_axis.tick_labels = [f"{tick:.4g}" for tick in ticks]
+            chart.x_axis.tick_labels = [plain(tick, digits=1) for tick in ticks]
             unit = f" [{timeline.unit}]" if timeline.unit else ""
             chart.x_axis.label, chart.y_axis.label = f"time{unit}", ""
             chart.x_axis.label_size = chart.x_axis.tick_label_size = 2 * _LETTERS

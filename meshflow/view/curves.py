@@ -36,7 +36,7 @@ def told(timeline: Timeline, index: int) -> str:
     words = [
         f"time {plain(moment.time, timeline.moments[-1].time, 4)}{unit}",
         f"area {100 * moment.area:.4g} %",
-        f"removed rms {moment.change:.3g}",
+        f"removed rms {moment.change:.3g} {getattr(timeline.at(0), 'unit', '')}".rstrip(),
     ]
     return ", ".join(words + ([f"{moment.residual:.3g} of the noise"] if np.isfinite(moment.residual) else []))
 

@@ -21,7 +21,7 @@ __all__ = ["Box", "Foot", "Layout", "compared_page", "layout", "pixels", "single
 _DPI = 100.0
 _INK = "#26282b"
 _FAINT = "#6b7075"
-_PEAK = 0.15  # share of the values in one bin, beyond which a histogram counts by powers of ten; of a normal one it has 0.035
+_PEAK = 0.25  # share of the values in one bin, beyond which a histogram counts by powers of ten; of a normal one it has 0.035
 _NONE = 0.7  # where a logarithmic axis of counts begins: one is seen
 
 
@@ -263,7 +263,7 @@ def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[st
         values = part.values[np.isfinite(part.values)].astype(np.float64)
         counts, edges = np.histogram(values, bins=61, range=(scale.low, scale.high))
         if k < len(counted) - 1:
-            axes.stairs(counts, edges, baseline=None, color="#b2182b", linewidth=_points(unit, 2))
+            axes.stairs(counts, edges, baseline=None, color="#b2182b", linewidth=_points(unit, 2), zorder=3)
         else:
             axes.bar(edges[:-1], counts, width=np.diff(edges), align="edge", color="#8d949b", linewidth=0)
         peaked = peaked or (not scale.names and counts.max() > _PEAK * counts.sum())

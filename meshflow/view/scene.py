@@ -217,6 +217,7 @@ def _add(
             preference="cell" if scale.of_triangles else "point",
             clim=(scale.low, scale.high),
             cmap=scale.colour_map,
+            n_colors=max(scale.colour_map.N, 256),
             nan_color="lightgrey",
             show_scalar_bar=bar,
             scalar_bar_args=bars,
