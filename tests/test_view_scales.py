@@ -6,7 +6,7 @@ import pytest
 from meshflow.geometry.lift import HeightField
 from meshflow.view import page
 from meshflow.view.look import Look
-from meshflow.view.scale import showing_both, symmetric, together
+from meshflow.view.scale import Scale, showing_both, symmetric, together
 from meshflow.view.sight import of_two
 
 RNG = np.random.default_rng(0)
@@ -58,7 +58,7 @@ def test_a_histogram_with_a_peak_counts_by_powers_of_ten_and_says_so(values, kin
     scale = symmetric(values * 1.0, "height", "m", "nothing was removed")
     look = Look(size=(800, 600))
     panels = [("", np.zeros((4, 4, 3), np.uint8))] * 3
-    figure = page.compared_page(page.layout(look, 1.0), panels, (("", scale),), look, "")
+    figure = page.compared_page(page.layout(look, 1.0), panels, (("", scale),), look, page.Foot(""))
     axes = next(axes for axes in figure.axes if axes.patches)
     assert axes.get_yscale() == kind
     assert any("logarithmic" in text.get_text() for text in axes.texts) == (kind == "log")
@@ -66,3 +66,10 @@ def test_a_histogram_with_a_peak_counts_by_powers_of_ten_and_says_so(values, kin
     low, high = axes.get_ylim()
     assert high > tall.max()
     assert (tall > low).sum() == (tall > 0).sum()  # not even one of a kind is lost
+
+
+def test_of_a_two_sided_scale_and_a_one_sided_one_both_become_two_sided():
+    two = Scale(np.array([-3.0, 1.0]), -3.0, 3.0, "RdBu_r", "h")
+    one = Scale(np.array([0.0, 5.0]), 0.0, 5.0, "viridis", "h")
+    for pair in (together(two, one), together(one, two)):
+        assert {(scale.low, scale.high, scale.colours) for scale in pair} == {(-5.0, 5.0, "RdBu_r")}, "white is 0"

@@ -84,7 +84,9 @@ def filmed(
             hue = None if scale is None or moment.scale is None else replace(scale, values=moment.scale.values)
             picture = stage.panel(moment.noun, body, plan.panels[0].size, hue)
             label = f"time {plain(moment.time, moments[-1].time)} {time_unit}".rstrip()
-            sheet = page.single_page(plan, picture, scale, look, stage.foot(), stage.pixel(moment.noun), (label,))
+            sheet = page.single_page(
+                plan, picture, scale, look, page.Foot(stage.foot()), stage.pixel(moment.noun), (label,)
+            )
             drawn = page.pixels(sheet)
             for _ in range(1 + stay * (k == len(moments) - 1)):
                 frames.add(drawn)

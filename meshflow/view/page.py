@@ -9,13 +9,14 @@ import numpy as np
 from meshflow.geometry.gates import Array
 from meshflow.view.look import Look
 from meshflow.view.numbers import brief
+from meshflow.view.ruler import Ruler
 from meshflow.view.scale import Scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Box", "Layout", "compared_page", "layout", "pixels", "single_page"]
+__all__ = ["Box", "Foot", "Layout", "compared_page", "layout", "pixels", "single_page"]
 
 _DPI = 100.0
 _INK = "#26282b"
@@ -37,6 +38,14 @@ class Box:
     def size(self) -> tuple[int, int]:
         """Width and height."""
         return self.width, self.height
+
+
+@dataclass(frozen=True)
+class Foot:
+    """What stands below all: a line of words, and at its right how long things are."""
+
+    words: str
+    ruler: Ruler = Ruler()
 
 
 @dataclass(frozen=True)
@@ -96,14 +105,14 @@ def compared_page(
     panels: Sequence[tuple[str, Array]],
     counted: Sequence[tuple[str, Scale]],
     look: Look,
-    foot: str,
+    foot: Foot,
     pixel: float = 1.0,
 ) -> "Figure":
     """Panels side by side, with the scale of what is counted.
 
     :param panels: labels, and pictures (h, w, 3) in uint8, of any size.
     :param counted: names and scales whose values the histogram counts; the colours are those of the last.
-    :param foot: a line below.
+    :param foot: below all.
     :param pixel: height over width of a pixel of theirs.
     """
     figure = _blank(arrangement, look, foot)
@@ -118,7 +127,7 @@ def single_page(
     picture: Array,
     scale: Scale | None,
     look: Look,
-    foot: str,
+    foot: Foot,
     pixel: float = 1.0,
     labels: tuple[str, ...] = (),
     at: float = 0.5,
@@ -150,8 +159,8 @@ def pixels(figure: "Figure") -> Array:
     return np.array(canvas.buffer_rgba())[..., :3]
 
 
-def _blank(arrangement: Layout, look: Look, foot: str) -> "Figure":
-    """An empty page with its title and the line below."""
+def _blank(arrangement: Layout, look: Look, foot: Foot) -> "Figure":
+    """An empty page with its title and its foot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -173,14 +182,34 @@ def _blank(arrangement: Layout, look: Look, foot: str) -> "Figure":
     figure.text(
         20 * unit / width,
         20 * unit / height,
-        foot,
+        foot.words,
         ha="left",
         va="center",
         color=_FAINT,
         fontsize=_letters(unit, 18),
         parse_math=False,
     )
+    _ruled(figure, arrangement, foot.ruler)
     return figure
+
+
+def _ruled(figure: "Figure", arrangement: Layout, ruler: Ruler) -> None:
+    """The scale bar in the lower right corner, its length before it, and the arrow to the north before that."""
+    from matplotlib.lines import Line2D
+
+    (width, height), unit = arrangement.page, arrangement.unit
+    right, middle, size = width - 20 * unit, 20 * unit / height, _letters(unit, 18)
+    words = ruler.words if ruler.pixels else ""
+    if ruler.pixels:
+        left, tick = right - ruler.pixels, 6 * unit
+        across = [left, left, left, right, right, right]
+        down = [20 * unit + tick, 20 * unit - tick, 20 * unit, 20 * unit, 20 * unit - tick, 20 * unit + tick]
+        places = [x / width for x in across], [y / height for y in down]
+        figure.add_artist(Line2D(*places, color=_INK, linewidth=_points(unit, 2.5), solid_joinstyle="miter"))
+        right = left - 12 * unit
+    text = "       ".join(word for word in ("N ↑" if ruler.north else "", words) if word)
+    if text:
+        figure.text(right / width, middle, text, ha="right", va="center", color=_INK, fontsize=size, parse_math=False)
 
 
 def _letters(unit: float, pixels: float) -> float:

@@ -135,7 +135,7 @@ def show(
     plan = page.layout(seen, sight.aspect, panels=1)
     scale = sight.counted[0][1] if sight.counted else None
     picture = sight.picture(0, plan.panels[0].size)
-    _save(page.single_page(plan, picture, scale, seen, sight.stage.foot(), sight.pixel), target)
+    _save(page.single_page(plan, picture, scale, seen, sight.foot(plan.panels[0].size, plan.unit), sight.pixel), target)
     return Pictured(target, sight.stage.how, sight.notes)
 
 
@@ -216,7 +216,9 @@ def _beside(sight: Sight) -> "Figure":
     """All panels, with a histogram of what is counted."""
     plan = page.layout(sight.look, sight.aspect, len(sight.shown))
     drawn = [(one.label, sight.picture(k, plan.panels[k].size)) for k, one in enumerate(sight.shown)]
-    return page.compared_page(plan, drawn, sight.counted, sight.look, sight.stage.foot(), sight.pixel)
+    return page.compared_page(
+        plan, drawn, sight.counted, sight.look, sight.foot(plan.panels[0].size, plan.unit), sight.pixel
+    )
 
 
 def _wiped(sight: Sight, at: float) -> "Figure":
@@ -240,7 +242,9 @@ def _blinked(sight: Sight, target: Path) -> None:
 
 def _single(sight: Sight, plan: page.Layout, picture: Array, labels: tuple[str, ...], at: float = 0.5) -> "Figure":
     scale = sight.counted[-1][1] if sight.counted else None
-    return page.single_page(plan, picture, scale, sight.look, sight.stage.foot(), sight.pixel, labels, at)
+    return page.single_page(
+        plan, picture, scale, sight.look, sight.foot(plan.panels[0].size, plan.unit), sight.pixel, labels, at
+    )
 
 
 def _save(figure: "Figure", target: Path) -> None:

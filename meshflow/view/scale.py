@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -126,10 +126,15 @@ def ranging(values: Array, what: str, unit: str, ends: tuple[float, float] | Non
 
 
 def together(one: Scale, other: Scale) -> tuple[Scale, Scale]:
-    """Two scales with the colours of both: none saturates more than it did alone."""
+    """Two scales with the colours of both: none saturates more than it did alone; two-sided ones, if one of them is."""
     low, high = min(one.low, other.low), max(one.high, other.high)
     ends = one.ends if one.high >= other.high else other.ends
-    return replace(one, low=low, high=high, ends=ends), replace(other, low=low, high=high, ends=ends)
+    colours = one.colours
+    if one.colours != other.colours:  # values of one are of either sign, those of the other are not
+        colours, high = one.colours if one.low < other.low else other.colours, max(-low, high)
+        low = -high
+    common: dict[str, Any] = {"low": low, "high": high, "ends": ends, "colours": colours}
+    return replace(one, **common), replace(other, **common)
 
 
 def showing_both(one: Scale, other: Scale) -> tuple[Scale, Scale]:

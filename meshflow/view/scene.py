@@ -18,7 +18,7 @@ from meshflow.view.turning import HEAVY, Turning, coarse
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["Rows", "added", "drawn", "overlaid", "single", "windowed"]
+__all__ = ["Rows", "added", "drawn", "length", "overlaid", "single", "windowed"]
 
 Rows = list[list[tuple[str, Body, Scale | None]]]
 """Rows of panels of a window: label, body, the colours it wears instead of its own."""
@@ -61,6 +61,11 @@ def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = N
         plotter.enable_anti_aliasing("ssaa")
         picture = plotter.screenshot(None, return_img=True)
     return np.asarray(picture)[..., :3]
+
+
+def length(body: Body, size: tuple[int, int]) -> float:
+    """What a pixel of :func:`drawn` is long, where the view is no pinhole's."""
+    return 2 * _half(body, size[0] / size[1]) / size[1]
 
 
 def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plotter":
@@ -246,14 +251,18 @@ def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:
     plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))
 
 
+def _half(body: Body, aspect: float) -> float:
+    """Half of what the height of a picture shows."""
+    wide, tall = body.view.extent
+    return max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # a body may be a point
+
+
 def _aim(plotter: "pv.Plotter", body: Body, aspect: float) -> None:
     """The camera where the view says, its frame filled.
 
     :param aspect: width over height of what it draws on.
     """
-    view = body.view
-    wide, tall = view.extent
-    half = max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # a body may be a point
+    view, half = body.view, _half(body, aspect)
     middle = np.mean(view.frame, axis=0) @ np.stack([view.right, view.up])
     depth = body.points @ view.toward
     if view.pinhole:
