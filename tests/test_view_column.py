@@ -172,10 +172,15 @@ def test_of_one_kind_of_work_what_was_asked_last_counts():
     def fails(gone):
         raise InputError("no such number")
 
-    work.ask("run", fails, heard.append, lambda message: heard.append(f"failed: {message}"))
-    while work.kind and clock.time() < end:
-        work.poll()
-    assert heard[-1] == "failed: no such number"
+    def breaks(gone):
+        raise KeyError("what nobody thought of")
+
+    for broken, told in ((fails, "failed: no such number"), (breaks, "failed: KeyError: 'what nobody thought of'")):
+        work.ask("run", broken, heard.append, lambda message: heard.append(f"failed: {message}"))
+        while work.kind and clock.time() < end:
+            work.poll()
+        assert not work.kind, "nobody hears of it, and the window waits for ever"
+        assert heard[-1] == told
 
 
 def test_a_flow_of_one_state_has_curves_too():

@@ -35,8 +35,8 @@ def test_a_brief_number_ends_in_no_zero(value, shown):
 
 def test_numbers_one_after_the_other_have_the_decimals_of_the_largest():
     assert [plain(v, 2540.0) for v in (0.0, 1.15, 63.4, 2540.0)] == ["0", "1", "63", "2540"]
-    assert [plain(v, 0.24) for v in (0.0, 0.0123, 0.24)] == ["0.000", "0.012", "0.240"]
-    assert [plain(v, 3e-8) for v in (0.0, 1.5e-9, 3e-8)] == ["0.0", "1.5 × 10⁻⁹", "30.0 × 10⁻⁹"]
+    assert [plain(v, 0.24) for v in (0.0, 0.0123, 0.24)] == ["0", "0.012", "0.240"]
+    assert [plain(v, 3e-8) for v in (0.0, 1.5e-9, 3e-8)] == ["0", "1.5 × 10⁻⁹", "30.0 × 10⁻⁹"]
 
 
 def test_no_number_has_an_exponent():

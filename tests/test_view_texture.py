@@ -84,7 +84,7 @@ def test_own_colours_are_nowhere_brighter_than_they_are_and_six_sevenths_of_it_t
     ball = Mesh(SPHERE.points, SPHERE.faces, np.tile(colour, (len(SPHERE.points), 1)), "points")
     for azimuth in (315.0, 90.0):
         told = show(ball, tmp_path / "a.png", own_colours=True, azimuth=azimuth, overwrite=True, size=SIZE)
-        picture = np.round(255 * imread(told.path)[..., :3]).astype(int)
+        picture = np.round(255 * imread(told.path)[:440, :, :3]).astype(int)  # without its foot and its letters
         there = picture[picture[..., 2] < 50]  # the rim is blended with white
         assert (there <= 1.03 * colour + 1).all(axis=1).mean() > 0.999
         y, x = (int(np.median(axis)) for axis in np.nonzero(picture[..., 2] < 50))

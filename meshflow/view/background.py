@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from threading import Thread
 from typing import Any
 
-from meshflow.errors import InputError
+from meshflow.errors import InputError, MissingPackage
 
 __all__ = ["Background", "Gone"]
 
@@ -85,6 +85,8 @@ class Background:
 
         try:
             outcome = task.work(gone), ""
-        except (InputError, RuntimeError, OSError) as cause:
+        except (InputError, MissingPackage, RuntimeError, OSError) as cause:
             outcome = None, str(cause) or type(cause).__name__
+        except Exception as cause:  # noqa: BLE001 - or the thread would end, and the window wait for it for ever
+            outcome = None, f"{type(cause).__name__}: {cause}"
         self._outcome = outcome
