@@ -25,10 +25,17 @@ def main(picture: Path | None = None) -> float:
     print(f"clock: rms error {before:.1f} before, {after:.1f} after")
     if picture is not None:
         size, title = (1400, 1000), "Figure 10: the clock"
-        meshflow.view.compare(noisy, smoothed, picture, size=size, title=title)
+        meshflow.view.compare(noisy, smoothed, picture, size=size, title=title, overwrite=True)
         aslant = picture.with_stem(f"{picture.stem}_heights")
         meshflow.view.compare(
-            noisy, smoothed, aslant, size=size, seen="side", title=f"{title} as a height field", altitude=35
+            noisy,
+            smoothed,
+            aslant,
+            size=size,
+            seen="side",
+            title=f"{title} as a height field",
+            altitude=35,
+            overwrite=True,
         )
     return after / before
 

@@ -33,7 +33,13 @@ def main(picture: Path | None = None) -> float:
     print(f"{names[0]}: rms error {before:.2f} m before, {after:.2f} m after")
     if picture is not None:
         meshflow.view.compare(
-            raw, smoothed, picture, size=(1400, 1000), altitude=20, title="Figure 1: flat-shaded terrain"
+            raw,
+            smoothed,
+            picture,
+            size=(1400, 1000),
+            altitude=20,
+            title="Figure 1: flat-shaded terrain",
+            overwrite=True,
         )
     return after / before
 

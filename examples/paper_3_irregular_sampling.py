@@ -44,6 +44,7 @@ def main(picture: Path | None = None) -> float:
             quantity="triangles",
             labels=("uniform weights", "cotangents"),
             size=(1400, 1000),
+            overwrite=True,
         )
     return drifts[1] / drifts[0]
 

@@ -38,7 +38,12 @@ def main(picture: Path | None = None) -> float:
         points = np.concatenate([sphere, body.truth + (2.3, 0.0, 0.0)])
         both = Mesh(points, np.concatenate([even.faces, body.faces + len(sphere)]))
         meshflow.view.show(
-            both, picture, quantity="curvature", size=(1400, 900), title="Figure 6: mean curvature of irregular meshes"
+            both,
+            picture,
+            quantity="curvature",
+            size=(1400, 900),
+            title="Figure 6: mean curvature of irregular meshes",
+            overwrite=True,
         )
     return within
 

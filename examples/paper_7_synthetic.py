@@ -35,7 +35,9 @@ def main(picture: Path | None = None) -> float:
             Image(np.concatenate([np.repeat(one.values[..., None], 3, axis=2), other.values]))
             for one, other in (noisy, smoothed)
         ]
-        meshflow.view.compare(*pairs, picture, size=(1400, 1000), title="Figure 7: synthetic images, grey and colour")
+        meshflow.view.compare(
+            *pairs, picture, size=(1400, 1000), title="Figure 7: synthetic images, grey and colour", overwrite=True
+        )
     return max(shares)
 
 

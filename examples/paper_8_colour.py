@@ -36,7 +36,7 @@ def main(picture: Path | None = None) -> tuple[int, float]:
     print(f"the two differ by {away:.3f} grey levels")
     if picture is not None:
         title = f"Figure 8: 300 explicit steps, or {rates} stages"
-        meshflow.view.compare(noisy, fast, picture, size=(1400, 1000), title=title)
+        meshflow.view.compare(noisy, fast, picture, size=(1400, 1000), title=title, overwrite=True)
     return rates, away
 
 

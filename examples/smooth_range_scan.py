@@ -28,7 +28,9 @@ def main(picture: Path | None = None) -> float:
     before, after = (1000 * np.sqrt(np.mean((noun.depth - truth.depth)[seen] ** 2)) for noun in (scan, smoothed))
     print(f"rms error of the depth: {before:.2f} mm before, {after:.2f} mm after")
     if picture is not None:
-        meshflow.view.compare(scan, smoothed, picture, seen="side", size=(1400, 1000), title="Figure 9: a range image")
+        meshflow.view.compare(
+            scan, smoothed, picture, seen="side", size=(1400, 1000), title="Figure 9: a range image", overwrite=True
+        )
     return after / before
 
 

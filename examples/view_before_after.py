@@ -25,7 +25,7 @@ def main(folder: Path | None = None) -> float:
     after = meshflow.smooth(before)
 
     meshflow.write(document.holding(after), folder / "smoothed.tif", overwrite=True)
-    drawn = meshflow.view.compare(before, after, folder / "before_after.png", title="Noisy terrain, smoothed")
+    drawn = meshflow.view.compare(before, after, folder / "before_after.png", title="Noisy terrain", overwrite=True)
     removed = float(np.sqrt(np.mean((after.z - before.z)[~before.missing] ** 2)))
     print(f"{drawn.path}: rms of what was removed {removed:.2f} m")
     return removed

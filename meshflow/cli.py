@@ -125,7 +125,7 @@ def _smoothed(
     if not quiet:
         said(f"{source} → {target}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
     if picture is not None:
-        drawn = pictured(document, done, picture, f"{source.name}, {result.reason}")
+        drawn = pictured(document, done, picture, f"{source.name}, {result.reason}", overwrite)
         notes += drawn
         said("", () if quiet else drawn)
     if report is not None:
@@ -214,7 +214,7 @@ def _fused(
         seen = result.parameters["frames"]
         said(f"{many} → {target}: {f'{chr(10)}{result}' if verbose else f'{result.summary}; {seen.why}'}", notes)
     if picture is not None:
-        drawn = pictured(before, done, picture, f"{many}, {result.reason}")
+        drawn = pictured(before, done, picture, f"{many}, {result.reason}", overwrite)
         notes += drawn
         said("", () if quiet else drawn)
     if report is not None:

@@ -11,12 +11,14 @@ from rich.text import Text
 from meshflow import options as words
 from meshflow.console import out, said, table
 from meshflow.errors import InputError
-from meshflow.geometry.lift import RangeImage
+from meshflow.geometry.lift import Mesh, RangeImage
 from meshflow.io.files import Document
+from meshflow.io.replace import must_be_free
 from meshflow.reading import INPUTS, opened, per_sample
 
 if TYPE_CHECKING:
     from meshflow.geometry.gates import Array
+    from meshflow.view.riding import Riding
 
 __all__ = ["compare", "compare_flows", "film", "must_be_drawable", "pictured", "show", "view"]
 
@@ -75,7 +77,7 @@ def _compared(
     from meshflow.study.metrics import compare as measured
 
     if picture is not None:
-        _must_be_free(picture, overwrite)
+        must_be_free(picture, overwrite)
     reading = {name: given.pop(name) for name in READ}
     first, second = (opened(path, **reading) for path in (one, other))
     if first.kind != second.kind and {first.kind, second.kind} <= {"image", "terrain"}:
@@ -83,12 +85,26 @@ def _compared(
         raise InputError(f"{what}; give --camera if they are depth images, or --kind")
     facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
     notes = first.notes + second.notes
+    ridden = _ridden(first, second)
+    if ridden is not None:
+        facts[f"rms difference of {ridden.name}"] = ridden.rms
+        notes += (ridden.told,)
     for path in (*((picture,) if picture is not None else ()), *((None,) if window else ())):
         from meshflow.view import compare as draw
 
-        told = draw(first, second, path, title=_titled(title, f"{one.name} and {other.name}"), **given).notes
+        told = draw(
+            first, second, path, title=_titled(title, f"{one.name} and {other.name}"), overwrite=overwrite, **given
+        ).notes
         notes += (*(note for note in told if note not in notes), *(() if path is None else (f"picture: {path}",)))
     table(facts, json, notes)
+
+
+def _ridden(first: Document, second: Document) -> "Riding | None":
+    """In which attribute two meshes differ whose points do not."""
+    from meshflow.view.riding import riding
+
+    one, other = first.noun, second.noun
+    return riding(first, second, one, other) if isinstance(one, Mesh) and isinstance(other, Mesh) else None
 
 
 def show(
@@ -138,7 +154,7 @@ def _shown(
     document = opened(source, **{name: given.pop(name) for name in READ})
     if fixed is not None:
         document = document.holding(replace(document.noun, fixed=per_sample(document, "fixed", fixed)))
-    told = draw(document, picture, title=_titled(title, source.name), **given)
+    told = draw(document, picture, title=_titled(title, source.name), overwrite=overwrite, **given)
     notes = (*told.notes, *(() if picture is None else (f"picture: {picture}",)))
     said("", () if quiet else notes)
 
@@ -193,13 +209,14 @@ def _filmed(
     from meshflow.filming import film as filmed
     from meshflow.view.film import filmable
 
-    _must_be_free(filmable(target), overwrite)
+    filmable(target, overwrite)
     document = opened(source, **{name: given.pop(name) for name in READ})
     settings = {name: given.pop(name) for name in FLOW}
     told = filmed(
         document,
         target,
         count=frames,
+        overwrite=overwrite,
         settings=settings,
         progress=None if quiet else True,
         title=_titled(title, source.name),
@@ -268,8 +285,6 @@ def _viewed(
     from meshflow.viewing import Saving
     from meshflow.viewing import view as viewed
 
-    if export is not None:
-        _must_be_free(export, overwrite)
     reading = {name: given.pop(name) for name in READ}
     document = opened(source, **reading)
     target = source.with_name(f"{source.stem}_smooth{source.suffix}") if target is None else target
@@ -279,6 +294,7 @@ def _viewed(
         document,
         way="page" if export is not None else "browser" if web else "window",
         page=export,
+        overwrite=overwrite,
         address=address,
         saving=Saving(str(source), target, overwrite, _spoken(reading)),
         count=given.pop("frames"),
@@ -332,7 +348,7 @@ def compare_flows(
         from meshflow.view.panels import flows as drawn
 
         title = f"{source.name}: four flows, each until it is as smooth as the ray flow"
-        notes += (*drawn(found.panels(), picture, title=title).notes, f"picture: {picture}")
+        notes += (*drawn(found.panels(), picture, title=title, overwrite=overwrite).notes, f"picture: {picture}")
     if json:
         out.print_json(notation.dumps({"in": str(source), **found.as_dict(), "notes": list(notes)}))
         return
@@ -358,17 +374,11 @@ def must_be_drawable(picture: Path | None, overwrite: bool) -> None:
     from meshflow.view.picture import writable as drawable
 
     if picture is not None:
-        drawable(picture)
-        _must_be_free(picture, overwrite)
+        drawable(picture, overwrite=overwrite)
 
 
-def _must_be_free(path: Path, overwrite: bool) -> None:
-    if path.exists() and not overwrite:
-        raise InputError(f"{path} exists; name another file or give --overwrite")
-
-
-def pictured(before: Document, after: Document, path: Path, title: str) -> tuple[str, ...]:
+def pictured(before: Document, after: Document, path: Path, title: str, overwrite: bool) -> tuple[str, ...]:
     """Draw before and after; what is to be said of it."""
     from meshflow.view import compare as draw
 
-    return (*draw(before.noun, after.noun, path, title=title).notes, f"picture: {path}")
+    return (*draw(before.noun, after.noun, path, title=title, overwrite=overwrite).notes, f"picture: {path}")

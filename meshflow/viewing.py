@@ -237,6 +237,7 @@ def view(
     *,
     way: Way = "window",
     page: str | Path | None = None,
+    overwrite: bool = False,
     address: Address | None = None,
     saving: Saving | None = None,
     count: int = 32,
@@ -251,6 +252,7 @@ def view(
     :param thing: a :class:`meshflow.Document`, a noun, or anything that :func:`meshflow.smooth` takes.
     :param way: a ``window``; the ``browser``, served by this machine until Ctrl-C; or one ``page`` that opens offline.
     :param page: where that is written, ``.html``.
+    :param overwrite: replace a page that is there.
     :param address: where it is served.
     :param saving: what a state that is chosen is called; of a Document only.
     :param count: how many states.
@@ -261,20 +263,20 @@ def view(
     :param look: the fields of :class:`meshflow.view.Look`.
     :returns: sentences for the user.
     :raises InputError: for what cannot be smoothed or drawn, and a port that is taken.
-    :raises FormatError: for a page that cannot be written.
+    :raises FormatError: for a page that cannot be written, or is there and is not to be replaced.
     :raises MissingPackage: for the browser without ``meshflow[web]``, and where VTK cannot draw.
     """
     seen = looking(**look)
     if way not in get_args(Way) or (way == "page") != (page is not None):
         raise InputError(f"way: window, browser, or page with its path, expected; got {way!r} with page {page!r}")
     if page is not None:
-        exportable(page)
+        exportable(page, overwrite)
     noun, notes = taken(thing, seen.own_colours)
     chosen = settings if isinstance(settings, Settings) else Settings(**(settings or {}))
     desk = Desk(Session.begun(noun, chosen, count, memory), thing, saving or Saving())
     timeline = desk.session.run(progress)
     if page is not None:
-        return (*notes, *exported(timeline, page, seen, desk.command), f"page: {page}")
+        return (*notes, *exported(timeline, page, seen, desk.command, overwrite=overwrite), f"page: {page}")
     shown = (_served if way == "browser" else _windowed)(desk, timeline, seen, address or Address(), said)
     return (*notes, *shown)
 

@@ -64,7 +64,7 @@ def test_compare_blinks_into_a_gif(files):
     with Image.open("a.gif") as file:
         assert file.n_frames == 2
     again = run("compare", "rough.npy", "flat.npy", "--picture", "a.gif", "--arrange", "blink", *SIZE)
-    assert "exists; name another file or give --overwrite" in str(again.exception)
+    assert "exists; name another file, or overwrite it on purpose" in str(again.exception)
 
 
 def test_show_draws_a_quantity_and_what_is_fixed(files):

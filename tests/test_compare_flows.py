@@ -189,7 +189,7 @@ def test_the_command_refuses_what_it_cannot_compare_or_write_before_it_works(fil
     with pytest.raises(InputError, match="rays are those of a camera; give --camera"):
         raise command(files).exception
     (files / "there.png").write_bytes(b"")
-    with pytest.raises(InputError, match=r"there.png exists; name another file or give --overwrite"):
+    with pytest.raises(InputError, match=r"there.png exists; name another file, or overwrite it on purpose"):
         raise command(files, "--camera", files / "camera.json", "--picture", files / "there.png").exception
 
 

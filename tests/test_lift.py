@@ -157,7 +157,7 @@ def test_a_spacing_per_row_measures_each_row_with_its_own():
 
 
 BAD = [
-    (lambda: HeightField(np.zeros((0, 3))), "nothing to smooth, the array of shape"),
+    (lambda: HeightField(np.zeros((0, 3))), "nothing to smooth or to draw, the array of shape"),
     (lambda: HeightField(np.zeros((1, 9))), r"at least 2 x 2 samples .* got \(1, 9\)"),
     (lambda: HeightField(np.zeros((9, 1))), r"at least 2 x 2 samples .* got \(9, 1\)"),
     (lambda: HeightField(np.zeros(9)), r"2 dimensions expected, got shape \(9,\)"),

@@ -86,7 +86,7 @@ def test_a_thing_that_did_not_change_is_drawn_twice_alike_and_a_third_time_witho
 
 def test_a_mesh_that_shrank_is_red_and_one_that_grew_is_blue(tmp_path):
     for size, channel in ((0.9, 0), (1.1, 2)):
-        told = compare(ball(), ball(size), tmp_path / "a.png", size=SIZE)
+        told = compare(ball(), ball(size), tmp_path / "a.png", size=SIZE, overwrite=True)
         removed = panels(told, Look(size=SIZE), ball())[2]
         strong = removed[colourful(removed) > 60]
         assert len(strong) > 100
@@ -177,7 +177,7 @@ def test_the_picture_has_the_size_asked_for_and_no_plotter_is_left(tmp_path, mon
     monkeypatch.setattr("pyvista.Plotter.screenshot", fails)
     old = told.path.read_bytes()
     with pytest.raises(RuntimeError, match="gave up"):
-        show(ball(), told.path)
+        show(ball(), told.path, overwrite=True)
     assert told.path.read_bytes() == old
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
     assert len(plotters._ALL_PLOTTERS) == open_before

@@ -77,6 +77,21 @@ def test_a_film_shows_the_noise_go_and_the_last_frame_stay(tmp_path):
         assert file.info["duration"] > 1000
 
 
+def test_the_time_in_a_frame_is_a_number_in_full_with_its_unit(tmp_path, monkeypatch):
+    from meshflow.view import page
+
+    drawn, labels = page.single_page, []
+
+    def listened(*given):
+        labels.extend(given[6])
+        return drawn(*given)
+
+    monkeypatch.setattr(page, "single_page", listened)
+    wide = HeightField(ROUGH.z, spacing=(30.0, 30.0), unit="m")
+    film(wide, tmp_path / "a.gif", count=3, settings={"time": 2540.0, "method": "heat"}, size=SIZE)
+    assert labels == ["time 0 m²", "time 635 m²", "time 2540 m²"]
+
+
 def test_colours_of_a_film_are_the_same_in_all_frames(tmp_path):
     told = film(ROUGH, tmp_path / "a.png.gif", count=4, settings={"time": 2.0}, quantity="removed", size=SIZE)
     shown = frames(told.path)
@@ -143,6 +158,19 @@ def test_a_film_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkey
         file.add(np.zeros((8, 8, 3), np.uint8))
     assert target.read_bytes() == b"old"
     assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
+
+
+def test_a_film_that_is_there_is_replaced_on_purpose_alone(tmp_path, monkeypatch):
+    target = tmp_path / "a.gif"
+    target.write_bytes(b"old")
+    given = {"count": 2, "settings": {"time": 1.0, "method": "beltrami"}, "size": SIZE}
+    with monkeypatch.context() as nothing:
+        nothing.setattr("meshflow.filming.flowing", None)  # it is refused before anything is computed
+        with pytest.raises(FormatError, match="exists; name another file, or overwrite it on purpose"):
+            film(ROUGH, target, **given)
+    assert target.read_bytes() == b"old"
+    film(ROUGH, target, overwrite=True, **given)
+    assert len(frames(target)) == 2
 
 
 def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):

@@ -159,7 +159,7 @@ def test_a_thing_that_did_not_change_has_nothing_removed(noun, tmp_path):
 
 def test_where_vtk_cannot_draw_a_relief_is_made_and_the_reason_given(tmp_path):
     for noun in (plane(1.0), RangeImage(np.full((9, 9), 2.0), CAMERA)):
-        told = compare(noun, noun, tmp_path / "a.png", size=(320, 240))
+        told = compare(noun, noun, tmp_path / "a.png", size=(320, 240), overwrite=True)
         assert told.how == "relief"
         assert any("MESHFLOW_RENDERING=off" in note for note in told.notes)
 
@@ -217,7 +217,7 @@ def test_the_old_picture_stays_when_the_new_one_cannot_be_written(tmp_path, monk
     target.write_bytes(b"old")
     monkeypatch.setattr(owner, name, failure)
     with pytest.raises(FormatError, match="No space left"):
-        show(plane(), target)
+        show(plane(), target, overwrite=True)
     assert target.read_bytes() == b"old"
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
 

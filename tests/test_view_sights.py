@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from matplotlib.image import imread
 
+import meshflow
 from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.geometry.camera import Pinhole
 from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
@@ -41,7 +42,7 @@ def panel(path, aspect, look):
 def test_a_wipe_is_before_to_the_left_of_its_divider_and_after_to_its_right(at, tmp_path):
     look, aspect = Look(size=SIZE), 64 / 48
     whole = [
-        panel(compare(a, b, tmp_path / "w.png", arrange="wipe", at=0.5, size=SIZE).path, aspect, look)
+        panel(compare(a, b, tmp_path / "w.png", arrange="wipe", at=0.5, size=SIZE, overwrite=True).path, aspect, look)
         for a, b in ((ROUGH, ROUGH), (FLAT, FLAT))
     ]
     mixed = panel(compare(ROUGH, FLAT, tmp_path / "a.png", arrange="wipe", at=at, size=SIZE).path, aspect, look)
@@ -128,7 +129,7 @@ def test_a_mesh_is_drawn_in_its_own_colours_where_that_is_asked(tmp_path):
     poly.point_data["RGB"] = np.full((642, 3), (200, 10, 10), np.uint8)
     for thing in (mesh, poly):
         for own, red in ((True, True), (False, False)):
-            picture = imread(show(thing, tmp_path / "a.png", own_colours=own, size=SIZE).path)
+            picture = imread(show(thing, tmp_path / "a.png", own_colours=own, size=SIZE, overwrite=True).path)
             assert ((picture[..., 0] > picture[..., 1] + 0.2).mean() > 0.1) == red
 
 
@@ -148,8 +149,6 @@ def test_a_texture_is_taken_at_the_vertices_seams_and_all():
 
 
 def test_files_can_be_shown_as_they_were_read(tmp_path):
-    import meshflow
-
     np.save(tmp_path / "a.npy", ROUGH.z)
     document = meshflow.read(tmp_path / "a.npy")
     assert show(document, tmp_path / "a.png", size=SIZE).how == "relief"
@@ -220,6 +219,38 @@ def test_what_is_heavy_is_coarse_while_it_turns(monkeypatch):
     window.close()
 
 
+@pytest.mark.needs_gl
+def test_what_is_heavy_is_coarse_on_both_sides_of_a_divider_while_it_turns(monkeypatch):
+    pv = pytest.importorskip("pyvista")
+    monkeypatch.setattr("meshflow.view.scene.HEAVY", 100)
+    monkeypatch.setattr("meshflow.view.scene.coarse", lambda body: coarse(body, 8))
+    window = plotter(BALL, Mesh(0.9 * BALL.points, BALL.faces), arrange="wipe", off_screen=True, size=SIZE)
+    bodies = [actor for actor in window.renderer.actors.values() if isinstance(actor, pv.Actor)]
+    many = [actor.mapper.dataset.n_cells for actor in bodies]
+    assert sorted(many)[:2] < [len(BALL.faces)] * 2 == sorted(many)[2:]
+
+    def seen():
+        window.render()
+        return [bool(actor.GetVisibility()) for actor in bodies]
+
+    fine = [count == len(BALL.faces) for count in many]
+    whole = window.screenshot(None, return_img=True)[60:-80].astype(int)
+    assert seen() == fine
+    style = window.iren.get_interactor_style()
+    style.InvokeEvent("StartInteractionEvent")
+    assert seen() == [not of for of in fine]
+    few = window.screenshot(None, return_img=True)[60:-80].astype(int)
+    window.iren._key_press_event_callbacks["space"][0]()  # before alone: one coarse body
+    assert sum(seen()) == 1
+    assert not any(there and of for there, of in zip(seen(), fine, strict=True))
+    style.InvokeEvent("EndInteractionEvent")
+    assert [there and of for there, of in zip(seen(), fine, strict=True)] == seen()
+    window.close()
+    # The coarse ones are cut by the same divider: apart from their facets the picture is the same.
+    body = [(picture < 250).all(axis=2) for picture in (whole, few)]
+    assert (body[0] != body[1]).mean() < 0.05
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -266,6 +297,39 @@ def test_what_cannot_be_drawn_is_refused_and_no_window_is_left(tmp_path):
         with pytest.raises(InputError, match="nothing to (draw|show)"):
             show(HeightField(holes), tmp_path / "a.png", quantity=quantity)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arrange", ["beside", "wipe", "blink", None])
+def test_a_picture_that_is_there_is_replaced_on_purpose_alone(arrange, tmp_path, monkeypatch):
+    target = tmp_path / "a.png"
+    target.write_bytes(b"old")
+
+    def look(**options):
+        if arrange is None:
+            return show(ROUGH, target, size=SIZE, **options)
+        return compare(ROUGH, FLAT, target, arrange=arrange, size=SIZE, **options)
+
+    with pytest.raises(FormatError, match="exists; name another file, or overwrite it on purpose"):
+        look()
+    assert target.read_bytes() == b"old"
+    assert imread(look(overwrite=True).path).shape[:2] == (480, 640)
+
+
+def test_where_all_is_missing_there_is_nothing_to_draw(tmp_path):
+    gone = np.full((8, 8), np.nan)
+    np.save(tmp_path / "gone.npy", gone)
+    looks = (
+        lambda: show(gone, tmp_path / "a.png"),
+        lambda: compare(ROUGH, np.full((48, 64), np.nan), tmp_path / "a.png"),
+        lambda: show(meshflow.read(tmp_path / "gone.npy"), tmp_path / "a.png"),
+        lambda: show((np.zeros((0, 3)), np.zeros((0, 3), int)), tmp_path / "a.png"),
+        lambda: meshflow.film(gone, tmp_path / "a.gif"),
+        lambda: show(RangeImage(gone, Pinhole(60.0, 60.0, 3.5, 3.5)), tmp_path / "a.png"),
+    )
+    for look in looks:
+        with pytest.raises(InputError, match="nothing .*to draw"):
+            look()
+    assert [path.name for path in tmp_path.iterdir()] == ["gone.npy"]
 
 
 @pytest.mark.needs_gl

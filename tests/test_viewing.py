@@ -1,7 +1,6 @@
 """The viewer through time: what is kept, what the command line makes, and what bad input is told."""
 
 import shlex
-import time as clock
 
 import numpy as np
 import pytest
@@ -140,34 +139,11 @@ def test_bad_ways_and_pages_are_refused_before_anything_is_computed(tmp_path):
         view(hills(), way="tab")
     with pytest.raises(FormatError, match=r"\.html expected"):
         view(hills(), way="page", page=tmp_path / "page.pdf")
+    (tmp_path / "there.html").write_text("old")
+    with pytest.raises(FormatError, match="exists; name another file, or overwrite it on purpose"):
+        view(hills(), way="page", page=tmp_path / "there.html")
     with pytest.raises(FormatError, match="there is no folder"):
         view(hills(), way="page", page=tmp_path / "no" / "page.html")
-
-
-@pytest.mark.needs_gl
-def test_a_window_shows_what_was_computed_meanwhile():
-    from meshflow.view.look import Look
-    from meshflow.view.window import Window
-
-    desk = Desk(Session.begun(hills(), QUICK, count=4), hills(), Saving())
-    window = Window(desk, desk.session.run(), Look(size=(400, 300)), off_screen=True)
-    pictures = [window.screen.picture()]
-    window.move(0)
-    pictures.append(window.screen.picture())
-    window.recolour()
-    pictures.append(window.screen.picture())
-    window.recolour()
-    window.turn("scale", 6.0)
-    window.turn("scale", 5.0)  # the run before it is left
-    until = clock.time() + 60
-    while window.timeline.moments[-1].time != pytest.approx(12.5):
-        assert clock.time() < until
-        clock.sleep(0.02)
-        window.poll()
-    window.save()
-    window.screen.plotter.close()
-    assert len({picture.tobytes() for picture in pictures}) == 3
-    assert "states of a file are saved" in window._message
 
 
 @pytest.mark.needs_gl

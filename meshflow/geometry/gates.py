@@ -24,7 +24,7 @@ def real(values: ArrayLike, name: str) -> Array:
     if array.dtype.kind not in "fiub":
         raise InputError(f"{name}: real numbers expected, got dtype {array.dtype}; take a real part or convert first")
     if array.size == 0:
-        raise InputError(f"{name}: nothing to smooth, the array of shape {array.shape} is empty")
+        raise InputError(f"{name}: nothing to smooth or to draw, the array of shape {array.shape} is empty")
     if array.dtype.kind == "f":
         kind = np.float32 if array.dtype.itemsize <= 4 else np.float64
     else:
@@ -56,7 +56,9 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
     if missing is not None:
         gone |= mask_of(missing, gone.shape, "missing")
     if gone.all():
-        raise NothingThere(f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth")
+        raise NothingThere(
+            f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth or to draw"
+        )
     return array, gone
 
 

@@ -73,7 +73,7 @@ class RangeImage:
             missing = missing | (depth == 0)
         if missing.all():
             raise NothingThere(
-                f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth"
+                f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth or to draw"
             )
         if not self.camera.signed and (depth[~missing] < 0).any():
             raise InputError(

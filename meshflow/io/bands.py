@@ -63,6 +63,20 @@ class Frame:
         return not self.transform.is_identity
 
     @property
+    def north_up(self) -> bool:
+        """Whether the file lies on a map, its rows from north to south and its columns from west to east."""
+        a, b, _, d, e, _ = tuple(self.transform)[:6]
+        return self.crs is not None and self.georeferenced and b == 0 and d == 0 and a > 0 > e
+
+    @property
+    def ground_unit(self) -> str:
+        """The unit of the lengths between samples: of a grid in degrees it is the metre; empty where nothing is said."""
+        if self.crs is None or not self.georeferenced:
+            return ""
+        unit = "metre" if self.crs.is_geographic else str(self.crs.linear_units)
+        return "m" if unit in ("metre", "meter", "metres", "meters") else unit
+
+    @property
     def scaled(self) -> bool:
         """Whether the file holds numbers that a scale and an offset turn into values."""
         return any(scale != 1 for scale in self.scales) or any(self.offsets)

@@ -11,6 +11,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.camera import Camera
 from meshflow.geometry.lift import Noun
 from meshflow.io.hints import as_given
+from meshflow.io.replace import must_be_free
 
 __all__ = ["Document", "Kind", "read", "writable", "write"]
 
@@ -113,8 +114,7 @@ def writable(document: Document, path: str | Path, *, overwrite: bool = False) -
     :raises FormatError: as :func:`write`.
     """
     path = Path(path)
-    if path.exists() and not overwrite:
-        raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (--overwrite, overwrite=True)")
+    must_be_free(path, overwrite)
     if not path.parent.is_dir():
         raise FormatError(f"{path.parent} is no folder; make it first")
     return _target(document, path)

@@ -9,10 +9,19 @@ from uuid import uuid4
 
 from meshflow.errors import FormatError
 
-__all__ = ["beside"]
+__all__ = ["beside", "must_be_free"]
 
 # What GDAL keeps beside a raster (statistics, overviews, mask) tells of the old file: it goes when that file goes.
 _SIDECARS = (".aux.xml", ".ovr", ".msk")
+
+
+def must_be_free(path: Path, overwrite: bool) -> None:
+    """Refuse to write where a file is, before any work is done for it.
+
+    :raises FormatError: where one is there, and ``overwrite`` does not say that it is to be replaced.
+    """
+    if path.exists() and not overwrite:
+        raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (--overwrite, overwrite=True)")
 
 
 @contextmanager

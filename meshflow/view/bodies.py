@@ -13,6 +13,7 @@ from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeIm
 from meshflow.geometry.triangulate import grid_sheets, triangles_there
 from meshflow.view.look import Look, Seen, Up, View, camera_view, mesh_view, picture_view, side_view, terrain_view
 from meshflow.view.pair import holes
+from meshflow.view.texture import Texture, Textured
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -34,6 +35,7 @@ class Body:
     :param view: where it is seen from.
     :param colours: (n, 3) of its own, uint8, where it has some.
     :param triangles: (m,), the index of each triangle among those of the noun; None: they are the same.
+    :param texture: of its triangles, where it wears one; its colours are then those of the texture at the points.
     """
 
     points: Array
@@ -42,12 +44,27 @@ class Body:
     view: View
     colours: Array | None = None
     triangles: Array | None = None
+    texture: Texture | None = None
+
+    @property
+    def corners(self) -> Array:
+        """(3 m, 3), the corners of the triangles one after the other, as a texture with seams needs them."""
+        return self.points[self.faces].reshape(-1, 3)
 
     def polydata(self) -> "pv.PolyData":
         """The same for VTK: no normals, so that it is shaded flat and noise shows."""
         import pyvista as pv
 
         return pv.PolyData.from_regular_faces(np.ascontiguousarray(self.points, dtype=np.float64), self.faces)
+
+    def textured(self, texture: Texture) -> "pv.PolyData":
+        """The same with texture coordinates, each corner a point of its own."""
+        import pyvista as pv
+
+        corners = np.ascontiguousarray(self.corners, dtype=np.float64)
+        shape = pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
+        shape.active_texture_coordinates = texture.corners.reshape(-1, 2)
+        return shape
 
 
 def drawable(noun: Noun, look: Look, most: int = SAMPLES) -> tuple[int, float, tuple[str, ...]]:
@@ -110,7 +127,10 @@ def embodied(
     used = np.zeros(len(points), bool)
     used[faces] = True
     samples, place = np.flatnonzero(used), np.cumsum(used) - 1
-    return Body(points[samples], place[faces], samples, view, None if colours is None else colours[samples])
+    texture = noun.texture if own_colours and isinstance(noun, Textured) else None
+    return Body(
+        points[samples], place[faces], samples, view, None if colours is None else colours[samples], texture=texture
+    )
 
 
 def raised(noun: Noun, seen: Seen | None) -> Noun:

@@ -12,6 +12,7 @@ from meshflow.view import page
 from meshflow.view.bodies import Body, embodied, raised, thinned
 from meshflow.view.frames import FILMS, Frames
 from meshflow.view.look import Look
+from meshflow.view.numbers import plain
 from meshflow.view.pair import paired
 from meshflow.view.picture import Pictured, writable
 from meshflow.view.quantity import Quantity, measured
@@ -34,12 +35,13 @@ class _Moment:
     scale: Scale | None
 
 
-def filmable(path: str | Path) -> Path:
+def filmable(path: str | Path, overwrite: bool) -> Path:
     """A path that a film can be written to: asked before anything is computed.
 
-    :raises FormatError: for another extension, or a folder that is not there.
+    :param overwrite: replace a file that is there.
+    :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
     """
-    target = writable(path, FILMS)
+    target = writable(path, FILMS, overwrite)
     assert target is not None
     return target
 
@@ -55,21 +57,23 @@ def filmed(
     quantity: Quantity | Removed | None = None,
     contrast: float = 1.0,
     how: How | None = None,
+    overwrite: bool = False,
 ) -> Pictured:
     """Draw states of a noun one after the other. Colours, light and frame are the same in all of them.
 
     :param states: times and nouns of one kind and size, the start first.
-    :param path: ``.mp4`` (needs ``meshflow[film]``) or ``.gif``, in place of one that is there.
+    :param path: ``.mp4`` (needs ``meshflow[film]``) or ``.gif``.
     :param time_unit: written behind the time.
     :param rate: frames per second.
     :param turn: degrees by which the viewer walks around the surface meanwhile; 0: the camera stands still.
     :param quantity: what colour stands for: ``removed`` so far, or a quantity; None: the surface as it is.
     :param how: as in :func:`meshflow.view.compare`.
+    :param overwrite: replace a file that is there.
     :raises InputError: for no state, nothing to draw, or options that make no sense.
-    :raises FormatError: for a path that cannot be written.
+    :raises FormatError: for a path that cannot be written, or must not.
     :raises MissingPackage: for ``.mp4`` where ffmpeg is not installed, and where only VTK would do and it cannot draw.
     """
-    target = filmable(path)
+    target = filmable(path, overwrite)
     with Frames(target, rate) as frames:
         moments, stage = _moments(states, look, how, quantity, contrast, turn)
         scale = _common([moment.scale for moment in moments])
@@ -79,8 +83,10 @@ def filmed(
         for k, (moment, body) in enumerate(zip(moments, bodies, strict=True)):
             hue = None if scale is None or moment.scale is None else replace(scale, values=moment.scale.values)
             picture = stage.panel(moment.noun, body, plan.panels[0].size, hue)
-            label = f"time {moment.time:.3g}{' ' + time_unit if time_unit else ''}"
-            sheet = page.single_page(plan, picture, scale, look, stage.foot(), stage.pixel(moment.noun), (label,))
+            label = f"time {plain(moment.time, moments[-1].time)} {time_unit}".rstrip()
+            sheet = page.single_page(
+                plan, picture, scale, look, page.Foot(stage.foot()), stage.pixel(moment.noun), (label,)
+            )
             drawn = page.pixels(sheet)
             for _ in range(1 + stay * (k == len(moments) - 1)):
                 frames.add(drawn)

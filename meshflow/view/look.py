@@ -56,7 +56,7 @@ class Look:
         image as its height (the paper's Figure 10). By default terrains from the side, all else from the front.
     :param colours: the name of a colour map of matplotlib for what is shown as colour; by default one that is two-sided
         about 0, or perceptually uniform.
-    :param own_colours: meshes in the colours of their vertices, or of their texture there, instead of stone.
+    :param own_colours: meshes in the colours of their vertices, or in their texture, instead of stone.
     :raises InputError: for a size, an exaggeration or an altitude that cannot be, or a colour map that is not there.
     """
 

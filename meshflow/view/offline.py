@@ -16,7 +16,7 @@ import numpy as np
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Image, Mesh, Noun
-from meshflow.io.replace import beside
+from meshflow.io.replace import beside, must_be_free
 from meshflow.view.bodies import Body, as_shown, drawable, embodied, raised, thinned
 from meshflow.view.curves import curves, told
 from meshflow.view.look import Look
@@ -31,30 +31,35 @@ HEAVY = 400_000  # vertices of a mesh beyond which a page says how large it beca
 MANY = 24  # states of a page
 
 
-def exportable(path: str | Path) -> Path:
+def exportable(path: str | Path, overwrite: bool) -> Path:
     """A path that a page can be written to: asked before anything is computed.
 
-    :raises FormatError: for another extension, or a folder that is not there.
+    :param overwrite: replace a file that is there.
+    :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
     """
     target = Path(path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise FormatError(f"{target}: .html expected")
     if not target.parent.is_dir():
         raise FormatError(f"{target}: there is no folder {target.parent}")
+    must_be_free(target, overwrite)
     return target
 
 
-def exported(timeline: Timeline, path: str | Path, look: Look, command: Callable[[float], str]) -> tuple[str, ...]:
+def exported(
+    timeline: Timeline, path: str | Path, look: Look, command: Callable[[float], str], *, overwrite: bool = False
+) -> tuple[str, ...]:
     """Write the page; what is to be said of it.
 
     Places are kept in 16 bits of the bounding box, what was removed in 8 bits of its scale: it is for looking.
 
-    :param path: ``.html``, in place of one that is there.
+    :param path: ``.html``.
     :param command: the command line that makes the state at a time.
-    :raises FormatError: for another extension, or a folder that is not there.
+    :param overwrite: replace a file that is there.
+    :raises FormatError: as :func:`exportable`.
     :raises InputError: where there is nothing to draw.
     """
-    target = exportable(path)
+    target = exportable(path, overwrite)
     every = max(1, -(-(len(timeline) - 1) // (MANY - 1)))
     shown = [*range(0, len(timeline) - 1, every), len(timeline) - 1]
     first, last = timeline.at(0), timeline.at(len(timeline) - 1)

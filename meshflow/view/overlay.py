@@ -5,11 +5,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.view.turning import Turning
 
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["Overlay", "divided"]
+__all__ = ["Actors", "Overlay", "divided"]
+
+Actors = tuple[Any, ...]
+"""A body of VTK; and a coarse one, where it is heavy."""
 
 _KEY = "space"
 
@@ -31,20 +35,24 @@ class Overlay:
     camera does, and nothing is drawn twice.
 
     :param plotter: a window of one view.
-    :param before: an actor.
-    :param after: an actor.
+    :param before: actors: the body; and, where it is heavy, the coarse one in its place while the window is turned.
+    :param after: likewise.
+    :param turning: knows which of the two is to be drawn.
     :param at: where the divider stands, a share of the width.
     :param wipes: start with the divider; else with ``before`` alone.
     """
 
-    def __init__(self, plotter: "pv.Plotter", before: Any, after: Any, at: float, wipes: bool) -> None:
+    def __init__(
+        self, plotter: "pv.Plotter", before: Actors, after: Actors, turning: Turning, at: float, wipes: bool
+    ) -> None:
         import vtk
 
-        self.plotter, self.actors = plotter, (before, after)
+        self.plotter, self.sides, self.turning = plotter, (before, after), turning
         self.at, self.mode = at, 0 if wipes else 1
         self.planes = vtk.vtkPlane(), vtk.vtkPlane()
-        for actor, plane in zip(self.actors, self.planes, strict=True):
-            actor.mapper.AddClippingPlane(plane)
+        for actors, plane in zip(self.sides, self.planes, strict=True):
+            for actor in actors:
+                actor.mapper.AddClippingPlane(plane)
         self.label: Any = plotter.add_text(
             self.words, position=(0.02, 0.95), viewport=True, font_size=12, color="black"
         )
@@ -70,8 +78,10 @@ class Overlay:
     def _follow(self, *_: Any) -> None:
         """Have the planes hold the lines of sight, and the actors be seen or not, just before they are drawn."""
         at = (self.at, 1.0, 0.0)[self.mode]
-        for actor, seen in zip(self.actors, (at > 0.0, at < 1.0), strict=True):
-            actor.SetVisibility(seen)
+        for actors, seen in zip(self.sides, (at > 0.0, at < 1.0), strict=True):
+            drawn = actors[0 if self.turning.fine else -1]
+            for actor in actors:
+                actor.SetVisibility(seen and actor is drawn)
         camera = self.plotter.camera
         window: Any = self.plotter.render_window
         wide, tall = window.GetSize()

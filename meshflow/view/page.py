@@ -8,17 +8,21 @@ import numpy as np
 
 from meshflow.geometry.gates import Array
 from meshflow.view.look import Look
+from meshflow.view.numbers import brief
+from meshflow.view.ruler import Ruler
 from meshflow.view.scale import Scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Box", "Layout", "compared_page", "layout", "pixels", "single_page"]
+__all__ = ["Box", "Foot", "Layout", "compared_page", "layout", "pixels", "single_page"]
 
 _DPI = 100.0
 _INK = "#26282b"
 _FAINT = "#6b7075"
+_PEAK = 0.25  # share of the values in one bin, beyond which a histogram counts by powers of ten; of a normal one it has 0.035
+_NONE = 0.7  # where a logarithmic axis of counts begins: one is seen
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,14 @@ class Box:
     def size(self) -> tuple[int, int]:
         """Width and height."""
         return self.width, self.height
+
+
+@dataclass(frozen=True)
+class Foot:
+    """What stands below all: a line of words, and at its right how long things are."""
+
+    words: str
+    ruler: Ruler = Ruler()
 
 
 @dataclass(frozen=True)
@@ -93,14 +105,14 @@ def compared_page(
     panels: Sequence[tuple[str, Array]],
     counted: Sequence[tuple[str, Scale]],
     look: Look,
-    foot: str,
+    foot: Foot,
     pixel: float = 1.0,
 ) -> "Figure":
     """Panels side by side, with the scale of what is counted.
 
     :param panels: labels, and pictures (h, w, 3) in uint8, of any size.
     :param counted: names and scales whose values the histogram counts; the colours are those of the last.
-    :param foot: a line below.
+    :param foot: below all.
     :param pixel: height over width of a pixel of theirs.
     """
     figure = _blank(arrangement, look, foot)
@@ -115,7 +127,7 @@ def single_page(
     picture: Array,
     scale: Scale | None,
     look: Look,
-    foot: str,
+    foot: Foot,
     pixel: float = 1.0,
     labels: tuple[str, ...] = (),
     at: float = 0.5,
@@ -147,8 +159,8 @@ def pixels(figure: "Figure") -> Array:
     return np.array(canvas.buffer_rgba())[..., :3]
 
 
-def _blank(arrangement: Layout, look: Look, foot: str) -> "Figure":
-    """An empty page with its title and the line below."""
+def _blank(arrangement: Layout, look: Look, foot: Foot) -> "Figure":
+    """An empty page with its title and its foot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -170,14 +182,34 @@ def _blank(arrangement: Layout, look: Look, foot: str) -> "Figure":
     figure.text(
         20 * unit / width,
         20 * unit / height,
-        foot,
+        foot.words,
         ha="left",
         va="center",
         color=_FAINT,
         fontsize=_letters(unit, 18),
         parse_math=False,
     )
+    _ruled(figure, arrangement, foot.ruler)
     return figure
+
+
+def _ruled(figure: "Figure", arrangement: Layout, ruler: Ruler) -> None:
+    """The scale bar in the lower right corner, its length before it, and the arrow to the north before that."""
+    from matplotlib.lines import Line2D
+
+    (width, height), unit = arrangement.page, arrangement.unit
+    right, middle, size = width - 20 * unit, 20 * unit / height, _letters(unit, 18)
+    words = ruler.words if ruler.pixels else ""
+    if ruler.pixels:
+        left, tick = right - ruler.pixels, 6 * unit
+        across = [left, left, left, right, right, right]
+        down = [20 * unit + tick, 20 * unit - tick, 20 * unit, 20 * unit, 20 * unit - tick, 20 * unit + tick]
+        places = [x / width for x in across], [y / height for y in down]
+        figure.add_artist(Line2D(*places, color=_INK, linewidth=_points(unit, 2.5), solid_joinstyle="miter"))
+        right = left - 12 * unit
+    text = "       ".join(word for word in ("N ↑" if ruler.north else "", words) if word)
+    if text:
+        figure.text(right / width, middle, text, ha="right", va="center", color=_INK, fontsize=size, parse_math=False)
 
 
 def _letters(unit: float, pixels: float) -> float:
@@ -226,18 +258,23 @@ def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[st
     foot, bar = round(108 * unit), round(20 * unit)
     tall = min(box.height - foot - bar - round(66 * unit), round(260 * unit))
     axes = _axes(figure, arrangement, Box(left, box.bottom + foot + bar, width, tall))
-    words, top = [], 1
+    words, top, peaked = [], 1, False
     for k, (name, part) in enumerate(counted):
         values = part.values[np.isfinite(part.values)].astype(np.float64)
         counts, edges = np.histogram(values, bins=61, range=(scale.low, scale.high))
         if k < len(counted) - 1:
-            axes.stairs(counts, edges, color="#b2182b", linewidth=_points(unit, 2))
+            axes.stairs(counts, edges, baseline=None, color="#b2182b", linewidth=_points(unit, 2), zorder=3)
         else:
             axes.bar(edges[:-1], counts, width=np.diff(edges), align="edge", color="#8d949b", linewidth=0)
+        peaked = peaked or (not scale.names and counts.max() > _PEAK * counts.sum())
         top = max(top, int(counts.max()))
         words.append(f"{name}: {_statistics(values, part.unit)}" if name else _statistics(values, part.unit))
     axes.set_xlim(scale.low, scale.high)
     axes.set_ylim(0, top * 1.04)
+    if peaked:  # one bin would stand alone on what looks like nothing
+        axes.set_yscale("log")
+        axes.set_ylim(_NONE, top**1.04)
+        _beside(axes, arrangement, "counts, logarithmic")
     axes.set_axis_off()
     axes.text(
         0.5,
@@ -253,6 +290,21 @@ def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[st
     bar_axes = _axes(figure, arrangement, Box(left, box.bottom + foot, width, bar))
     _bar(bar_axes, arrangement, scale)
     _ends(bar_axes, arrangement, scale, bar)
+
+
+def _beside(axes: "Axes", arrangement: Layout, words: str) -> None:
+    """Words along the left side of a diagram."""
+    axes.text(
+        -0.02,
+        0.5,
+        words,
+        ha="center",
+        va="center",
+        rotation="vertical",
+        transform=axes.transAxes,
+        fontsize=_letters(arrangement.unit, 18),
+        color=_FAINT,
+    )
 
 
 def _ends(axes: "Axes", arrangement: Layout, scale: Scale, bar: int) -> None:
@@ -275,7 +327,7 @@ def _statistics(values: Array, unit: str) -> str:
     digits = 3 - int(np.floor(np.log10(rms))) if rms > 0 else 0
     numbers = {"rms": rms, "mean": round(float(values.mean()), digits) + 0.0, "largest": float(np.abs(values).max())}
     suffix = f" {unit}" if unit else ""
-    return ",   ".join(f"{name} {number:.3g}{suffix}" for name, number in numbers.items()).replace("-", "−")
+    return ",   ".join(f"{name} {brief(number)}{suffix}" for name, number in numbers.items())
 
 
 def _bar(axes: "Axes", arrangement: Layout, scale: Scale) -> None:

@@ -9,7 +9,8 @@ from meshflow.errors import InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.dress import taken
-from meshflow.view.scale import Scale, symmetric
+from meshflow.view.riding import riding
+from meshflow.view.scale import Scale, ranging, symmetric, together
 
 __all__ = ["Pair", "holes", "paired"]
 
@@ -23,28 +24,38 @@ class Pair:
     :param removed: before minus after, here and in every picture, report and number of this package: positive where
         something was taken away; of a mesh inwards along the normals of ``before``. Its colours are symmetric about 0.
     :param notes: sentences for the user.
+    :param worn: of meshes that differ in a scalar alone: its colours before and after.
     """
 
     before: Noun
     after: Noun
     removed: Scale
     notes: tuple[str, ...]
+    worn: tuple[Scale, Scale] | None = None
 
 
 def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False) -> Pair:
     """Two things that :func:`meshflow.view.dress.taken` recognises, as a pair.
 
-    A grid that comes after is shown with the spacing or the camera of the one before.
+    A grid that comes after is shown with the spacing or the camera of the one before. Of meshes whose points are equal, and
+    whose colours or other vertex attributes are not, these are what is compared, and the notes say so.
 
     :param unit: of what changes; by default the unit that the noun names.
     :param own_colours: meshes come in the colours of their own.
     :raises InputError: for things of different kind, size or triangles.
     """
     (one, first), (other, second) = taken(before, own_colours), taken(after, own_colours)
-    if type(one) is not type(other):
+    if type(one) is not type(other) and not (isinstance(one, Mesh) and isinstance(other, Mesh)):
         kinds = f"before is a {type(one).__name__}, after a {type(other).__name__}"
         raise InputError(f"{kinds}: two things of one kind expected")
     values, what = _removed(one, other)
+    notes, worn = (*first, *second), None
+    if isinstance(one, Mesh) and isinstance(other, Mesh) and (rides := riding(before, after, one, other)):
+        (values, what), notes = rides.removed, (*notes, rides.told)
+        if rides.before.shape[1] in (3, 4):  # colours, or drawn as if they were, where bytes would hold them
+            one, other = rides.worn(one, rides.before), rides.worn(other, rides.after)
+        elif rides.before.shape[1] == 1:
+            worn = together(*(ranging(column[:, 0], rides.name, "") for column in (rides.before, rides.after)))
     if isinstance(one, RangeImage) and isinstance(other, RangeImage):
         other = replace(other, camera=one.camera)
     elif not isinstance(one, (Mesh, RangeImage)) and not isinstance(other, (Mesh, RangeImage)):
@@ -56,7 +67,7 @@ def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False)
         raise InputError("before and after have no sample in common: one is missing wherever the other is there")
     scale = symmetric(values, what, unit, "nothing was removed")
     equal = () if there.any() else ("before and after are equal",)
-    return Pair(one, other, scale, tuple(dict.fromkeys((*first, *second, *equal))))
+    return Pair(one, other, scale, tuple(dict.fromkeys((*notes, *equal))), worn)
 
 
 def holes(noun: HeightField | Image | RangeImage) -> Array:

@@ -62,18 +62,21 @@ def flows(
     at: tuple[float, float] | None = None,
     azimuth: float = 315.0,
     altitude: float = 40.0,
+    overwrite: bool = False,
 ) -> Pictured:
     """Draw surfaces side by side, shaded flat in one light, and below each row the same place of each close up.
 
     The close-up shows the rim of each surface in red and that of the first one, before it moved, in blue.
 
     :param panels: as :meth:`meshflow.study.FlowComparison.panels` gives them, the first one before it moved.
-    :param path: the picture to write (.png, .jpg, .tif), in place of one that is there.
+    :param path: the picture to write (.png, .jpg, .tif).
     :param at: column and row of the close-up; by default where the rims have moved farthest.
+    :param overwrite: replace a file that is there.
     :raises InputError: for no panel, or one without a triangle.
-    :raises FormatError: for a path that cannot be written, or an extension that is no picture's.
+    :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that is there and is not
+        to be replaced.
     """
-    target = writable(path)
+    target = writable(path, overwrite=overwrite)
     assert target is not None
     if len(panels) == 0 or any(len(panel.faces) == 0 for panel in panels):
         raise InputError("flows: panels with at least one triangle each expected; take those of compare_flows(...)")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import Array
-from meshflow.io.replace import beside
+from meshflow.io.replace import beside, must_be_free
 from meshflow.view import page, scene
 from meshflow.view.frames import ANIMATED, Frames
 from meshflow.view.look import Looks, looking
@@ -65,6 +65,7 @@ def compare(
     contrast: float = 1.0,
     labels: tuple[str, str] = ("before", "after"),
     how: How | None = None,
+    overwrite: bool = False,
     **look: Unpack[Looks],
 ) -> Pictured:
     """Show a thing before and after in the same light, and what was removed.
@@ -76,7 +77,7 @@ def compare(
 
     :param before: a noun, a :class:`meshflow.Document`, or anything that :func:`meshflow.io.adopt.adopt` recognises.
     :param after: the same kind of thing on the same samples.
-    :param path: the picture to write (.png, .jpg, .tif; to blink .gif or .png), in place of one that is there; None: a window.
+    :param path: the picture to write (.png, .jpg, .tif; to blink .gif or .png); None: a window.
     :param quantity: ``removed``; or before and after in the colours of their ``curvature``, ``edges``, ``triangles`` or
         ``samples`` (:func:`meshflow.view.measured`), one scale for both.
     :param arrange: ``beside`` each other; ``wipe``: one view, before to the left of a divider (that a window lets you drag)
@@ -86,14 +87,16 @@ def compare(
     :param contrast: length per unit of the values, for ``edges``.
     :param labels: what the two are, where they are not before and after.
     :param how: ``pyvista`` or ``relief``; by default VTK where it can draw, and images always as images.
+    :param overwrite: replace a file that is there.
     :param look: the fields of :class:`meshflow.view.Look`: light, exaggeration, side, size, title, colours.
     :raises InputError: for two things that cannot be compared, nothing to draw, options that make no sense, or a window
         where there is no display.
-    :raises FormatError: for a path that cannot be written, or an extension that is no picture's.
+    :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that is there and is not
+        to be replaced.
     :raises MissingPackage: for a mesh, or a window, where VTK cannot draw.
     """
     at, seen = divided(at), looking(**look)
-    target = writable(path, ANIMATED if arrange == "blink" else _FORMATS)
+    target = writable(path, ANIMATED if arrange == "blink" else _FORMATS, overwrite)
     sight = of_two(before, after, seen, how, target is None, arrange, unit, quantity, contrast, labels)
     if target is None:
         return _opened(sight, arrange, at)
@@ -113,6 +116,7 @@ def show(
     unit: str | None = None,
     contrast: float = 1.0,
     how: How | None = None,
+    overwrite: bool = False,
     **look: Unpack[Looks],
 ) -> Pictured:
     """Show one thing in a window, or as a picture.
@@ -124,14 +128,14 @@ def show(
 
     Everything else, and what is raised, as in :func:`compare`.
     """
-    seen, target = looking(**look), writable(path, _FORMATS)
+    seen, target = looking(**look), writable(path, _FORMATS, overwrite)
     sight = of_one(thing, seen, how, target is None, unit, scalars, quantity, contrast)
     if target is None:
         return _opened(sight, "beside", 0.5)
     plan = page.layout(seen, sight.aspect, panels=1)
     scale = sight.counted[0][1] if sight.counted else None
     picture = sight.picture(0, plan.panels[0].size)
-    _save(page.single_page(plan, picture, scale, seen, sight.stage.foot(), sight.pixel), target)
+    _save(page.single_page(plan, picture, scale, seen, sight.foot(plan.panels[0].size, plan.unit), sight.pixel), target)
     return Pictured(target, sight.stage.how, sight.notes)
 
 
@@ -166,8 +170,12 @@ def plotter(
     return _plotted(sight, arrange, at, off_screen)
 
 
-def writable(path: str | Path | None, formats: tuple[str, ...] = _FORMATS) -> Path | None:
-    """A path to write to, or None for a window that can be opened: asked before anything is drawn."""
+def writable(path: str | Path | None, formats: tuple[str, ...] = _FORMATS, overwrite: bool = False) -> Path | None:
+    """A path to write to, or None for a window that can be opened: asked before anything is drawn.
+
+    :raises InputError: for a window where there is no display.
+    :raises FormatError: for a path that cannot be written, or must not.
+    """
     if path is None:
         if not displayed():
             raise InputError(
@@ -183,6 +191,7 @@ def writable(path: str | Path | None, formats: tuple[str, ...] = _FORMATS) -> Pa
         raise FormatError(f"{target}: is a folder; name a file in it")
     if not target.parent.is_dir():
         raise FormatError(f"{target}: the folder {target.parent} is not there; make it first")
+    must_be_free(target, overwrite)
     return target
 
 
@@ -207,7 +216,9 @@ def _beside(sight: Sight) -> "Figure":
     """All panels, with a histogram of what is counted."""
     plan = page.layout(sight.look, sight.aspect, len(sight.shown))
     drawn = [(one.label, sight.picture(k, plan.panels[k].size)) for k, one in enumerate(sight.shown)]
-    return page.compared_page(plan, drawn, sight.counted, sight.look, sight.stage.foot(), sight.pixel)
+    return page.compared_page(
+        plan, drawn, sight.counted, sight.look, sight.foot(plan.panels[0].size, plan.unit), sight.pixel
+    )
 
 
 def _wiped(sight: Sight, at: float) -> "Figure":
@@ -231,7 +242,9 @@ def _blinked(sight: Sight, target: Path) -> None:
 
 def _single(sight: Sight, plan: page.Layout, picture: Array, labels: tuple[str, ...], at: float = 0.5) -> "Figure":
     scale = sight.counted[-1][1] if sight.counted else None
-    return page.single_page(plan, picture, scale, sight.look, sight.stage.foot(), sight.pixel, labels, at)
+    return page.single_page(
+        plan, picture, scale, sight.look, sight.foot(plan.panels[0].size, plan.unit), sight.pixel, labels, at
+    )
 
 
 def _save(figure: "Figure", target: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from meshflow.errors import FormatError
 from meshflow.geometry.gates import Array
-from meshflow.io.replace import beside
+from meshflow.io.replace import beside, must_be_free
 from meshflow.view.charts import FAINT, INK, LETTERS, Chart, bar, blank, png
 from meshflow.view.findings import Findings, Panel, Run, found
 
@@ -92,10 +92,7 @@ def writable(path: str | Path, overwrite: bool) -> Path:
         raise FormatError(f"{target}: is a folder; name a file in it")
     if not target.parent.is_dir():
         raise FormatError(f"{target}: the folder {target.parent} is not there; make it first")
-    if target.exists() and not overwrite:
-        raise FormatError(
-            f"{target} exists; name another file, or overwrite it on purpose (--overwrite, overwrite=True)"
-        )
+    must_be_free(target, overwrite)
     return target
 
 

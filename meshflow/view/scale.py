@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,11 +12,14 @@ from meshflow.geometry.gates import Array
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
-__all__ = ["Scale", "known_colours", "ranging", "spread", "symmetric", "together"]
+__all__ = ["Scale", "known_colours", "ranging", "showing_both", "spread", "symmetric", "together"]
 
 _ENDS = 99.0  # percentile of the size at which colours end: outliers do not bleach the rest
 # Two-sided values are red above and blue below 0, one-sided ones as bright as they are large, to every eye alike.
 _TWO_SIDED, _ONE_SIDED = "RdBu_r", "viridis"
+_BENT = 1023  # colours of a bent map, which changes fast about 0; one of them is that of 0
+_PALE = 0.12  # share of the way to the last colour below which colours cannot be told from that of 0
+_SEEN = 0.25  # and the share that what is typical then is to have gone
 _KINDS = ("#eae3d6", "#2b6cb0", "#c2410c", "#7a8088")  # of categories, in their order
 
 
@@ -33,6 +36,8 @@ class Scale:
     :param ends: why the colours end where they do, a sentence; may be empty.
     :param names: of categories: the values are whole numbers, 0 the first of these.
     :param of_triangles: the values are those of the triangles of a mesh.
+    :param bend: colours go with the inverse hyperbolic sine of the values, evenly up to about this share of the largest: more of
+        them stand for what is small. None: evenly all the way.
     """
 
     values: Array
@@ -44,6 +49,7 @@ class Scale:
     ends: str = ""
     names: tuple[str, ...] = ()
     of_triangles: bool = False
+    bend: float | None = None
 
     @property
     def label(self) -> str:
@@ -56,7 +62,15 @@ class Scale:
         from matplotlib import colormaps
         from matplotlib.colors import ListedColormap
 
-        return ListedColormap(_KINDS[: len(self.names)]) if self.names else colormaps[self.colours]
+        if self.names:
+            return ListedColormap(_KINDS[: len(self.names)])
+        if self.bend is None:
+            return colormaps[self.colours]
+        # The map is bent, not the values: bars, histograms and VTK keep their even axes.
+        values = np.linspace(self.low, self.high, _BENT)
+        far = max(abs(self.low), abs(self.high))
+        bent = np.arcsinh(values / far / self.bend)
+        return ListedColormap(colormaps[self.colours]((bent - bent[0]) / (bent[-1] - bent[0])))
 
     def thinned(self, step: int) -> "Scale":
         """Every ``step``-th value of a grid."""
@@ -112,7 +126,28 @@ def ranging(values: Array, what: str, unit: str, ends: tuple[float, float] | Non
 
 
 def together(one: Scale, other: Scale) -> tuple[Scale, Scale]:
-    """Two scales with the colours of both: none saturates more than it did alone."""
+    """Two scales with the colours of both: none saturates more than it did alone; two-sided ones, if one of them is."""
     low, high = min(one.low, other.low), max(one.high, other.high)
     ends = one.ends if one.high >= other.high else other.ends
-    return replace(one, low=low, high=high, ends=ends), replace(other, low=low, high=high, ends=ends)
+    colours = one.colours
+    if one.colours != other.colours:  # values of one are of either sign, those of the other are not
+        colours, high = one.colours if one.low < other.low else other.colours, max(-low, high)
+        low = -high
+    common: dict[str, Any] = {"low": low, "high": high, "ends": ends, "colours": colours}
+    return replace(one, **common), replace(other, **common)
+
+
+def showing_both(one: Scale, other: Scale) -> tuple[Scale, Scale]:
+    """Two scales as :func:`together`, bent where what is typical of one would be as pale as 0 beside the other.
+
+    As of curvature, of which noise has ten times as much as what is left.
+    """
+    one, other = together(one, other)
+    far = max(abs(one.low), abs(one.high))
+    typical = min(float(np.nanmedian(np.abs(scale.values))) for scale in (one, other)) / far
+    if not 0 < typical < _PALE:
+        return one, other
+    bends = np.geomspace(1e-3, 1.0, 200)
+    bend = float(bends[np.abs(np.arcsinh(typical / bends) / np.arcsinh(1 / bends) - _SEEN).argmin()])
+    ends = "; ".join(filter(None, (one.ends, "more colours near 0, so that both are seen")))
+    return replace(one, bend=bend, ends=ends), replace(other, bend=bend, ends=ends)

@@ -30,11 +30,12 @@ class Screen:
     :param first: the start of a flow.
     :param last: its end: frame and colours hold both.
     :param off_screen: draw without a window.
+    :param column: beside the body there is room for a column, as :func:`meshflow.view.scene.single` has it.
     :raises InputError: where there is nothing to draw.
     :raises MissingPackage: where VTK cannot draw.
     """
 
-    def __init__(self, first: Noun, last: Noun, look: Look, off_screen: bool) -> None:
+    def __init__(self, first: Noun, last: Noun, look: Look, off_screen: bool, *, column: bool = False) -> None:
         answer = rendering()
         if not answer.works:
             raise MissingPackage(f"states are drawn by VTK alone: {answer.why}")
@@ -45,7 +46,7 @@ class Screen:
                 "a window needs a display, and there is none that VTK can draw on: view it in a browser (--web, way='browser') "
                 "or write a page (--export, way='page')"
             )
-        self._first, self._look = first, look
+        self._first, self._look, self._column = first, look, column
         self._colouring: Colouring = "surface"
         seen = raised(first, look.seen)
         self._step, self._exaggeration, self.notes = drawable(seen, look, SAMPLES)
@@ -54,7 +55,7 @@ class Screen:
         body, end = self._body(first), self._body(last)
         body = replace(body, view=body.view.framing(body.points, end.points))
         self._scale = self._removed(last)
-        self.plotter = scene.single(body, look, off_screen)
+        self.plotter = scene.single(body, look, off_screen, column=column)
         self._surface: Any = self._drawn(body, None)
 
     def recoloured(self, last: Noun) -> None:
@@ -68,9 +69,11 @@ class Screen:
             values = self._removed(noun).values
             scale = replace(self._scale, values=values)
         held, worn = self._surface, self._surface.active_scalars_name
-        same = colouring == self._colouring and body.colours is None
-        if same and len(held.points) == len(body.points) and held.n_cells == len(body.faces):
-            held.points = body.points  # the triangles are on the graphics card already
+        textured = scale is None and body.texture is not None
+        same = colouring == self._colouring and (scale is not None or textured or body.colours is None)
+        places = body.corners if textured else body.points
+        if same and len(held.points) == len(places) and held.n_cells == len(body.faces):
+            held.points = places  # the triangles are on the graphics card already
             if scale is not None and worn is not None:
                 held.point_data[worn] = scale.values.ravel()[body.samples]
         else:
@@ -83,7 +86,7 @@ class Screen:
         return np.asarray(self.plotter.screenshot(None, return_img=True))[..., :3]
 
     def _drawn(self, body: Body, scale: Scale | None) -> Any:
-        actor = scene.added(self.plotter, body, scale, "state")
+        actor = scene.added(self.plotter, body, scale, "state", below=self._column)
         return actor.mapper.dataset
 
     def _body(self, noun: Noun) -> Body:

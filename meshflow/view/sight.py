@@ -12,9 +12,11 @@ from meshflow.geometry.lift import Mesh, Noun
 from meshflow.view.bodies import Body, raised
 from meshflow.view.dress import taken
 from meshflow.view.look import Look
+from meshflow.view.page import Foot
 from meshflow.view.pair import holes, paired
 from meshflow.view.quantity import Quantity, measured
-from meshflow.view.scale import Scale, ranging, together
+from meshflow.view.ruler import Ground, grounded, ruled
+from meshflow.view.scale import Scale, ranging, showing_both, together
 from meshflow.view.stage import How, Stage, staged
 
 __all__ = ["Arrange", "Removed", "Shown", "Sight", "of_one", "of_two"]
@@ -41,6 +43,7 @@ class Shown:
 class Sight:
     """All panels of a picture or a window.
 
+    :ivar ground: the unit of lengths, and whether it is the raster of a map.
     :ivar counted: names and scales of what a histogram counts, from all of the data; none where colours stand for no values.
     :ivar notes: sentences for the user.
     """
@@ -50,6 +53,17 @@ class Sight:
     shown: tuple[Shown, ...]
     counted: tuple[tuple[str, Scale], ...]
     notes: tuple[str, ...]
+    ground: Ground = Ground()
+
+    def foot(self, size: tuple[int, int], unit: float) -> Foot:
+        """What stands below a page whose panels have that size in pixels.
+
+        :param unit: pixels of this page for one of a page of 1600 x 1200.
+        """
+        one = self.shown[0]
+        length = self.stage.length(one.noun, one.body, size)
+        mapped = self.stage.how == "relief" or self.look.seen == "front"
+        return Foot(self.stage.foot(), ruled(length, self.ground.unit, unit, self.ground.north and mapped))
 
     def picture(self, panel: int, size: tuple[int, int]) -> Array:
         """A panel as a picture (h, w, 3) in uint8: of that size from VTK, a pixel for each sample as a relief."""
@@ -92,8 +106,13 @@ def of_two(
     counted: tuple[tuple[str, Scale], ...] = ()
     if quantity != "removed":
         one, other = (measured(noun, quantity, contrast).wearing(look.colours) for noun in nouns)
-        scales = one, other = together(one, other)
+        scales = one, other = (showing_both if quantity == "curvature" else together)(one, other)
         counted = (labels[0], one), (labels[1], other)
+    elif pair.worn is not None:
+        one, other = pair.worn
+        scales = one.wearing(look.colours), other.wearing(look.colours)
+        before_label, after_label = (f"{label}: {one.what}, {one.low:.3g} to {one.high:.3g}" for label in labels)
+        labels = before_label, after_label  # their colours are not those of the bar
     seen = raised(pair.before, look.seen), raised(pair.after, look.seen)
     stage = staged(seen, look, _how(seen[0], how, quantity, window), window)
     bodies = stage.bodies(*seen)
@@ -105,7 +124,7 @@ def of_two(
         removed = pair.removed.wearing(look.colours)
         panels = (*panels, Shown("removed", seen[1], bodies[1], removed.thinned(stage.step)))
         counted = (("", removed),)
-    return Sight(look, stage, panels, counted, (*pair.notes, *stage.notes))
+    return Sight(look, stage, panels, counted, (*pair.notes, *stage.notes), grounded(before, pair.before))
 
 
 def of_one(
@@ -138,7 +157,8 @@ def of_one(
     stage = staged((seen,), look, _how(seen, how, quantity, window), window)
     (body,) = stage.bodies(seen)
     shown = Shown("", seen, body, None if scale is None else scale.thinned(stage.step))
-    return Sight(look, stage, (shown,), () if scale is None else (("", scale),), (*notes, *stage.notes))
+    counted = () if scale is None else (("", scale),)
+    return Sight(look, stage, (shown,), counted, (*notes, *stage.notes), grounded(thing, noun))
 
 
 def _how(noun: Noun, how: How | None, quantity: Quantity | Removed | None, window: bool) -> How | None:

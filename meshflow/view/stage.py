@@ -78,6 +78,16 @@ class Stage:
             return float(noun.spacing[1] / np.mean(noun.spacing[0]))
         return 1.0
 
+    def length(self, noun: Noun, body: Body, size: tuple[int, int]) -> float | None:
+        """What a pixel of a panel of that size is long across the view; None where that depends on the place, or is no length."""
+        if isinstance(noun, Image) or body.view.pinhole:
+            return None
+        if self.how == "pyvista":
+            return scene.length(body, size)
+        assert isinstance(noun, HeightField)
+        h, w = self._grid(noun)
+        return float(np.mean(noun.spacing[0])) * self.step / min(size[0] / w, size[1] / (h * self.pixel(noun)))
+
     def foot(self) -> str:
         """The line below the picture."""
         return ",  ".join(self.caption)

@@ -38,18 +38,20 @@ def coarse(body: Body, cells: int = _CELLS) -> Body:
         samples=body.samples[first],
         triangles=kept if body.triangles is None else body.triangles[kept],
         colours=None if body.colours is None else body.colours[first],
+        texture=None if body.texture is None else body.texture.of(kept),
     )
 
 
 class Turning:
     """What is drawn at rest, and what while the window is turned.
 
+    :ivar fine: at rest.
     :param plotter: whose interaction is watched.
     :param pairs: actors, of which the fine ones are seen at rest, and the coarse ones while it turns.
     """
 
     def __init__(self, plotter: "pv.Plotter", pairs: list[tuple[Any, Any]]) -> None:
-        self.pairs, self.plotter = pairs, plotter
+        self.pairs, self.plotter, self.fine = pairs, plotter, True
         self.rest()
         style = plotter.iren
         if style is not None:
@@ -65,6 +67,7 @@ class Turning:
         self._show(fine=True)
 
     def _show(self, *, fine: bool) -> None:
+        self.fine = fine
         window: Any = self.plotter
         if fine:
             window.enable_anti_aliasing("ssaa", all_renderers=True)

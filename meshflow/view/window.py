@@ -1,12 +1,12 @@
-"""The viewer as a window of VTK: a slider over the states, knobs at its side, and another thread that computes what is turned."""
+"""The viewer as a window of VTK: a body, a slider over its states; curves, knobs, and what another thread does beside it."""
 
-from collections.abc import Callable
 from contextlib import closing
-from threading import Thread
 from typing import Any
 
-from meshflow.errors import InputError
-from meshflow.view.curves import told
+from meshflow.geometry.lift import Noun
+from meshflow.view.background import Background, Gone
+from meshflow.view.column import Column
+from meshflow.view.curves import across, told
 from meshflow.view.dials import Dials
 from meshflow.view.look import Look
 from meshflow.view.screen import Colouring, Screen
@@ -14,14 +14,18 @@ from meshflow.view.timeline import Timeline
 
 __all__ = ["Window"]
 
-POLL = 100  # milliseconds after which the window looks whether a run has ended
-HINT = "r: what was removed    s: save this state    c: print the command    q: close"
+POLL = 100  # milliseconds after which the window looks what has become of the work in the other thread
+HINT = "r: what was removed, s: save this state, c: the command that makes it, q: close"
+_DOING = {"run": "computing", "state": "computing this state again", "save": "saving"}
 
 
 class Window:
-    """A window that shows a timeline.
+    """A window that shows a timeline. Nothing that takes long is done in its own thread.
 
     :ivar screen: what is drawn.
+    :ivar column: what stands beside it.
+    :ivar index: of the state that the slider is at.
+    :ivar message: what is to be said: an error, where a state was saved, the command.
     :param dials: what can be turned.
     :param off_screen: draw without a window, for tests and pictures.
     :raises InputError: where there is no display.
@@ -30,13 +34,15 @@ class Window:
 
     def __init__(self, dials: Dials, timeline: Timeline, look: Look, off_screen: bool = False) -> None:
         self.dials, self.timeline = dials, timeline
-        self.screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), look, off_screen)
-        self.index, self.colouring = len(timeline) - 1, "surface"
-        self._values = {control["name"]: control["value"] for control in dials.controls() if "items" not in control}
-        self._wanted, self._running = 0, False
-        self._share, self._message = 0.0, ""
-        self._ready: tuple[int, Timeline | None, str] | None = None
-        self._sliders()
+        self.screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), look, off_screen, column=True)
+        self.column = Column(self.screen.plotter)
+        self.index, self.message = len(timeline) - 1, ""
+        self._colouring: Colouring = "surface"
+        self._work = Background()
+        self._values: dict[str, Any] = {}
+        self._knobs()
+        self.column.plot(timeline)
+        self._slider = self.column.slide_states(len(timeline) - 1, self.index, self.move)
         self.move(self.index)
 
     def show(self) -> None:
@@ -47,111 +53,88 @@ class Window:
             plotter.add_key_event(key, done)
         with closing(plotter):
             plotter.show(auto_close=False)
-        self._wanted += 1
+        self._work.leave()
 
     def move(self, index: float) -> None:
-        """To another state."""
+        """To another state; one that is not in memory is computed again, and what was seen stays until then."""
         self.index = min(max(round(index), 0), len(self.timeline) - 1)
-        colouring: Colouring = "removed" if self.colouring == "removed" else "surface"
-        self.screen.show(self.timeline.at(self.index), colouring)
+        self.column.mark_at(float(across(self.timeline)[self.index]))
+        if self.index in self.timeline.kept:
+            self._seen(self.index, self.timeline.at(self.index))
+            return
+        timeline, wanted = self.timeline, self.index
+        self._work.ask(
+            "state", lambda _: timeline.at(wanted), lambda noun: self._again(timeline, wanted, noun), self._failed
+        )
         self._say()
 
     def recolour(self) -> None:
         """The surface as it is, or in the colours of what was removed."""
-        self.colouring = "surface" if self.colouring == "removed" else "removed"
+        self._colouring = "surface" if self._colouring == "removed" else "removed"
         self.move(self.index)
 
-    def turn(self, name: str, value: float) -> None:
+    def turn(self, name: str, value: Any) -> None:
         """A knob stands elsewhere: what is computed is left, and another run begins."""
         if value == self._values[name]:
             return
         self._values = {**self._values, name: value}
-        self._wanted += 1
-        if not self._running:
-            self._begin()
-
-    def poll(self) -> None:
-        """Show what another thread has computed, or how far it is."""
-        if self._ready is None:
-            if self._running:
-                self._say()
-            return
-        (wanted, timeline, message), self._ready = self._ready, None
-        self._running, self._message = False, message
-        if wanted != self._wanted:
-            self._begin()
-        elif timeline is not None:
-            self.timeline = timeline
-            self.screen.recoloured(timeline.at(len(timeline) - 1))
-            self.move(self.index)
+        values = dict(self._values)
+        self._work.ask("run", lambda gone: self._ran(values, gone), self._arrived, self._failed)
         self._say()
 
+    def poll(self) -> None:
+        """Show what the other thread has done, or how far it is."""
+        busy = bool(self._work.kind)
+        self._work.poll()
+        if busy:
+            self._say()
+
     def save(self) -> None:
-        """Write the state that is shown."""
-        try:
-            self._message = self.dials.save(self.timeline.moments[self.index].time)
-        except (InputError, OSError) as cause:
-            self._message = str(cause)
+        """Write the state that the slider is at."""
+        time = self.timeline.moments[self.index].time
+        self._work.ask("save", lambda _: self.dials.save(time), self._failed, self._failed)
         self._say()
 
     def command(self) -> None:
         """Show the command line that makes this state."""
-        self._message = self.dials.command(self.timeline.moments[self.index].time)
+        self.message = self.dials.command(self.timeline.moments[self.index].time)
         self._say()
 
-    def _begin(self) -> None:
-        self._running, self._share = True, 0.0
-        Thread(target=self._run, args=(self._wanted, dict(self._values)), daemon=True).start()
+    def _ran(self, values: dict[str, Any], gone: Gone) -> Timeline | None:
+        return self.dials.run(values, gone)
 
-    def _run(self, wanted: int, values: dict[str, Any]) -> None:
-        def gone(share: float) -> bool:
-            self._share = share
-            return wanted != self._wanted
+    def _arrived(self, timeline: Timeline | None) -> None:
+        """The states of another run; another method has other knobs."""
+        if timeline is None:
+            return
+        self.timeline, self.message = timeline, ""
+        self.screen.recoloured(timeline.at(len(timeline) - 1))
+        self.column.plot(timeline)
+        if {control["name"] for control in self.dials.controls()} != set(self._values):
+            self._knobs()
+        self.move(self.index)
 
-        timeline, message = None, ""
-        try:
-            timeline = self.dials.run(values, gone)
-        except (InputError, RuntimeError) as cause:
-            message = str(cause)
-        self._ready = (wanted, timeline, message)
+    def _again(self, timeline: Timeline, index: int, noun: Noun) -> None:
+        """A state that was computed again; shown, if it is still wanted."""
+        if timeline is self.timeline and index == self.index:
+            self._seen(index, noun)
+
+    def _seen(self, index: int, noun: Noun) -> None:
+        self.screen.show(noun, self._colouring)
+        self._say()
+
+    def _failed(self, message: str) -> None:
+        self.message = message
+        self._say()
+
+    def _knobs(self) -> None:
+        controls = self.dials.controls()
+        self._values = {control["name"]: control["value"] for control in controls}
+        self.column.turn_knobs(controls, self.turn)
 
     def _say(self) -> None:
-        busy = f"computing, {100 * self._share:.0f} %" if self._running else self._message
-        lines = "\n".join(line for line in (told(self.timeline, self.index), busy, HINT) if line)
-        self.screen.plotter.add_text(lines, position="upper_left", font_size=9, color="black", name="told")
-
-    def _sliders(self) -> None:
-        self._slider(
-            self.move,
-            rng=(0, len(self.timeline) - 1),
-            value=self.index,
-            title="state",
-            pointa=(0.3, 0.06),
-            pointb=(0.97, 0.06),
-            fmt="%.0f",
-            interaction_event="always",
-        )
-        for k, control in enumerate(c for c in self.dials.controls() if "items" not in c):
-            height = 0.06 + 0.12 * k
-            self._slider(
-                lambda value, name=control["name"]: self.turn(name, value),
-                rng=(control["low"], control["high"]),
-                value=control["value"],
-                title=control["label"],
-                pointa=(0.02, height),
-                pointb=(0.2, height),
-                fmt="%.3g",
-                interaction_event="end",
-            )
-
-    def _slider(self, moved: Callable[[float], None], **options: Any) -> None:
-        """A slider that takes little room: title and value stand apart, in small letters."""
-        plotter: Any = self.screen.plotter
-        widget = plotter.add_slider_widget(
-            moved, title_height=0.016, color="#26282b", slider_width=0.016, tube_width=0.002, **options
-        )
-        shown = widget.GetRepresentation()
-        shown.SetLabelHeight(0.016)
-        shown.SetSliderLength(0.012)
-        shown.SetEndCapLength(0.003)
-        shown.SetEndCapWidth(0.012)
+        kind = self._work.kind
+        self.column.busy(self._work.share if kind else None)
+        doing = f"{_DOING[kind]}, {100 * self._work.share:.0f} %" if kind == "run" else _DOING.get(kind, "")
+        self.column.say(*told(self.timeline, self.index).split(", "), HINT, doing or self.message)
+        self.screen.plotter.render()

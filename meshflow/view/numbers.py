@@ -1,0 +1,30 @@
+"""Numbers as people read them: in full, and none with an exponent of the kind that programs write."""
+
+import numpy as np
+
+__all__ = ["brief", "plain"]
+
+_POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_FULL = (1e-3, 1e6)  # what lies between is written in full
+
+
+def brief(value: float) -> str:
+    """A number in three digits, without zeros at its end; with a power of ten where in full it would be long."""
+    short = f"{value:.3g}"
+    return plain(value) if "e" in short else short.replace("-", "−")
+
+
+def plain(value: float, largest: float | None = None, digits: int = 3) -> str:
+    """A number in full: 2540, not 2.54e+03; what would be longer than that as a multiple of a power of ten: 1.02 × 10⁻⁶.
+
+    :param largest: of the numbers that stand one after the other: all but 0 have its decimals, and none jumps. None: its own.
+    :param digits: of the largest; of a whole number all.
+    """
+    most = abs(value if largest is None else largest)
+    if not np.isfinite(value) or not np.isfinite(most) or value == 0 or most == 0:
+        return f"{value:g}"
+    power = int(np.floor(np.log10(most) + 1e-12))
+    factor = 0 if _FULL[0] <= most < _FULL[1] else 3 * (power // 3)
+    decimals = max(digits - 1 - (power - factor), 0)
+    shown = f"{value / 10.0**factor:.{decimals}f}".replace("-", "−")
+    return f"{shown} × 10{str(factor).translate(_POWERS)}" if factor else shown

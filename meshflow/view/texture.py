@@ -1,0 +1,62 @@
+"""Pictures that a mesh wears: numpy only, but for reading one from trimesh."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from meshflow.geometry.gates import Array
+from meshflow.geometry.lift import Mesh
+
+__all__ = ["Texture", "Textured", "image_of", "texture_of"]
+
+_BLANK = (2, 2)  # the size of the picture that trimesh puts in where the one that is named is not there
+_NEAR = 1e-5  # of the size of a mesh: formats keep six digits
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A picture, and where in it each corner of each triangle lies: seams need no vertices of their own.
+
+    :param picture: (h, w, 3) in uint8, the top row first.
+    :param corners: (m, 3, 2), to the right and upwards from the lower left, in sizes of the picture; beyond 0 to 1 it repeats.
+    """
+
+    picture: Array
+    corners: Array
+
+    def of(self, triangles: Array) -> "Texture":
+        """That of some of the triangles, in their order."""
+        return Texture(self.picture, self.corners[triangles])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Textured(Mesh):
+    """A mesh that keeps its texture on every way that changes its points or channels, and not its triangles.
+
+    :param texture: of its triangles; None: it has none.
+    """
+
+    texture: Texture | None = None
+
+
+def image_of(visual: Any) -> Any:
+    """The picture (PIL) of the material of a trimesh visual, or None."""
+    material = getattr(visual, "material", None)
+    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    return None if image is None or image.size == _BLANK else image
+
+
+def texture_of(mesh: Any, noun: Mesh) -> Texture | None:
+    """The texture of a ``trimesh.Trimesh`` on the triangles of its noun.
+
+    None where there is none, or where the triangles of the two are not one by one in the same place.
+    """
+    image, uv = image_of(mesh.visual), getattr(mesh.visual, "uv", None)
+    faces = np.asarray(mesh.faces)
+    if image is None or uv is None or len(uv) != len(mesh.vertices) or faces.shape != noun.faces.shape:
+        return None
+    places, there = np.asarray(mesh.vertices)[faces], noun.points[noun.faces][..., :3]
+    if np.abs(places - there).max() > _NEAR * float(np.ptp(there, axis=(0, 1)).max()):
+        return None
+    return Texture(np.asarray(image.convert("RGB")), np.asarray(uv, dtype=np.float64)[faces])
