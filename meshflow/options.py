@@ -28,7 +28,10 @@ INPUT, FLOW, STOP, HOLD, OUTPUT, LOOK = (
     "What is written",
     "How it looks",
 )
-FILES = "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK; PNG, JPEG; .npy, .npz."
+FILES = (
+    "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK, VTM; PNG, JPEG; "
+    ".npy, .npz."
+)
 In = Annotated[Path, typer.Argument(metavar="IN", help=FILES)]
 Out = Annotated[Path, typer.Argument(metavar="OUT", help="Where to write; the extension names the format.")]
 Other = Annotated[Path, typer.Argument(metavar="OTHER", help="The same kind of thing on the same samples.")]

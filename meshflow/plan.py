@@ -103,7 +103,8 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     if settings.confidence is not None:
         trust_of(settings.confidence, shape, n, 1.0)
     if _still(noun):  # nothing to search for
-        plan = replace(bare(noun, replace(settings, contrast=None), noise), idle=HELD)
+        member = None if settings.method in get_args(MotionName) else settings.method
+        plan = replace(bare(noun, replace(settings, contrast=None, method=member), noise), idle=HELD)
     elif isinstance(noun, RangeImage):
         plan = along_rays(noun, settings, noise, why)
     elif isinstance(noun, Mesh) and noun.moves != "channels":

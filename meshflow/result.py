@@ -66,6 +66,11 @@ class Result:
     version: str
 
     @property
+    def parts(self) -> dict[str, "Result"]:
+        """None: it is of one thing. Those of several are :class:`meshflow.Results`."""
+        return {}
+
+    @property
     def removed(self) -> Array:
         """The method noise: what was there less what is there now, in the shape of the data; zero where samples are missing."""
         return self._removed

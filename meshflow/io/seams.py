@@ -15,7 +15,12 @@ from meshflow.geometry.gates import Array, mask_of, real
 from meshflow.geometry.lift import Mesh
 from meshflow.io.hints import Found, looked_up
 
-__all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after"]
+__all__ = ["Section", "Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
+
+# A mesh of a file of several: its name, and its vertices in the noun.
+Section = tuple[str, Array]
+# Names of parts that a sentence lists.
+LISTED = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +144,13 @@ def joined(points: Array, groups: Array | None = None) -> tuple[Array, Array]:
 def is_soup(faces: Array, n: int) -> bool:
     """Whether every corner of every triangle has a vertex of its own: nothing is connected to anything."""
     return len(faces) > 1 and faces.size == n and len(np.unique(faces)) == n
+
+
+def said_of(sections: tuple[Section, ...]) -> tuple[str, ...]:
+    """A sentence where there are several parts."""
+    names = ", ".join(name for name, _ in sections[:LISTED])
+    more = f" and {len(sections) - LISTED} more" if len(sections) > LISTED else ""
+    return (f"{len(sections)} parts: {names}{more}",) if sections else ()
 
 
 def fitted(values: Array, kind: np.dtype[Any]) -> Array:

@@ -11,7 +11,7 @@ from meshflow.geometry.lift import Mesh, Noun
 from meshflow.io.adopt import adopt
 from meshflow.io.files import Document
 
-__all__ = ["taken"]
+__all__ = ["flowing_together", "taken"]
 
 
 def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]:
@@ -37,6 +37,15 @@ def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]
     if colours is None:
         raise InputError("own_colours: the mesh has neither colours of its vertices nor a texture; leave it out")
     return replace(noun, channels=colours, moves="points"), notes
+
+
+def flowing_together(thing: Any) -> tuple[str, ...]:
+    """A sentence where the parts of a file are shown in one flow."""
+    if isinstance(thing, Document) and thing.sections:
+        return (
+            "all parts flow together here, with one noise, way and time; meshflow smooth takes each as if it were alone",
+        )
+    return ()
 
 
 def _colours(thing: Any, noun: Mesh) -> Array | None:
