@@ -29,7 +29,7 @@ from meshflow.geometry.intrinsic import (
 from meshflow.geometry.member import Member
 from meshflow.geometry.surface import Axes, Rays, Surface
 
-__all__ = ["MeshFlow", "MeshSystem"]
+__all__ = ["MeshFlow", "Metric", "MeshSystem"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class _Sheet:
 
 
 @dataclass(frozen=True, eq=False)
-class _Metric:
+class Metric:
     """The surface at one moment, by its triangles or others of the same surface: cotangents (m, 3), areas (m,), mass (n,)."""
 
     connectivity: Connectivity
@@ -163,7 +163,8 @@ class MeshFlow(Dense):
         sheet = self._sheets[turn % len(self._sheets)]
         x = self._moving(u)
         metric = self._measured(sheet, x)
-        gradient = operator.gather_gradient(metric.connectivity, metric.cot, x, self.surface.boundary == "linear")
+        cot = self._drawn(metric, x)
+        gradient = operator.gather_gradient(metric.connectivity, cot, x, self.surface.boundary == "linear")
         pull, inertia = self._along(gradient), self._inertia(sheet, x, metric, gradient)
         moves = self._moves(inertia)
         return -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
@@ -277,7 +278,7 @@ class MeshFlow(Dense):
         inertia = self._inertia(sheet, x, metric, None)
         moves = self._moves(inertia)
         rays = self.surface.free.directions if isinstance(self.surface.free, Rays) else None
-        stiffness = operator.fill_stiffness(metric.connectivity, metric.cot, rays)
+        stiffness = operator.fill_stiffness(metric.connectivity, self._drawn(metric, x), rays)
         rows = np.repeat(moves, np.diff(stiffness.indptr))
         stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
         return MeshSystem(np.where(moves, inertia, 1.0), stiffness)
@@ -302,9 +303,13 @@ class MeshFlow(Dense):
         """Coordinates in which triangles are measured by points: the free ones, or all where the free ones are rays."""
         return self.surface.points_at(u) if isinstance(self.surface.free, Rays) else np.ascontiguousarray(u)
 
-    def _measured(self, sheet: _Sheet, x: Array) -> _Metric:
+    def _measured(self, sheet: _Sheet, x: Array) -> Metric:
         connectivity, cot, area = self._triangulated(sheet, x)
-        return _Metric(connectivity, cot, area, operator.gather_mass(connectivity, cot, area, self.member.mass))
+        return Metric(connectivity, cot, area, operator.gather_mass(connectivity, cot, area, self.member.mass))
+
+    def _drawn(self, metric: Metric, x: Array) -> Array:
+        """The weights (m, 3) by which neighbours draw each other: cotangents."""
+        return metric.cot
 
     def _triangulated(self, sheet: _Sheet, x: Array) -> tuple[Connectivity, Array, Array]:
         """Triangles of the surface, its own or Delaunay's, with their cotangents (m, 3) and areas (m,)."""
@@ -328,7 +333,7 @@ class MeshFlow(Dense):
         assert isinstance(self.surface.free, Rays)
         return np.einsum("ij,ij->i", gradient, self.surface.free.directions)[:, None]
 
-    def _inertia(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array:
+    def _inertia(self, sheet: _Sheet, x: Array, metric: Metric, gradient: Array | None) -> Array:
         """M |d|^2 / s (n,): what divides the pull to give the rate."""
         inertia = metric.mass
         if isinstance(self.surface.free, Rays):
@@ -338,7 +343,7 @@ class MeshFlow(Dense):
             return inertia
         return np.divide(inertia, speed, out=np.zeros_like(inertia), where=speed > 0)
 
-    def _speed(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array | None:
+    def _speed(self, sheet: _Sheet, x: Array, metric: Metric, gradient: Array | None) -> Array | None:
         """Factor of time (n,): the edge indicator to the power gamma, times the pace; None where it is 1 everywhere."""
         pace = self.surface.pace
         free_all = sheet.charts is None and not isinstance(self.surface.free, Rays)
@@ -351,7 +356,7 @@ class MeshFlow(Dense):
         speed = indicator**self.member.gamma
         return speed if pace is None else speed * pace
 
-    def _expansion(self, sheet: _Sheet, x: Array, metric: _Metric) -> Array:
+    def _expansion(self, sheet: _Sheet, x: Array, metric: Metric) -> Array:
         """1/W (3): area across the free directions over true area, of the triangles around each vertex (n,)."""
         least = 0.0
         if isinstance(self.surface.free, Rays):
@@ -365,7 +370,7 @@ class MeshFlow(Dense):
         ratio = np.divide(flat, true, out=np.ones_like(true), where=(true > 0) & (flat > 0))
         return np.clip(ratio, least, 1.0)
 
-    def _projection(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array:
+    def _projection(self, sheet: _Sheet, x: Array, metric: Metric, gradient: Array | None) -> Array:
         """|PB| / |B| (10), at least the floor; 1 where the surface is flat and the ratio 0/0."""
         linear = self.surface.boundary == "linear"
         if gradient is None:
