@@ -41,8 +41,10 @@ def test_curvatures_of_a_cylinder_go_round_it_and_along_it():
     found, ways = curvatures(PIPE, WALL), directions(PIPE, WALL)
     assert np.median(found.greatest[INSIDE]) == pytest.approx(2.0, rel=0.03)
     assert np.abs(np.median(found.least[INSIDE])) < 0.02
-    assert np.median(np.abs(ways[INSIDE, 1, 2])) > 0.985  # the least along the axis
-    assert np.median(np.abs(ways[INSIDE, 0, 2])) < 0.17
+    # The least along the axis. What is left is of third order of the surface over an edge: (h / r)^2, 2 degrees, at most.
+    off = np.degrees(np.arccos(np.minimum(np.abs(ways[INSIDE, 1, 2]), 1.0)))
+    assert np.median(off) < 1.0
+    assert np.percentile(off, 90) < 2.0
     assert np.allclose(np.einsum("nij,nkj->nik", ways[INSIDE], ways[INSIDE]), np.eye(2), atol=1e-12)
     rim = connect((WALL,), len(PIPE)).rim
     assert not found.greatest[rim].any()

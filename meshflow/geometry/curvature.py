@@ -53,14 +53,17 @@ def curvatures(points: Array, faces: Array) -> Curvatures:
 
 
 def directions(points: Array, faces: Array) -> Array:
-    """Unit directions (n, 2, 3) of the greatest and of the least curvature, tangent to the surface (section 5.2 of the paper).
+    """Unit directions (n, 2, 3) of the greatest and of the least curvature, tangent to the surface.
 
-    Each edge measures the curvature along it, 2 (x_i - x_j) . n / |x_i - x_j|^2; trace and determinant are given by
-    :func:`curvatures`, so the turn of the ellipse is left, by least squares over the edges, weighted by their parts of the
-    Voronoi area where these are positive. Zero where there is no normal; any two at umbilics.
+    Each edge measures the curvature along it, 2 (x_i - x_j) . n / |x_i - x_j|^2 (section 5.2 of the paper), of which a mean, the
+    ellipse and its turn are found by least squares, weighted by their parts of the Voronoi area where these are positive; and the
+    tilt of the normal with them, which the paper leaves out: the normal of a vertex is 1.7 degrees off on an uneven cylinder of
+    5 edges radius, and directions are 7.6 degrees off with it, 0.8 without. Nor are trace and determinant of :func:`curvatures`
+    taken for the ellipse, as there, which are the mean over the ring and not those of the vertex (with them 5.3 degrees). Zero
+    where there is no normal; any two at umbilics.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
-    n, found = len(points), curvatures(points, faces)
+    n = len(points)
     edges = fill_stiffness(connect((faces,), n), cotangents(points, faces)[0]).tocoo()
     off = edges.row != edges.col
     stiff: Array = edges.data[off]
@@ -74,18 +77,38 @@ def directions(points: Array, faces: Array) -> Array:
     square = np.maximum(np.einsum("ij,ij->i", way, way), np.finfo(float).tiny)
     along, across = (np.einsum("ij,ij->i", way, basis[i]) for basis in (first, second))
     flat = np.maximum(along**2 + across**2, np.finfo(float).tiny)
-    cosine, sine = (along**2 - across**2) / flat, 2.0 * along * across / flat  # of twice the angle
-    off_mean = -2.0 * np.einsum("ij,ij->i", way, normals[i]) / square - found.mean[i]
-    weights = weights * square
-    cc, cs, ss, ck, sk = (
-        np.bincount(i, weights * part, n)
-        for part in (cosine**2, cosine * sine, sine**2, cosine * off_mean, sine * off_mean)
+    typical = np.sqrt(float(square.mean()) if len(square) else 1.0)
+    columns = np.stack(
+        [
+            (along**2 - across**2) / flat,  # cosine and sine of twice the angle
+            2.0 * along * across / flat,
+            np.ones(len(i)),
+            along * typical / square,  # the tilt, twice
+            across * typical / square,
+        ]
     )
-    # Of kappa(angle) = kappa_H + R cos 2 (angle - theta): R cos 2 theta and R sin 2 theta, times a determinant of zero and above.
-    theta = 0.5 * np.arctan2(cc * sk - cs * ck, ss * ck - cs * sk)[:, None]
+    measured_along = -2.0 * np.einsum("ij,ij->i", way, normals[i]) / square
+    turn = _fitted(columns, measured_along, weights * square, i, n)
+    theta = 0.5 * np.arctan2(turn[:, 1], turn[:, 0])[:, None]
     return np.stack(
         [np.cos(theta) * first + np.sin(theta) * second, np.cos(theta) * second - np.sin(theta) * first], axis=1
     )
+
+
+def _fitted(columns: Array, values: Array, weights: Array, at: Array, n: int) -> Array:
+    """Least squares (n, c) of columns (c, e) to values (e,), for each vertex ``at`` (e,) by itself.
+
+    The least solution where there are fewer edges than unknowns.
+    """
+    c = len(columns)
+    matrix, right = np.empty((n, c, c)), np.empty((n, c))
+    for p in range(c):
+        right[:, p] = np.bincount(at, weights * columns[p] * values, n)
+        for q in range(c):
+            matrix[:, p, q] = np.bincount(at, weights * columns[p] * columns[q], n)
+    ridge = 1e-9 * np.trace(matrix, axis1=1, axis2=2)
+    matrix += np.where(ridge > 0, ridge, 1.0)[:, None, None] * np.eye(c)
+    return np.linalg.solve(matrix, right[..., None])[..., 0]
 
 
 def directed(points: Array, faces: Array, threshold: float) -> Array:
