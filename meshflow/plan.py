@@ -106,11 +106,11 @@ def planned(noun: Noun, settings: Settings) -> Plan:
         member = None if settings.method in get_args(MotionName) else settings.method
         plan = replace(bare(noun, replace(settings, contrast=None, method=member), noise), idle=HELD)
     elif isinstance(noun, RangeImage):
-        plan = along_rays(noun, settings, noise, why)
+        plan = along_rays(noun, settings, noise, why, speed)
     elif isinstance(noun, Mesh) and noun.moves != "channels":
-        plan = moving(noun, settings, noise)
+        plan = moving(noun, settings, noise, speed)
     else:
-        plan = tuned(noun, settings, noise)
+        plan = tuned(noun, settings, noise, speed)
     plan = _stopping(_held(replace(plan, speed=speed), settings), settings)
     if plan.idle == HELD:
         words["time"] = Parameter(0.0, squared_unit(noun), "default", "nothing may move")

@@ -77,8 +77,8 @@ class Settings:
     :param confidence: weights of a fidelity term, 1 / variance, a number or one per sample; the flow then comes to rest between
         smoothness and data.
     :param only: mask of the samples that may move.
-    :param speed: numbers between 0 (stays) and 1 (goes as it would), one per sample: soft constraints [DMSB99]. Noise and time
-        are looked for as if all went freely.
+    :param speed: numbers between 0 (stays) and 1 (goes as it would), one per sample: soft constraints [DMSB99]. The search
+        runs as slowly; the noise is looked for as if all went freely.
     :param keep: of a closed mesh whose points move: ``volume``, exact in every step by one length along the normals; ``scale``,
         the volume by scaling [DMSB99]; ``area``.
     :param islands: pieces of a range image of fewer samples are dropped; by default none.

@@ -8,6 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from meshflow.errors import InputError, NotConverged
+from meshflow.flow.contract import Flow
 from meshflow.flow.control import Until
 from meshflow.flow.facets import Facets
 from meshflow.flow.keep import Keep
@@ -15,6 +16,7 @@ from meshflow.flow.lowpass import is_short
 from meshflow.flow.motion import Motion, MotionName
 from meshflow.flow.noise import Noise
 from meshflow.flow.rate import MeshFlow
+from meshflow.flow.slowed import Slowed
 from meshflow.flow.tune import PROBE, Trial, ranked
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.facets import beyond, measured
@@ -76,7 +78,9 @@ def _times(motion: Motion, step: float) -> tuple[float, ...]:
     return tuple(time * step**2 for time in (LONG if motion.kind == "facets" else SHORT))
 
 
-def searched(noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end: float | None) -> tuple[Trial, ...]:
+def searched(
+    noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end: float | None, speed: Array | None = None
+) -> tuple[Trial, ...]:
     """The trials of a search, the best first: mean square error along the normals, by Monte Carlo SURE.
 
     ((x - x0) . n)^2 - sigma^2 + 2 sigma^2 of what a second run, beside the first by random signs along the normals, has of them
@@ -84,9 +88,11 @@ def searched(noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end
 
     :param sigma: the noise along the normals, unit of the points.
     :param end: the time that is given; None: it is searched for, too.
+    :param speed: (n, 1), of each vertex.
     """
     step, whole = noun.step, noun
-    noun, counted = _pieces(noun)
+    noun, counted, kept = _pieces(noun)
+    slow = None if speed is None else speed[kept]
     normals = noun.normals
     assert normals is not None
     signs = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=(len(normals), 1))
@@ -102,7 +108,7 @@ def searched(noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end
 
     def tried(way: Motion, times: tuple[float, ...]) -> list[Trial]:
         risks = [sigma**2 * (1.0 + WEIGHT * folded(start.points, noun.faces, across))]
-        for pair in _pairs(way, (start, twin), times):
+        for pair in _pairs(way, (start, twin), times, slow):
             risks.append(risk(*pair))
             if len(risks) - 1 - int(np.argmin(risks)) > PATIENCE:
                 break
@@ -127,9 +133,12 @@ def searched(noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end
     return ranked((*longer, *(t for t in first if t.candidate not in going)))
 
 
-def _pairs(way: Motion, pair: tuple[Surface, Surface], times: tuple[float, ...]) -> Iterator[tuple[Array, Array]]:
+def _pairs(
+    way: Motion, pair: tuple[Surface, Surface], times: tuple[float, ...], speed: Array | None
+) -> Iterator[tuple[Array, Array]]:
     """The points of a run and of its twin at each time; none where slivers do not let it be run."""
-    flows = [way.engine(surface, Member()) for surface in pair]
+    flows: list[Flow] = [way.engine(surface, Member()) for surface in pair]
+    flows = flows if speed is None else [Slowed(flow, speed) for flow in flows]
     try:
         yield from zip(*(way.states(flow, flow.start(), times) for flow in flows), strict=True)
     except NotConverged:
@@ -149,11 +158,13 @@ def folded(points: Array, faces: Array, across: Array) -> float:
     return float(np.mean(cosine < FOLDED))
 
 
-def _pieces(noun: Mesh) -> tuple[Mesh, Array]:
-    """A mesh that is not too large: the whole, or pieces of it, and which of its vertices are counted."""
+def _pieces(noun: Mesh) -> tuple[Mesh, Array, Array]:
+    """A mesh that is not too large: the whole, or pieces of it, which of its vertices are counted, and which of the whole they
+    are.
+    """
     assert noun.fixed is not None
     if len(noun.points) <= ENOUGH:
-        return noun, ~noun.fixed
+        return noun, ~noun.fixed, np.arange(len(noun.points))
     across, m = beyond(noun.faces), len(noun.faces)
     taken, seeds = np.zeros(m, bool), np.linspace(0, m - 1, PIECES + 2).astype(int)[1:-1]
     for seed in seeds:
@@ -171,12 +182,13 @@ def _pieces(noun: Mesh) -> tuple[Mesh, Array]:
         cut[faces[cut[faces].any(axis=1)]] = True
     piece = replace(noun, points=noun.points[kept], faces=faces, channels=None, moves="points", fixed=noun.fixed[kept])
     counted = ~(cut | noun.fixed[kept])
-    return piece, counted if counted.any() else ~noun.fixed[kept]
+    return piece, counted if counted.any() else ~noun.fixed[kept], kept
 
 
-def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
+def moving(noun: Mesh, settings: Settings, noise: Noise, speed: Array | None = None) -> Plan:
     """How the points of a mesh move, and how long: as given, by rule, or of least estimated risk.
 
+    :param speed: (n, 1), of each vertex.
     :raises InputError: for what such a mesh does not know.
     """
     kind: Any = settings.method if settings.method in get_args(MotionName) else None
@@ -192,7 +204,7 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
             f"method={kind!r}: of points in R^3 that move alone, got moves={noun.moves!r} in R^{noun.points.shape[1]}"
         )
     if kind in ("facets", "fairing") or (kind is None and whole and not _told_otherwise(settings)):
-        return _shaped(noun, settings, noise, kind)
+        return _shaped(noun, settings, noise, kind, speed)
     named = settings.method if kind is None else None  # a member of those whose values stand above a base
     motion, featured = _curved(noun, settings, noise, kind or "curvature")
     keep = settings.keep or _holding(noun, settings, motion)
@@ -284,7 +296,7 @@ def _told_otherwise(settings: Settings) -> bool:
     return asked or any(getattr(settings, n) is not getattr(plain, n) for n in names)
 
 
-def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None) -> Plan:
+def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None, speed: Array | None) -> Plan:
     """Facets or a fairing."""
     lift, timed = Lift(1.0, settings.diagonals, settings.rim), given_time(noun, settings)
     if settings.confidence is not None:
@@ -301,7 +313,7 @@ def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None) -> P
             Parameter(0.0, squared_unit(noun), "default", "nothing to remove"),
         )
     elif noise.sigma > 0 and settings.search is not False and settings.steps is None and not settings.stopping:
-        trials = searched(noun, lift, ways, noise.sigma * settings.strength, timed and float(timed.value))
+        trials = searched(noun, lift, ways, noise.sigma * settings.strength, timed and float(timed.value), speed)
         if trials:
             way, origin, (time, _) = trials[0].candidate, "estimated", trials[0].least
             told["risk"] = Parameter(

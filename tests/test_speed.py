@@ -21,7 +21,7 @@ from meshflow.flow.slowed import Slowed
 from meshflow.flow.step import SemiImplicit
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh
 from meshflow.grid.rate import GridFlow
-from meshflow.smoothing import smooth
+from meshflow.smoothing import denoise, smooth
 
 BALL, FACES = sphere(400)
 NOISY = along_normals(BALL, FACES, 0.2)
@@ -113,6 +113,57 @@ def test_the_volume_is_kept_by_what_is_free_to_go():
     assert meshflow.study.metrics.volume(found, FACES) == pytest.approx(
         meshflow.study.metrics.volume(NOISY, FACES), rel=1e-10
     )
+
+
+@pytest.mark.parametrize("way", [{}, {"method": "heat"}, {"method": "perona-malik", "contrast": 2.0}], ids=str)
+def test_a_search_at_half_the_speed_takes_twice_the_time(way):
+    rng = np.random.default_rng(1)
+    rows, columns = np.mgrid[:64, :48]
+    noisy = 3 * np.sin(rows / 9) + 3 * np.cos(columns / 7) + rng.normal(size=rows.shape)
+    one, half = (denoise(noisy, speed=np.full(noisy.shape, s), **way) for s in (1.0, 0.5))
+    assert half.parameters["time"].value == pytest.approx(2 * one.parameters["time"].value, rel=0.15)
+    assert half.parameters["risk"].value == pytest.approx(one.parameters["risk"].value, rel=0.05)
+    assert denoise(noisy, **way).parameters["time"].value == pytest.approx(one.parameters["time"].value, rel=1e-9)
+
+
+def test_the_risk_of_a_search_counts_what_is_held_back():
+    rng = np.random.default_rng(1)
+    rows, columns = np.mgrid[:300, :320]  # so large that the search looks at tiles
+    truth = 3 * np.sin(rows / 9) + 3 * np.cos(columns / 7)
+    noisy = truth + rng.normal(size=truth.shape)
+    speed = np.where(columns < 160, 0.01, 1.0)
+    free, held = denoise(noisy), denoise(noisy, speed=speed)
+    for result in (free, held):
+        error = np.sqrt(np.mean((result.thing - truth) ** 2))
+        assert result.parameters["risk"].value == pytest.approx(error, rel=0.1)
+    assert held.parameters["risk"].value > 2 * free.parameters["risk"].value
+
+
+def test_the_risk_of_a_mesh_counts_what_is_held_back():
+    ball, faces = sphere(2000)
+    noisy = along_normals(ball, faces, 0.2)
+    speed = np.where(ball[:, 2] > 0, 0.01, 1.0)
+    for way in ({"method": "fairing"}, {"method": "facets"}, {"channels": ball[:, 0] + 0.2 * RNG.normal(size=2000)}):
+        data = (noisy, faces) if "method" in way else (ball, faces)
+        free, held = (
+            denoise(data, sigma=0.2 if "channels" in way else None, **s, **way) for s in ({}, {"speed": speed})
+        )
+        assert held.parameters["risk"].value > 2 * free.parameters["risk"].value + 0.005, way
+    one, half = (
+        denoise((noisy, faces), method="fairing", weights="uniform", order=2, speed=np.full(2000, s))
+        for s in (1.0, 0.5)
+    )
+    assert half.parameters["time"].value == pytest.approx(2 * one.parameters["time"].value, rel=0.15)
+
+
+def test_the_pieces_of_a_large_mesh_are_searched_at_their_own_speed():
+    ball, faces = sphere(14_000)
+    noisy = along_normals(ball, faces, 0.2)
+    speed = np.where(ball[:, 2] > 0, 0.01, 1.0)
+    free, held = (
+        denoise((noisy, faces), method="fairing", order=2, weights="uniform", **s) for s in ({}, {"speed": speed})
+    )
+    assert held.parameters["risk"].value > 2 * free.parameters["risk"].value
 
 
 BAD = [
