@@ -30,6 +30,8 @@ app = typer.Typer(
     help="Smooth meshes, elevation models, range images and images along their free directions, edges kept.",
 )
 
+# What typer raises for a wrong word; it brings a click of its own, and names no more of it than this child.
+UsageError: Any = typer.BadParameter.__base__
 # What typer exits with on Ctrl-C, as shells do.
 INTERRUPTED = 130
 
@@ -276,7 +278,12 @@ app.command("compare-flows")(looking.compare_flows)
 def main() -> None:
     """Run the command; a refusal is one line on stderr and an exit code that is not 0."""
     try:
-        app()
+        # Without a word there is help to print, which typer does itself; a wrong word it would put into a box.
+        sys.exit(app(standalone_mode=len(sys.argv) < 2))
+    except UsageError as refusal:
+        about = "" if refusal.ctx is None else f"; see {refusal.ctx.command_path} --help"
+        said(f"meshflow: {' '.join(refusal.format_message().split()).rstrip('.')}{about}", (), style="red")
+        sys.exit(refusal.exit_code)
     except (InputError, MissingPackage, NotConverged, OSError) as refusal:
         err.print(f"meshflow: {refusal}", markup=False, soft_wrap=True, style="red")
         sys.exit(1)

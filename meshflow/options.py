@@ -168,7 +168,7 @@ Confidence = Annotated[
     str | None,
     _option(
         HOLD,
-        "Weights of a fidelity term, 1 / variance: a raster or .npy of the same samples, or the name of a vertex attribute.",
+        "Weights of a fidelity term, 1 / variance: a number, a raster or .npy of them, or the name of a vertex attribute.",
     ),
 ]
 Only = Annotated[
@@ -179,7 +179,7 @@ SpeedOption = Annotated[
     str | None,
     _option(
         HOLD,
-        "How fast each sample goes, 0 (stays) to 1 (as it would): a raster, .npy, or the name of a vertex attribute.",
+        "How fast samples go, 0 (stays) to 1 (as they would): a number, a raster or .npy, or the name of a vertex attribute.",
         "--speed",
     ),
 ]

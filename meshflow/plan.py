@@ -124,6 +124,8 @@ def _must_be_seen(noun: Noun, settings: Settings) -> None:
             raise InputError(f"{word}: of range images only, got {type(noun).__name__}")
     if settings.triangles == "clamped" and not isinstance(noun, Mesh):
         raise InputError(f"triangles: of meshes only, got {type(noun).__name__}")
+    if settings.method == "patches" and isinstance(noun, Mesh):
+        raise InputError("method='patches': of height fields and images, whose samples have patches; got a mesh")
     ways = {name: getattr(settings, name) is not None for name in ("order", "weights", "evened", "keep")}
     ways |= {
         "triangles": settings.triangles not in ("auto", "clamped"),

@@ -207,7 +207,8 @@ class Result:
                 words = (
                     f"{k} {v if isinstance(v, str) else format(v, '.4g')}" for k, v in trial.candidate.words.items()
                 )
-                lines.append(f"              {trial.risk:.6g} at time {trial.least[0]:.4g}: {', '.join(words)}")
+                error = f"{trial.risk:.6g}" if trial.least[1] > 0 else "below what can be told"
+                lines.append(f"              {error} at time {trial.least[0]:.4g}: {', '.join(words)}")
         return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
 
     @property

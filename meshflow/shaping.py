@@ -27,7 +27,7 @@ from meshflow.geometry.lift import Lift, Mesh
 from meshflow.geometry.member import Member
 from meshflow.geometry.operator import cotangents, total_area
 from meshflow.geometry.surface import Surface
-from meshflow.parameters import Origin, Parameter, Plan, squared_unit, value_unit
+from meshflow.parameters import Origin, Parameter, Plan, expected_error, squared_unit, value_unit
 from meshflow.settings import Settings
 from meshflow.tuning import HARM, bare, given_time, no_noise
 
@@ -43,6 +43,8 @@ SHORT = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 23.0, 32
 FAIRINGS = ((2, "uniform"), (4, "uniform"), (10, "uniform"), (2, "cotangent"))
 # The one way where no search is wanted.
 FIXED, FAIRED = Motion("facets"), Motion("fairing")
+# The one order of a fairing by which no value leaves its range, weights of zero and above.
+RANGED = 1
 FIXED_TIME = {"facets": 100.0, "fairing": 1.0}
 # Contrast of normal channels in edges; the greatest curvature of noise, in sigma / h^2; and times in squared edges.
 # Of cubes and cylinders with noise of 0.03 to 0.3 edges the best threshold is (0.05 + 0.3 sigma / h) / h, within a fifth.
@@ -287,13 +289,12 @@ def _told_otherwise(settings: Settings) -> bool:
         "stepper",
         "confidence",
         "contrast",
-        "twice",
+        *(("twice",) if settings.triangles != "clamped" else ()),  # of which it is zero, whoever asks
         "mass",
         "indicator",
         "method",
     )
-    asked = settings.named or settings.stopping or settings.triangles == "clamped"
-    return asked or any(getattr(settings, n) is not getattr(plain, n) for n in names)
+    return settings.named or settings.stopping or any(getattr(settings, n) is not getattr(plain, n) for n in names)
 
 
 def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None, speed: Array | None) -> Plan:
@@ -316,14 +317,14 @@ def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None, spee
         trials = searched(noun, lift, ways, noise.sigma * settings.strength, timed and float(timed.value), speed)
         if trials:
             way, origin, (time, _) = trials[0].candidate, "estimated", trials[0].least
-            told["risk"] = Parameter(
-                trials[0].risk, value_unit(noun), "estimated", "root mean square error along the normals"
-            )
+            told["risk"] = expected_error(trials[0], value_unit(noun), "along the normals")
             timed = timed or Parameter(time, squared_unit(noun), "estimated", "least estimated risk")
             plan = replace(plan, trials=trials, idle=HARM if timed.value == 0 else None)
     much = FIXED_TIME[way.kind]
     timed = timed or Parameter(much * noun.step**2, squared_unit(noun), "default", f"{much:g} squared edges")
     told |= {"time": timed, **_named(way, settings, noun, origin), **_kept(settings, settings.keep)}
+    if kind is None and settings.triangles == "clamped":
+        told["order"] = Parameter(RANGED, "", "default", "no value leaves its range")
     how = {"given": "", "nothing": "too few samples"}.get(noise.how, f"from {noise.how}, along the normals")
     sigma = Parameter(noise.sigma, value_unit(noun), "given" if noise.how == "given" else "estimated", how)
     strength = Parameter(settings.strength, "", "default" if settings.strength == 1.0 else "given")
@@ -335,7 +336,8 @@ def _open(noun: Mesh, settings: Settings, kind: str | None) -> tuple[Motion, ...
     """The ways that the caller leaves open; the first is the one where nothing is searched for."""
     held, made = settings, []
     curve = held.boundary == "curve"
-    if curve and kind is None:
+    ranged = kind is None and held.triangles == "clamped"
+    if (curve or ranged) and kind is None:
         kind = "fairing"
     for way in (FIXED, *candidates(noun.step)) if kind != "fairing" else (FAIRED, *candidates(noun.step)):
         if kind not in (None, way.kind):
@@ -344,13 +346,13 @@ def _open(noun: Mesh, settings: Settings, kind: str | None) -> tuple[Motion, ...
         facets = replace(way.facets, **{name: float(x) for name, x in given.items() if x is not None})
         if held.along == "normals":
             facets = replace(facets, evened=0.0)
-        order = way.order if held.order is None else held.order
+        order = RANGED if ranged else way.order if held.order is None else held.order
         made.append(
             replace(
                 way,
                 facets=facets,
                 order=order,
-                weights=held.weights or way.weights,
+                weights="cotangent" if ranged else held.weights or way.weights,
                 along=held.along,
                 triangles=held.triangles,
                 curve=curve,

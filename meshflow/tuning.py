@@ -26,7 +26,7 @@ from meshflow.flow.tune import TWICE, Candidate, Trial
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Lift, Mesh, Noun, RangeImage, data_of
 from meshflow.geometry.member import Member
-from meshflow.parameters import Origin, Parameter, Plan, contrast_unit, squared_unit, value_unit
+from meshflow.parameters import Origin, Parameter, Plan, contrast_unit, expected_error, squared_unit, value_unit
 from meshflow.settings import Settings
 
 __all__ = ["HARM", "along_rays", "bare", "given_time", "is_rounded", "limit_of", "no_noise", "tuned"]
@@ -158,7 +158,7 @@ def _searched(plan: Plan, settings: Settings, sigma: float, unit: float, timed: 
         "time": timed or Parameter(time, squared_unit(noun), "estimated", where),
         "contrast": Parameter(best.candidate.contrast, contrast_unit(noun), "given" if contrast is not None else "estimated",
                               "" if contrast is not None else f"{best.candidate.contrast / unit:.3g} h / sigma, {where}"),
-        "risk": Parameter(best.risk, value_unit(noun), "estimated", "root mean square error to be expected"),
+        "risk": expected_error(best, value_unit(noun)),
     }  # fmt: skip
     parameters["twice"] = Parameter(best.candidate.twice, "", "estimated" if len(twices) > 1 else
                                     "given" if settings.twice is not None else "default")  # fmt: skip
@@ -229,7 +229,7 @@ def _searched_along(
     best = trials[0]
     told |= {
         "time": timed or Parameter(best.least[0], squared_unit(noun), "estimated", "least estimated risk"),
-        "risk": Parameter(best.risk, value_unit(noun), "estimated", "root mean square error to be expected"),
+        "risk": expected_error(best, value_unit(noun)),
         "twice": Parameter(twices[0], "", "default" if settings.twice is None else "given"),
     }
     plan = replace(plan, member=best.candidate.member, trials=trials, twice=twices[0])

@@ -90,6 +90,40 @@ def test_points_stay_in_the_box_that_they_came_in():
     )
 
 
+@pytest.mark.parametrize("stepper", ["auto", "semi-implicit"])
+def test_lone_triangles_shrink_inside_the_range_and_no_system_of_nothing_is_left(stepper):
+    rng = np.random.default_rng(0)
+    corners = (rng.uniform(0, 4, (40, 1, 3)) + rng.uniform(0, 1, (40, 3, 3))).reshape(-1, 3)
+    words = {"triangles": "clamped", "method": "curvature", "stepper": stepper}
+    result = denoise((corners, np.arange(120).reshape(-1, 3)), time=0.1, **words)
+    found = result.thing[0].reshape(40, 3, 3)
+    before = corners.reshape(40, 3, 3)
+    slack = 1e-9 * np.ptp(corners)
+    assert (found >= before.min(axis=1, keepdims=True) - slack).all()
+    assert (found <= before.max(axis=1, keepdims=True) + slack).all()
+    sizes = np.linalg.norm(np.ptp(found, axis=1), axis=1)
+    assert (sizes < 1e-3).any()  # some have gone, and the others went on
+    assert result.end.area < 0.2 * result.start.area
+
+
+def test_with_nothing_else_given_the_time_is_searched_for_and_the_range_kept():
+    ball, faces = sphere(600)
+    points = ball + 0.03 * np.random.default_rng(1).normal(size=ball.shape)
+    result = denoise((points, faces), triangles="clamped")
+    words = {name: result.parameters[name].value for name in ("method", "order", "triangles")}
+    assert words == {"method": "fairing", "order": 1, "triangles": "clamped"}
+    assert result.parameters["time"].origin == "estimated"
+    found = result.thing[0]
+    assert (found >= points.min(axis=0) - 1e-6).all()
+    assert (found <= points.max(axis=0) + 1e-6).all()
+
+    def off(x):
+        return np.sqrt(np.mean(np.einsum("ij,ij->i", x - ball, ball) ** 2))
+
+    fixed_time = smooth((points, faces), triangles="clamped", method="curvature")[0]
+    assert off(found) < 0.85 * min(off(points), off(fixed_time))
+
+
 def test_what_leaves_the_range_is_refused():
     for words in ({"boundary": "linear"}, {"mass": "voronoi"}, {"twice": 0.5}, {"stepper": "super-time"}):
         with pytest.raises(InputError, match="triangles='clamped'"):

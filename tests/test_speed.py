@@ -167,11 +167,11 @@ def test_the_pieces_of_a_large_mesh_are_searched_at_their_own_speed():
 
 
 BAD = [
-    (np.ones(5), r"speed: one number per sample, shape \(400,\), expected, got \(5,\)"),
+    (np.ones(5), r"speed: a number, or one per sample, shape \(400,\), expected, got \(5,\)"),
     (np.full(400, 1.5), "between 0 .stays. and 1 .* got 1.5"),
     (np.full(400, np.nan), "got nan"),
-    (0.5, r"got \(\)"),
-    (np.array([object()] * 400), "an array of numbers expected"),
+    (1.5, "between 0 .stays. and 1 .* got 1.5"),
+    (np.array([object()] * 400), "a number or an array of numbers expected"),
 ]
 
 
@@ -179,6 +179,30 @@ BAD = [
 def test_speeds_that_make_no_sense_are_refused(speed, said):
     with pytest.raises(InputError, match=said):
         smooth((NOISY, FACES), speed=speed)
+
+
+def test_one_speed_for_all_is_the_same_flow_for_as_much_less_time():
+    for thing, words in (((NOISY, FACES), {"method": "curvature"}), (Z, {"gamma": 0, "contrast": 1.0})):
+        half = smooth(thing, speed=0.5, time=0.002, stepper="explicit", dt=0.0002, **words)
+        short = smooth(thing, time=0.001, stepper="explicit", dt=0.0001, **words)
+        assert np.allclose(half[0], short[0], atol=1e-12)
+    assert denoise((NOISY, FACES), speed=0.5, method="curvature").parameters["speed"].value == 0.5
+
+
+def test_a_mask_is_what_is_not_zero_however_it_is_given():
+    half = BALL[:, 2] > 0
+    mesh = trimesh.Trimesh(NOISY, FACES, process=False)
+    mesh.vertex_attributes["mark"] = np.where(half, -0.5, np.where(BALL[:, 2] < -0.5, np.nan, 0.0))
+    words = {"method": "curvature", "steps": 1}
+    expected = np.asarray(smooth(mesh, fixed=half, **words).vertices)
+    for given in ("mark", mesh.vertex_attributes["mark"], half.astype(np.uint8), 255 * half.astype(int)):
+        assert np.array_equal(smooth(mesh, fixed=given, **words).vertices, expected)
+        if not isinstance(given, str):
+            assert np.array_equal(smooth((NOISY, FACES), fixed=given, **words)[0], expected)
+            only = np.where(half, 0.0, 1.0)
+            assert np.array_equal(smooth((NOISY, FACES), only=only, **words)[0], expected)
+    with pytest.raises(InputError, match="only: a mask of booleans, or of numbers, expected, got dtype <U1"):
+        smooth((NOISY, FACES), only=np.full(400, "a"))
 
 
 def test_a_low_pass_of_a_slowed_grid_has_no_matrix():
@@ -267,6 +291,8 @@ def test_the_command_takes_the_name_of_an_attribute_in_the_file(tmp_path):
         moved = (meshflow.read(tmp_path / "o.ply").noun.points != document.noun.points).any(axis=1)
         assert np.array_equal(moved, ~still)
     assert run("--speed", "how").returncode == 0
+    for word in ("--speed", "--confidence"):
+        assert run(word, "0.5", "--time", "0.01").returncode == 0
     refusal = run("--fixed", "marc").stderr
     assert "fixed='marc': no such array; there are mark, how; nor is there a file marc" in refusal
     assert refusal.count("\n") == 1

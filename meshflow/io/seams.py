@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array, mask_of, real
+from meshflow.geometry.gates import Array, mask_of, real, truth_of
 from meshflow.geometry.lift import Mesh
-from meshflow.io.hints import Found, looked_up
+from meshflow.io.hints import MASKS, Found, looked_up
 
 __all__ = ["Section", "Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
 
@@ -95,6 +95,7 @@ class Skin:
         values = looked_up(given, word, find(given)) if isinstance(given, str) else np.asarray(given)
         if values.ndim == 0 or len(values) != len(self.home):
             return given
+        values = truth_of(values) if word in MASKS and values.dtype.kind in "biuf" else values
         order = np.argsort(self.home, kind="stable")
         starts = np.searchsorted(self.home[order], np.arange(len(self.first)))
         most = np.maximum if word in ("fixed", "confidence") else np.minimum
