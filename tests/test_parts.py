@@ -10,11 +10,12 @@ import trimesh
 from test_several import BALL, FACES, FRAME, NOISY, ball, scene
 from typer.testing import CliRunner
 
-import meshflow
+import meshflow.viewing
 from meshflow.cli import app
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import read, write
 from meshflow.smoothing import denoise, smooth
+from meshflow.view.dress import flowing_together
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 BOX = trimesh.creation.box([3, 3, 3]).subdivide().subdivide()
@@ -192,6 +193,13 @@ def test_blocks_keep_the_files_of_others_in_their_folder(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["in", "in.vtm", "out", "out.vtm"]
     with pytest.raises(FormatError, match="blocks are written of what came in blocks"):
         write(read(glb(tmp_path / "in.glb", ("a", BOX))), tmp_path / "other.vtm")
+
+
+def test_what_shows_all_parts_in_one_flow_says_so(tmp_path):
+    path = glb(tmp_path / "in.glb", ("a", ball()), ("b", BOX))
+    notes = meshflow.viewing.view(read(path), way="page", page=tmp_path / "p.html", count=2, settings={"time": 0.01})
+    assert any("all parts flow together here" in note for note in notes)
+    assert flowing_together(read(glb(tmp_path / "one.glb", ("a", ball())))) == ()
 
 
 @pytest.mark.shared
