@@ -3,7 +3,8 @@
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.flow.rate import MeshFlow, Metric
+from meshflow.flow.rate import MeshFlow
+from meshflow.flow.sheets import Metric
 from meshflow.geometry.curvature import directed
 from meshflow.geometry.facets import normals_at
 from meshflow.geometry.gates import Array, positive
