@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from meshflow.io.cameras import read_camera, write_camera
     from meshflow.io.clouds import to_mesh, to_normals, to_open3d, to_points, to_pyvista
     from meshflow.io.files import Document, read, write
+    from meshflow.parts import Results
     from meshflow.result import Result
     from meshflow.settings import Settings
     from meshflow.smoothing import denoise, smooth
@@ -44,6 +45,7 @@ _HOMES = {
     "io.cameras": ("read_camera", "write_camera"),
     "io.clouds": ("to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"),
     "io.files": ("Document", "read", "write"),
+    "parts": ("Results",),
     "result": ("Result",),
     "settings": ("Settings",),
     "smoothing": ("denoise", "smooth"),

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshflow.flow.constraint import Limit
+from meshflow.flow.contract import Flow
 from meshflow.flow.noise import spread_tiles
 from meshflow.flow.rate import MeshFlow
+from meshflow.flow.slowed import Slowed
 from meshflow.flow.tune import PROBE, Candidate, Trial, first_of, ranked, refined, risk_curves, searched
 from meshflow.geometry.gates import Array
 from meshflow.geometry.jumps import Cuts
@@ -82,6 +84,10 @@ BEST = 3
 FINE = 3
 
 
+# A lattice of tiles, the samples that are not counted, the limit (k, h, w) and the speeds (n, 1).
+_Tiles = tuple[Lattice, Array, Array | None, Array | None]
+
+
 @dataclass(frozen=True)
 class Search:
     """What a search looks at.
@@ -92,6 +98,7 @@ class Search:
     :ivar sigma: the noise, unit of the values; along rays one for each sample (h, w).
     :ivar end: the time that is given, at which members are compared; None: the time is searched for, too.
     :ivar twices: weights of twicing to look at.
+    :ivar speed: of each sample (n, 1); None: all go freely.
     """
 
     candidates: tuple[Candidate, ...]
@@ -100,6 +107,11 @@ class Search:
     sigma: float | Array
     end: float | None = None
     twices: tuple[float, ...] = (0.0,)
+    speed: Array | None = None
+
+    def slowed(self, flow: Flow, speed: Array | None) -> Flow:
+        """A flow that goes as it will go, ``speed`` that of its samples."""
+        return flow if speed is None else Slowed(flow, speed)
 
     def trials(self, candidate: Candidate, curves: dict[float, tuple[float, ...]], unit: float = 1.0) -> list[Trial]:
         """The trials of a candidate from its mean square errors, in the unit of the values times ``unit``."""
@@ -125,11 +137,11 @@ def searched_on_grid(
     """
     most = None if limit is None else _in_planes(limit, lattice)
     if lattice.fibres is not None:  # what a camera saw is not large, and lines are not cut into tiles
-        alone = tried_on_grid((lattice, np.zeros(lattice.shape, bool), most), search, threads)
+        alone = tried_on_grid((lattice, np.zeros(lattice.shape, bool), most, search.speed), search, threads)
         return searched(search.candidates, alone), lattice
-    few = _tiled(lattice, most, FEW, FEW_SIDE)
+    few = _tiles_of(lattice, most, search.speed, FEW, FEW_SIDE)
     trials = searched(search.candidates, tried_on_grid(few, search, threads))
-    whole = few if lattice.missing.size <= FEW else _tiled(lattice, most, ENOUGH, SIDE)
+    whole = few if lattice.missing.size <= FEW else _tiles_of(lattice, most, search.speed, ENOUGH, SIDE)
     fine = tried_on_grid(whole, search, threads)
     trials = _refined(searched(first_of(trials, BEST), fine), fine, search.free)
     if trials and free and whole[0].missing.size == lattice.missing.size:
@@ -160,11 +172,9 @@ def _refined(trials: tuple[Trial, ...], tried: Callable[[Candidate], list[Trial]
     return trials
 
 
-def tried_on_grid(
-    tiled: tuple[Lattice, Array, Array | None], search: Search, threads: int | None = None
-) -> Callable[[Candidate], list[Trial]]:
-    """Trials on a grid of tiles: the lattice, the samples that are not counted, and the limit."""
-    tiles, edge, near = tiled
+def tried_on_grid(tiled: _Tiles, search: Search, threads: int | None = None) -> Callable[[Candidate], list[Trial]]:
+    """Trials on a grid of tiles: the lattice, the samples that are not counted, the limit and the speeds."""
+    tiles, edge, near, speed = tiled
     step, h = PROBE * search.sigma, tiles.planes.dtype.type
     probe = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=tiles.planes.shape).astype(tiles.planes.dtype)
     twins = replace(tiles, planes=tiles.planes + np.asarray(step, h) * probe)
@@ -181,10 +191,11 @@ def tried_on_grid(
         )
         limits = None
         if near is not None:
-            one, two = (Limit(flow.start(), near.reshape(len(near), -1).T.astype(tiles.planes.dtype)) for flow in pair)
-            limits = one, two
+            most = near.reshape(len(near), -1).T.astype(tiles.planes.dtype)
+            limits = Limit(pair[0].start(), most), Limit(pair[1].start(), most)
         patient = search.end is not None
-        curves = risk_curves(pair, columns, sigma, search.times, counted, search.twices, limits, patient)
+        slowed = search.slowed(pair[0], speed), search.slowed(pair[1], speed)
+        curves = risk_curves(slowed, columns, sigma, search.times, counted, search.twices, limits, patient)
         return search.trials(candidate, curves)
 
     return tried
@@ -203,9 +214,8 @@ def tried_on_mesh(noun: Mesh, lift: Lift, search: Search) -> Callable[[Candidate
             MeshFlow(part.lifted(replace(lift, contrast=candidate.contrast)), candidate.member) for part in (noun, twin)
         )
         sigma = search.sigma * candidate.contrast
-        curves = risk_curves(
-            (one, two), probe, sigma, search.times, counted, search.twices, patient=search.end is not None
-        )
+        pair = search.slowed(one, search.speed), search.slowed(two, search.speed)
+        curves = risk_curves(pair, probe, sigma, search.times, counted, search.twices, patient=search.end is not None)
         return search.trials(candidate, curves, candidate.contrast)
 
     return tried
@@ -233,6 +243,16 @@ def candidates(
         Candidate(replace(like, **exponents), contrast or edge * unit) for exponents, edges in family for edge in edges
     ]
     return tuple(dict.fromkeys(made))
+
+
+def _tiles_of(lattice: Lattice, limit: Array | None, speed: Array | None, enough: int, side: int) -> _Tiles:
+    """A lattice of tiles (:func:`_tiled`) with the speeds (n, 1) of its samples."""
+    tiles, edge, near = _tiled(lattice, limit, enough, side)
+    if speed is None:
+        return tiles, edge, near, None
+    cut = _tiled(lattice, speed.reshape(1, *lattice.shape), enough, side)[2]
+    assert cut is not None
+    return tiles, edge, near, cut[0].reshape(-1, 1)
 
 
 def _tiled(lattice: Lattice, limit: Array | None, enough: int, side: int) -> tuple[Lattice, Array, Array | None]:

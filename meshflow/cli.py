@@ -2,6 +2,7 @@
 
 import json as notation
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ from meshflow.reading import HELD, INPUTS, frame, opened, per_sample
 from meshflow.reading import limit as limit_of
 
 if TYPE_CHECKING:
+    from meshflow.parts import Results
     from meshflow.result import Result
 
 app = typer.Typer(
@@ -28,6 +30,8 @@ app = typer.Typer(
     help="Smooth meshes, elevation models, range images and images along their free directions, edges kept.",
 )
 
+# What typer raises for a wrong word; it brings a click of its own, and names no more of it than this child.
+UsageError: Any = typer.BadParameter.__base__
 # What typer exits with on Ctrl-C, as shells do.
 INTERRUPTED = 130
 
@@ -108,20 +112,21 @@ def _smoothed(
 ) -> None:
     """The command ``smooth``, with its options by name."""
     from meshflow.settings import Settings
-    from meshflow.smoothing import smooth_noun
+    from meshflow.smoothing import smooth_document
 
     document = opened(source, **{name: given.pop(name) for name in INPUTS})
     held = {word: per_sample(document, word, given.pop(word)) for word in HELD}
     fixed = held.pop("fixed")
-    settings = Settings(**given, **held)
+    Settings(**given, **held)  # what makes no sense is refused before the target is looked at
     _must_be_writable(document, target, picture, report, overwrite)
-    noun = document.noun if fixed is None else replace(document.noun, fixed=fixed)
-    result = smooth_noun(noun, settings, progress=None if quiet else True, record=json or report is not None)
-    done = document.holding(result.noun)
+    if fixed is not None:
+        document = document.holding(replace(document.noun, fixed=fixed))
+    shown = None if quiet else True
+    done, result = smooth_document(document, {**given, **held}, shown, record=json or report is not None)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
     options = {**({"dtype": dtype} if dtype else {}), **_left(document, target, result)}
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **options)
-    notes += (*result.warnings, *_warned(document, result))
+    notes += _warned(document, result)
     if not quiet:
         said(f"{source} → {target}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
     if picture is not None:
@@ -224,7 +229,7 @@ def _fused(
         out.print_json(notation.dumps(told))
 
 
-def _reported(result: "Result", path: Path, name: str, overwrite: bool, quiet: bool) -> tuple[str, ...]:
+def _reported(result: "Result | Results", path: Path, name: str, overwrite: bool, quiet: bool) -> tuple[str, ...]:
     from meshflow.view.report import report as drawn
 
     notes = (*drawn(result, path, title=name, overwrite=overwrite).notes, f"report: {path}")
@@ -232,21 +237,23 @@ def _reported(result: "Result", path: Path, name: str, overwrite: bool, quiet: b
     return notes
 
 
-def _warned(document: Document, result: "Result") -> tuple[str, ...]:
-    """A word where a mesh is about to vanish."""
-    if (
-        document.kind != "mesh"
-        or getattr(result.noun, "moves", "") != "points"  # the area of points and channels is of both
-        or result.end.area > 0.8 * result.start.area
-    ):
-        return ()
+def _warned(document: Document, result: "Result | Results") -> tuple[str, ...]:
+    """The warnings of a run, and a word where a mesh is about to vanish; of each part, its name before it."""
+    if isinstance(result, Mapping):
+        each = ((name, _warned(document, one)) for name, one in result.items())
+        return (*result.warnings, *(f"{name}: {word}" for name, words in each for word in words))
+    moves = document.kind == "mesh" and getattr(result.noun, "moves", "") == "points"
+    if not moves or result.end.area > 0.8 * result.start.area:  # the area of points and channels is of both
+        return result.warnings
     lost = 1 - result.end.area / result.start.area
-    return (f"the surface lost {lost:.0%} of its area; a smaller --time keeps more",)
+    return (*result.warnings, f"the surface lost {lost:.0%} of its area; a smaller --time keeps more")
 
 
-def _left(document: Document, target: Path, result: "Result") -> dict[str, float]:
+def _left(document: Document, target: Path, result: "Result | Results") -> dict[str, float]:
     """For the writer of depth images, which rounds: the noise that is left."""
-    return {"left": result.left} if writable(document, target, overwrite=True) == "depths" else {}
+    if isinstance(result, Mapping) or writable(document, target, overwrite=True) != "depths":
+        return {}
+    return {"left": result.left}
 
 
 def _must_be_writable(
@@ -271,7 +278,12 @@ app.command("compare-flows")(looking.compare_flows)
 def main() -> None:
     """Run the command; a refusal is one line on stderr and an exit code that is not 0."""
     try:
-        app()
+        # Without a word there is help to print, which typer does itself; a wrong word it would put into a box.
+        sys.exit(app(standalone_mode=len(sys.argv) < 2))
+    except UsageError as refusal:
+        about = "" if refusal.ctx is None else f"; see {refusal.ctx.command_path} --help"
+        said(f"meshflow: {' '.join(refusal.format_message().split()).rstrip('.')}{about}", (), style="red")
+        sys.exit(refusal.exit_code)
     except (InputError, MissingPackage, NotConverged, OSError) as refusal:
         err.print(f"meshflow: {refusal}", markup=False, soft_wrap=True, style="red")
         sys.exit(1)

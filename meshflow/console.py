@@ -25,8 +25,8 @@ def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
     said("", notes)
 
 
-def said(line: str, notes: tuple[str, ...]) -> None:
+def said(line: str, notes: tuple[str, ...], style: str | None = None) -> None:
     """A line and its notes on stderr, those that are not empty."""
     for sentence in (line, *notes):
         if sentence:
-            err.print(sentence, markup=False, soft_wrap=True)
+            err.print(sentence, markup=False, soft_wrap=True, style=style)

@@ -7,7 +7,7 @@ from meshflow.flow.progress import Progress
 from meshflow.parameters import squared_unit
 from meshflow.settings import Settings
 from meshflow.smoothing import flowing
-from meshflow.view.dress import taken
+from meshflow.view.dress import flowing_together, taken
 from meshflow.view.film import filmable, filmed
 from meshflow.view.look import Looks, looking
 from meshflow.view.picture import Pictured
@@ -59,6 +59,7 @@ def film(
     looks: Looks = {"size": SIZE, **look}
     seen, target = looking(**looks), filmable(path, overwrite)
     noun, notes = taken(thing, seen.own_colours)
+    notes += flowing_together(thing)
     chosen = settings if isinstance(settings, Settings) else Settings(**(settings or {}))
     states = flowing(noun, chosen, count, progress)
     unit = squared_unit(noun)

@@ -28,7 +28,10 @@ INPUT, FLOW, STOP, HOLD, OUTPUT, LOOK = (
     "What is written",
     "How it looks",
 )
-FILES = "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK; PNG, JPEG; .npy, .npz."
+FILES = (
+    "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK, VTM; PNG, JPEG; "
+    ".npy, .npz."
+)
 In = Annotated[Path, typer.Argument(metavar="IN", help=FILES)]
 Out = Annotated[Path, typer.Argument(metavar="OUT", help="Where to write; the extension names the format.")]
 Other = Annotated[Path, typer.Argument(metavar="OTHER", help="The same kind of thing on the same samples.")]
@@ -165,7 +168,7 @@ Confidence = Annotated[
     str | None,
     _option(
         HOLD,
-        "Weights of a fidelity term, 1 / variance: a raster or .npy of the same samples, or the name of a vertex attribute.",
+        "Weights of a fidelity term, 1 / variance: a number, a raster or .npy of them, or the name of a vertex attribute.",
     ),
 ]
 Only = Annotated[
@@ -176,7 +179,7 @@ SpeedOption = Annotated[
     str | None,
     _option(
         HOLD,
-        "How fast each sample goes, 0 (stays) to 1 (as it would): a raster, .npy, or the name of a vertex attribute.",
+        "How fast samples go, 0 (stays) to 1 (as they would): a number, a raster or .npy, or the name of a vertex attribute.",
         "--speed",
     ),
 ]

@@ -12,12 +12,21 @@ from meshflow.flow.keep import Keep
 from meshflow.flow.motion import Motion
 from meshflow.flow.noise import Noise
 from meshflow.flow.tune import Trial
-from meshflow.geometry.gates import Array
+from meshflow.geometry.gates import Array, truth_of
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.geometry.member import Member
 from meshflow.settings import Settings
 
-__all__ = ["Origin", "Parameter", "Plan", "contrast_unit", "given_words", "squared_unit", "value_unit"]
+__all__ = [
+    "Origin",
+    "Parameter",
+    "Plan",
+    "contrast_unit",
+    "expected_error",
+    "given_words",
+    "squared_unit",
+    "value_unit",
+]
 
 Origin = Literal["given", "estimated", "default"]
 
@@ -134,12 +143,21 @@ def given_words(noun: Noun, settings: Settings) -> dict[str, Parameter]:
     if settings.islands is not None:
         found["islands"] = Parameter(float(settings.islands), "samples", "given")
     if settings.only is not None:
-        found["only"] = _counted(np.asarray(settings.only) != 0, "may move")
+        found["only"] = _counted(truth_of(np.asarray(settings.only)), "may move")
     if settings.speed is not None:
-        found["speed"] = Parameter("one per sample", "", "given", "0 stays, 1 goes freely")
+        speed = float(settings.speed) if np.ndim(settings.speed) == 0 else "one per sample"
+        found["speed"] = Parameter(speed, "", "given", "0 stays, 1 goes freely")
     if noun.fixed is not None and noun.fixed.any():
         found["fixed"] = _counted(noun.fixed, "stay")
     return found
+
+
+def expected_error(trial: Trial, unit: str, along: str = "") -> Parameter:
+    """What a trial is expected to leave; a mean square below zero is told as what it is, no error of zero."""
+    words = f"root mean square error {along or 'to be expected'}"
+    if trial.least[1] <= 0:
+        words = f"estimated below zero: sigma was taken for a little more than it is; {words}"
+    return Parameter(trial.risk, unit, "estimated", words)
 
 
 def _counted(mask: np.ndarray, what: str) -> Parameter:

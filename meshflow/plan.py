@@ -103,13 +103,14 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     if settings.confidence is not None:
         trust_of(settings.confidence, shape, n, 1.0)
     if _still(noun):  # nothing to search for
-        plan = replace(bare(noun, replace(settings, contrast=None), noise), idle=HELD)
+        member = None if settings.method in get_args(MotionName) else settings.method
+        plan = replace(bare(noun, replace(settings, contrast=None, method=member), noise), idle=HELD)
     elif isinstance(noun, RangeImage):
-        plan = along_rays(noun, settings, noise, why)
+        plan = along_rays(noun, settings, noise, why, speed)
     elif isinstance(noun, Mesh) and noun.moves != "channels":
-        plan = moving(noun, settings, noise)
+        plan = moving(noun, settings, noise, speed)
     else:
-        plan = tuned(noun, settings, noise)
+        plan = tuned(noun, settings, noise, speed)
     plan = _stopping(_held(replace(plan, speed=speed), settings), settings)
     if plan.idle == HELD:
         words["time"] = Parameter(0.0, squared_unit(noun), "default", "nothing may move")
@@ -123,6 +124,8 @@ def _must_be_seen(noun: Noun, settings: Settings) -> None:
             raise InputError(f"{word}: of range images only, got {type(noun).__name__}")
     if settings.triangles == "clamped" and not isinstance(noun, Mesh):
         raise InputError(f"triangles: of meshes only, got {type(noun).__name__}")
+    if settings.method == "patches" and isinstance(noun, Mesh):
+        raise InputError("method='patches': of height fields and images, whose samples have patches; got a mesh")
     ways = {name: getattr(settings, name) is not None for name in ("order", "weights", "evened", "keep")}
     ways |= {
         "triangles": settings.triangles not in ("auto", "clamped"),

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshflow import options as words
 from meshflow.errors import InputError, NothingThere
-from meshflow.geometry.gates import Array
+from meshflow.geometry.gates import Array, truth_of
 from meshflow.geometry.lift import Mesh, data_of
 from meshflow.io.files import Document, read
 
@@ -73,12 +73,12 @@ def mask(path: Path | None) -> Array | None:
         return None
     column = _column(path)
     if column is not None:
-        return np.nan_to_num(column).astype(bool)
+        return truth_of(column)
     noun = read(path).noun
     if isinstance(noun, Mesh) or noun.missing is None:
         raise InputError(f"{path}: a raster, a picture or an array is a mask, a mesh is none")
-    values = np.nan_to_num(data_of(noun))
-    return (values if values.ndim == 2 else values.any(axis=2)).astype(bool) & ~noun.missing
+    there = truth_of(data_of(noun))
+    return (there if there.ndim == 2 else there.any(axis=2)) & ~noun.missing
 
 
 def _column(path: Path) -> Array | None:
@@ -100,7 +100,7 @@ def per_sample(document: Document, word: str, given: str | None) -> Any:
 
     :raises InputError: for what is neither.
     """
-    if given is None or (word == "limit" and (given == "step" or _is_number(given))):
+    if given is None or (word in NUMBERS and _is_number(given)) or (word == "limit" and given == "step"):
         return limit(given)
     if Path(given).is_file():
         numbers = (mask if word in ("only", "fixed") else samples)(Path(given))
@@ -132,4 +132,6 @@ INPUTS = (
     "pace",
     "viewpoint",
 )
+# Words of which one number is said of all samples.
+NUMBERS = ("limit", "confidence", "speed")
 HELD = ("limit", "confidence", "only", "speed", "fixed")

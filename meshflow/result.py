@@ -66,6 +66,11 @@ class Result:
     version: str
 
     @property
+    def parts(self) -> dict[str, "Result"]:
+        """None: it is of one thing. Those of several are :class:`meshflow.Results`."""
+        return {}
+
+    @property
     def removed(self) -> Array:
         """The method noise: what was there less what is there now, in the shape of the data; zero where samples are missing."""
         return self._removed
@@ -202,7 +207,8 @@ class Result:
                 words = (
                     f"{k} {v if isinstance(v, str) else format(v, '.4g')}" for k, v in trial.candidate.words.items()
                 )
-                lines.append(f"              {trial.risk:.6g} at time {trial.least[0]:.4g}: {', '.join(words)}")
+                error = f"{trial.risk:.6g}" if trial.least[1] > 0 else "below what can be told"
+                lines.append(f"              {error} at time {trial.least[0]:.4g}: {', '.join(words)}")
         return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
 
     @property

@@ -57,7 +57,8 @@ class Settings:
     :param along: points of a mesh move in ``all`` directions, or along their ``normals`` alone.
     :param triangles: of a mesh whose points move, ``given``, ``delaunay`` (intrinsic) or ``auto``: where thin ones ask for it;
         of every mesh ``clamped``: weights below zero are zero, and no value leaves its range (the maximum principle; no longer
-        the gradient of the area). Of the curvature flow and of channels; of a fairing of order 1 alone does it keep the range.
+        the gradient of the area). Of the curvature flow and of channels; of fairings that of order 1 alone keeps it, and is
+        what is taken where points move and nothing else is said.
     :param twice: w in [0, 1]: u(t) + w (u(t) - u(2 t)), twicing in time; 0 where a time or a stop is given, else searched for.
 
     What is known, and how much is wanted:
@@ -77,8 +78,8 @@ class Settings:
     :param confidence: weights of a fidelity term, 1 / variance, a number or one per sample; the flow then comes to rest between
         smoothness and data.
     :param only: mask of the samples that may move.
-    :param speed: numbers between 0 (stays) and 1 (goes as it would), one per sample: soft constraints [DMSB99]. Noise and time
-        are looked for as if all went freely.
+    :param speed: numbers between 0 (stays) and 1 (goes as it would), one per sample or one for all: soft constraints [DMSB99].
+        The search runs as slowly; the noise is looked for as if all went freely.
     :param keep: of a closed mesh whose points move: ``volume``, exact in every step by one length along the normals; ``scale``,
         the volume by scaling [DMSB99]; ``area``.
     :param islands: pieces of a range image of fewer samples are dropped; by default none.
@@ -123,7 +124,7 @@ class Settings:
     limit: float | Array | Literal["step"] | None = None
     confidence: float | Array | None = None
     only: Array | None = None
-    speed: Array | None = None
+    speed: float | Array | None = None
     keep: Keep | None = None
     islands: int | None = None
     space: Space = "length"

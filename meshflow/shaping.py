@@ -8,6 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from meshflow.errors import InputError, NotConverged
+from meshflow.flow.contract import Flow
 from meshflow.flow.control import Until
 from meshflow.flow.facets import Facets
 from meshflow.flow.keep import Keep
@@ -15,6 +16,7 @@ from meshflow.flow.lowpass import is_short
 from meshflow.flow.motion import Motion, MotionName
 from meshflow.flow.noise import Noise
 from meshflow.flow.rate import MeshFlow
+from meshflow.flow.slowed import Slowed
 from meshflow.flow.tune import PROBE, Trial, ranked
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.facets import beyond, measured
@@ -25,7 +27,7 @@ from meshflow.geometry.lift import Lift, Mesh
 from meshflow.geometry.member import Member
 from meshflow.geometry.operator import cotangents, total_area
 from meshflow.geometry.surface import Surface
-from meshflow.parameters import Origin, Parameter, Plan, squared_unit, value_unit
+from meshflow.parameters import Origin, Parameter, Plan, expected_error, squared_unit, value_unit
 from meshflow.settings import Settings
 from meshflow.tuning import HARM, bare, given_time, no_noise
 
@@ -41,9 +43,12 @@ SHORT = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 23.0, 32
 FAIRINGS = ((2, "uniform"), (4, "uniform"), (10, "uniform"), (2, "cotangent"))
 # The one way where no search is wanted.
 FIXED, FAIRED = Motion("facets"), Motion("fairing")
+# The one order of a fairing by which no value leaves its range, weights of zero and above.
+RANGED = 1
 FIXED_TIME = {"facets": 100.0, "fairing": 1.0}
 # Contrast of normal channels in edges; the greatest curvature of noise, in sigma / h^2; and times in squared edges.
-CHANNELS, BENDS, LONGER = 8.0, 6.0, {"normal-channels": 5.0, "principal": 2.0}
+# Of cubes and cylinders with noise of 0.03 to 0.3 edges the best threshold is (0.05 + 0.3 sigma / h) / h, within a fifth.
+CHANNELS, BENT, BENDS, LONGER = 8.0, 0.05, 0.3, {"normal-channels": 5.0, "principal": 5.0}
 # The volume of a closed mesh, over its area to the power 3/2, below which it holds none.
 HOLLOW = 1e-6
 # What says how values stand above a base, and nothing where all coordinates are free.
@@ -75,7 +80,9 @@ def _times(motion: Motion, step: float) -> tuple[float, ...]:
     return tuple(time * step**2 for time in (LONG if motion.kind == "facets" else SHORT))
 
 
-def searched(noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end: float | None) -> tuple[Trial, ...]:
+def searched(
+    noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end: float | None, speed: Array | None = None
+) -> tuple[Trial, ...]:
     """The trials of a search, the best first: mean square error along the normals, by Monte Carlo SURE.
 
     ((x - x0) . n)^2 - sigma^2 + 2 sigma^2 of what a second run, beside the first by random signs along the normals, has of them
@@ -83,9 +90,11 @@ def searched(noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end
 
     :param sigma: the noise along the normals, unit of the points.
     :param end: the time that is given; None: it is searched for, too.
+    :param speed: (n, 1), of each vertex.
     """
     step, whole = noun.step, noun
-    noun, counted = _pieces(noun)
+    noun, counted, kept = _pieces(noun)
+    slow = None if speed is None else speed[kept]
     normals = noun.normals
     assert normals is not None
     signs = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=(len(normals), 1))
@@ -101,7 +110,7 @@ def searched(noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end
 
     def tried(way: Motion, times: tuple[float, ...]) -> list[Trial]:
         risks = [sigma**2 * (1.0 + WEIGHT * folded(start.points, noun.faces, across))]
-        for pair in _pairs(way, (start, twin), times):
+        for pair in _pairs(way, (start, twin), times, slow):
             risks.append(risk(*pair))
             if len(risks) - 1 - int(np.argmin(risks)) > PATIENCE:
                 break
@@ -126,9 +135,12 @@ def searched(noun: Mesh, lift: Lift, ways: tuple[Motion, ...], sigma: float, end
     return ranked((*longer, *(t for t in first if t.candidate not in going)))
 
 
-def _pairs(way: Motion, pair: tuple[Surface, Surface], times: tuple[float, ...]) -> Iterator[tuple[Array, Array]]:
+def _pairs(
+    way: Motion, pair: tuple[Surface, Surface], times: tuple[float, ...], speed: Array | None
+) -> Iterator[tuple[Array, Array]]:
     """The points of a run and of its twin at each time; none where slivers do not let it be run."""
-    flows = [way.engine(surface, Member()) for surface in pair]
+    flows: list[Flow] = [way.engine(surface, Member()) for surface in pair]
+    flows = flows if speed is None else [Slowed(flow, speed) for flow in flows]
     try:
         yield from zip(*(way.states(flow, flow.start(), times) for flow in flows), strict=True)
     except NotConverged:
@@ -148,11 +160,13 @@ def folded(points: Array, faces: Array, across: Array) -> float:
     return float(np.mean(cosine < FOLDED))
 
 
-def _pieces(noun: Mesh) -> tuple[Mesh, Array]:
-    """A mesh that is not too large: the whole, or pieces of it, and which of its vertices are counted."""
+def _pieces(noun: Mesh) -> tuple[Mesh, Array, Array]:
+    """A mesh that is not too large: the whole, or pieces of it, which of its vertices are counted, and which of the whole they
+    are.
+    """
     assert noun.fixed is not None
     if len(noun.points) <= ENOUGH:
-        return noun, ~noun.fixed
+        return noun, ~noun.fixed, np.arange(len(noun.points))
     across, m = beyond(noun.faces), len(noun.faces)
     taken, seeds = np.zeros(m, bool), np.linspace(0, m - 1, PIECES + 2).astype(int)[1:-1]
     for seed in seeds:
@@ -170,12 +184,13 @@ def _pieces(noun: Mesh) -> tuple[Mesh, Array]:
         cut[faces[cut[faces].any(axis=1)]] = True
     piece = replace(noun, points=noun.points[kept], faces=faces, channels=None, moves="points", fixed=noun.fixed[kept])
     counted = ~(cut | noun.fixed[kept])
-    return piece, counted if counted.any() else ~noun.fixed[kept]
+    return piece, counted if counted.any() else ~noun.fixed[kept], kept
 
 
-def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
+def moving(noun: Mesh, settings: Settings, noise: Noise, speed: Array | None = None) -> Plan:
     """How the points of a mesh move, and how long: as given, by rule, or of least estimated risk.
 
+    :param speed: (n, 1), of each vertex.
     :raises InputError: for what such a mesh does not know.
     """
     kind: Any = settings.method if settings.method in get_args(MotionName) else None
@@ -191,7 +206,7 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
             f"method={kind!r}: of points in R^3 that move alone, got moves={noun.moves!r} in R^{noun.points.shape[1]}"
         )
     if kind in ("facets", "fairing") or (kind is None and whole and not _told_otherwise(settings)):
-        return _shaped(noun, settings, noise, kind)
+        return _shaped(noun, settings, noise, kind, speed)
     named = settings.method if kind is None else None  # a member of those whose values stand above a base
     motion, featured = _curved(noun, settings, noise, kind or "curvature")
     keep = settings.keep or _holding(noun, settings, motion)
@@ -201,7 +216,7 @@ def moving(noun: Mesh, settings: Settings, noise: Noise) -> Plan:
         **plan.parameters,
         **_named(motion, settings, noun),
         **_kept(settings, keep),
-        **_triangulated(noun, settings),
+        **({} if motion.kind == "principal" else _triangulated(noun, settings)),
     }
     if motion.curve:
         told["boundary"] = Parameter("curve", "", "given")
@@ -248,10 +263,11 @@ def _curved(noun: Mesh, settings: Settings, noise: Noise, kind: MotionName) -> t
         contrast = Parameter(float(settings.contrast), "length", "given")
     elif kind == "normal-channels":
         contrast = Parameter(CHANNELS * noun.step, "length", "default", f"{CHANNELS:g} edges")
-    elif sigma > 0:
-        contrast = Parameter(noun.step**2 / (BENDS * sigma), "length", "estimated", f"h² / {BENDS:g} sigma")
     else:
-        contrast = Parameter(noun.step, "length", "default", "an edge")
+        edges = 1.0 / (BENT + BENDS * sigma / noun.step)
+        contrast = Parameter(
+            edges * noun.step, "length", "estimated", f"{edges:.3g} edges, h / ({BENT:g} + {BENDS:g} sigma / h)"
+        )
     return replace(motion, contrast=float(contrast.value)), {"contrast": contrast}
 
 
@@ -273,16 +289,15 @@ def _told_otherwise(settings: Settings) -> bool:
         "stepper",
         "confidence",
         "contrast",
-        "twice",
+        *(("twice",) if settings.triangles != "clamped" else ()),  # of which it is zero, whoever asks
         "mass",
         "indicator",
         "method",
     )
-    asked = settings.named or settings.stopping or settings.triangles == "clamped"
-    return asked or any(getattr(settings, n) is not getattr(plain, n) for n in names)
+    return settings.named or settings.stopping or any(getattr(settings, n) is not getattr(plain, n) for n in names)
 
 
-def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None) -> Plan:
+def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None, speed: Array | None) -> Plan:
     """Facets or a fairing."""
     lift, timed = Lift(1.0, settings.diagonals, settings.rim), given_time(noun, settings)
     if settings.confidence is not None:
@@ -299,17 +314,17 @@ def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None) -> P
             Parameter(0.0, squared_unit(noun), "default", "nothing to remove"),
         )
     elif noise.sigma > 0 and settings.search is not False and settings.steps is None and not settings.stopping:
-        trials = searched(noun, lift, ways, noise.sigma * settings.strength, timed and float(timed.value))
+        trials = searched(noun, lift, ways, noise.sigma * settings.strength, timed and float(timed.value), speed)
         if trials:
             way, origin, (time, _) = trials[0].candidate, "estimated", trials[0].least
-            told["risk"] = Parameter(
-                trials[0].risk, value_unit(noun), "estimated", "root mean square error along the normals"
-            )
+            told["risk"] = expected_error(trials[0], value_unit(noun), "along the normals")
             timed = timed or Parameter(time, squared_unit(noun), "estimated", "least estimated risk")
             plan = replace(plan, trials=trials, idle=HARM if timed.value == 0 else None)
     much = FIXED_TIME[way.kind]
     timed = timed or Parameter(much * noun.step**2, squared_unit(noun), "default", f"{much:g} squared edges")
     told |= {"time": timed, **_named(way, settings, noun, origin), **_kept(settings, settings.keep)}
+    if kind is None and settings.triangles == "clamped":
+        told["order"] = Parameter(RANGED, "", "default", "no value leaves its range")
     how = {"given": "", "nothing": "too few samples"}.get(noise.how, f"from {noise.how}, along the normals")
     sigma = Parameter(noise.sigma, value_unit(noun), "given" if noise.how == "given" else "estimated", how)
     strength = Parameter(settings.strength, "", "default" if settings.strength == 1.0 else "given")
@@ -321,7 +336,8 @@ def _open(noun: Mesh, settings: Settings, kind: str | None) -> tuple[Motion, ...
     """The ways that the caller leaves open; the first is the one where nothing is searched for."""
     held, made = settings, []
     curve = held.boundary == "curve"
-    if curve and kind is None:
+    ranged = kind is None and held.triangles == "clamped"
+    if (curve or ranged) and kind is None:
         kind = "fairing"
     for way in (FIXED, *candidates(noun.step)) if kind != "fairing" else (FAIRED, *candidates(noun.step)):
         if kind not in (None, way.kind):
@@ -330,13 +346,13 @@ def _open(noun: Mesh, settings: Settings, kind: str | None) -> tuple[Motion, ...
         facets = replace(way.facets, **{name: float(x) for name, x in given.items() if x is not None})
         if held.along == "normals":
             facets = replace(facets, evened=0.0)
-        order = way.order if held.order is None else held.order
+        order = RANGED if ranged else way.order if held.order is None else held.order
         made.append(
             replace(
                 way,
                 facets=facets,
                 order=order,
-                weights=held.weights or way.weights,
+                weights="cotangent" if ranged else held.weights or way.weights,
                 along=held.along,
                 triangles=held.triangles,
                 curve=curve,

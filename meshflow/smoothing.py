@@ -21,14 +21,16 @@ from meshflow.geometry.gates import Array, whole
 from meshflow.geometry.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
 from meshflow.grid.rate import GridFlow
 from meshflow.io.adopt import Adopted, adopt
+from meshflow.io.files import Document
 from meshflow.io.hints import PER_SAMPLE
-from meshflow.io.several import Several, several
+from meshflow.io.several import several
 from meshflow.parameters import Parameter, Plan
+from meshflow.parts import Results, one_by_one
 from meshflow.plan import noise_in, planned
 from meshflow.result import Moment, Result, release
 from meshflow.settings import Settings
 
-__all__ = ["denoise", "flowing", "noise", "smooth", "smooth_noun"]
+__all__ = ["denoise", "flowing", "noise", "smooth", "smooth_document", "smooth_noun"]
 
 # What a thing may be told about itself (meshflow.io.adopt).
 HINTS = frozenset(
@@ -293,7 +295,7 @@ def smooth(
     :param thing: numpy array (h, w): a height field, (h, w, k): an image of k channels, masked arrays and NaN as missing;
         ``(points, faces)``: a mesh; ``trimesh.Trimesh``, ``pyvista`` PolyData, ImageData, StructuredGrid, ``open3d`` triangle
         meshes, ``meshio.Mesh``, ``xarray.DataArray``; a ``trimesh.Scene`` or ``pyvista.MultiBlock``, each of its parts as if it
-        were alone; a noun of meshflow. Files: :func:`meshflow.read`, or the command ``meshflow smooth``.
+        were alone; a noun of meshflow. Files: what :func:`meshflow.read` gives, or the command ``meshflow smooth``.
     :param time: how far, in squared length; by default searched for, for meshes half a squared mean edge.
     :param scale: instead of ``time``, the standard deviation of the equal Gaussian on flat data, a length.
     :param steps: the number of steps; then nothing is searched for.
@@ -302,7 +304,7 @@ def smooth(
     :param gamma: instead, the exponent of the edge indicator. 0: Beltrami flow; above: edges kept more; -1, -2: mean curvature
         diffusion, graph flow.
     :param strength: more or less of it: the noise times this is what is removed.
-    :param full: return a :class:`Result`, as :func:`denoise` does.
+    :param full: return a :class:`Result`, or :class:`Results` of several parts, as :func:`denoise` does.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param settings: further fields of :class:`Settings` by name, also accepted as keywords: ``sharpness, patch, contrast,
         twice``; ``residual, area_loss, displacement, stop``; ``limit, confidence, only, speed, islands, space``;
@@ -319,9 +321,10 @@ def smooth(
     known, fixed = _words({**(settings or {}), **words}, more)
     parts = several(thing, **more)
     if parts is not None:
-        return _one_by_one(parts, known, fixed, progress, full)
+        found = one_by_one(parts, known, fixed, lambda part: _smoothed(part, known, fixed, progress, full or None))
+        return found if full else found.thing
     adopted = adopt(thing, **more)
-    found = _smoothed(adopted, known, fixed, progress, full)
+    found = _smoothed(adopted, known, fixed, progress, full or None)
     back = adopted.restore(found.noun)
     return replace(found, thing=back, warnings=(*adopted.notes, *found.warnings)) if full else back
 
@@ -344,34 +347,32 @@ def _words(known: dict[str, Any], more: dict[str, Any]) -> tuple[dict[str, Any],
     return known, more.pop("fixed") if isinstance(more.get("fixed"), str) else None
 
 
-def _smoothed(adopted: Adopted, known: dict[str, Any], fixed: str | None, progress: Progress, full: bool) -> Result:
+def _smoothed(
+    adopted: Adopted, known: dict[str, Any], fixed: str | None, progress: Progress, record: bool | None
+) -> Result:
     """An adopted thing, with the words of a caller.
 
     :param fixed: the name of an array in the thing.
+    :param record: as of :func:`smooth_noun`.
     """
     noun = adopted.noun if fixed is None else replace(adopted.noun, fixed=adopted.samples(fixed, "fixed"))
-    return smooth_noun(noun, Settings(**_sampled(known, adopted)), progress, record=full or None)
+    return smooth_noun(noun, Settings(**_sampled(known, adopted)), progress, record=record)
 
 
-def _one_by_one(parts: Several, known: dict[str, Any], fixed: str | None, progress: Progress, full: bool) -> Any:
-    """A thing of several parts, each as if it were alone.
+def smooth_document(
+    document: Document, words: dict[str, Any], progress: Progress = None, *, record: bool = True
+) -> tuple[Document, Result | Results]:
+    """What a file held, smoothed: its one thing, or each of its meshes as if it were alone.
 
-    :raises InputError: for an array of numbers per sample, whose parts nobody has said, or a :class:`Result` of them all.
+    :param words: fields of :class:`Settings` by name; numbers per sample as arrays of the noun.
+    :param record: as of :func:`smooth_noun`.
     """
-    if full:
-        raise InputError(
-            f"a Result is of one thing, and there are {len(parts.parts)} parts; denoise them one by one, or smooth all of them"
-        )
-    for word in PER_SAMPLE:
-        if word in known and known[word] is not None and np.ndim(known[word]) > 0:
-            raise InputError(f"{word}: of several parts the name of an array in each of them expected, got an array")
-    nouns = []
-    for name, part in parts.parts:
-        try:
-            nouns.append(_smoothed(part, known, fixed, progress, False).noun)
-        except InputError as cause:
-            raise InputError(f"part {name}: {cause}") from cause
-    return parts.restore(nouns)
+    parts = several(document)
+    if parts is None:
+        result = smooth_noun(document.noun, Settings(**words), progress, record=record)
+        return document.holding(result.noun), result
+    results = one_by_one(parts, words, None, lambda part: _smoothed(part, words, None, progress, record))
+    return results.thing, results
 
 
 def _sampled(known: dict[str, Any], adopted: Adopted) -> dict[str, Any]:
@@ -384,8 +385,10 @@ def _sampled(known: dict[str, Any], adopted: Adopted) -> dict[str, Any]:
     }
 
 
-def denoise(thing: Any, **options: Any) -> Result:
+def denoise(thing: Any, **options: Any) -> Any:
     """:func:`smooth`, told in full: the smoothed thing, what was estimated, each parameter with its unit and origin, the run, why
     it ended, and what was removed.
+
+    :returns: a :class:`Result`; of several parts :class:`Results`, one for each by its name.
     """
     return smooth(thing, full=True, **options)

@@ -23,9 +23,10 @@ from meshflow.choice import (
 from meshflow.flow.control import Until
 from meshflow.flow.noise import Noise
 from meshflow.flow.tune import TWICE, Candidate, Trial
+from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Lift, Mesh, Noun, RangeImage, data_of
 from meshflow.geometry.member import Member
-from meshflow.parameters import Origin, Parameter, Plan, contrast_unit, squared_unit, value_unit
+from meshflow.parameters import Origin, Parameter, Plan, contrast_unit, expected_error, squared_unit, value_unit
 from meshflow.settings import Settings
 
 __all__ = ["HARM", "along_rays", "bare", "given_time", "is_rounded", "limit_of", "no_noise", "tuned"]
@@ -77,13 +78,18 @@ def _unsearched(plan: Plan, settings: Settings, time: Parameter, contrast: Param
     return _told(plan, settings, {"time": time, "contrast": contrast, "twice": twice}, "default")
 
 
-def tuned(noun: Noun, settings: Settings, noise: Noise) -> Plan:
-    """Where values stand above a base: member, contrast and time from the least estimated risk, or without a search."""
+def tuned(noun: Noun, settings: Settings, noise: Noise, speed: Array | None = None) -> Plan:
+    """Where values stand above a base: member, contrast and time from the least estimated risk, or without a search.
+
+    :param speed: (n, 1), of each sample.
+    """
     sigma = noise.sigma * settings.strength
     unit = noun.step / sigma if sigma > 0 else 0.0
     timed = given_time(noun, settings)
     asked = timed is not None or settings.steps is not None or settings.confidence is not None or settings.stopping
-    plan = Plan(noun, settings.member(), Lift(1.0, settings.diagonals, settings.rim), Until(0.0), {}, noise)
+    plan = Plan(
+        noun, settings.member(), Lift(1.0, settings.diagonals, settings.rim), Until(0.0), {}, noise, speed=speed
+    )
     if sigma == 0 and not asked:
         plan = replace(plan, idle=no_noise(noise))
         return _told(
@@ -134,7 +140,7 @@ def _searched(plan: Plan, settings: Settings, sigma: float, unit: float, timed: 
     parts = (0.25, 0.5, 1.0, *((2.0,) if max(twices) > 0 else ()))
     longest = LOOKED_AT if isinstance(noun, Mesh) else np.inf
     times = tuple(t * h2 for t in TIMES if t <= longest) if end is None else tuple(end * part for part in parts)
-    search = Search(made, times, contrast is None, sigma, end, twices)
+    search = Search(made, times, contrast is None, sigma, end, twices, plan.speed)
     if isinstance(noun, Mesh):
         trials = searched_on_mesh(noun, plan.lift, search)
     else:
@@ -152,7 +158,7 @@ def _searched(plan: Plan, settings: Settings, sigma: float, unit: float, timed: 
         "time": timed or Parameter(time, squared_unit(noun), "estimated", where),
         "contrast": Parameter(best.candidate.contrast, contrast_unit(noun), "given" if contrast is not None else "estimated",
                               "" if contrast is not None else f"{best.candidate.contrast / unit:.3g} h / sigma, {where}"),
-        "risk": Parameter(best.risk, value_unit(noun), "estimated", "root mean square error to be expected"),
+        "risk": expected_error(best, value_unit(noun)),
     }  # fmt: skip
     parameters["twice"] = Parameter(best.candidate.twice, "", "estimated" if len(twices) > 1 else
                                     "given" if settings.twice is not None else "default")  # fmt: skip
@@ -163,14 +169,15 @@ def _searched(plan: Plan, settings: Settings, sigma: float, unit: float, timed: 
     return _told(plan, settings, parameters, "default" if settings.named else "estimated")
 
 
-def along_rays(noun: RangeImage, settings: Settings, noise: Noise, why: str) -> Plan:
+def along_rays(noun: RangeImage, settings: Settings, noise: Noise, why: str, speed: Array | None = None) -> Plan:
     """Of a range image with its noise: gamma 0 and a time by rule, or with a search both of least estimated risk.
 
     :param why: how the noise grows, in words.
+    :param speed: (n, 1), of each sample.
     """
     lift = Lift(1.0 if settings.contrast is None else settings.contrast, settings.diagonals, settings.rim)
     named = METHODS[settings.method][0] if settings.method else {}
-    plan = Plan(noun, settings.member(**named), lift, Until(0.0), {}, noise)
+    plan = Plan(noun, settings.member(**named), lift, Until(0.0), {}, noise, speed=speed)
     told = {
         "contrast": Parameter(
             lift.contrast, "", "default" if settings.contrast is None else "given", "lengths as they are"
@@ -217,12 +224,12 @@ def _searched_along(
     made = tuple(Candidate(replace(plan.member, **part), 1.0) for part in exponents)
     times = tuple(t * noun.step**2 for t in TIMES) if end is None else (end / 4, end / 2, end)
     twices = (0.0,) if settings.twice is None else (float(settings.twice),)
-    search = Search(made, times, False, sigma, end, twices)
+    search = Search(made, times, False, sigma, end, twices, plan.speed)
     trials: tuple[Trial, ...] = searched_on_grid(noun.gridded(plan.lift), search, None, settings.threads)[0]
     best = trials[0]
     told |= {
         "time": timed or Parameter(best.least[0], squared_unit(noun), "estimated", "least estimated risk"),
-        "risk": Parameter(best.risk, value_unit(noun), "estimated", "root mean square error to be expected"),
+        "risk": expected_error(best, value_unit(noun)),
         "twice": Parameter(twices[0], "", "default" if settings.twice is None else "given"),
     }
     plan = replace(plan, member=best.candidate.member, trials=trials, twice=twices[0])

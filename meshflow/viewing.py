@@ -19,7 +19,7 @@ from meshflow.result import Result
 from meshflow.settings import Settings
 from meshflow.smoothing import flowing, smooth_noun
 from meshflow.view.dials import Address
-from meshflow.view.dress import taken
+from meshflow.view.dress import flowing_together, taken
 from meshflow.view.look import Look, Looks, looking
 from meshflow.view.offline import exportable, exported
 from meshflow.view.timeline import MEMORY, Timeline, recorded
@@ -272,6 +272,7 @@ def view(
     if page is not None:
         exportable(page, overwrite)
     noun, notes = taken(thing, seen.own_colours)
+    notes += flowing_together(thing)
     chosen = settings if isinstance(settings, Settings) else Settings(**(settings or {}))
     desk = Desk(Session.begun(noun, chosen, count, memory), thing, saving or Saving())
     timeline = desk.session.run(progress)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.spatial import Delaunay
 from shapes import sphere, square
 
@@ -78,17 +79,32 @@ def test_a_noisy_border_becomes_smooth_where_a_natural_one_gives_way():
     noisy = points.copy()
     noisy[rim] *= 1 + 0.01 * np.random.default_rng(2).normal(size=(120, 1))
 
+    z = noisy[rim, 0] + 1j * noisy[rim, 1]
+
+    def drawn(z):
+        """The curvature vector -A z of a closed curve, as a matrix."""
+        lengths, i = np.abs(np.roll(z, -1) - z), np.arange(len(z))
+        stiff = np.zeros((len(z), len(z)))
+        stiff[i, (i + 1) % len(z)] = stiff[(i + 1) % len(z), i] = -1.0 / lengths
+        stiff -= np.diag(stiff.sum(axis=1))
+        return stiff / (0.5 * (lengths + np.roll(lengths, 1)))[:, None]
+
     def rough(x):
         radii = np.linalg.norm(x[rim], axis=1)
         return radii.std(), radii.mean()
 
     free, curve = (smooth((noisy, faces), method="curvature", boundary=b, time=0.004)[0] for b in ("natural", "curve"))
     linear = smooth((noisy, faces), method="curvature", boundary="linear", time=0.004)[0]
-    assert rough(curve)[0] < 0.45 * rough(noisy)[0]
+    # What a curve of these points keeps of white noise: exp(-t A) of a round one, up to what the noise adds to its lengths.
+    kept = np.abs(expm(-0.004 * drawn(points[rim, 0] + 1j * points[rim, 1])) @ z).std()
+    assert kept / rough(noisy)[0] == pytest.approx(0.365, abs=1e-3)
+    assert rough(curve)[0] == pytest.approx(kept, rel=0.04)
     assert rough(linear)[0] == pytest.approx(rough(noisy)[0], rel=1e-6)  # a flat sheet rests, outline and all
     assert rough(free)[1] < rough(curve)[1] < rough(noisy)[1]
     faired = smooth((noisy, faces), method="fairing", boundary="curve", time=0.004, search=False)[0]
-    assert rough(faired)[0] < 0.55 * rough(noisy)[0]
+    # A filter is linear: 1 / (1 + (t A)^2) of the curve as it came.
+    filtered = np.linalg.solve(np.eye(120) + np.linalg.matrix_power(0.004 * drawn(z), 2), z)
+    assert rough(faired)[0] == pytest.approx(np.abs(filtered).std(), rel=1e-6)
 
 
 def test_the_rate_of_what_is_inside_is_that_of_the_flow_and_a_step_that_of_the_rate():

@@ -1,16 +1,20 @@
 """The maximum principle: weights of zero and above keep every value in its range. meshflow.geometry.intrinsic.clamped."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from shapes import sphere
 
 from meshflow.errors import InputError
+from meshflow.flow.march import VANISHED
 from meshflow.flow.rate import MeshFlow
 from meshflow.geometry.connectivity import connect, shared_sides
 from meshflow.geometry.intrinsic import clamped
 from meshflow.geometry.member import Member
 from meshflow.geometry.operator import cotangents, fill_stiffness, stiffness
 from meshflow.geometry.surface import Surface
+from meshflow.io.files import read
 from meshflow.smoothing import denoise, smooth
 
 
@@ -24,6 +28,7 @@ def obtuse():
     return points, faces, ((x > 40) ^ (y > 9)).astype(float)
 
 
+SHARED = Path(__file__).parents[2] / "shared" / "data"
 POINTS, FACES, VALUES = obtuse()
 
 
@@ -85,6 +90,40 @@ def test_points_stay_in_the_box_that_they_came_in():
     )
 
 
+@pytest.mark.parametrize("stepper", ["auto", "semi-implicit"])
+def test_lone_triangles_shrink_inside_the_range_and_no_system_of_nothing_is_left(stepper):
+    rng = np.random.default_rng(0)
+    corners = (rng.uniform(0, 4, (40, 1, 3)) + rng.uniform(0, 1, (40, 3, 3))).reshape(-1, 3)
+    words = {"triangles": "clamped", "method": "curvature", "stepper": stepper}
+    result = denoise((corners, np.arange(120).reshape(-1, 3)), time=0.1, **words)
+    found = result.thing[0].reshape(40, 3, 3)
+    before = corners.reshape(40, 3, 3)
+    slack = 1e-9 * np.ptp(corners)
+    assert (found >= before.min(axis=1, keepdims=True) - slack).all()
+    assert (found <= before.max(axis=1, keepdims=True) + slack).all()
+    sizes = np.linalg.norm(np.ptp(found, axis=1), axis=1)
+    assert (sizes < 1e-3).any()  # some have gone, and the others went on
+    assert result.end.area < 0.2 * result.start.area
+
+
+def test_with_nothing_else_given_the_time_is_searched_for_and_the_range_kept():
+    ball, faces = sphere(600)
+    points = ball + 0.03 * np.random.default_rng(1).normal(size=ball.shape)
+    result = denoise((points, faces), triangles="clamped")
+    words = {name: result.parameters[name].value for name in ("method", "order", "triangles")}
+    assert words == {"method": "fairing", "order": 1, "triangles": "clamped"}
+    assert result.parameters["time"].origin == "estimated"
+    found = result.thing[0]
+    assert (found >= points.min(axis=0) - 1e-6).all()
+    assert (found <= points.max(axis=0) + 1e-6).all()
+
+    def off(x):
+        return np.sqrt(np.mean(np.einsum("ij,ij->i", x - ball, ball) ** 2))
+
+    fixed_time = smooth((points, faces), triangles="clamped", method="curvature")[0]
+    assert off(found) < 0.85 * min(off(points), off(fixed_time))
+
+
 def test_what_leaves_the_range_is_refused():
     for words in ({"boundary": "linear"}, {"mass": "voronoi"}, {"twice": 0.5}, {"stepper": "super-time"}):
         with pytest.raises(InputError, match="triangles='clamped'"):
@@ -95,3 +134,27 @@ def test_what_leaves_the_range_is_refused():
         MeshFlow(Surface(POINTS, (FACES,), boundary="linear"), triangles="clamped")
     with pytest.raises(InputError, match="'voronoi', which asks for all angles"):
         MeshFlow(Surface(POINTS, (FACES,)), Member(mass="voronoi"), triangles="clamped")
+
+
+@pytest.mark.parametrize("stepper", ["auto", "semi-implicit"])
+def test_triangles_that_clamping_makes_segments_vanish_and_break_nothing(stepper):
+    # Free and obtuse, with one weight clamped: flat before they are small, so that mass over stiffness falls below rounding.
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(60, 3, 3)).reshape(-1, 3)
+    faces = np.arange(180).reshape(60, 3)
+    result = denoise((points, faces), method="curvature", triangles="clamped", time=10.0, stepper=stepper)
+    found = result.thing[0]
+    assert np.isfinite(found).all()
+    assert VANISHED in result.reason
+    # Each is drawn to a point of its own, within the box that it came in.
+    low, high = points.reshape(60, 3, 3).min(axis=1), points.reshape(60, 3, 3).max(axis=1)
+    each = found.reshape(60, 3, 3)
+    assert np.ptp(each, axis=1).max() < 1e-2
+    assert ((each >= low[:, None] - 1e-6) & (each <= high[:, None] + 1e-6)).all()
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/data is not there")
+@pytest.mark.parametrize("name", sorted(p.name for p in (SHARED / "meshes" / "messy").glob("*")))
+def test_what_is_messy_is_smoothed_with_clamped_weights(name):
+    assert np.isfinite(smooth(read(SHARED / "meshes" / "messy" / name).noun, triangles="clamped").points).all()

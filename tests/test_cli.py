@@ -189,6 +189,11 @@ def test_the_picture_is_drawn_beside_the_result(terrain, tmp_path):
         (("info", "{empty}"), "is empty (0 bytes)"),
         (("info", "{text}"), "notes.tif"),
         (("info", "."), "is a folder"),
+        (("smooth", "{in}", "out.tif", "--time", "long"), "Invalid value for '--time'"),
+        (("smooth", "{in}", "out.tif", "--triangles", "best"), "'best' is not one of"),
+        (("smooth", "{in}", "out.tif", "--tme", "1"), "No such option: --tme"),
+        (("smooth", "{in}"), "Missing argument 'OUT'; see python -m meshflow smooth --help"),
+        (("smoth", "{in}"), "No such command 'smoth'"),
     ],
 )
 def test_a_refusal_is_one_line_and_leaves_nothing_behind(words, expected, terrain, tmp_path):

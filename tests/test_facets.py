@@ -24,6 +24,12 @@ def along_normals(points, faces, share, seed=0):
     return points + noise * facets.normals_at(points, faces)
 
 
+def test_without_triangles_there_are_no_normals_and_no_edges():
+    none = np.zeros((0, 3), int)
+    assert np.array_equal(facets.normals_at(np.eye(3), none), np.zeros((3, 3)))
+    assert facets.mean_edge(np.eye(3), none) == 0.0
+
+
 def run(points, faces, rounds=20, how=None, **more):
     engine = FacetFlow(Surface(points, (faces,), **more), how)
     *_, last = march(engine, Until(steps=rounds))

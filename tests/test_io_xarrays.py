@@ -211,7 +211,7 @@ def test_coordinates_in_single_precision_count_as_regular(rio):
         (field, {"kind": "depth"}, "terrain or image expected for a DataArray, got 'depth'"),
         (lambda: field().expand_dims(band=[1, 2]), {"kind": "terrain"}, r"band: one entry expected .*isel\(band=0\)"),
         (field, {"missing": np.zeros((2, 2), bool)}, r"missing: a mask of shape \(6, 8\) expected"),
-        (lambda: field() > 0, {"fixed": 3}, "fixed: a mask of booleans expected"),
+        (lambda: field() > 0, {"fixed": 3}, r"fixed: a mask of shape \(6, 8\) expected, got \(\)"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_adopted_is_refused_with_the_way_out(rio, make, hints, expected):

@@ -170,8 +170,8 @@ BAD = [
     (lambda: HeightField(np.ones((3, 3)), spacing=(np.ones(4), 1)), r"3 of them, one per row.* got shape \(4,\)"),
     (lambda: HeightField(np.ones((3, 3)), missing=np.zeros((2, 3), bool)), r"missing: a mask of shape \(3, 3\)"),
     (
-        lambda: HeightField(np.ones((3, 3)), fixed=np.zeros((3, 3))),
-        "fixed: a mask of booleans expected, got dtype float64",
+        lambda: HeightField(np.ones((3, 3)), fixed=np.full((3, 3), "a")),
+        "fixed: a mask of booleans, or of numbers, expected, got dtype <U1",
     ),
     (lambda: Image(np.ones((3, 3, 0))), "empty"),
     (lambda: Image(np.ones((3, 3, 3, 3))), "2 or 3 dimensions expected"),

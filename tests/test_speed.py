@@ -21,7 +21,7 @@ from meshflow.flow.slowed import Slowed
 from meshflow.flow.step import SemiImplicit
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh
 from meshflow.grid.rate import GridFlow
-from meshflow.smoothing import smooth
+from meshflow.smoothing import denoise, smooth
 
 BALL, FACES = sphere(400)
 NOISY = along_normals(BALL, FACES, 0.2)
@@ -115,12 +115,63 @@ def test_the_volume_is_kept_by_what_is_free_to_go():
     )
 
 
+@pytest.mark.parametrize("way", [{}, {"method": "heat"}, {"method": "perona-malik", "contrast": 2.0}], ids=str)
+def test_a_search_at_half_the_speed_takes_twice_the_time(way):
+    rng = np.random.default_rng(1)
+    rows, columns = np.mgrid[:64, :48]
+    noisy = 3 * np.sin(rows / 9) + 3 * np.cos(columns / 7) + rng.normal(size=rows.shape)
+    one, half = (denoise(noisy, speed=np.full(noisy.shape, s), **way) for s in (1.0, 0.5))
+    assert half.parameters["time"].value == pytest.approx(2 * one.parameters["time"].value, rel=0.15)
+    assert half.parameters["risk"].value == pytest.approx(one.parameters["risk"].value, rel=0.05)
+    assert denoise(noisy, **way).parameters["time"].value == pytest.approx(one.parameters["time"].value, rel=1e-9)
+
+
+def test_the_risk_of_a_search_counts_what_is_held_back():
+    rng = np.random.default_rng(1)
+    rows, columns = np.mgrid[:300, :320]  # so large that the search looks at tiles
+    truth = 3 * np.sin(rows / 9) + 3 * np.cos(columns / 7)
+    noisy = truth + rng.normal(size=truth.shape)
+    speed = np.where(columns < 160, 0.01, 1.0)
+    free, held = denoise(noisy), denoise(noisy, speed=speed)
+    for result in (free, held):
+        error = np.sqrt(np.mean((result.thing - truth) ** 2))
+        assert result.parameters["risk"].value == pytest.approx(error, rel=0.1)
+    assert held.parameters["risk"].value > 2 * free.parameters["risk"].value
+
+
+def test_the_risk_of_a_mesh_counts_what_is_held_back():
+    ball, faces = sphere(2000)
+    noisy = along_normals(ball, faces, 0.2)
+    speed = np.where(ball[:, 2] > 0, 0.01, 1.0)
+    for way in ({"method": "fairing"}, {"method": "facets"}, {"channels": ball[:, 0] + 0.2 * RNG.normal(size=2000)}):
+        data = (noisy, faces) if "method" in way else (ball, faces)
+        free, held = (
+            denoise(data, sigma=0.2 if "channels" in way else None, **s, **way) for s in ({}, {"speed": speed})
+        )
+        assert held.parameters["risk"].value > 2 * free.parameters["risk"].value + 0.005, way
+    one, half = (
+        denoise((noisy, faces), method="fairing", weights="uniform", order=2, speed=np.full(2000, s))
+        for s in (1.0, 0.5)
+    )
+    assert half.parameters["time"].value == pytest.approx(2 * one.parameters["time"].value, rel=0.15)
+
+
+def test_the_pieces_of_a_large_mesh_are_searched_at_their_own_speed():
+    ball, faces = sphere(14_000)
+    noisy = along_normals(ball, faces, 0.2)
+    speed = np.where(ball[:, 2] > 0, 0.01, 1.0)
+    free, held = (
+        denoise((noisy, faces), method="fairing", order=2, weights="uniform", **s) for s in ({}, {"speed": speed})
+    )
+    assert held.parameters["risk"].value > 2 * free.parameters["risk"].value
+
+
 BAD = [
-    (np.ones(5), r"speed: one number per sample, shape \(400,\), expected, got \(5,\)"),
+    (np.ones(5), r"speed: a number, or one per sample, shape \(400,\), expected, got \(5,\)"),
     (np.full(400, 1.5), "between 0 .stays. and 1 .* got 1.5"),
     (np.full(400, np.nan), "got nan"),
-    (0.5, r"got \(\)"),
-    (np.array([object()] * 400), "an array of numbers expected"),
+    (1.5, "between 0 .stays. and 1 .* got 1.5"),
+    (np.array([object()] * 400), "a number or an array of numbers expected"),
 ]
 
 
@@ -128,6 +179,30 @@ BAD = [
 def test_speeds_that_make_no_sense_are_refused(speed, said):
     with pytest.raises(InputError, match=said):
         smooth((NOISY, FACES), speed=speed)
+
+
+def test_one_speed_for_all_is_the_same_flow_for_as_much_less_time():
+    for thing, words in (((NOISY, FACES), {"method": "curvature"}), (Z, {"gamma": 0, "contrast": 1.0})):
+        half = smooth(thing, speed=0.5, time=0.002, stepper="explicit", dt=0.0002, **words)
+        short = smooth(thing, time=0.001, stepper="explicit", dt=0.0001, **words)
+        assert np.allclose(half[0], short[0], atol=1e-12)
+    assert denoise((NOISY, FACES), speed=0.5, method="curvature").parameters["speed"].value == 0.5
+
+
+def test_a_mask_is_what_is_not_zero_however_it_is_given():
+    half = BALL[:, 2] > 0
+    mesh = trimesh.Trimesh(NOISY, FACES, process=False)
+    mesh.vertex_attributes["mark"] = np.where(half, -0.5, np.where(BALL[:, 2] < -0.5, np.nan, 0.0))
+    words = {"method": "curvature", "steps": 1}
+    expected = np.asarray(smooth(mesh, fixed=half, **words).vertices)
+    for given in ("mark", mesh.vertex_attributes["mark"], half.astype(np.uint8), 255 * half.astype(int)):
+        assert np.array_equal(smooth(mesh, fixed=given, **words).vertices, expected)
+        if not isinstance(given, str):
+            assert np.array_equal(smooth((NOISY, FACES), fixed=given, **words)[0], expected)
+            only = np.where(half, 0.0, 1.0)
+            assert np.array_equal(smooth((NOISY, FACES), only=only, **words)[0], expected)
+    with pytest.raises(InputError, match="only: a mask of booleans, or of numbers, expected, got dtype <U1"):
+        smooth((NOISY, FACES), only=np.full(400, "a"))
 
 
 def test_a_low_pass_of_a_slowed_grid_has_no_matrix():
@@ -216,6 +291,8 @@ def test_the_command_takes_the_name_of_an_attribute_in_the_file(tmp_path):
         moved = (meshflow.read(tmp_path / "o.ply").noun.points != document.noun.points).any(axis=1)
         assert np.array_equal(moved, ~still)
     assert run("--speed", "how").returncode == 0
+    for word in ("--speed", "--confidence"):
+        assert run(word, "0.5", "--time", "0.01").returncode == 0
     refusal = run("--fixed", "marc").stderr
     assert "fixed='marc': no such array; there are mark, how; nor is there a file marc" in refusal
     assert refusal.count("\n") == 1

@@ -176,7 +176,7 @@ def test_what_lies_outside_of_only_and_inside_of_fixed_keeps_its_bits():
         ({"confidence": -np.ones((64, 64))}, "confidence: finite numbers, zero or more, expected, got -1"),
         ({"confidence": "much"}, "confidence: a number or an array"),
         ({"only": np.ones((3, 3), bool)}, r"only: a mask of shape \(64, 64\) expected"),
-        ({"only": np.ones((64, 64))}, "only: a mask of booleans expected"),
+        ({"only": np.ones((64, 64), complex)}, "only: a mask of booleans, or of numbers, expected, got dtype complex"),
         ({"fixed": np.ones((3, 3), bool)}, "fixed: a mask of shape"),
         ({"residual": 0}, "residual: a positive"),
         ({"area_loss": 1.5}, "area_loss: a share of the area between 0 and 1"),

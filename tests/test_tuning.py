@@ -1,6 +1,7 @@
 """The flow tunes itself: the risk that is estimated is the error that is made, and what is chosen is near the best."""
 
 import json
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -14,6 +15,7 @@ from meshflow.flow.tune import TWICE, Candidate, Trial, risk_curves
 from meshflow.geometry.lift import HeightField, Lift
 from meshflow.geometry.member import Member, Method
 from meshflow.grid.rate import GridFlow
+from meshflow.parameters import expected_error
 from meshflow.study.scenes import mesas, ramps
 
 
@@ -59,6 +61,14 @@ def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
     )
     assert ours < 1.15 * best, f"{ours:.3f}, and {best:.3f} with the truth in hand"
     assert ours < 0.45 * sigma
+
+
+def test_an_error_estimated_below_zero_is_told_as_what_it_is():
+    plain = Trial(Candidate(Member(), 1.0), (0.0, 1.0), (4.0, 1.0))
+    assert expected_error(plain, "m").why == "root mean square error to be expected"
+    below = expected_error(replace(plain, squares=(4.0, -0.1)), "m")
+    assert below.value == 0.0
+    assert below.why.startswith("estimated below zero: sigma was taken for a little more than it is")
 
 
 def test_the_least_risk_lies_between_the_times_looked_at():

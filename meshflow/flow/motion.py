@@ -29,7 +29,7 @@ class Motion:
     :param kind: ``curvature``: mean curvature flow [DMSB99], which shrinks what it smooths; ``conformal``: the same with the
         stiffness of the start, for large times (:class:`MeshFlow`); ``fairing``: a low-pass of an order
         (:class:`LowPass`); ``facets``: normals flow and points follow (:class:`FacetFlow`), creases kept; ``principal``:
-        curvature, weighted by the principal curvatures (:class:`Principal`); ``normal-channels``: curvature, lengths measured in
+        curvature along directions that are bent little (:class:`Principal`); ``normal-channels``: curvature, lengths measured in
         (x, contrast n) (:class:`MeshFlow`).
     :param order: of a fairing.
     :param weights: of a fairing.
@@ -62,6 +62,10 @@ class Motion:
                 "boundary='curve': of method curvature, conformal and fairing, got method='facets', which asks normals alone; "
                 "take one of them, or boundary='fixed'"
             )
+        if self.kind == "principal" and self.triangles not in ("auto", "given"):
+            raise InputError(
+                f"triangles={self.triangles!r}: principal measures directions on the triangles as they are; leave it out"
+            )
         positive(self.contrast, "contrast")
         LowPass(self.order, self.weights)
 
@@ -72,7 +76,8 @@ class Motion:
         inside = replace(surface, boundary="fixed") if self.curve else surface
         lengths = self.contrast if self.kind == "normal-channels" else 0.0
         flow: Flow = MeshFlow(inside, member, self.kind == "conformal", self.triangles, lengths)
-        flow = Principal(flow, surface.sheets[0], self.contrast) if self.kind == "principal" else flow
+        if self.kind == "principal":
+            flow = Principal(inside, member, self.contrast)
         return Bordered(flow, inside) if self.curve else flow
 
     def stepper(

@@ -10,6 +10,7 @@ import scipy.sparse as sparse
 
 from meshflow.errors import InputError
 from meshflow.flow.dense import Dense
+from meshflow.flow.sheets import Metric, Sheet
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import Blocks, blocked, march_blocks
 from meshflow.geometry.connectivity import Connectivity, connect, shared_sides
@@ -50,37 +51,6 @@ class MeshSystem:
         return whole
 
 
-@dataclass(frozen=True, eq=False)
-class _Sheet:
-    """One set of triangles and what of it never changes."""
-
-    connectivity: Connectivity
-    charts: Array | None
-    forms: Array
-    flat: Array | None
-    pairs: tuple[Array, Array] | None = None
-
-    @classmethod
-    def of(cls, faces: tuple[Array, ...], charts: Array | None, n: int) -> "_Sheet":
-        connectivity = connect(faces, n)
-        if charts is None:
-            return cls(connectivity, None, np.zeros((0, 4)), None)
-        forms = operator.forms(charts)
-        third = np.repeat(0.5 * np.sqrt(forms[:, 3]) / 3.0, 3)
-        flat = np.bincount(connectivity.faces.ravel(), weights=third, minlength=n)
-        return cls(connectivity, charts, forms, flat)
-
-
-@dataclass(frozen=True, eq=False)
-class _Metric:
-    """The surface at one moment, by its triangles or others of the same surface: cotangents (m, 3), areas (m,), mass (n,)."""
-
-    connectivity: Connectivity
-    cot: Array
-    area: Array
-    mass: Array
-
-
 class MeshFlow(Dense):
     """dX/dt = -s P B on the triangles of a surface, s = (edge indicator)^gamma (7), (10), (14).
 
@@ -115,10 +85,10 @@ class MeshFlow(Dense):
         n = len(surface.points)
         charts = self._charts(surface)
         if surface.turns:
-            self._sheets = tuple(_Sheet.of((f,), c, n) for f, c in zip(surface.sheets, charts, strict=True))
+            self._sheets = tuple(Sheet.of((f,), c, n) for f, c in zip(surface.sheets, charts, strict=True))
         else:
             joined = None if charts[0] is None else np.concatenate([c for c in charts if c is not None])
-            self._sheets = (_Sheet.of(surface.sheets, joined, n),)
+            self._sheets = (Sheet.of(surface.sheets, joined, n),)
         assert surface.fixed is not None
         every = isinstance(surface.free, Axes) and surface.free.columns == tuple(range(surface.points.shape[1]))
         self._every = every and len(self._sheets) == 1
@@ -163,7 +133,8 @@ class MeshFlow(Dense):
         sheet = self._sheets[turn % len(self._sheets)]
         x = self._moving(u)
         metric = self._measured(sheet, x)
-        gradient = operator.gather_gradient(metric.connectivity, metric.cot, x, self.surface.boundary == "linear")
+        cot = self._drawn(metric, x)
+        gradient = operator.gather_gradient(metric.connectivity, cot, x, self.surface.boundary == "linear")
         pull, inertia = self._along(gradient), self._inertia(sheet, x, metric, gradient)
         moves = self._moves(inertia)
         return -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
@@ -248,7 +219,7 @@ class MeshFlow(Dense):
             fastest = max(fastest, float((diagonal[moves] / inertia[moves]).max(initial=0.0)))
         return 2.0 * fastest
 
-    def _lightening(self, sheet: _Sheet, x: Array) -> float:
+    def _lightening(self, sheet: Sheet, x: Array) -> float:
         """The flat mass over M / s where that is greatest."""
         metric = self._measured(sheet, x)
         speed = self._speed(sheet, x, metric, None)
@@ -277,7 +248,7 @@ class MeshFlow(Dense):
         inertia = self._inertia(sheet, x, metric, None)
         moves = self._moves(inertia)
         rays = self.surface.free.directions if isinstance(self.surface.free, Rays) else None
-        stiffness = operator.fill_stiffness(metric.connectivity, metric.cot, rays)
+        stiffness = operator.fill_stiffness(metric.connectivity, self._drawn(metric, x), rays)
         rows = np.repeat(moves, np.diff(stiffness.indptr))
         stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
         return MeshSystem(np.where(moves, inertia, 1.0), stiffness)
@@ -302,11 +273,15 @@ class MeshFlow(Dense):
         """Coordinates in which triangles are measured by points: the free ones, or all where the free ones are rays."""
         return self.surface.points_at(u) if isinstance(self.surface.free, Rays) else np.ascontiguousarray(u)
 
-    def _measured(self, sheet: _Sheet, x: Array) -> _Metric:
+    def _measured(self, sheet: Sheet, x: Array) -> Metric:
         connectivity, cot, area = self._triangulated(sheet, x)
-        return _Metric(connectivity, cot, area, operator.gather_mass(connectivity, cot, area, self.member.mass))
+        return Metric(connectivity, cot, area, operator.gather_mass(connectivity, cot, area, self.member.mass))
 
-    def _triangulated(self, sheet: _Sheet, x: Array) -> tuple[Connectivity, Array, Array]:
+    def _drawn(self, metric: Metric, x: Array) -> Array:
+        """The weights (m, 3) by which neighbours draw each other: cotangents."""
+        return metric.cot
+
+    def _triangulated(self, sheet: Sheet, x: Array) -> tuple[Connectivity, Array, Array]:
         """Triangles of the surface, its own or Delaunay's, with their cotangents (m, 3) and areas (m,)."""
         faces, measured = sheet.connectivity.faces, x
         if self._normals:
@@ -328,7 +303,7 @@ class MeshFlow(Dense):
         assert isinstance(self.surface.free, Rays)
         return np.einsum("ij,ij->i", gradient, self.surface.free.directions)[:, None]
 
-    def _inertia(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array:
+    def _inertia(self, sheet: Sheet, x: Array, metric: Metric, gradient: Array | None) -> Array:
         """M |d|^2 / s (n,): what divides the pull to give the rate."""
         inertia = metric.mass
         if isinstance(self.surface.free, Rays):
@@ -338,7 +313,7 @@ class MeshFlow(Dense):
             return inertia
         return np.divide(inertia, speed, out=np.zeros_like(inertia), where=speed > 0)
 
-    def _speed(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array | None:
+    def _speed(self, sheet: Sheet, x: Array, metric: Metric, gradient: Array | None) -> Array | None:
         """Factor of time (n,): the edge indicator to the power gamma, times the pace; None where it is 1 everywhere."""
         pace = self.surface.pace
         free_all = sheet.charts is None and not isinstance(self.surface.free, Rays)
@@ -351,7 +326,7 @@ class MeshFlow(Dense):
         speed = indicator**self.member.gamma
         return speed if pace is None else speed * pace
 
-    def _expansion(self, sheet: _Sheet, x: Array, metric: _Metric) -> Array:
+    def _expansion(self, sheet: Sheet, x: Array, metric: Metric) -> Array:
         """1/W (3): area across the free directions over true area, of the triangles around each vertex (n,)."""
         least = 0.0
         if isinstance(self.surface.free, Rays):
@@ -365,7 +340,7 @@ class MeshFlow(Dense):
         ratio = np.divide(flat, true, out=np.ones_like(true), where=(true > 0) & (flat > 0))
         return np.clip(ratio, least, 1.0)
 
-    def _projection(self, sheet: _Sheet, x: Array, metric: _Metric, gradient: Array | None) -> Array:
+    def _projection(self, sheet: Sheet, x: Array, metric: Metric, gradient: Array | None) -> Array:
         """|PB| / |B| (10), at least the floor; 1 where the surface is flat and the ratio 0/0."""
         linear = self.surface.boundary == "linear"
         if gradient is None:

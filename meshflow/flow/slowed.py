@@ -22,16 +22,17 @@ SLOWEST = 1e-6
 def speed_of(given: Any, shape: tuple[int, ...]) -> Array:
     """The speeds of a caller, float64.
 
-    :param given: numbers between 0 (stays) and 1 (goes as it would), one per sample.
+    :param given: numbers between 0 (stays) and 1 (goes as it would), one per sample, or one for all.
     :param shape: of the samples: (h, w) or (n,).
     :raises InputError: for another shape, or a number outside.
     """
     try:
         values = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError) as cause:
-        raise InputError(f"speed: an array of numbers expected, got {type(given).__name__}") from cause
+        raise InputError(f"speed: a number or an array of numbers expected, got {type(given).__name__}") from cause
+    values = np.full(shape, values) if values.ndim == 0 else values
     if values.shape != shape:
-        raise InputError(f"speed: one number per sample, shape {shape}, expected, got {values.shape}")
+        raise InputError(f"speed: a number, or one per sample, shape {shape}, expected, got {values.shape}")
     if not ((values >= 0) & (values <= 1)).all():
         bad = values[~((values >= 0) & (values <= 1))].flat[0]
         raise InputError(f"speed: numbers between 0 (stays) and 1 (goes as it would) expected, got {bad}")

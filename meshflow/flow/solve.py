@@ -19,6 +19,8 @@ Method = Literal["auto", "direct", "cg", "multigrid"]
 # its diagonal) conjugate gradients need more work than the setup of a multigrid hierarchy.
 SMALL = 3000
 STIFF = 10_000.0
+# Mass, as a share of the diagonal, that makes a system regular whose own has been lost.
+ROUNDING = 1e-13
 # Rows of which the typical condition is taken.
 SAMPLE = 20000
 
@@ -83,8 +85,14 @@ def _direct(matrix: Sparse, right: Array, guess: Array | None, tolerance: float)
     scaled = scipy.sparse.diags(half) @ matrix @ scipy.sparse.diags(half)
     try:
         factor = splu(scaled.tocsc(), permc_spec="MMD_AT_PLUS_A", options=symmetric)
-    except RuntimeError as cause:  # SuperLU's word for a singular matrix
-        raise NotConverged(f"solver direct: {cause}; a mass is zero or not finite") from cause
+    except RuntimeError:  # SuperLU's word for a singular matrix
+        # Where free triangles have shrunk to segments or points, mass is lost in the rounding of the stiffness. What it is does
+        # not matter there, as they go to a point at once; whether it did is seen by the residual.
+        mass = ROUNDING * scipy.sparse.identity(len(half))
+        try:
+            factor = splu((scaled + mass).tocsc(), permc_spec="MMD_AT_PLUS_A", options=symmetric)
+        except RuntimeError as cause:
+            raise NotConverged(f"solver direct: {cause}; a mass is zero or not finite") from cause
     half = half[:, None]
     x = half * factor.solve(half * right)
     for _ in range(2):  # refinements: slivers cost SuperLU digits

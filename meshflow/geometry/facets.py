@@ -50,7 +50,9 @@ def measured(points: Array, faces: Array) -> tuple[Array, Array]:
 
 
 def mean_edge(points: Array, faces: Array) -> float:
-    """h, the mean length of the edges of the triangles."""
+    """h, the mean length of the edges of the triangles; 0 where there is none."""
+    if not len(faces):
+        return 0.0
     corners = points[faces].astype(np.float64)
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
@@ -62,7 +64,7 @@ def normals_at(points: Array, faces: Array) -> Array:
     flat = faces.ravel()
     sums = np.stack([np.bincount(flat, np.repeat(part, 3), len(points)) for part in across.T], axis=1)
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0)
+    return np.divide(sums, lengths, out=np.zeros(sums.shape), where=lengths > 0)
 
 
 def conductances(points: Array, faces: Array, across: Array) -> Array:

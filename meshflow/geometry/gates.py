@@ -10,7 +10,19 @@ from meshflow.errors import InputError, NothingThere
 Array = NDArray[Any]
 Spacing = tuple[Array | float, float]
 
-__all__ = ["Array", "Spacing", "brief", "mask_of", "number", "positive", "real", "samples", "spacing_of", "whole"]
+__all__ = [
+    "Array",
+    "Spacing",
+    "brief",
+    "mask_of",
+    "number",
+    "positive",
+    "real",
+    "samples",
+    "spacing_of",
+    "truth_of",
+    "whole",
+]
 
 
 def real(values: ArrayLike, name: str) -> Array:
@@ -71,20 +83,23 @@ def brief(noun: object, values: Array, missing: Array | None, *words: str) -> st
 
 
 def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:
-    """A boolean mask of a given shape; ``None`` is nowhere.
+    """A boolean mask of a given shape: of numbers, where they are other than zero; ``None`` is nowhere.
 
     :raises InputError: when the shape or the type does not fit.
     """
     if mask is None:
         return np.zeros(shape, bool)
     array = np.asarray(mask)
-    if array.dtype != bool:
-        raise InputError(
-            f"{name}: a mask of booleans expected, got dtype {array.dtype}; write {name} != 0 if that is meant"
-        )
+    if array.dtype.kind not in "biuf":
+        raise InputError(f"{name}: a mask of booleans, or of numbers, expected, got dtype {array.dtype}")
     if array.shape != shape:
         raise InputError(f"{name}: a mask of shape {shape} expected, got {array.shape}")
-    return array
+    return truth_of(array)
+
+
+def truth_of(values: Array) -> Array:
+    """Numbers as a mask: where they are other than zero, and not NaN. Files have no booleans; so it is of every mask."""
+    return values if values.dtype == bool else np.nan_to_num(values) != 0
 
 
 def positive(value: float, name: str, unit: str = "") -> float:

@@ -1,5 +1,6 @@
 """The nouns: height field, image, range image, mesh. Each is lifted to a Surface, and lowered back to itself."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -26,6 +27,7 @@ __all__ = [
     "data_of",
     "from_disparity",
     "in_disparity",
+    "together",
 ]
 
 Moves = Literal["points", "channels", "all"]
@@ -297,4 +299,26 @@ def from_disparity(image: RangeImage, field: HeightField) -> RangeImage:
         )
     return replace(
         image, depth=np.where(still, image.depth, 1.0 / np.where(still, 1.0, field.z)).astype(image.depth.dtype)
+    )
+
+
+def together(nouns: Sequence[Noun]) -> Mesh:
+    """Meshes as one, their vertices one after the other.
+
+    :raises InputError: for other nouns, and meshes of which not the same moves.
+    """
+    meshes = [one for one in nouns if isinstance(one, Mesh)]
+    kinds = {
+        (one.points.shape[1], one.moves, None if one.channels is None else one.channels.shape[1]) for one in meshes
+    }
+    if len(meshes) < len(nouns) or len(kinds) != 1:
+        raise InputError("parts that are no meshes of one kind cannot be taken as one; take them one by one")
+    starts = np.cumsum([0, *(len(one.points) for one in meshes)])
+    channels = [one.channels for one in meshes if one.channels is not None]
+    return Mesh(
+        np.concatenate([one.points for one in meshes]),
+        np.concatenate([one.faces + start for one, start in zip(meshes, starts, strict=False)]),
+        np.concatenate(channels) if channels else None,
+        moves=meshes[0].moves,
+        fixed=np.concatenate([np.asarray(one.fixed) for one in meshes]),
     )

@@ -1,12 +1,13 @@
 """Other people's objects in, the same kind of object out."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
 from meshflow.errors import InputError
 from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.io.files import Document
 from meshflow.io.hints import as_given
 
 __all__ = ["Adopted", "adopt"]
@@ -45,7 +46,7 @@ def adopt(thing: Any, **hints: Any) -> Adopted:
     """Recognise what a thing is.
 
     numpy arrays (h, w) are height fields, (h, w, k) images; ``(points, faces)`` is a mesh; objects of xarray, trimesh,
-    pyvista, open3d and meshio as they are; the nouns of meshflow pass.
+    pyvista, open3d and meshio as they are; what :func:`meshflow.read` gives; the nouns of meshflow pass.
 
     :param hints: ``kind`` (``terrain | image | depth | mesh``), ``spacing``, ``camera``, ``missing``, ``fixed``, ``channels``,
         ``moves``: what the object itself does not say.
@@ -56,6 +57,12 @@ def adopt(thing: Any, **hints: Any) -> Adopted:
         if hints:
             raise InputError(f"{type(thing).__name__} already says {', '.join(hints)}; set them there")
         return Adopted(thing, lambda noun: noun)
+    if isinstance(thing, Document):
+        fixed = hints.pop("fixed", None)
+        if hints:
+            raise InputError(f"a file already says {', '.join(hints)}; read it with them: meshflow.read(path, ...)")
+        noun = thing.noun if fixed is None else replace(thing.noun, fixed=thing.samples(fixed, "fixed"))
+        return Adopted(noun, thing.holding, thing.notes, thing.samples)
     for kind in type(thing).__mro__:  # a subclass of numpy.ndarray or trimesh.Trimesh is one of them
         home = _HOMES.get(kind.__module__.partition(".")[0])
         if home is not None and kind is not object:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.camera import Camera
+from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Noun
 from meshflow.io.hints import as_given
 from meshflow.io.replace import must_be_free
@@ -17,7 +18,7 @@ __all__ = ["Document", "Kind", "read", "writable", "write"]
 
 Kind = Literal["terrain", "image", "depth", "mesh"]
 
-MESHES = frozenset({".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".vtp", ".vtk", ".3mf"})
+MESHES = frozenset({".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".vtp", ".vtk", ".vtm", ".3mf"})
 ARRAYS = frozenset({".npy", ".npz"})
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 
@@ -49,6 +50,11 @@ class Document:
         :raises InputError: for a name that is not there, with those that there are.
         """
         return (self.about.samples if self.family == "meshes" else as_given)(given, word)
+
+    @property
+    def sections(self) -> tuple[tuple[str, Array], ...]:
+        """The meshes of a file of several: name and vertices of the noun (rows) of each; empty where there is one thing."""
+        return self.about.sections if self.family == "meshes" else ()
 
     def holding(self, noun: Noun) -> "Document":
         """The same document around another noun."""

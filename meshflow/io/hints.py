@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array
+from meshflow.geometry.gates import Array, truth_of
 
-__all__ = ["PER_SAMPLE", "Found", "as_given", "belong", "looked_up", "must_be_mesh"]
+__all__ = ["MASKS", "PER_SAMPLE", "Found", "as_given", "belong", "looked_up", "must_be_mesh"]
 
 # Words of the front door that hold one number per sample, which may be the name of an array of the thing itself.
 PER_SAMPLE = ("fixed", "only", "speed", "confidence", "limit")
@@ -42,7 +42,7 @@ def as_given(given: Any, word: str) -> Any:
     """
     if isinstance(given, str):
         raise InputError(
-            f"{word}: {'a number or ' if word in ('confidence', 'limit') else ''}an array expected, got {given!r}; names are "
+            f"{word}: {'' if word in MASKS else 'a number or '}an array expected, got {given!r}; names are "
             "those of arrays in the object or the file itself (a mesh of trimesh, pyvista, open3d or meshio, an ImageData)"
         )
     return given
@@ -61,4 +61,4 @@ def looked_up(name: str, word: str, found: Found) -> Array:
     values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
     if values.ndim != 1 or values.dtype.kind not in "biuf":
         raise InputError(f"{word}={name!r}: one number per vertex expected, got shape {values.shape} of {values.dtype}")
-    return np.nan_to_num(values) != 0 if word in MASKS else values
+    return truth_of(values) if word in MASKS else values

@@ -1,4 +1,4 @@
-"""Mesh files: PLY, OBJ, STL, OFF, GLB, VTP, VTK.
+"""Mesh files: PLY, OBJ, STL, OFF, GLB, VTP, VTK, VTM.
 
 A file of its own format is rewritten as sparingly as the format allows: of PLY, OBJ and OFF the very bytes are kept but
 for positions, normals and the channel that moved; the others go through the library that reads them.
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from meshflow.errors import FormatError, InputError
+from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io.files import Document
 from meshflow.io.replace import beside
@@ -25,12 +26,13 @@ _HOMES = {
     ".off": "off",
     ".vtp": "vtkfiles",
     ".vtk": "vtkfiles",
+    ".vtm": "vtkblocks",
     ".stl": "scenes",
     ".glb": "scenes",
     ".gltf": "scenes",
     ".3mf": "scenes",
 }
-_WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtk")
+_WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtk", ".vtm")
 
 # What the readers raise on a file that is not what it claims to be; they share no class of their own.
 _BROKEN = (
@@ -53,11 +55,12 @@ _BROKEN = (
 
 
 class Held(Protocol):
-    """A mesh file that was read: what its module keeps of it."""
+    """A mesh file that was read: what its module keeps of it; ``sections`` are its meshes where it holds several."""
 
     noun: Mesh
     notes: tuple[str, ...]
     suffixes: tuple[str, ...]
+    sections: tuple[tuple[str, Array], ...]
 
     def samples(self, given: Any, word: str) -> Any:
         """An array of one number per vertex of the noun, given by the name of an attribute or as it is (:class:`Adopted`)."""
@@ -119,6 +122,8 @@ def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[s
             f"{path.name}: a mesh of points in R^3 expected, got {type(noun).__name__}; keep others as .npz"
         )
     held: Held | None = document.about if document.family == "meshes" else None
+    if suffix == ".vtm" and (held is None or suffix not in held.suffixes):
+        raise FormatError(f"{path.name}: blocks are written of what came in blocks; use .vtp or .glb")
     with beside(path) as temporary:
         if held is not None and suffix in held.suffixes:
             return held.save(noun, temporary, path, tags)

@@ -13,14 +13,16 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sparse
 import trimesh
+from scipy.sparse.csgraph import connected_components
 from trimesh.geometry import triangulate_quads
 from trimesh.resolvers import FilePathResolver
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
-from meshflow.io.seams import Skin, is_soup
+from meshflow.io.seams import Section, Skin, is_soup, said_of
 
 __all__ = ["Obj", "read"]
 
@@ -42,6 +44,7 @@ class Obj:
     corners: Array
     skin: Skin
     notes: tuple[str, ...]
+    sections: tuple[Section, ...]
     suffixes: tuple[str, ...] = (".obj",)
 
     @property
@@ -110,13 +113,14 @@ class Obj:
 
 
 def read(path: Path, channels: str | None, moves: str | None) -> Obj:
-    """Read an OBJ file: all of it is one mesh.
+    """Read an OBJ file: all of it is one noun; its objects (``o``), or where there is one its groups (``g``), are sections, those
+    that share vertices together.
 
     :raises FormatError: for lines that are not OBJ, or without faces.
     :raises InputError: for channels that it does not have, or whatever the noun refuses.
     """
     lines = path.read_bytes().decode("latin-1").split("\n")
-    rows, normal_rows, polygons, normals = _parsed(path, lines)
+    rows, normal_rows, polygons, normals, labels = _parsed(path, lines)
     if not polygons:
         raise FormatError(f"{path.name}: no faces in {len(rows)} vertices; a mesh with triangles expected")
     words = [lines[row].split() for row in rows]
@@ -128,14 +132,47 @@ def read(path: Path, channels: str | None, moves: str | None) -> Obj:
         raise InputError("channels='colors': the vertices of this OBJ have no colours")
     colors = np.array([word[4:7] for word in words], dtype=np.float64) if channels is not None else None
     faces, corners = np.asarray(triangulate_quads(polygons)), np.asarray(triangulate_quads(normals))
+    objects = _linked(labels["o"], polygons, np.arange(len(points)))
     split = is_soup(faces, len(points)) or bool(len(normal_rows)) or any(line.startswith("vt ") for line in lines)
-    skin = Skin.of(points, faces, split=split, channels=colors, moves=moves)
-    notes = skin.note
+    skin = Skin.of(
+        points, faces, split=_numbered(objects, len(points)) if split else False, channels=colors, moves=moves
+    )
+    named = _linked(labels["o" if len(objects) > 1 else "g"], polygons, skin.home)
+    sections = named if len(named) > 1 else ()
+    notes = (*skin.note, *said_of(sections))
     if len(polygons) != len(faces):
         notes += (
             f"{len(polygons)} polygons are smoothed as {len(faces)} triangles; an OBJ written again keeps the polygons",
         )
-    return Obj(path, tuple(lines), np.array(rows), np.array(normal_rows, dtype=np.int64), corners, skin, notes)
+    at = np.array(normal_rows, dtype=np.int64)
+    return Obj(path, tuple(lines), np.array(rows), at, corners, skin, notes, sections)
+
+
+def _linked(names: list[str], polygons: list[list[int]], home: Array) -> tuple[Section, ...]:
+    """What is called by one name, or by several that share a vertex: name and vertices of each, in order of appearance.
+
+    :param home: (n,), the vertex for each of those that the polygons name.
+    """
+    labels = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    own = np.repeat([labels[name] for name in names], [len(polygon) for polygon in polygons])
+    # A vertex that is not there is refused by the gate of the noun, which comes later.
+    vertices = home.take(np.concatenate([np.asarray(polygon) for polygon in polygons]), mode="clip")
+    shape = (len(labels), int(home.max(initial=0)) + 1)
+    used = sparse.csr_matrix((np.ones(len(own), np.int32), (own, vertices)), shape=shape)
+    count, part = connected_components(used @ used.T, directed=False)
+    found = []
+    for one in range(count):
+        mine = [name for name, k in labels.items() if part[k] == one]
+        found.append((", ".join(name or "unnamed" for name in mine), np.unique(vertices[part[own] == one])))
+    return tuple(found)
+
+
+def _numbered(objects: tuple[Section, ...], n: int) -> Array:
+    """The number (n,) of the object of each vertex."""
+    found = np.zeros(n, np.int64)
+    for k, (_, rows) in enumerate(objects):
+        found[rows] = k
+    return found
 
 
 def rewritten(line: str, at: int, values: Array) -> str:
@@ -145,8 +182,14 @@ def rewritten(line: str, at: int, values: Array) -> str:
     return " ".join(words) + ("\r" if line.endswith("\r") else "")
 
 
-def _parsed(path: Path, lines: list[str]) -> tuple[list[int], list[int], list[list[int]], list[list[int]]]:
-    """Lines of positions and of normals; of each polygon the vertices, and the normals or -1."""
+def _parsed(
+    path: Path, lines: list[str]
+) -> tuple[list[int], list[int], list[list[int]], list[list[int]], dict[str, list[str]]]:
+    """Lines of positions and of normals; of each polygon the vertices, the normals or -1, and the names of its object (``o``) and
+    of its group (``g``), empty before the first.
+    """
+    now: dict[str, str] = {"o": "", "g": ""}
+    names: dict[str, list[str]] = {"o": [], "g": []}
     rows: list[int] = []
     normal_rows: list[int] = []
     polygons: list[list[int]] = []
@@ -162,6 +205,8 @@ def _parsed(path: Path, lines: list[str]) -> tuple[list[int], list[int], list[li
         key, *words = whole.split() or [""]
         if key == "v":
             rows.append(number)
+        elif key in now:
+            now[key] = " ".join(words)
         elif key == "vn":
             normal_rows.append(number)
         elif key == "f":
@@ -172,10 +217,12 @@ def _parsed(path: Path, lines: list[str]) -> tuple[list[int], list[int], list[li
                 )
             polygons.append([_index(corner[0], len(rows)) for corner in corners])
             normals.append([_index(corner[2], len(normal_rows)) if corner[2] else -1 for corner in corners])
+            for kind, name in now.items():
+                names[kind].append(name)
     highest = max((max(polygon) for polygon in normals), default=-1)
     if highest >= len(normal_rows):
         raise FormatError(f"{path.name}: a face names normal {highest + 1} of {len(normal_rows)}")
-    return rows, normal_rows, polygons, normals
+    return rows, normal_rows, polygons, normals, names
 
 
 def _index(word: str, count: int) -> int:

@@ -14,7 +14,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io.obj import rewritten
-from meshflow.io.seams import Skin, is_soup
+from meshflow.io.seams import Section, Skin, is_soup
 
 __all__ = ["Off", "read"]
 
@@ -32,6 +32,7 @@ class Off:
     skin: Skin
     notes: tuple[str, ...]
     suffixes: tuple[str, ...] = (".off",)
+    sections: tuple[Section, ...] = ()
 
     @property
     def noun(self) -> Mesh:

@@ -19,7 +19,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io.hints import Found
-from meshflow.io.seams import Skin, fitted, is_soup, normals_after
+from meshflow.io.seams import Section, Skin, fitted, is_soup, normals_after
 
 __all__ = ["KNOWN", "TEXTURE", "Ply", "elements_of", "has", "read", "stacked", "values_of"]
 
@@ -46,6 +46,7 @@ class Ply:
     names: tuple[str, ...]
     notes: tuple[str, ...]
     suffixes: tuple[str, ...] = (".ply",)
+    sections: tuple[Section, ...] = ()
 
     @property
     def noun(self) -> Mesh:

@@ -1,9 +1,9 @@
-"""STL, GLB, glTF and 3MF: scenes of named parts, read and written by trimesh, smoothed as one mesh."""
+"""STL, GLB, glTF and 3MF: scenes of named parts, read and written by trimesh; one noun with sections."""
 
 import json
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io.adopt import Adopted
 from meshflow.io.hints import Found, belong, must_be_mesh
-from meshflow.io.seams import Skin, joined
+from meshflow.io.seams import Skin, joined, said_of
 from meshflow.io.trimeshes import attribute_of, carries, channel_of, stored_normals, with_changes
 
 __all__ = ["Parts", "read", "taken_apart"]
@@ -59,6 +59,18 @@ class Parts:
     def noun(self) -> Mesh:
         """All parts as one mesh, in the coordinates of the scene."""
         return self.skin.noun
+
+    @property
+    def sections(self) -> tuple[tuple[str, Array], ...]:
+        """Its meshes, the primitives of one glTF mesh as one: names, and vertices of the noun."""
+        names: dict[int, list[str]] = {}
+        for part in self.parts:
+            names.setdefault(part.family, []).append(part.name)
+        if len(names) < 2:
+            return ()
+        stored = np.concatenate([np.full(len(part.mesh.vertices), part.family) for part in self.parts])
+        family = stored[self.skin.first]
+        return tuple((", ".join(own), np.flatnonzero(family == one)) for one, own in names.items())
 
     def samples(self, given: Any, word: str) -> Any:
         """An array of one number per vertex, all parts one after the other, as it is or by the name of an attribute of all."""
@@ -121,11 +133,8 @@ def read(path: Path, channels: str | None, moves: str | None) -> Parts:
         )
         if any(np.any(part.mesh.face_attributes.get("stl", 0)) for part in parts):
             notes.append("the two bytes of every STL triangle, where some programs keep colours, are not written again")
-    if len(parts) > 1:
-        notes.append(
-            f"{len(parts)} parts are smoothed together and written back one by one: {', '.join(p.name for p in parts)}"
-        )
-    return Parts(scene, parts, skin, channels, (*skin.note, *notes), (suffix,), is_ascii)
+    found = Parts(scene, parts, skin, channels, (*skin.note, *notes), (suffix,), is_ascii)
+    return replace(found, notes=(*found.notes, *said_of(found.sections)))
 
 
 def taken_apart(

@@ -11,11 +11,16 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array, mask_of, real
+from meshflow.geometry.gates import Array, mask_of, real, truth_of
 from meshflow.geometry.lift import Mesh
-from meshflow.io.hints import Found, looked_up
+from meshflow.io.hints import MASKS, Found, looked_up
 
-__all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after"]
+__all__ = ["Section", "Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
+
+# A mesh of a file of several: its name, and its vertices in the noun.
+Section = tuple[str, Array]
+# Names of parts that a sentence lists.
+LISTED = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +95,7 @@ class Skin:
         values = looked_up(given, word, find(given)) if isinstance(given, str) else np.asarray(given)
         if values.ndim == 0 or len(values) != len(self.home):
             return given
+        values = truth_of(values) if word in MASKS and values.dtype.kind in "biuf" else values
         order = np.argsort(self.home, kind="stable")
         starts = np.searchsorted(self.home[order], np.arange(len(self.first)))
         most = np.maximum if word in ("fixed", "confidence") else np.minimum
@@ -139,6 +145,13 @@ def joined(points: Array, groups: Array | None = None) -> tuple[Array, Array]:
 def is_soup(faces: Array, n: int) -> bool:
     """Whether every corner of every triangle has a vertex of its own: nothing is connected to anything."""
     return len(faces) > 1 and faces.size == n and len(np.unique(faces)) == n
+
+
+def said_of(sections: tuple[Section, ...]) -> tuple[str, ...]:
+    """A sentence where there are several parts."""
+    names = ", ".join(name for name, _ in sections[:LISTED])
+    more = f" and {len(sections) - LISTED} more" if len(sections) > LISTED else ""
+    return (f"{len(sections)} parts: {names}{more}",) if sections else ()
 
 
 def fitted(values: Array, kind: np.dtype[Any]) -> Array:

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import FormatError
+from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io.adopt import Adopted
 from meshflow.io.pyvistas import adopt
 
-__all__ = ["VtkFile", "read"]
+__all__ = ["VtkFile", "listened", "read", "scene_mesh"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class VtkFile:
 
     adopted: Adopted
     suffixes: tuple[str, ...] = (".vtp", ".vtk")
+    sections: tuple[tuple[str, Array], ...] = ()
 
     @property
     def noun(self) -> Mesh:
@@ -46,26 +48,32 @@ class VtkFile:
         return ()
 
     def scene(self, noun: Mesh) -> Any:
-        """The mesh as a scene of one part: point and cell data are attributes, RGB and RGBA colours."""
+        """The mesh as a scene of one part."""
         import trimesh
-        from trimesh.visual import TextureVisuals
 
-        poly = self.adopted.restore(noun)
-        mesh: Any = trimesh.Trimesh(np.array(poly.points), np.array(poly.regular_faces), process=False)
-        uv = poly.active_texture_coordinates
-        for name in poly.point_data:
-            values = np.array(poly.point_data[name])
-            if name == "Normals":
-                mesh.vertex_normals = values
-            elif name in ("RGB", "RGBA") and values.dtype == np.uint8:
-                mesh.visual.vertex_colors = values
-            elif uv is None or not np.array_equal(values, uv):
-                mesh.vertex_attributes[name] = values
-        for name in poly.cell_data:
-            mesh.face_attributes[name] = np.array(poly.cell_data[name])
-        if uv is not None:
-            mesh.visual = TextureVisuals(uv=np.array(uv))
-        return trimesh.Scene(mesh)
+        return trimesh.Scene(scene_mesh(self.adopted.restore(noun)))
+
+
+def scene_mesh(poly: Any) -> Any:
+    """A PolyData of triangles as a ``trimesh.Trimesh``: point and cell data are attributes, RGB and RGBA colours."""
+    import trimesh
+    from trimesh.visual import TextureVisuals
+
+    mesh: Any = trimesh.Trimesh(np.array(poly.points), np.array(poly.regular_faces), process=False)
+    uv = poly.active_texture_coordinates
+    for name in poly.point_data:
+        values = np.array(poly.point_data[name])
+        if name == "Normals":
+            mesh.vertex_normals = values
+        elif name in ("RGB", "RGBA") and values.dtype == np.uint8:
+            mesh.visual.vertex_colors = values
+        elif uv is None or not np.array_equal(values, uv):
+            mesh.vertex_attributes[name] = values
+    for name in poly.cell_data:
+        mesh.face_attributes[name] = np.array(poly.cell_data[name])
+    if uv is not None:
+        mesh.visual = TextureVisuals(uv=np.array(uv))
+    return mesh
 
 
 def save_polydata(poly: Any, path: Path, tags: Mapping[str, str]) -> None:
@@ -83,7 +91,7 @@ def read(path: Path, channels: str | None, moves: str | None) -> VtkFile:
     """
     import pyvista
 
-    with _listened() as heard:
+    with listened() as heard:
         thing = pyvista.read(str(path))
     if heard:
         raise FormatError(
@@ -98,7 +106,7 @@ def read(path: Path, channels: str | None, moves: str | None) -> VtkFile:
 
 
 @contextmanager
-def _listened() -> Iterator[list[str]]:
+def listened() -> Iterator[list[str]]:
     """What VTK has to say while it reads, and not on standard error.
 
     A file that is cut off comes back as a mesh of whatever is in memory, with no more than a warning: any word counts.

@@ -11,7 +11,7 @@ from meshflow.io.adopt import adopt
 from meshflow.io.files import Document
 from meshflow.view.texture import Textured, image_of, texture_of
 
-__all__ = ["carried", "taken"]
+__all__ = ["carried", "flowing_together", "taken"]
 
 _OF_COLOUR = (
     "colors",
@@ -93,6 +93,15 @@ def _as_trimesh(thing: Any, noun: Mesh) -> Any:
     if isinstance(thing, Document):
         return thing.about.scene(noun).to_mesh() if hasattr(thing.about, "scene") else None
     return thing if hasattr(thing, "visual") else None
+
+
+def flowing_together(thing: Any) -> tuple[str, ...]:
+    """A sentence where the parts of a file are shown in one flow."""
+    if isinstance(thing, Document) and thing.sections:
+        return (
+            "all parts flow together here, with one noise, way and time; meshflow smooth takes each as if it were alone",
+        )
+    return ()
 
 
 def _colours(thing: Any, noun: Mesh) -> Array | None:

@@ -37,7 +37,8 @@ class Run(Protocol):
     """What is asked of a result: :class:`meshflow.result.Result` is one, and this room does not know that one.
 
     ``noise`` has sigma, channels, quantum and how, or is None; of ``trials``, the chosen one first, times and risks are taken,
-    of ``moments`` time, area, change and largest; ``removed`` is an array, ``correlation`` a number or None (both cached
+    of ``moments`` time, area, change and largest; ``parts`` are runs by name, of which this is the whole, and mostly empty;
+    ``removed`` is an array, ``correlation`` a number or None (both cached
     properties there, which to a type checker are no properties).
     """
 
@@ -63,6 +64,8 @@ class Run(Protocol):
     def warnings(self) -> Sequence[str]: ...  # noqa: D102
     @property
     def version(self) -> str: ...  # noqa: D102
+    @property
+    def parts(self) -> Mapping[str, "Run"]: ...  # noqa: D102
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,8 +216,13 @@ def _facts(run: Run, pair: Pair, unit: str) -> tuple[tuple[str, str], ...]:
     removed = f"rms {rms:.4g}{after}, largest {most:.4g}{after}{each}" if most > 0 else "nothing was removed"
     if run.correlation is not None:
         removed += f"; correlation with its neighbours {run.correlation:.3f} (0: white noise, 1: all structure)"
-    facts = [("ended", run.reason), ("noise found", _noise(run.noise, after)), ("removed", removed)]
-    facts += [("warning", warning) for warning in run.warnings]
+    facts = [("ended", run.reason)]
+    if run.parts:
+        facts += [(name, f"{one.reason}; noise {_noise(one.noise, after)}") for name, one in run.parts.items()]
+        facts += [("warning", f"{name}: {word}") for name, one in run.parts.items() for word in one.warnings]
+    else:
+        facts.append(("noise found", _noise(run.noise, after)))
+    facts += [("removed", removed), *(("warning", warning) for warning in run.warnings)]
     return (*facts, ("version", f"meshflow {run.version}"))
 
 
