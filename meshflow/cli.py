@@ -11,7 +11,7 @@ import typer
 
 from meshflow import looking
 from meshflow import options as words
-from meshflow.console import err, out, said, table
+from meshflow.console import err, out, said, table, tell_of_compiling
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.io.files import Document, writable, write
 from meshflow.looking import must_be_drawable, pictured
@@ -122,6 +122,7 @@ def _smoothed(
     if fixed is not None:
         document = document.holding(replace(document.noun, fixed=fixed))
     shown = None if quiet else True
+    tell_of_compiling(quiet)
     done, result = smooth_document(document, {**given, **held}, shown, record=json or report is not None)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
     options = {**({"dtype": dtype} if dtype else {}), **_left(document, target, result)}
@@ -209,6 +210,7 @@ def _fused(
         raise InputError(f"fuse: depths expected, got {len(sources)} frames without a single one")
     _must_be_writable(first, target, picture, report, overwrite)
     nouns = (None if seen is None else seen.noun for seen in (frame(path, **reading) for path in sources))
+    tell_of_compiling(quiet)
     result = fused(nouns, full=True, limit=limit_of(limit), **given)
     before, done = first.holding(result.before), first.holding(result.thing)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}

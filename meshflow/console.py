@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["err", "out", "said", "table"]
+__all__ = ["err", "out", "said", "table", "tell_of_compiling"]
 
 out, err = Console(), Console(stderr=True, highlight=False)
 
@@ -30,3 +30,24 @@ def said(line: str, notes: tuple[str, ...], style: str | None = None) -> None:
     for sentence in (line, *notes):
         if sentence:
             err.print(sentence, markup=False, soft_wrap=True, style=style)
+
+
+def tell_of_compiling(quiet: bool = False) -> None:
+    """Say so, once and to a terminal only, if loops must be compiled: a first call would seem to hang for half a minute."""
+    if quiet or not err.is_terminal:
+        return
+    from numba.core import event
+
+    class Told(event.Listener):
+        """Speaks at the first function, and listens no more."""
+
+        def on_start(self, event: Any) -> None:
+            if not told:
+                told.append(event)
+                said("compiling for this machine and kind of data, once: up to a minute", (), style="dim")
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    told: list[Any] = []
+    event.register("numba:compile", Told())

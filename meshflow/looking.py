@@ -9,7 +9,7 @@ import numpy as np
 from rich.text import Text
 
 from meshflow import options as words
-from meshflow.console import out, said, table
+from meshflow.console import out, said, table, tell_of_compiling
 from meshflow.errors import InputError
 from meshflow.geometry.lift import Mesh, RangeImage
 from meshflow.io.files import Document
@@ -212,6 +212,7 @@ def _filmed(
     filmable(target, overwrite)
     document = opened(source, **{name: given.pop(name) for name in READ})
     settings = {name: given.pop(name) for name in FLOW}
+    tell_of_compiling(quiet)
     told = filmed(
         document,
         target,
@@ -289,6 +290,7 @@ def _viewed(
     document = opened(source, **reading)
     target = source.with_name(f"{source.stem}_smooth{source.suffix}") if target is None else target
     settings = {name: given.pop(name) for name in FLOW if name in given}
+    tell_of_compiling(quiet)
     address = Address(given.pop("host"), given.pop("port"), given.pop("browser"))
     told = viewed(
         document,
@@ -342,6 +344,7 @@ def compare_flows(
     true, more = None, ()
     if truth is not None:
         true, _, more = _depths(truth, camera, truth_scale)
+    tell_of_compiling()
     found = compared(depths, cam, true, time=time, jump=jump, boundary=boundary)
     notes += more
     if picture is not None:
