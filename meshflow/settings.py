@@ -79,7 +79,8 @@ class Settings:
         smoothness and data.
     :param only: mask of the samples that may move.
     :param speed: numbers between 0 (stays) and 1 (goes as it would), one per sample or one for all: soft constraints [DMSB99].
-        The search runs as slowly; the noise is looked for as if all went freely.
+        The search runs as slowly (with one for all it finds a longer time, and the same end); the noise is looked for as if all
+        went freely.
     :param keep: of a closed mesh whose points move: ``volume``, exact in every step by one length along the normals; ``scale``,
         the volume by scaling [DMSB99]; ``area``.
     :param islands: pieces of a range image of fewer samples are dropped; by default none.
