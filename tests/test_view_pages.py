@@ -76,13 +76,15 @@ def test_a_page_that_is_exported_opens_offline_and_its_slider_moves_the_picture(
 
 SERVER = """
     import sys
+    from pathlib import Path
     from meshflow.settings import Settings
     from meshflow.view.dials import Address
     from meshflow.viewing import Saving, view
     import meshflow
     document = meshflow.read(sys.argv[1])
-    view(document, way="browser", address=Address(sys.argv[2], 0, False), count=4, size=(400, 300),
-         settings=Settings(search=False), said=lambda line: print(line, flush=True), saving=Saving(sys.argv[1]))
+    saving = Saving(sys.argv[1], Path(sys.argv[1]).with_name("saved.npy"), True)
+    view(document, way="browser", address=Address(sys.argv[2], 0, False), count=5, memory=1, size=(400, 300),
+         settings=Settings(search=False), said=lambda line: print(line, flush=True), saving=saving)
 """
 
 
@@ -125,6 +127,28 @@ def test_in_a_browser_the_slider_moves_and_a_knob_computes_again(page, served):
     assert words[1].startswith("time 0 ")
     assert words[3] != words[0]  # the time at the end is another one
     assert pictures[0] != pictures[1]
+    assert page.inner_text("#message") == ""
+    assert page.errors == []
+
+
+@pytest.mark.parametrize("served", ["127.0.0.1"], indirect=True)
+def test_in_a_browser_what_is_let_go_is_computed_again_and_saving_waits_for_the_run(page, served, raster):
+    page.goto(served)
+    page.wait_for_selector("#picture img", timeout=60_000)
+    page.wait_for_function("document.querySelector('#told').textContent.startsWith('time ')")
+    page.wait_for_timeout(1000)
+    last = page.locator("#picture").screenshot()
+    page.locator("main [role=slider]").first.focus()
+    page.keyboard.press("ArrowLeft")  # memory is for the first and the last state alone
+    page.wait_for_timeout(2500)
+    assert page.locator("#picture").screenshot() != last
+    page.locator("nav [role=slider]").first.focus()
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_timeout(500)  # the run has begun, or has just ended
+    page.click("#save")
+    page.wait_for_function("document.querySelector('#saved').textContent.startsWith('written: ')", timeout=60_000)
+    assert np.load(raster.with_name("saved.npy")).shape == np.load(raster).shape
+    page.wait_for_function("getComputedStyle(document.querySelector('#busy')).display === 'none'")
     assert page.inner_text("#message") == ""
     assert page.errors == []
 

@@ -9,6 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from meshflow.errors import InputError, need
+from meshflow.geometry.lift import Noun
+from meshflow.view.background import Background, Gone
 from meshflow.view.curves import curves, told
 from meshflow.view.dials import Address, Dials
 from meshflow.view.look import Look
@@ -19,6 +21,7 @@ __all__ = ["LOOPBACK", "Served"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 SETTLE = 0.3  # seconds for which a knob must rest before anything is computed
+POLL = 0.05  # seconds between looks at what the other thread has done
 
 
 class Served:
@@ -46,6 +49,8 @@ class Served:
         self.screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), square, off_screen=True)
         self._server: Any = get_server(f"meshflow-{self.port}", client_type="vue3")
         self._wanted = 0
+        self._work = Background()
+        self._polling: asyncio.Task[None] | None = None
         self._values: dict[str, Any] = {}
         self._heard: set[str] = set()
         self._page()
@@ -73,6 +78,7 @@ class Served:
         server.controller.on_server_ready.add(told_ready)
         with closing(self.screen.plotter):
             server.start(open_browser=False, show_connection_info=False, disable_logging=True)
+        self._work.leave()
 
     def _page(self) -> None:
         """What stands where."""
@@ -162,11 +168,26 @@ class Served:
         state.command = self.dials.command(self.timeline.moments[index].time)
 
     def _moved(self, **_: Any) -> None:
-        """Another state, or other colours."""
-        state = self._server.state
-        colouring: Colouring = "removed" if state.colouring == "removed" else "surface"
-        self.screen.show(self.timeline.at(min(int(state.at), len(self.timeline) - 1)), colouring)
+        """Another state, or other colours; what is not in memory is computed again, and what was seen stays until then."""
+        timeline, wanted = self.timeline, self._at()
         self._say()
+        if wanted in timeline.kept:
+            self._seen(timeline.at(wanted))
+            return
+
+        def again(noun: Noun) -> None:
+            if timeline is self.timeline and wanted == self._at():
+                self._seen(noun)
+
+        self._ask("state", lambda _: timeline.at(wanted), again, self._failed)
+
+    def _at(self) -> int:
+        """The state that the slider is at."""
+        return min(int(self._server.state.at), len(self.timeline) - 1)
+
+    def _seen(self, noun: Noun) -> None:
+        colouring: Colouring = "removed" if self._server.state.colouring == "removed" else "surface"
+        self.screen.show(noun, colouring)
         self._update()
 
     def _turned(self, **_: Any) -> None:
@@ -180,49 +201,49 @@ class Served:
 
     async def _rerun(self, wanted: int, values: dict[str, Any]) -> None:
         await asyncio.sleep(SETTLE)
-        if wanted != self._wanted:
-            return
-        loop, state = asyncio.get_running_loop(), self._server.state
-
-        def gone(share: float) -> bool:
-            loop.call_soon_threadsafe(self._done, wanted, share)
-            return wanted != self._wanted
-
-        with state:
-            state.update({"busy": 1, "message": "", "saved": ""})
-        try:
-            timeline = await asyncio.to_thread(self.dials.run, values, gone)
-        except (InputError, RuntimeError) as cause:
-            timeline, message = None, str(cause)
-        else:
-            message = ""
-        if wanted != self._wanted:
-            return
-        with state:
-            state.update({"busy": 0, "message": message})
-            if timeline is not None:
-                self.timeline = timeline
-                self.screen.recoloured(timeline.at(len(timeline) - 1))
-                if {control["name"] for control in self.dials.controls()} != set(values):
-                    self._knobs()
-                self._moved()
-
-    def _done(self, wanted: int, share: float) -> None:
         if wanted == self._wanted:
             with self._server.state as state:
-                state.busy = max(1, round(100 * share))
+                state.update({"message": "", "saved": ""})
+            self._ask("run", lambda gone: self.dials.run(values, gone), self._arrived, self._failed)
 
-    async def _save(self) -> None:
-        state = self._server.state
-        time = self.timeline.moments[min(int(state.at), len(self.timeline) - 1)].time
-        with state:
-            state.saved = "saving …"
-        try:
-            saved = await asyncio.to_thread(self.dials.save, time)
-        except (InputError, OSError) as cause:
-            saved = str(cause)
-        with state:
-            state.saved = saved
+    def _arrived(self, timeline: Timeline | None) -> None:
+        """The states of another run; another method has other knobs."""
+        if timeline is None:
+            return
+        self.timeline = timeline
+        self.screen.recoloured(timeline.at(len(timeline) - 1))
+        if {control["name"] for control in self.dials.controls()} != set(self._values):
+            self._knobs()
+        self._moved()
+
+    def _failed(self, message: str) -> None:
+        self._server.state.message = message
+
+    def _save(self) -> None:
+        self._server.state.saved = "saving …"
+        time = self.timeline.moments[self._at()].time
+        self._ask("save", lambda _: self.dials.save(time), self._saved, self._saved)
+
+    def _saved(self, told: str) -> None:
+        self._server.state.saved = told
+
+    def _ask(
+        self, kind: str, work: Callable[[Gone], Any], done: Callable[[Any], None], failed: Callable[[str], None]
+    ) -> None:
+        """Do it in the other thread, one thing after the other, and look at it until all is done."""
+        self._work.ask(kind, work, done, failed)
+        if self._polling is None or self._polling.done():
+            self._polling = asyncio.create_task(self._polled())
+
+    async def _polled(self) -> None:
+        while self._work.kind:
+            with self._server.state as state:
+                state.busy = max(1, round(100 * self._work.share))
+            await asyncio.sleep(POLL)
+            with self._server.state:
+                self._work.poll()
+        with self._server.state as state:
+            state.busy = 0
 
 
 def _launched(server: Any) -> None:
