@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal, Unpack, get_args
+from weakref import ref
 
 import numpy as np
 
@@ -179,6 +180,7 @@ class Desk:
 
     def __init__(self, session: Session, thing: Any, saving: Saving) -> None:
         self.session, self._thing, self._saving = session, thing, saving
+        self._made: tuple[ref[Timeline], Session] | None = None
 
     def controls(self) -> list[dict[str, Any]]:
         """Knobs as a page wants them; of points of a mesh the method, too."""
@@ -210,8 +212,13 @@ class Desk:
             timeline = session.run(told)
         except Turned:
             return None
-        self.session = session
+        self._made = ref(timeline), session
         return timeline
+
+    def shown(self, timeline: Timeline) -> None:
+        """The last run is what is seen; before, a run may end that nobody waits for any more, and must not be what is saved."""
+        if self._made is not None and self._made[0]() is timeline:
+            self.session = self._made[1]
 
     def command(self, time: float) -> str:
         """The command line that makes the state at a time."""

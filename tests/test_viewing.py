@@ -73,7 +73,9 @@ def test_the_command_line_makes_the_state_that_is_saved_to_the_last_bit(tmp_path
     document = meshflow.read(source)
     settings = QUICK if kind.endswith("npy") else Settings(method="fairing", time=0.01)
     desk = Desk(Session.begun(document.noun, settings, count=5), document, Saving(str(source), target))
-    moment = desk.run({}, lambda share: False).moments[3]
+    timeline = desk.run({}, lambda share: False)
+    desk.shown(timeline)
+    moment = timeline.moments[3]
     assert "written" in desk.save(moment.time)
     again = tmp_path / f"again{kind[-4:]}"
     words = shlex.split(desk.command(moment.time).replace(str(target), str(again)))
@@ -103,6 +105,7 @@ def test_points_of_a_mesh_may_change_their_method():
     names = {control["name"]: control for control in desk.controls()}
     assert set(names) == {"method", "scale", "order"}
     timeline = desk.run({"method": "curvature", "scale": 0.2, "order": 2.0}, lambda share: False)
+    desk.shown(timeline)
     assert desk.session.settings.method == "curvature"
     assert timeline.moments[-1].area < 1.0
 
@@ -111,6 +114,15 @@ def test_a_run_that_nobody_waits_for_is_left():
     desk = Desk(Session.begun(hills(), QUICK, count=4), hills(), Saving())
     assert desk.run({"scale": 3.0}, lambda share: True) is None
     assert desk.session.settings.scale == pytest.approx(np.sqrt(8.0))
+
+
+def test_what_is_saved_is_of_the_run_that_is_seen_and_of_none_that_ended_unseen():
+    desk = Desk(Session.begun(hills(), QUICK, count=4), hills(), Saving())
+    seen = desk.session
+    timeline = desk.run({"scale": 3.0}, lambda share: False)
+    assert desk.session is seen
+    desk.shown(timeline)
+    assert desk.session.settings.scale == pytest.approx(3.0)
 
 
 def test_curves_mark_the_state_that_is_shown():

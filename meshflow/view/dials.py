@@ -37,6 +37,10 @@ class Dials(Protocol):
         """
         ...
 
+    def shown(self, timeline: Timeline) -> None:
+        """The states of a run are what is seen from now on: what knobs, command line and saved states are of."""
+        ...
+
     def command(self, time: float) -> str:
         """The command line that makes the state at a time."""
         ...

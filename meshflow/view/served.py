@@ -211,6 +211,7 @@ class Served:
         if timeline is None:
             return
         self.timeline = timeline
+        self.dials.shown(timeline)
         self.screen.recoloured(timeline.at(len(timeline) - 1))
         if {control["name"] for control in self.dials.controls()} != set(self._values):
             self._knobs()

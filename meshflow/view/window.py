@@ -108,6 +108,7 @@ class Window:
         if timeline is None:
             return
         self.timeline, self.message = timeline, ""
+        self.dials.shown(timeline)
         self.screen.recoloured(timeline.at(len(timeline) - 1))
         self.column.plot(timeline)
         if {control["name"] for control in self.dials.controls()} != set(self._values):
