@@ -14,6 +14,7 @@ from meshflow.view import compare, measured, page, plotter, show
 from meshflow.view.bodies import Body, embodied
 from meshflow.view.dress import taken
 from meshflow.view.look import Look, picture_view, side_view
+from meshflow.view.screen import Screen
 from meshflow.view.turning import coarse
 
 SIZE = (640, 480)
@@ -217,6 +218,31 @@ def test_what_is_heavy_is_coarse_while_it_turns(monkeypatch):
     style.InvokeEvent("EndInteractionEvent")
     assert seen() == (True, False)
     window.close()
+
+
+@pytest.mark.needs_gl
+def test_each_state_of_a_heavy_body_is_coarse_while_it_turns(monkeypatch):
+    pv = pytest.importorskip("pyvista")
+    monkeypatch.setattr("meshflow.view.scene.HEAVY", 100)
+    monkeypatch.setattr("meshflow.view.scene.coarse", lambda body: coarse(body, 8))
+    screen = Screen(BALL, Mesh(0.5 * BALL.points, BALL.faces), Look(size=SIZE), off_screen=True)
+    style = screen.plotter.iren.get_interactor_style()
+
+    def seen():
+        (body,) = [a for a in screen.plotter.renderer.actors.values() if isinstance(a, pv.Actor) and a.GetVisibility()]
+        return body.mapper.dataset.n_cells == len(BALL.faces), np.abs(body.mapper.dataset.points).max()
+
+    for size, colouring in ((0.8, "surface"), (0.7, "surface"), (0.6, "removed")):
+        screen.show(Mesh(size * BALL.points, BALL.faces), colouring)
+        fine = (True, pytest.approx(size * np.abs(BALL.points).max(), rel=1e-6))
+        assert seen() == fine
+        style.InvokeEvent("StartInteractionEvent")
+        whole, extent = seen()
+        assert not whole
+        assert extent == pytest.approx(size * np.abs(BALL.points).max(), rel=0.05)
+        style.InvokeEvent("EndInteractionEvent")
+        assert seen() == fine
+    screen.plotter.close()
 
 
 @pytest.mark.needs_gl

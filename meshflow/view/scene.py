@@ -18,7 +18,7 @@ from meshflow.view.turning import HEAVY, Turning, coarse
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["Rows", "added", "drawn", "length", "overlaid", "single", "windowed"]
+__all__ = ["Rows", "added", "coarsened", "drawn", "length", "overlaid", "single", "windowed"]
 
 Rows = list[list[tuple[str, Body, Scale | None]]]
 """Rows of panels of a window: label, body, the colours it wears instead of its own."""
@@ -186,6 +186,17 @@ def added(plotter: "pv.Plotter", body: Body, scale: Scale | None, name: str, *, 
     plotter.add_actor(actor, name=name, reset_camera=False, render=False)
     plotter.reset_camera_clipping_range()  # the camera was aimed at an empty place
     return actor
+
+
+def coarsened(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None, name: str) -> list[tuple[Any, Any]]:
+    """The actor of a body of very many triangles and a coarse one for it, in place of that of the name; else no pair."""
+    shown: Any = plotter
+    shown.remove_actor(name, render=False)
+    pairs = _stood_in(plotter, actor, body, scale)
+    for _, other in pairs:
+        other.SetVisibility(False)
+        plotter.add_actor(other, name=name, reset_camera=False, render=False)
+    return pairs
 
 
 def _frame(look: Look) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from meshflow.view.look import Look
 from meshflow.view.pair import paired
 from meshflow.view.probe import displayed, rendering
 from meshflow.view.scale import Scale
+from meshflow.view.turning import Turning
 
 __all__ = ["COLOURINGS", "Colouring", "Screen"]
 
@@ -56,6 +57,9 @@ class Screen:
         body = replace(body, view=body.view.framing(body.points, end.points))
         self._scale = self._removed(last)
         self.plotter = scene.single(body, look, off_screen, column=column)
+        self._seen: tuple[Body, Scale | None] = body, None
+        self._stands_in = False
+        self._turning = Turning(self.plotter, [], smoothed=False, prepared=self._coarse)
         self._surface: Any = self._drawn(body, None)
 
     def recoloured(self, last: Noun) -> None:
@@ -68,6 +72,7 @@ class Screen:
         if colouring == "removed":
             values = self._removed(noun).values
             scale = replace(self._scale, values=values)
+        self._seen, self._stands_in = (body, scale), False
         held, worn = self._surface, self._surface.active_scalars_name
         textured = scale is None and body.texture is not None
         same = colouring == self._colouring and (scale is not None or textured or body.colours is None)
@@ -86,8 +91,14 @@ class Screen:
         return np.asarray(self.plotter.screenshot(None, return_img=True))[..., :3]
 
     def _drawn(self, body: Body, scale: Scale | None) -> Any:
-        actor = scene.added(self.plotter, body, scale, "state", below=self._column)
-        return actor.mapper.dataset
+        self._actor = scene.added(self.plotter, body, scale, "state", below=self._column)
+        return self._actor.mapper.dataset
+
+    def _coarse(self) -> None:
+        """What is seen while it turns, made when a hand takes hold of it: a slider over states need not wait for it."""
+        if not self._stands_in:
+            self._turning.pairs = scene.coarsened(self.plotter, self._actor, *self._seen, "while it turns")
+            self._stands_in = True
 
     def _body(self, noun: Noun) -> Body:
         seen = thinned(raised(noun, self._look.seen), self._step)

@@ -1,5 +1,6 @@
 """Windows stay quick while they are turned: no anti-aliasing, and a coarse body in the place of one of very many triangles."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -48,10 +49,20 @@ class Turning:
     :ivar fine: at rest.
     :param plotter: whose interaction is watched.
     :param pairs: actors, of which the fine ones are seen at rest, and the coarse ones while it turns.
+    :param smoothed: anti-aliased at rest.
+    :param prepared: called before the coarse ones are seen.
     """
 
-    def __init__(self, plotter: "pv.Plotter", pairs: list[tuple[Any, Any]]) -> None:
+    def __init__(
+        self,
+        plotter: "pv.Plotter",
+        pairs: list[tuple[Any, Any]],
+        *,
+        smoothed: bool = True,
+        prepared: Callable[[], None] = lambda: None,
+    ) -> None:
         self.pairs, self.plotter, self.fine = pairs, plotter, True
+        self._smoothed, self._prepared = smoothed, prepared
         self.rest()
         style = plotter.iren
         if style is not None:
@@ -60,6 +71,7 @@ class Turning:
 
     def turn(self, *_: Any) -> None:
         """The coarse ones."""
+        self._prepared()
         self._show(fine=False)
 
     def rest(self, *_: Any) -> None:
@@ -69,7 +81,9 @@ class Turning:
     def _show(self, *, fine: bool) -> None:
         self.fine = fine
         window: Any = self.plotter
-        if fine:
+        if not self._smoothed:
+            pass
+        elif fine:
             window.enable_anti_aliasing("ssaa", all_renderers=True)
         else:  # in software it takes longer than all the rest
             window.disable_anti_aliasing(all_renderers=True)
