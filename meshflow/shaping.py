@@ -45,6 +45,7 @@ FAIRINGS = ((2, "uniform"), (4, "uniform"), (10, "uniform"), (2, "cotangent"))
 FIXED, FAIRED = Motion("facets"), Motion("fairing")
 # The one order of a fairing by which no value leaves its range, weights of zero and above.
 RANGED = 1
+FEW = 100  # vertices below which what differs from neighbour to neighbour may well be the shape
 FIXED_TIME = {"facets": 100.0, "fairing": 1.0}
 # Contrast of normal channels in edges; the greatest curvature of noise, in sigma / h^2; and times in squared edges.
 # Of cubes and cylinders with noise of 0.03 to 0.3 edges the best threshold is (0.05 + 0.3 sigma / h) / h, within a fifth.
@@ -320,6 +321,10 @@ def _shaped(noun: Mesh, settings: Settings, noise: Noise, kind: str | None, spee
             told["risk"] = expected_error(trials[0], value_unit(noun), "along the normals")
             timed = timed or Parameter(time, squared_unit(noun), "estimated", "least estimated risk")
             plan = replace(plan, trials=trials, idle=HARM if timed.value == 0 else None)
+    found = timed is not None and timed.origin == "estimated" and float(timed.value) > 0
+    if found and noise.how != "given" and len(noun.points) < FEW:
+        few = f"noise and way were found from {len(noun.points)} vertices, whose shape looks like noise: give sigma, or a time"
+        plan = replace(plan, warnings=(*plan.warnings, few))
     much = FIXED_TIME[way.kind]
     timed = timed or Parameter(much * noun.step**2, squared_unit(noun), "default", f"{much:g} squared edges")
     told |= {"time": timed, **_named(way, settings, noun, origin), **_kept(settings, settings.keep)}

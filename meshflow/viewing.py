@@ -30,7 +30,7 @@ __all__ = ["Desk", "Knob", "Saving", "Session", "Way", "view"]
 Way = Literal["window", "browser", "page"]
 
 # What a plan has chosen that a caller can say.
-SAID = ("method", "gamma", "sharpness", "patch", "contrast", "order", "evened")
+SAID = ("method", "gamma", "sharpness", "patch", "contrast", "order", "weights", "evened")
 # Knobs: least, greatest, whether they grow by factors; relative to where they stand where they grow.
 KNOBS = {
     "scale": (0.25, 4.0, True),
@@ -41,7 +41,12 @@ KNOBS = {
     "order": (1.0, 20.0, False),
 }
 # What the ways of points of a mesh listen to, and what of that are knobs.
-WAYS = {"facets": ("contrast", "sharpness", "evened"), "fairing": ("order",)}
+WAYS = {
+    "facets": ("contrast", "sharpness", "evened"),
+    "fairing": ("order", "weights"),
+    "normal-channels": ("contrast",),
+    "principal": ("contrast",),
+}
 LISTENED = {"facets": ("scale", "contrast", "sharpness"), "fairing": ("scale", "order")}
 
 

@@ -189,7 +189,8 @@ def test_a_curve_is_refused_where_there_is_none():
             call()
     with pytest.raises(InputError, match="got method='facets'"):
         smooth((points, faces), method="facets", boundary="curve")
-    with pytest.raises(InputError, match="got method='facets'"):
-        Motion("facets", curve=True)
+    for method in ("facets", "principal", "normal-channels"):
+        with pytest.raises(InputError, match=f"got method='{method}'"):
+            Motion(method, curve=True)
     with pytest.raises(InputError, match="natural, linear, fixed or curve expected"):
         smooth((points, faces), boundary="round")

@@ -185,12 +185,12 @@ def test_other_data_sets_of_vtk_are_refused_with_the_way_out(tmp_path):
 def test_what_another_format_does_not_hold_is_said(tmp_path):
     document = read(cube_obj(tmp_path / "a"))
     (note, *_) = write(document, tmp_path / "out.stl", tags={})
-    assert note == "STL does not hold: texture coordinates, texture image, vertex normals"
+    assert note == "STL does not hold: texture coordinates, texture image, materials, vertex normals"
     notes = write(document, tmp_path / "out.off", tags={})
     assert any("joined again" in note for note in notes)
     assert read(tmp_path / "out.off").noun.points.shape == (8, 3)
     (note,) = write(document, tmp_path / "out.vtp", tags={})
-    assert note == "VTP does not hold: texture image"
+    assert note == "VTP does not hold: texture image, materials"
     assert pyvista.read(tmp_path / "out.vtp").active_texture_coordinates.shape == (24, 2)
 
 

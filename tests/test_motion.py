@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from shapes import sphere, square
 from test_facets import along_normals
 
@@ -172,3 +173,10 @@ def test_a_border_that_is_fixed_stays_whatever_is_kept():
     assert not np.array_equal(after[~rim], points[~rim])
     with pytest.raises(InputError, match="keep='area': all points are scaled"):
         smooth((points, faces), method="fairing", boundary="fixed", keep="area")
+
+
+def test_noise_that_was_found_from_very_few_vertices_is_warned_of():
+    coarse, fine = trimesh.creation.box().subdivide(), trimesh.creation.icosphere(3)
+    assert "from 26 vertices" in denoise(coarse).warnings[0]
+    assert denoise(coarse, time=0.01, method="facets").warnings == ()
+    assert not any("vertices, whose shape" in warning for warning in denoise(fine).warnings)

@@ -110,6 +110,17 @@ def test_points_of_a_mesh_may_change_their_method():
     assert timeline.moments[-1].area < 1.0
 
 
+@pytest.mark.parametrize("given", [{}, {"method": "fairing"}])
+def test_the_end_of_a_mesh_is_what_smooth_makes_of_it(given):
+    found = meshflow.denoise(ball(), **given)
+    session = Session.begun(ball(), Settings(**given), count=3)
+    assert found.parameters["method"].value == session.settings.method
+    assert "fairing" not in given.values() or found.parameters["weights"].value == session.settings.weights == "uniform"
+    # the states are those of one run, whose steps are others
+    away = session.run().at(2).points - found.noun.points
+    assert np.sqrt(np.square(away).mean()) < 0.1 * found.noise.sigma
+
+
 def test_a_run_that_nobody_waits_for_is_left():
     desk = Desk(Session.begun(hills(), QUICK, count=4), hills(), Saving())
     assert desk.run({"scale": 3.0}, lambda share: True) is None

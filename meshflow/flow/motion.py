@@ -57,9 +57,9 @@ class Motion:
             raise InputError(f"along: all or normals expected, got {self.along!r}")
         if self.triangles not in get_args(Triangles):
             raise InputError(f"triangles: {', '.join(get_args(Triangles))} expected, got {self.triangles!r}")
-        if self.curve and self.kind == "facets":
+        if self.curve and self.kind not in ("curvature", "conformal", "fairing"):
             raise InputError(
-                "boundary='curve': of method curvature, conformal and fairing, got method='facets', which asks normals alone; "
+                f"boundary='curve': of method curvature, conformal and fairing, got method={self.kind!r}; "
                 "take one of them, or boundary='fixed'"
             )
         if self.kind == "principal" and self.triangles not in ("auto", "given"):
