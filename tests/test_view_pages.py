@@ -1,5 +1,6 @@
 """The viewer in a browser: the page loads, the slider moves, the picture changes, and the console holds no error."""
 
+import io
 import shutil
 import socket
 import subprocess
@@ -7,6 +8,7 @@ import sys
 import textwrap
 
 import numpy as np
+import PIL.Image
 import pytest
 
 from meshflow.errors import InputError, need
@@ -58,6 +60,13 @@ def test_a_page_that_is_exported_opens_offline_and_its_slider_moves_the_picture(
     assert page.inner_text("h1") == "</script>&"
     assert all(url.startswith("file:") or url.startswith("blob:") for url in requests)
     first, words = page.locator("#canvas").screenshot(), page.inner_text("#told")
+    with PIL.Image.open(io.BytesIO(first)) as seen:
+        rows, columns = np.nonzero(np.asarray(seen.convert("L")) < 250)
+        high, wide = seen.height, seen.width
+    left, right, above, below = columns.min(), wide - 1 - columns.max(), rows.min(), high - 1 - rows.max()
+    assert min(left, right, above, below) > 0.01 * high  # all of it is seen, in the middle
+    assert abs(int(left) - int(right)) < 0.05 * wide
+    assert abs(int(above) - int(below)) < 0.05 * high
     page.locator("#time").focus()
     page.keyboard.press("Home")
     assert page.inner_text("#told").startswith("time 0")

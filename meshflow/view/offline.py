@@ -104,8 +104,12 @@ def _page(start: Body, states: list[tuple[Body, Array, dict[str, str]]], scale: 
     low = np.min([body.points.min(axis=0) for body, _, _ in states], axis=0)
     size = np.maximum(np.max([body.points.max(axis=0) for body, _, _ in states], axis=0) - low, 1e-300)
     view = start.view
+    sides = np.stack([view.right, view.up], axis=1)
+    flat = start.points @ sides
+    wide, tall = np.ptp(flat, axis=0)
     middle = (start.points.min(axis=0) + start.points.max(axis=0)) / 2
-    wide, tall = np.ptp(start.points @ np.stack([view.right, view.up], axis=1), axis=0)
+    # the middle of a box lies beside that of what is seen of the body in it
+    middle = middle + sides @ ((flat.min(axis=0) + flat.max(axis=0)) / 2 - middle @ sides)
     found: dict[str, Any] = {
         "many": len(start.points),
         "faces": _packed(start.faces.astype("<u4")),
