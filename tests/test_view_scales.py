@@ -6,7 +6,7 @@ import pytest
 from meshflow.geometry.lift import HeightField
 from meshflow.view import page
 from meshflow.view.look import Look
-from meshflow.view.scale import Scale, showing_both, symmetric, together
+from meshflow.view.scale import Scale, showing, showing_both, symmetric, together
 from meshflow.view.sight import of_two
 
 RNG = np.random.default_rng(0)
@@ -73,3 +73,15 @@ def test_of_a_two_sided_scale_and_a_one_sided_one_both_become_two_sided():
     one = Scale(np.array([0.0, 5.0]), 0.0, 5.0, "viridis", "h")
     for pair in (together(two, one), together(one, two)):
         assert {(scale.low, scale.high, scale.colours) for scale in pair} == {(-5.0, 5.0, "RdBu_r")}, "white is 0"
+
+
+def test_a_broken_corner_does_not_make_all_the_rest_pale():
+    values = np.random.default_rng(0).normal(size=1000)
+    even, broken = symmetric(values, "", "", ""), symmetric(np.r_[values, np.full(20, 300.0)], "", "", "")
+    assert showing(even) == even
+    bent = showing(broken)
+    assert "more colours near 0" in bent.ends
+    assert (bent.low, bent.high) == (broken.low, broken.high)
+    at = [int(round((1.0 + one.high) / (2 * one.high) * (one.colour_map.N - 1))) for one in (broken, bent)]
+    pale, seen = (np.ptp(one.colour_map(k)[:3]) for one, k in zip((broken, bent), at, strict=True))
+    assert seen > 2 * pale

@@ -12,7 +12,7 @@ from meshflow.geometry.gates import Array
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
-__all__ = ["Scale", "known_colours", "ranging", "showing_both", "spread", "symmetric", "together"]
+__all__ = ["Scale", "known_colours", "ranging", "showing", "showing_both", "spread", "symmetric", "together"]
 
 _ENDS = 99.0  # percentile of the size at which colours end: outliers do not bleach the rest
 # Two-sided values are red above and blue below 0, one-sided ones as bright as they are large, to every eye alike.
@@ -143,11 +143,26 @@ def showing_both(one: Scale, other: Scale) -> tuple[Scale, Scale]:
     As of curvature, of which noise has ten times as much as what is left.
     """
     one, other = together(one, other)
-    far = max(abs(one.low), abs(one.high))
-    typical = min(float(np.nanmedian(np.abs(scale.values))) for scale in (one, other)) / far
-    if not 0 < typical < _PALE:
+    bend = _bend(one, other)
+    if bend is None:
         return one, other
-    bends = np.geomspace(1e-3, 1.0, 200)
-    bend = float(bends[np.abs(np.arcsinh(typical / bends) / np.arcsinh(1 / bends) - _SEEN).argmin()])
     ends = "; ".join(filter(None, (one.ends, "more colours near 0, so that both are seen")))
     return replace(one, bend=bend, ends=ends), replace(other, bend=bend, ends=ends)
+
+
+def showing(scale: Scale) -> Scale:
+    """A two-sided scale, bent where what is typical of it would be as pale as 0, as beside a crease or a broken corner."""
+    bend = _bend(scale) if scale.low < 0 < scale.high else None
+    if bend is None:
+        return scale
+    return replace(scale, bend=bend, ends="; ".join(filter(None, (scale.ends, "more colours near 0"))))
+
+
+def _bend(*scales: Scale) -> float | None:
+    """How far colours of common ends are to be bent for what is typical of each to be seen; None: not at all."""
+    far = max(abs(scales[0].low), abs(scales[0].high))
+    typical = min(float(np.nanmedian(np.abs(scale.values))) for scale in scales) / far
+    if not 0 < typical < _PALE:
+        return None
+    bends = np.geomspace(1e-3, 1.0, 200)
+    return float(bends[np.abs(np.arcsinh(typical / bends) / np.arcsinh(1 / bends) - _SEEN).argmin()])

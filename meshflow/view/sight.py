@@ -16,7 +16,7 @@ from meshflow.view.page import Foot
 from meshflow.view.pair import holes, paired
 from meshflow.view.quantity import Quantity, measured
 from meshflow.view.ruler import Ground, grounded, ruled
-from meshflow.view.scale import Scale, ranging, showing_both, together
+from meshflow.view.scale import Scale, ranging, showing, showing_both, together
 from meshflow.view.stage import How, Stage, staged
 
 __all__ = ["Arrange", "Removed", "Shown", "Sight", "of_one", "of_two"]
@@ -151,7 +151,7 @@ def of_one(
         raise InputError("own_colours: a thing wears its own colours or those of numbers; leave one out")
     noun, notes = taken(thing, look.own_colours)
     scale = None if scalars is None else _scale(noun, scalars, unit)
-    scale = measured(noun, quantity, contrast) if quantity is not None else scale
+    scale = showing(measured(noun, quantity, contrast)) if quantity is not None else scale
     scale = None if scale is None else scale.wearing(look.colours)
     seen = raised(noun, look.seen)
     stage = staged((seen,), look, _how(seen, how, quantity, window), window)
