@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshflow.flow.constraint import Limit
-from meshflow.flow.contract import Flow
 from meshflow.flow.noise import spread_tiles
 from meshflow.flow.rate import MeshFlow
-from meshflow.flow.slowed import Slowed
+from meshflow.flow.slowed import slowed
 from meshflow.flow.tune import PROBE, Candidate, Trial, first_of, ranked, refined, risk_curves, searched
 from meshflow.geometry.gates import Array
 from meshflow.geometry.jumps import Cuts
@@ -109,10 +108,6 @@ class Search:
     twices: tuple[float, ...] = (0.0,)
     speed: Array | None = None
 
-    def slowed(self, flow: Flow, speed: Array | None) -> Flow:
-        """A flow that goes as it will go, ``speed`` that of its samples."""
-        return flow if speed is None else Slowed(flow, speed)
-
     def trials(self, candidate: Candidate, curves: dict[float, tuple[float, ...]], unit: float = 1.0) -> list[Trial]:
         """The trials of a candidate from its mean square errors, in the unit of the values times ``unit``."""
         made = []
@@ -194,8 +189,8 @@ def tried_on_grid(tiled: _Tiles, search: Search, threads: int | None = None) -> 
             most = near.reshape(len(near), -1).T.astype(tiles.planes.dtype)
             limits = Limit(pair[0].start(), most), Limit(pair[1].start(), most)
         patient = search.end is not None
-        slowed = search.slowed(pair[0], speed), search.slowed(pair[1], speed)
-        curves = risk_curves(slowed, columns, sigma, search.times, counted, search.twices, limits, patient)
+        runs = slowed(pair[0], speed), slowed(pair[1], speed)
+        curves = risk_curves(runs, columns, sigma, search.times, counted, search.twices, limits, patient)
         return search.trials(candidate, curves)
 
     return tried
@@ -214,7 +209,7 @@ def tried_on_mesh(noun: Mesh, lift: Lift, search: Search) -> Callable[[Candidate
             MeshFlow(part.lifted(replace(lift, contrast=candidate.contrast)), candidate.member) for part in (noun, twin)
         )
         sigma = search.sigma * candidate.contrast
-        pair = search.slowed(one, search.speed), search.slowed(two, search.speed)
+        pair = slowed(one, search.speed), slowed(two, search.speed)
         curves = risk_curves(pair, probe, sigma, search.times, counted, search.twices, patient=search.end is not None)
         return search.trials(candidate, curves, candidate.contrast)
 

@@ -8,7 +8,6 @@ from typing import Any, get_args
 import numpy as np
 
 from meshflow.errors import InputError, NotConverged
-from meshflow.flow.contract import Flow
 from meshflow.flow.control import Until
 from meshflow.flow.facets import Facets
 from meshflow.flow.keep import Keep
@@ -16,7 +15,7 @@ from meshflow.flow.lowpass import is_short
 from meshflow.flow.motion import Motion, MotionName
 from meshflow.flow.noise import Noise
 from meshflow.flow.rate import MeshFlow
-from meshflow.flow.slowed import Slowed
+from meshflow.flow.slowed import slowed
 from meshflow.flow.tune import PROBE, Trial, ranked
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.facets import beyond, measured
@@ -45,10 +44,11 @@ FAIRINGS = ((2, "uniform"), (4, "uniform"), (10, "uniform"), (2, "cotangent"))
 FIXED, FAIRED = Motion("facets"), Motion("fairing")
 # The one order of a fairing by which no value leaves its range, weights of zero and above.
 RANGED = 1
-FEW = 100  # vertices below which what differs from neighbour to neighbour may well be the shape
+# Vertices below which what differs from neighbour to neighbour may well be the shape.
+FEW = 100
 FIXED_TIME = {"facets": 100.0, "fairing": 1.0}
-# Contrast of normal channels in edges; the greatest curvature of noise, in sigma / h^2; and times in squared edges.
-# Of cubes and cylinders with noise of 0.03 to 0.3 edges the best threshold is (0.05 + 0.3 sigma / h) / h, within a fifth.
+# Contrast of normal channels in edges; the threshold of principal directions, (BENT + BENDS sigma / h) / h, which of cubes and
+# cylinders with noise of 0.03 to 0.3 edges is the best within a fifth; and times in squared edges.
 CHANNELS, BENT, BENDS, LONGER = 8.0, 0.05, 0.3, {"normal-channels": 5.0, "principal": 5.0}
 # The volume of a closed mesh, over its area to the power 3/2, below which it holds none.
 HOLLOW = 1e-6
@@ -140,8 +140,7 @@ def _pairs(
     way: Motion, pair: tuple[Surface, Surface], times: tuple[float, ...], speed: Array | None
 ) -> Iterator[tuple[Array, Array]]:
     """The points of a run and of its twin at each time; none where slivers do not let it be run."""
-    flows: list[Flow] = [way.engine(surface, Member()) for surface in pair]
-    flows = flows if speed is None else [Slowed(flow, speed) for flow in flows]
+    flows = [slowed(way.engine(surface, Member()), speed) for surface in pair]
     try:
         yield from zip(*(way.states(flow, flow.start(), times) for flow in flows), strict=True)
     except NotConverged:

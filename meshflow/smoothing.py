@@ -15,7 +15,7 @@ from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.noise import noise_growth
 from meshflow.flow.progress import Progress
 from meshflow.flow.rate import MeshFlow
-from meshflow.flow.slowed import Slowed
+from meshflow.flow.slowed import slowed
 from meshflow.flow.step import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.gates import Array, whole
 from meshflow.geometry.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
@@ -161,7 +161,7 @@ def _engine(plan: Plan, settings: Settings) -> Flow:
 
 def _steered(engine: Flow, plan: Plan) -> Flow:
     """The engine with the speeds and the fidelity of a plan."""
-    flow = engine if plan.speed is None else Slowed(engine, plan.speed)
+    flow = slowed(engine, plan.speed)
     return flow if plan.trust is None else Faithful(flow, plan.trust)
 
 

@@ -13,7 +13,7 @@ from meshflow.flow.contract import Flow, System
 from meshflow.flow.lowpass import Weights, generator_of
 from meshflow.geometry.gates import Array
 
-__all__ = ["Scaled", "Slowed", "speed_of"]
+__all__ = ["Scaled", "Slowed", "slowed", "speed_of"]
 
 # The least speed that an implicit step knows: a vertex that is slower stays.
 SLOWEST = 1e-6
@@ -123,3 +123,11 @@ class Slowed(Scaled):
         :raises InputError: for a flow without one.
         """
         return sparse.csr_matrix(sparse.diags(self.speed[:, 0]) @ generator_of(self.flow, u, weights))
+
+
+def slowed(flow: Flow, speed: Array | None) -> Flow:
+    """A flow whose vertices go as fast as they are let.
+
+    :param speed: s (n, 1), 0 to 1; None: all go freely.
+    """
+    return flow if speed is None else Slowed(flow, speed)
