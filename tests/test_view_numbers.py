@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshflow.view.numbers import brief, plain
+from meshflow.view.numbers import brief, plain, rounded
 
 
 @pytest.mark.parametrize(
@@ -48,3 +48,10 @@ def test_no_number_has_an_exponent():
 def _power(shown):
     digits = shown.partition("× 10")[2].translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
     return int(digits or 0)
+
+
+@pytest.mark.parametrize(
+    ("value", "told"), [(1.0, 1), (1.99, 1), (2.0, 2), (4.9, 2), (5.0, 5), (9.99, 5), (1000.0, 1000), (0.03, 0.02)]
+)
+def test_a_round_number_is_the_next_of_one_two_five_below(value, told):
+    assert rounded(value) == pytest.approx(told)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshflow.view.curves import across, measures
-from meshflow.view.numbers import plain
+from meshflow.view.numbers import plain, rounded
 from meshflow.view.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -218,8 +218,4 @@ def _ticks(end: float) -> list[float]:
     """0, a round time about the middle of the axis of its square root, and one about its end."""
     if end <= 0:
         return [0.0]
-    found = [0.0]
-    for share in (0.2, 1.0):
-        power = 10.0 ** np.floor(np.log10(share * end))
-        found.append(float(power * max(digit for digit in (1, 2, 5) if digit * power <= share * end * (1 + 1e-9))))
-    return found
+    return [0.0, rounded(0.2 * end), rounded(end)]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-__all__ = ["brief", "plain"]
+__all__ = ["brief", "plain", "rounded"]
 
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FULL = (1e-3, 1e6)  # what lies between is written in full
@@ -28,3 +28,10 @@ def plain(value: float, largest: float | None = None, digits: int = 3) -> str:
     decimals = max(digits - 1 - (power - factor), 0)
     shown = f"{value / 10.0**factor:.{decimals}f}".replace("-", "−")
     return f"{shown} × 10{str(factor).translate(_POWERS)}" if factor else shown
+
+
+def rounded(value: float) -> float:
+    """The greatest of 1, 2, 5 times a power of ten that is no greater than a number above 0."""
+    slack = 1 + 1e-9
+    power = 10.0 ** np.floor(np.log10(value * slack))
+    return float(power * max(digit for digit in (1, 2, 5) if digit * power <= value * slack))

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshflow.geometry.lift import Noun
 from meshflow.io.files import Document
-from meshflow.view.numbers import plain
+from meshflow.view.numbers import plain, rounded
 
 __all__ = ["Ground", "Ruler", "grounded", "ruled"]
 
@@ -48,9 +48,7 @@ def ruled(length: float | None, unit: str, page: float, north: bool) -> Ruler:
     """
     if length is None or not 0 < length < np.inf:
         return Ruler(north=north)
-    most = length * _LONG * page
-    power = 10.0 ** np.floor(np.log10(most) + 1e-12)
-    round_one = float(power * max(digit for digit in (1, 2, 5) if digit * power <= most * (1 + 1e-9)))
+    round_one = rounded(length * _LONG * page)
     return Ruler(round_one / length, _words(round_one, unit), north)
 
 
