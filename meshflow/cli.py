@@ -5,7 +5,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -13,14 +13,18 @@ from meshflow import looking
 from meshflow import options as words
 from meshflow.console import err, out, said, table, tell_of_compiling
 from meshflow.errors import InputError, MissingPackage, NotConverged
+from meshflow.fusing import fuse as fused
 from meshflow.io.files import Document, writable, write
 from meshflow.looking import must_be_drawable, pictured
+from meshflow.parts import Results
 from meshflow.reading import HELD, INPUTS, frame, opened, per_sample
 from meshflow.reading import limit as limit_of
-
-if TYPE_CHECKING:
-    from meshflow.parts import Results
-    from meshflow.result import Result
+from meshflow.result import Result
+from meshflow.settings import Settings
+from meshflow.smoothing import noise, smooth_document
+from meshflow.study.facts import describe
+from meshflow.view.report import report as drawn_report
+from meshflow.view.report import writable as reportable
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -111,9 +115,6 @@ def _smoothed(
     **given: Any,
 ) -> None:
     """The command ``smooth``, with its options by name."""
-    from meshflow.settings import Settings
-    from meshflow.smoothing import smooth_document
-
     document = opened(source, **{name: given.pop(name) for name in INPUTS})
     held = {word: per_sample(document, word, given.pop(word)) for word in HELD}
     fixed = held.pop("fixed")
@@ -155,9 +156,6 @@ def info(
     json: words.Json = False,
 ) -> None:
     """Say what IN is: size, spacing, missing samples, noise, area, quality of its triangles."""
-    from meshflow.smoothing import noise
-    from meshflow.study.facts import describe
-
     document = opened(source, kind, camera, depth_scale, measure, band, nodata, spacing, channels, viewpoint=viewpoint)
     facts = {"file": str(source), **describe(document.noun), **noise(document.noun)}
     table(facts, json, document.notes)
@@ -202,8 +200,6 @@ def _fused(
     **given: Any,
 ) -> None:
     """The command ``fuse``, with its options by name."""
-    from meshflow.fusing import fuse as fused
-
     reading = {name: given.pop(name) for name in ("camera", "depth_scale", "measure")}
     first = next((found for path in sources if (found := frame(path, **reading)) is not None), None)
     if first is None:
@@ -231,15 +227,14 @@ def _fused(
         out.print_json(notation.dumps(told))
 
 
-def _reported(result: "Result | Results", path: Path, name: str, overwrite: bool, quiet: bool) -> tuple[str, ...]:
-    from meshflow.view.report import report as drawn
+def _reported(result: Result | Results, path: Path, name: str, overwrite: bool, quiet: bool) -> tuple[str, ...]:
 
-    notes = (*drawn(result, path, title=name, overwrite=overwrite).notes, f"report: {path}")
+    notes = (*drawn_report(result, path, title=name, overwrite=overwrite).notes, f"report: {path}")
     said("", () if quiet else notes)
     return notes
 
 
-def _warned(document: Document, result: "Result | Results") -> tuple[str, ...]:
+def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
     """The warnings of a run, and a word where a mesh is about to vanish; of each part, its name before it."""
     if isinstance(result, Mapping):
         each = ((name, _warned(document, one)) for name, one in result.items())
@@ -251,7 +246,7 @@ def _warned(document: Document, result: "Result | Results") -> tuple[str, ...]:
     return (*result.warnings, f"the surface lost {lost:.0%} of its area; a smaller --time keeps more")
 
 
-def _left(document: Document, target: Path, result: "Result | Results") -> dict[str, float]:
+def _left(document: Document, target: Path, result: Result | Results) -> dict[str, float]:
     """For the writer of depth images, which rounds: the noise that is left."""
     if isinstance(result, Mapping) or writable(document, target, overwrite=True) != "depths":
         return {}
@@ -262,8 +257,6 @@ def _must_be_writable(
     document: Document, target: Path, picture: Path | None, report: Path | None, overwrite: bool
 ) -> None:
     """Refuse before the work what would be refused after it."""
-    from meshflow.view.report import writable as reportable
-
     writable(document, target, overwrite=overwrite)
     must_be_drawable(picture, overwrite)
     if report is not None:

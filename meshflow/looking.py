@@ -3,7 +3,7 @@
 import json as notation
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.text import Text
@@ -11,14 +11,23 @@ from rich.text import Text
 from meshflow import options as words
 from meshflow.console import out, said, table, tell_of_compiling
 from meshflow.errors import InputError
+from meshflow.filming import film as filmed
+from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh, RangeImage
 from meshflow.io.files import Document
 from meshflow.io.replace import must_be_free
 from meshflow.reading import INPUTS, opened, per_sample
-
-if TYPE_CHECKING:
-    from meshflow.geometry.gates import Array
-    from meshflow.view.riding import Riding
+from meshflow.study.flows import compare_flows as compared
+from meshflow.study.metrics import compare as measured
+from meshflow.view import compare as draw_pair
+from meshflow.view import show as draw_one
+from meshflow.view.dials import Address
+from meshflow.view.film import filmable
+from meshflow.view.panels import flows as draw_flows
+from meshflow.view.picture import writable as drawable
+from meshflow.view.riding import Riding, riding
+from meshflow.viewing import Saving
+from meshflow.viewing import view as viewed
 
 __all__ = ["compare", "compare_flows", "film", "must_be_drawable", "pictured", "show", "view"]
 
@@ -74,8 +83,6 @@ def _compared(
     **given: Any,
 ) -> None:
     """The command ``compare``, with its options by name."""
-    from meshflow.study.metrics import compare as measured
-
     if picture is not None:
         must_be_free(picture, overwrite)
     reading = {name: given.pop(name) for name in READ}
@@ -90,19 +97,15 @@ def _compared(
         facts[f"rms difference of {ridden.name}"] = ridden.rms
         notes += (ridden.told,)
     for path in (*((picture,) if picture is not None else ()), *((None,) if window else ())):
-        from meshflow.view import compare as draw
-
-        told = draw(
+        told = draw_pair(
             first, second, path, title=_titled(title, f"{one.name} and {other.name}"), overwrite=overwrite, **given
         ).notes
         notes += (*(note for note in told if note not in notes), *(() if path is None else (f"picture: {path}",)))
     table(facts, json, notes)
 
 
-def _ridden(first: Document, second: Document) -> "Riding | None":
+def _ridden(first: Document, second: Document) -> Riding | None:
     """In which attribute two meshes differ whose points do not."""
-    from meshflow.view.riding import riding
-
     one, other = first.noun, second.noun
     return riding(first, second, one, other) if isinstance(one, Mesh) and isinstance(other, Mesh) else None
 
@@ -148,13 +151,11 @@ def _shown(
     **given: Any,
 ) -> None:
     """The command ``show``, with its options by name."""
-    from meshflow.view import show as draw
-
     must_be_drawable(picture, overwrite)
     document = opened(source, **{name: given.pop(name) for name in READ})
     if fixed is not None:
         document = document.holding(replace(document.noun, fixed=per_sample(document, "fixed", fixed)))
-    told = draw(document, picture, title=_titled(title, source.name), overwrite=overwrite, **given)
+    told = draw_one(document, picture, title=_titled(title, source.name), overwrite=overwrite, **given)
     notes = (*told.notes, *(() if picture is None else (f"picture: {picture}",)))
     said("", () if quiet else notes)
 
@@ -206,9 +207,6 @@ def _filmed(
     source: Path, target: Path, frames: int, title: str | None, overwrite: bool, quiet: bool, **given: Any
 ) -> None:
     """The command ``film``, with its options by name."""
-    from meshflow.filming import film as filmed
-    from meshflow.view.film import filmable
-
     filmable(target, overwrite)
     document = opened(source, **{name: given.pop(name) for name in READ})
     settings = {name: given.pop(name) for name in FLOW}
@@ -282,10 +280,6 @@ def _viewed(
     **given: Any,
 ) -> None:
     """The command ``view``, with its options by name."""
-    from meshflow.view.dials import Address
-    from meshflow.viewing import Saving
-    from meshflow.viewing import view as viewed
-
     reading = {name: given.pop(name) for name in READ}
     document = opened(source, **reading)
     target = source.with_name(f"{source.stem}_smooth{source.suffix}") if target is None else target
@@ -337,8 +331,6 @@ def compare_flows(
     json: words.Json = False,
 ) -> None:
     """Compare 3D flow, flow along normals, graph flow of z and ray flow on a depth image, at matched smoothing."""
-    from meshflow.study.flows import compare_flows as compared
-
     must_be_drawable(picture, overwrite)
     depths, cam, notes = _depths(source, camera, depth_scale)
     true, more = None, ()
@@ -348,10 +340,8 @@ def compare_flows(
     found = compared(depths, cam, true, time=time, jump=jump, boundary=boundary)
     notes += more
     if picture is not None:
-        from meshflow.view.panels import flows as drawn
-
         title = f"{source.name}: four flows, each until it is as smooth as the ray flow"
-        notes += (*drawn(found.panels(), picture, title=title, overwrite=overwrite).notes, f"picture: {picture}")
+        notes += (*draw_flows(found.panels(), picture, title=title, overwrite=overwrite).notes, f"picture: {picture}")
     if json:
         out.print_json(notation.dumps({"in": str(source), **found.as_dict(), "notes": list(notes)}))
         return
@@ -359,7 +349,7 @@ def compare_flows(
     said("", notes)
 
 
-def _depths(path: Path, camera: str | None, depth_scale: float | None) -> "tuple[Array, Any, tuple[str, ...]]":
+def _depths(path: Path, camera: str | None, depth_scale: float | None) -> tuple[Array, Any, tuple[str, ...]]:
     """Depths, NaN where missing, their camera, and what was said of them.
 
     :raises InputError: for what is no range image.
@@ -374,14 +364,10 @@ def _depths(path: Path, camera: str | None, depth_scale: float | None) -> "tuple
 
 def must_be_drawable(picture: Path | None, overwrite: bool) -> None:
     """Refuse a picture that cannot be written, or is there."""
-    from meshflow.view.picture import writable as drawable
-
     if picture is not None:
         drawable(picture, overwrite=overwrite)
 
 
 def pictured(before: Document, after: Document, path: Path, title: str, overwrite: bool) -> tuple[str, ...]:
     """Draw before and after; what is to be said of it."""
-    from meshflow.view import compare as draw
-
-    return (*draw(before.noun, after.noun, path, title=title, overwrite=overwrite).notes, f"picture: {path}")
+    return (*draw_pair(before.noun, after.noun, path, title=title, overwrite=overwrite).notes, f"picture: {path}")

@@ -23,7 +23,9 @@ from meshflow.view.dials import Address
 from meshflow.view.dress import flowing_together, taken
 from meshflow.view.look import Look, Looks, looking
 from meshflow.view.offline import exportable, exported
+from meshflow.view.served import Served
 from meshflow.view.timeline import MEMORY, Timeline, recorded
+from meshflow.view.window import Window
 
 __all__ = ["Desk", "Knob", "Saving", "Session", "Way", "view"]
 
@@ -297,16 +299,12 @@ def view(
 def _served(
     desk: Desk, timeline: Timeline, look: Look, address: Address, said: Callable[[str], None]
 ) -> tuple[str, ...]:
-    from meshflow.view.served import Served
-
     served = Served(desk, timeline, look, address)
     served.serve(lambda url: said(f"{url}  (Ctrl-C ends it)"))
     return served.screen.notes
 
 
 def _windowed(desk: Desk, timeline: Timeline, look: Look, _: Address, __: Callable[[str], None]) -> tuple[str, ...]:
-    from meshflow.view.window import Window
-
     window = Window(desk, timeline, look)
     window.show()
     return window.screen.notes

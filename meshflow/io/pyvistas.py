@@ -11,6 +11,7 @@ from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import Mesh
 from meshflow.io.adopt import Adopted
 from meshflow.io.hints import Found, belong, must_be_mesh
+from meshflow.io.pyvistagrids import adopt_image, adopt_terrain
 from meshflow.io.seams import Skin, fitted, is_soup, normals_after
 
 __all__ = ["adopt"]
@@ -38,8 +39,6 @@ def adopt(thing: Any, **hints: Any) -> Adopted:
     if isinstance(thing, pyvista.PolyData):
         return _adopt_polydata(thing, **hints)
     if isinstance(thing, (pyvista.ImageData, pyvista.StructuredGrid)):
-        from meshflow.io.pyvistagrids import adopt_image, adopt_terrain
-
         return (adopt_image if isinstance(thing, pyvista.ImageData) else adopt_terrain)(thing, **hints)
     name = type(thing).__name__
     advice = _ELSEWHERE.get(name, "hand over a PolyData, a flat ImageData or a StructuredGrid")
