@@ -10,11 +10,11 @@ from typing import Any
 
 from meshflow.errors import InputError, need
 from meshflow.geometry.lift import Noun
-from meshflow.view.background import Background, Gone
 from meshflow.view.curves import curves, told
 from meshflow.view.dials import Address, Dials
 from meshflow.view.look import Look
-from meshflow.view.screen import COLOURINGS, Colouring, Screen
+from meshflow.view.player import Player
+from meshflow.view.screen import COLOURINGS, Screen
 from meshflow.view.timeline import Timeline
 
 __all__ = ["LOOPBACK", "Served"]
@@ -24,7 +24,7 @@ SETTLE = 0.3  # seconds for which a knob must rest before anything is computed
 POLL = 0.05  # seconds between looks at what the other thread has done
 
 
-class Served:
+class Served(Player):
     """A page that shows a timeline.
 
     :ivar url: where it is; with its token, where it is bound beyond this machine.
@@ -38,20 +38,18 @@ class Served:
         need("trame_pyvista", "web")
         from trame.app import get_server
 
-        self.dials, self.timeline, self.look = dials, timeline, look
-        host = address.host
+        self.look, host = look, address.host
         self.host, self.port, self._opened = host, _free(host, address.port), address.opened
         self.token = "wslink-secret" if host in LOOPBACK else secrets.token_urlsafe(24)
         shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{self.port}/" + ("" if host in LOOPBACK else f"?secret={self.token}")
         # A page may be of any shape: framed for a square, nothing is cut off where it is wider.
         square = replace(look, size=(min(look.size),) * 2)
-        self.screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), square, off_screen=True)
+        screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), square, off_screen=True)
+        super().__init__(dials, timeline, screen)
         self._server: Any = get_server(f"meshflow-{self.port}", client_type="vue3")
         self._wanted = 0
-        self._work = Background()
         self._polling: asyncio.Task[None] | None = None
-        self._values: dict[str, Any] = {}
         self._heard: set[str] = set()
         self._page()
 
@@ -120,7 +118,7 @@ class Served:
                     aria_label="time",
                 )
         self._update = view.update
-        state.change("at", "colouring")(self._moved)
+        state.change("at", "colouring")(self._slid)
         self._knobs()
 
     def _drawer(self, html: Any, v: Any, layout: Any) -> None:
@@ -129,7 +127,7 @@ class Served:
             v.VProgressLinear(model_value=("busy",), v_show=("busy > 0",), height=6, color="primary", id="busy")
             html.Div("{{ message }}", classes="text-error text-body-2", id="message")
             self._server.ui.knobs(layout)
-            v.VBtn("save this state", click=self._save, size="small", classes="mt-4", id="save")
+            v.VBtn("save this state", click=self._write, size="small", classes="mt-4", id="save")
             html.Div("{{ saved }}", classes="text-body-2 mt-1", id="saved")
             html.Div("the command that makes it:", classes="text-body-2 mt-3")
             html.Pre("{{ command }}", id="command", style="white-space:pre-wrap;word-break:break-all;font-size:11px")
@@ -162,36 +160,19 @@ class Served:
         return name if "items" in control else f"Number({name}).toPrecision(3)"
 
     def _say(self) -> None:
-        state, last = self._server.state, len(self.timeline) - 1
-        index = min(int(state.at), last)
-        state.update({"last": last, "told": told(self.timeline, index), "curves": curves(self.timeline, index)})
-        state.command = self.dials.command(self.timeline.moments[index].time)
+        state = self._server.state
+        state.update({"last": len(self.timeline) - 1, "told": told(self.timeline, self.index)})
+        state.curves = curves(self.timeline, self.index)
+        state.command = self.dials.command(self.timeline.moments[self.index].time)
 
-    def _moved(self, **_: Any) -> None:
-        """Another state, or other colours; what is not in memory is computed again, and what was seen stays until then."""
-        timeline, wanted = self.timeline, self._at()
-        self._say()
-        if wanted in timeline.kept:
-            self._seen(timeline.at(wanted))
-            return
-
-        def again(noun: Noun) -> None:
-            if timeline is self.timeline and wanted == self._at():
-                self._seen(noun)
-
-        self._ask("state", lambda _: timeline.at(wanted), again, self._failed)
-
-    def _at(self) -> int:
-        """The state that the slider is at."""
-        return min(int(self._server.state.at), len(self.timeline) - 1)
-
-    def _seen(self, noun: Noun) -> None:
-        colouring: Colouring = "removed" if self._server.state.colouring == "removed" else "surface"
-        self.screen.show(noun, colouring)
-        self._update()
+    def _slid(self, **_: Any) -> None:
+        """The slider stands elsewhere, or other colours are asked for."""
+        state = self._server.state
+        self.colouring = "removed" if state.colouring == "removed" else "surface"
+        self.move(int(state.at))
 
     def _turned(self, **_: Any) -> None:
-        """A knob stands elsewhere: what is computed is left, and once it rests another run begins."""
+        """A knob stands elsewhere; once it rests another run begins."""
         values = {name: self._server.state[f"knob_{name}"] for name in self._values}
         if values == self._values:
             return
@@ -204,35 +185,13 @@ class Served:
         if wanted == self._wanted:
             with self._server.state as state:
                 state.update({"message": "", "saved": ""})
-            self._ask("run", lambda gone: self.dials.run(values, gone), self._arrived, self._failed)
+            self._run(values)
 
-    def _arrived(self, timeline: Timeline | None) -> None:
-        """The states of another run; another method has other knobs."""
-        if timeline is None:
-            return
-        self.timeline = timeline
-        self.dials.shown(timeline)
-        self.screen.recoloured(timeline.at(len(timeline) - 1))
-        if {control["name"] for control in self.dials.controls()} != set(self._values):
-            self._knobs()
-        self._moved()
-
-    def _failed(self, message: str) -> None:
-        self._server.state.message = message
-
-    def _save(self) -> None:
+    def _write(self) -> None:
         self._server.state.saved = "saving …"
-        time = self.timeline.moments[self._at()].time
-        self._ask("save", lambda _: self.dials.save(time), self._saved, self._saved)
+        self.save()
 
-    def _saved(self, told: str) -> None:
-        self._server.state.saved = told
-
-    def _ask(
-        self, kind: str, work: Callable[[Gone], Any], done: Callable[[Any], None], failed: Callable[[str], None]
-    ) -> None:
-        """Do it in the other thread, one thing after the other, and look at it until all is done."""
-        self._work.ask(kind, work, done, failed)
+    def _asked(self) -> None:
         if self._polling is None or self._polling.done():
             self._polling = asyncio.create_task(self._polled())
 
@@ -245,6 +204,22 @@ class Served:
                 self._work.poll()
         with self._server.state as state:
             state.busy = 0
+
+    def _marked(self) -> None:
+        self._say()
+
+    def _plotted(self) -> None:
+        pass  # the curves come with the words on each state
+
+    def _seen(self, noun: Noun) -> None:
+        self.screen.show(noun, self.colouring)
+        self._update()
+
+    def _failed(self, message: str) -> None:
+        self._server.state.message = message
+
+    def _saved(self, message: str) -> None:
+        self._server.state.saved = message
 
 
 def _launched(server: Any) -> None:
