@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.facets import normals_at
+from meshflow.geometry.curvature import signed_mean
 from meshflow.geometry.gates import Array
 from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, Noun
 from meshflow.geometry.surface import Axes, Rays, Surface
@@ -149,9 +149,7 @@ def _curvature(points: Array, faces: Array) -> Array:
     """Mean curvature (n,), positive where the surface bulges towards its normals; its size outside of space."""
     if points.shape[1] != 3:
         return operator.mean_curvature(points, faces)
-    # At the rim there is no ring of triangles, and no curvature to speak of: the pull of the conormals is out.
-    normals = operator.curvature_normal(points, faces, "voronoi", "linear")
-    return 0.5 * np.einsum("nd,nd->n", normals, normals_at(points, faces))
+    return signed_mean(points, faces)
 
 
 def _edges(surface: Surface, faces: Array) -> Array:
