@@ -39,15 +39,16 @@ def tell_of_compiling(quiet: bool = False) -> None:
     from numba.core import event
 
     class Told(event.Listener):
-        """Speaks at the first function, and listens no more."""
+        """Speaks at the first function, and no more."""
+
+        spoken = False
 
         def on_start(self, event: Any) -> None:
-            if not told:
-                told.append(event)
+            if not self.spoken:
+                self.spoken = True
                 said("compiling for this machine and kind of data, once: up to a minute", (), style="dim")
 
         def on_end(self, event: Any) -> None:
             pass
 
-    told: list[Any] = []
     event.register("numba:compile", Told())

@@ -81,7 +81,7 @@ class Results(Mapping[str, Result]):
             lines.append(f"{name}: {one}")
         return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
 
-    # The same, as one run: what a report of it asks for.
+    # The same, as one run: what a report of it asks for, by properties (a cached one is none to a type checker).
 
     @property
     def before(self) -> Noun:
