@@ -7,7 +7,7 @@
 - ``scene_camera.json``: that camera, as Open3D writes it (intrinsic_matrix column by column).
 - ``scene_truth.tif``: the true depths, float32 metres, 0 where nothing is.
 - ``shape_noisy.ply``: an irregular closed mesh, a ball of radius 1 with two flat cuts; noise of 0.01 along the normals.
-- ``shape_truth.ply``: the same triangles on the true surface (``meshflow.study.solids.CappedBall``).
+- ``shape_truth.ply``: the same triangles on the true surface (``meshflow.synthetic.solids.CappedBall``).
 - ``picture.png``: coloured discs on ramps, 192 x 144, 8 bit; noise of 12 grey levels.
 - ``picture_truth.png``: the same without noise, rounded.
 """
@@ -25,7 +25,7 @@ from rasterio.crs import CRS
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.transform import from_origin
 
-from meshflow.study import samples
+from meshflow.synthetic import samples
 
 HERE = Path(__file__).parent
 NODATA = -9999

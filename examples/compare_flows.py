@@ -10,10 +10,10 @@ import sys
 from pathlib import Path
 
 from meshflow import Pinhole
-from meshflow.study import compare_flows
-from meshflow.study.samples import SCENE
-from meshflow.study.sensors import StructuredLight, observe
-from meshflow.study.sight import Sight
+from meshflow.evaluate import compare_flows
+from meshflow.surfaces.visibility import Sight
+from meshflow.synthetic.samples import SCENE
+from meshflow.synthetic.sensors import StructuredLight, observe
 
 
 def main(picture: Path | None = None) -> tuple[float, float, float]:

@@ -13,8 +13,8 @@ import numpy as np
 
 import meshflow
 import meshflow.view
-from meshflow.geometry.lift import Mesh
-from meshflow.study.samples import irregular_mesh
+from meshflow.surfaces.lift import Mesh
+from meshflow.synthetic.samples import irregular_mesh
 
 
 def slide(mesh: Mesh, before: Mesh) -> float:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 import meshflow.view
-from meshflow.geometry.lift import Mesh
-from meshflow.study import shapes
-from meshflow.study.samples import irregular_mesh
+from meshflow.surfaces.lift import Mesh
+from meshflow.synthetic import shapes
+from meshflow.synthetic.samples import irregular_mesh
 
 
 def uneven(points: np.ndarray, factor: float) -> np.ndarray:

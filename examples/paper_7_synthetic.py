@@ -10,8 +10,8 @@ import numpy as np
 
 import meshflow
 import meshflow.view
-from meshflow.geometry.lift import Image
-from meshflow.study.samples import picture as discs
+from meshflow.surfaces.lift import Image
+from meshflow.synthetic.samples import picture as discs
 
 
 def main(picture: Path | None = None) -> float:

@@ -11,8 +11,8 @@ import skimage.data
 
 import meshflow
 import meshflow.view
-from meshflow.flow.rkl import stages
-from meshflow.geometry.lift import Image
+from meshflow.flow.super_time import stages
+from meshflow.surfaces.lift import Image
 
 
 def main(picture: Path | None = None) -> tuple[int, float]:

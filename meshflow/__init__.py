@@ -8,46 +8,46 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
-    from meshflow.filming import film
-    from meshflow.flow.control import AreaChange, Embedded, Fixed, Until
+    from meshflow.estimate.settings import Settings
+    from meshflow.flow.controls import AreaChange, Embedded, Fixed, Until
+    from meshflow.flow.engines.grid.rate import GridFlow
+    from meshflow.flow.engines.mesh import MeshFlow
     from meshflow.flow.march import State, march
-    from meshflow.flow.rate import MeshFlow
-    from meshflow.flow.step import Explicit, SemiImplicit, SuperTime
+    from meshflow.flow.methods.beltrami import Member
+    from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
     from meshflow.fusing import fuse
-    from meshflow.geometry.camera import Orthographic, Pinhole
-    from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
-    from meshflow.geometry.member import Member
-    from meshflow.geometry.scanner import Scanner, Spherical
-    from meshflow.geometry.surface import Axes, Rays, Surface
-    from meshflow.grid.rate import GridFlow
-    from meshflow.io.cameras import read_camera, write_camera
-    from meshflow.io.clouds import to_mesh, to_normals, to_open3d, to_points, to_pyvista
+    from meshflow.io.export import to_mesh, to_normals, to_open3d, to_points, to_pyvista
     from meshflow.io.files import Document, read, write
-    from meshflow.parts import Results
-    from meshflow.result import Result
-    from meshflow.settings import Settings
+    from meshflow.io.formats.cameras import read_camera, write_camera
+    from meshflow.results.multipart import Results
+    from meshflow.results.result import Result
     from meshflow.smoothing import denoise, smooth
+    from meshflow.surfaces.camera import Orthographic, Pinhole
+    from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
+    from meshflow.surfaces.scanner import Scanner, Spherical
+    from meshflow.surfaces.surface import Axes, Rays, Surface
+    from meshflow.viewer.filming import film
 
 _HOMES = {
     "errors": ("FormatError", "InputError", "MissingPackage", "NotConverged"),
-    "filming": ("film",),
-    "flow.control": ("AreaChange", "Embedded", "Fixed", "Until"),
+    "viewer.filming": ("film",),
+    "flow.controls": ("AreaChange", "Embedded", "Fixed", "Until"),
     "flow.march": ("State", "march"),
-    "flow.rate": ("MeshFlow",),
-    "flow.step": ("Explicit", "SemiImplicit", "SuperTime"),
+    "flow.engines.mesh": ("MeshFlow",),
+    "flow.steppers": ("Explicit", "SemiImplicit", "SuperTime"),
     "fusing": ("fuse",),
-    "geometry.camera": ("Orthographic", "Pinhole"),
-    "geometry.lift": ("HeightField", "Image", "Lift", "Mesh", "RangeImage"),
-    "geometry.member": ("Member",),
-    "geometry.scanner": ("Scanner", "Spherical"),
-    "geometry.surface": ("Axes", "Rays", "Surface"),
-    "grid.rate": ("GridFlow",),
-    "io.cameras": ("read_camera", "write_camera"),
-    "io.clouds": ("to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"),
+    "surfaces.camera": ("Orthographic", "Pinhole"),
+    "surfaces.lift": ("HeightField", "Image", "Lift", "Mesh", "RangeImage"),
+    "flow.methods.beltrami": ("Member",),
+    "surfaces.scanner": ("Scanner", "Spherical"),
+    "surfaces.surface": ("Axes", "Rays", "Surface"),
+    "flow.engines.grid.rate": ("GridFlow",),
+    "io.formats.cameras": ("read_camera", "write_camera"),
+    "io.export": ("to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"),
     "io.files": ("Document", "read", "write"),
-    "parts": ("Results",),
-    "result": ("Result",),
-    "settings": ("Settings",),
+    "results.multipart": ("Results",),
+    "results.result": ("Result",),
+    "estimate.settings": ("Settings",),
     "smoothing": ("denoise", "smooth"),
 }
 _FOUND_IN = {name: home for home, names in _HOMES.items() for name in names}

@@ -1,5 +1,5 @@
 """``python -m meshflow`` is the command ``meshflow``."""
 
-from meshflow.cli import main
+from meshflow.cli.commands import main
 
 main()

@@ -6,7 +6,7 @@ pyvista finds it by its entry point, at the first ``mesh.meshflow``; of xarray `
 from importlib.util import find_spec
 from typing import Any
 
-from meshflow.result import Result
+from meshflow.results.result import Result
 from meshflow.smoothing import denoise, smooth
 
 __all__ = ["Smoothing"]

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError, NothingThere
-from meshflow.flow.frames import Averaged, averaged
-from meshflow.geometry.gates import Array
-from meshflow.geometry.ranges import RangeImage
-from meshflow.io.adopt import Adopted, adopt
-from meshflow.parameters import Parameter
-from meshflow.result import Result
+from meshflow.estimate.frames import Averaged, averaged
+from meshflow.estimate.parameters import Parameter
+from meshflow.geometry.validation import Array
+from meshflow.io.objects import Adopted, adopt
+from meshflow.results.result import Result
 from meshflow.smoothing import HINTS, smooth
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["fuse"]
 

@@ -7,32 +7,32 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.flow.constraint import Both, Faithful, Hold
+from meshflow.estimate.noise import noise_growth
+from meshflow.estimate.parameters import Parameter, Plan
+from meshflow.estimate.plan import noise_in, planned
+from meshflow.estimate.settings import Settings
+from meshflow.flow.conservation import Kept, free_of
+from meshflow.flow.constraints import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
-from meshflow.flow.control import Control, Fixed, Until
-from meshflow.flow.keep import Kept, free_of
+from meshflow.flow.controls import Control, Fixed, Until
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import VANISHED, State, march
-from meshflow.flow.noise import noise_growth
+from meshflow.flow.mobility import slowed
 from meshflow.flow.progress import Progress
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.slowed import slowed
-from meshflow.flow.step import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
-from meshflow.geometry.gates import Array, whole
-from meshflow.geometry.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
-from meshflow.grid.rate import GridFlow
-from meshflow.io.adopt import Adopted, adopt
+from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.geometry.validation import Array, whole
+from meshflow.io.adapters.multipart import several
 from meshflow.io.files import Document
-from meshflow.io.hints import PER_SAMPLE
-from meshflow.io.several import several
-from meshflow.parameters import Parameter, Plan
-from meshflow.parts import Results, one_by_one
-from meshflow.plan import noise_in, planned
-from meshflow.result import Moment, Result, release
-from meshflow.settings import Settings
+from meshflow.io.metadata import PER_SAMPLE
+from meshflow.io.objects import Adopted, adopt
+from meshflow.results.multipart import Results, one_by_one
+from meshflow.results.result import Moment, Result, release
+from meshflow.surfaces.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
 
 __all__ = ["denoise", "flowing", "noise", "smooth", "smooth_document", "smooth_noun"]
 
-# What a thing may be told about itself (meshflow.io.adopt).
+# What a thing may be told about itself (meshflow.io.objects).
 HINTS = frozenset(
     {"kind", "spacing", "camera", "missing", "fixed", "channels", "moves", "jump", "measure", "pace", "depth_scale"}
 )
@@ -61,7 +61,7 @@ def noise(noun: Noun) -> dict[str, float]:
 
 
 def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, record: bool | None = True) -> Result:
-    """Smooth a noun of ``meshflow.geometry.lift``; a new one comes back, with what was done and why.
+    """Smooth a noun of ``meshflow.surfaces.lift``; a new one comes back, with what was done and why.
 
     :param record: measure the surface after each step; where false ``moments`` holds the start and the end, and where None
         nothing: for callers who want what comes back and no more, nor is a warning looked for.

@@ -20,14 +20,14 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import meshflow
-from meshflow.flow.control import Fixed, Until
+from meshflow.flow.controls import Fixed, Until
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import Explicit, SemiImplicit
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Lift, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.grid.rate import GridFlow
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import Explicit, SemiImplicit
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1800)]
 THREADS = numba.get_num_threads()
@@ -361,7 +361,7 @@ def test_the_second_call_of_the_command_compiles_nothing(tmp_path):
     np.save(source, noise(1024, 1024))
     command = [sys.executable, "-m", "meshflow", "smooth", str(source), str(target), "--overwrite", "--quiet"]
     parts = """
-        import meshflow.cli, meshflow.smoothing, meshflow.io.files, meshflow.io.arrays
+        import meshflow.cli.commands, meshflow.smoothing, meshflow.io.files, meshflow.io.formats.arrays
     """
     imports = [sys.executable, "-c", textwrap.dedent(parts)]
     subprocess.run(command, check=True)

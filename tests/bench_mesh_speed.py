@@ -21,12 +21,12 @@ import numpy as np
 import pytest
 
 from meshflow.errors import need
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import SemiImplicit
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.surface import Surface
-from meshflow.study.shapes import sphere
+from meshflow.surfaces.surface import Surface
+from meshflow.synthetic.shapes import sphere
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(3600)]
 THREADS = numba.get_num_threads()
@@ -285,10 +285,10 @@ def test_semi_implicit_step_beside_what_a_user_writes_today(length):
 MEASURED = """
     import json, sys
     import numpy as np
-    from meshflow.flow.rate import MeshFlow
-    from meshflow.flow.step import SemiImplicit
-    from meshflow.geometry.surface import Surface
-    from meshflow.study.shapes import sphere
+    from meshflow.flow.engines.mesh import MeshFlow
+    from meshflow.flow.steppers import SemiImplicit
+    from meshflow.surfaces.surface import Surface
+    from meshflow.synthetic.shapes import sphere
 
     def status(name):
         lines = dict(line.split(":", 1) for line in open("/proc/self/status"))

@@ -26,15 +26,15 @@ from time import perf_counter
 import numba
 import numpy as np
 import pytest
+from peers.meshes import mesh_peers
+from peers.search import tuned
 
 import meshflow
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.geometry.facets import mean_edge
-from meshflow.study.mesh_peers import mesh_peers
-from meshflow.study.mesh_quality import MeshQuality, mesh_quality
-from meshflow.study.metrics import is_closed, normal_angle, volume
-from meshflow.study.search import tuned
-from meshflow.study.shapes import SHAPES, Shape
+from meshflow.evaluate.mesh_quality import MeshQuality, mesh_quality
+from meshflow.evaluate.metrics import is_closed, normal_angle, volume
+from meshflow.geometry.normals import mean_edge
+from meshflow.synthetic.shapes import SHAPES, Shape
 
 SEED = 7
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(12 * 3600)]

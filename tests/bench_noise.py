@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from meshflow.flow.noise import MAD, noise_of
-from meshflow.study import scenes
+from meshflow.estimate.noise import MAD, noise_of
+from meshflow.synthetic import scenes
 
 pytestmark = pytest.mark.bench
 SIGMAS = (3, 5, 10, 20)

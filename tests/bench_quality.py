@@ -22,13 +22,13 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from peers.grids import PEERS
+from peers.search import tuned
 
 import meshflow
 from meshflow.errors import InputError, MissingPackage
-from meshflow.study.baselines import PEERS
-from meshflow.study.quality import EDGE_REACH, EDGE_SHARE, Quality, quality
-from meshflow.study.scenes import SCENES, Subject
-from meshflow.study.search import tuned
+from meshflow.evaluate.quality import EDGE_REACH, EDGE_SHARE, Quality, quality
+from meshflow.synthetic.scenes import SCENES, Subject
 
 DEM = Path(__file__).parents[2] / "shared" / "data" / "dem"
 SEED = 7

@@ -20,16 +20,16 @@ from time import perf_counter
 import numba
 import numpy as np
 import pytest
+from peers.range_images import range_peers
+from peers.search import Peer, tuned
 
 import meshflow
 from meshflow import Pinhole, RangeImage
 from meshflow.errors import MissingPackage
-from meshflow.study.range_peers import range_peers
-from meshflow.study.range_quality import REACH, range_quality
-from meshflow.study.samples import CAMERA, SCENE
-from meshflow.study.search import Peer, tuned
-from meshflow.study.sensors import StructuredLight, TimeOfFlight, observe
-from meshflow.study.sight import Sight
+from meshflow.evaluate.range_quality import REACH, range_quality
+from meshflow.surfaces.visibility import Sight
+from meshflow.synthetic.samples import CAMERA, SCENE
+from meshflow.synthetic.sensors import StructuredLight, TimeOfFlight, observe
 
 ICL = Path(__file__).parents[2] / "shared" / "data" / "range" / "icl_livingroom_pairs"
 SEED = 7

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import meshflow
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import Lift, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.grid.rate import GridFlow
-from meshflow.study.samples import depth_scene
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.methods.beltrami import Member
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.synthetic.samples import depth_scene
 
 cv2 = pytest.importorskip("cv2")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1800)]

@@ -13,9 +13,10 @@ import trimesh
 
 import meshflow
 from meshflow import view
+from meshflow.evaluate import metrics
 from meshflow.smoothing import Settings, noise, smooth_noun
-from meshflow.study import metrics, shapes
-from meshflow.study.scenes import fractal_terrain
+from meshflow.synthetic import shapes
+from meshflow.synthetic.scenes import fractal_terrain
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 pytestmark = [pytest.mark.bench, pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")]
@@ -151,7 +152,7 @@ def _timed(words, act):
 
 def test_time_to_the_first_picture_and_frames_per_second(tmp_path):
     code = (
-        "import numpy as np, meshflow.view as v; from meshflow.study.scenes import fractal_terrain;"
+        "import numpy as np, meshflow.view as v; from meshflow.synthetic.scenes import fractal_terrain;"
         f"v.show(fractal_terrain(1000), {str(tmp_path / 'a.png')!r})"
     )
     print("\nLooking, headless:")
@@ -194,8 +195,8 @@ def test_a_mesh_of_millions_of_triangles_stays_interactive():
 @pytest.mark.parametrize("size", [1000])
 def test_frames_per_second_of_the_slider_through_time(size):
     from meshflow.view.look import Look
-    from meshflow.view.screen import Screen
-    from meshflow.viewing import Session
+    from meshflow.viewer.screen import Screen
+    from meshflow.viewer.session import Session
 
     noun = meshflow.HeightField(fractal_terrain(size) + np.random.default_rng(1).normal(size=(size, size)))
     begun = time.perf_counter()

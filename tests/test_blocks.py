@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from meshflow.flow.conjugate import conjugate_gradients
-from meshflow.flow.rate import MeshFlow
+from meshflow.flow.conjugate_gradients import conjugate_gradients
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import blocked
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.member import Member
-from meshflow.geometry.surface import Surface
-from meshflow.study.shapes import sphere
+from meshflow.surfaces.surface import Surface
+from meshflow.synthetic.shapes import sphere
 
 
 def scrambled(rng, open_border=True):

@@ -1,4 +1,4 @@
-"""Borders of meshes whose points move: as a curve, free, fixed, linear; holes and what is no manifold. meshflow.flow.border."""
+"""Borders of meshes whose points move: as a curve, free, fixed, linear; holes and what is no manifold."""
 
 import numpy as np
 import pytest
@@ -7,12 +7,12 @@ from scipy.spatial import Delaunay
 from shapes import sphere, square
 
 from meshflow.errors import InputError
-from meshflow.flow.border import Bordered
-from meshflow.flow.motion import Motion
-from meshflow.flow.rate import MeshFlow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.border_curve import Bordered
+from meshflow.flow.methods.motion import Motion
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.surface import Surface
 from meshflow.smoothing import denoise, smooth
+from meshflow.surfaces.surface import Surface
 
 BORDERS = ("curve", "natural", "fixed", "linear")
 

@@ -1,4 +1,4 @@
-"""Cameras: lines and points, back to pixels, footprints, and what they refuse. meshflow.geometry.camera, lens, scanner."""
+"""Cameras: lines and points, back to pixels, footprints, and what they refuse. meshflow.surfaces.camera, lens, scanner."""
 
 from dataclasses import replace
 
@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.flow.control import Until
+from meshflow.evaluate.metrics import compare
+from meshflow.flow.controls import Until
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
-from meshflow.flow.rate import MeshFlow
-from meshflow.geometry.camera import Camera, Orthographic, Pinhole
-from meshflow.geometry.lift import Lift, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.geometry.scanner import Scanner, Spherical
-from meshflow.grid.rate import GridFlow
+from meshflow.flow.methods.beltrami import Member
 from meshflow.smoothing import smooth
-from meshflow.study.metrics import compare
+from meshflow.surfaces.camera import Camera, Orthographic, Pinhole
+from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.scanner import Scanner, Spherical
 
 H, W = 30, 40
 RNG = np.random.default_rng(5)

@@ -1,4 +1,4 @@
-"""The maximum principle: weights of zero and above keep every value in its range. meshflow.geometry.intrinsic.clamped."""
+"""The maximum principle: weights of zero and above keep every value in its range. meshflow.geometry.delaunay.clamped."""
 
 from pathlib import Path
 
@@ -7,15 +7,15 @@ import pytest
 from shapes import sphere
 
 from meshflow.errors import InputError
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import VANISHED
-from meshflow.flow.rate import MeshFlow
+from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry.connectivity import connect, shared_sides
-from meshflow.geometry.intrinsic import clamped
-from meshflow.geometry.member import Member
+from meshflow.geometry.delaunay import clamped
 from meshflow.geometry.operator import cotangents, fill_stiffness, stiffness
-from meshflow.geometry.surface import Surface
 from meshflow.io.files import read
 from meshflow.smoothing import denoise, smooth
+from meshflow.surfaces.surface import Surface
 
 
 def obtuse():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from meshflow.classics import umbrella as classics
 from meshflow.errors import InputError
-from meshflow.study import classics
-from meshflow.study.metrics import volume
-from meshflow.study.shapes import cube, dome, plate, sphere
+from meshflow.evaluate.metrics import volume
+from meshflow.synthetic.shapes import cube, dome, plate, sphere
 
 ALL = {
     "umbrella": lambda p, f, **k: classics.umbrella(p, f, 0.5, 10, **k),

@@ -13,7 +13,7 @@ from rasterio.transform import from_origin
 from typer.testing import CliRunner
 
 import meshflow
-from meshflow.cli import app, main
+from meshflow.cli.commands import app, main
 
 PROFILE = {
     "driver": "GTiff",

@@ -7,7 +7,7 @@ import pytest
 import rasterio
 from typer.testing import CliRunner
 
-from meshflow.cli import app
+from meshflow.cli.commands import app
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
-from meshflow.cli import app
+from meshflow.cli.commands import app
 from meshflow.errors import InputError
 
 ROWS, COLUMNS = np.mgrid[:30, :40]

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from meshflow.cli import app
+from meshflow.cli.commands import app
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.study import compare_flows
-from meshflow.study.flows import FLOWS
-from meshflow.study.outcome import Bends
-from meshflow.study.samples import SCENE
-from meshflow.study.sensors import StructuredLight, TimeOfFlight, observe
-from meshflow.study.sight import Sight
-from meshflow.study.solids import Panel
+from meshflow.evaluate import compare_flows
+from meshflow.evaluate.flows import FLOWS
+from meshflow.evaluate.outcome import Bends
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.visibility import Sight
+from meshflow.synthetic.samples import SCENE
+from meshflow.synthetic.sensors import StructuredLight, TimeOfFlight, observe
+from meshflow.synthetic.solids import Panel
 from meshflow.view.panels import flows
 
 CAMERA, SHAPE = Pinhole(90.0, 90.0, 47.5, 35.5), (72, 96)
@@ -118,7 +118,7 @@ def test_without_truth_there_are_drift_area_and_roughness_alone(frame):
 
 
 def test_a_flow_that_does_not_come_to_the_roughness_says_so(frame, monkeypatch):
-    monkeypatch.setattr("meshflow.study.flows.PATIENCE", 0.1)
+    monkeypatch.setattr("meshflow.evaluate.flows.PATIENCE", 0.1)
     found = compare_flows(frame.depth, CAMERA, time=2.0)
     assert not found.after["z"].matched
     assert "z graph (rougher)" in str(found)
@@ -145,10 +145,10 @@ def test_a_truth_that_is_nowhere_where_the_image_is_is_refused(frame):
 
 
 def test_the_room_names_what_it_has():
-    import meshflow.study
+    import meshflow.evaluate
 
     with pytest.raises(AttributeError, match="it has FlowComparison, compare_flows"):
-        meshflow.study.nothing  # noqa: B018
+        meshflow.evaluate.nothing  # noqa: B018
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""What the commands say of themselves. meshflow.console."""
+"""What the commands say of themselves. meshflow.cli.console."""
 
 import io
 
@@ -6,7 +6,7 @@ import pytest
 from numba import njit
 from rich.console import Console
 
-from meshflow import console
+from meshflow.cli import console
 
 
 def compiled(add):

@@ -8,18 +8,18 @@ from shapes import sphere, square, tube
 from test_facets import along_normals
 
 from meshflow.errors import InputError
-from meshflow.flow.principal import Principal
-from meshflow.flow.rate import MeshFlow
+from meshflow.evaluate.mesh_quality import mesh_quality
+from meshflow.evaluate.metrics import normal_angle, volume
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.principal import Principal
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import curvatures, directed, directions
-from meshflow.geometry.facets import mean_edge, normals_at
+from meshflow.geometry.normals import mean_edge, normals_at
 from meshflow.geometry.operator import cotangents, curvature_normal, fill_stiffness, gather_mass
-from meshflow.geometry.surface import Surface
 from meshflow.io.files import read
 from meshflow.smoothing import denoise, smooth
-from meshflow.study import shapes
-from meshflow.study.mesh_quality import mesh_quality
-from meshflow.study.metrics import normal_angle, volume
+from meshflow.surfaces.surface import Surface
+from meshflow.synthetic import shapes
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 BALL, FACES = sphere(1200, radius=2.0, shake=0.15)

@@ -10,7 +10,7 @@ import rasterio
 import trimesh
 
 import meshflow
-from meshflow.study.metrics import compare
+from meshflow.evaluate.metrics import compare
 
 DATA = Path(__file__).parents[1] / "data"
 

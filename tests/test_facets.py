@@ -1,19 +1,19 @@
-"""Normals of triangles flow, points follow. meshflow.flow.facets, meshflow.geometry.facets."""
+"""Normals of triangles flow, points follow. meshflow.flow.methods.normal_filter, meshflow.geometry.normals."""
 
 import numpy as np
 import pytest
 from shapes import sphere, square
 
 from meshflow.errors import InputError
-from meshflow.flow.control import Until
-from meshflow.flow.facets import FacetFlow, Facets
+from meshflow.evaluate.metrics import normal_angle, volume
+from meshflow.flow.controls import Until
 from meshflow.flow.march import march
-from meshflow.geometry import facets
-from meshflow.geometry.facets import mean_edge
-from meshflow.geometry.surface import Axes, Surface
+from meshflow.flow.methods.normal_filter import FacetFlow, Facets
+from meshflow.geometry import normals as facets
+from meshflow.geometry.normals import mean_edge
 from meshflow.smoothing import denoise, smooth
-from meshflow.study.metrics import normal_angle, volume
-from meshflow.study.shapes import cube
+from meshflow.surfaces.surface import Axes, Surface
+from meshflow.synthetic.shapes import cube
 
 MADE = cube(12)
 CUBE, SIDES = MADE.points, MADE.faces

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 import shapes
 
-from meshflow.flow.control import Fixed, Until
+from meshflow.flow.controls import Fixed, Until
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import Explicit, SemiImplicit
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.geometry.surface import Axes, Surface
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import Explicit, SemiImplicit
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
+from meshflow.surfaces.surface import Axes, Surface
 
 GAMMAS = (-2.0, -1.0, 0.0, 1.0)
 STEPPERS = (Explicit(), SemiImplicit("direct"), SemiImplicit("cg"), SemiImplicit("multigrid"))

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import meshflow
 from meshflow import Pinhole, RangeImage
-from meshflow.cli import app
+from meshflow.cli.commands import app
 from meshflow.errors import InputError
 
 CAMERA = Pinhole(60.0, 60.0, 23.5, 19.5)

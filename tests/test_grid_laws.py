@@ -12,14 +12,14 @@ import pytest
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.flow.control import Fixed, Until
+from meshflow.flow.controls import Fixed, Until
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import Explicit, SemiImplicit, SuperTime
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Lift, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.grid.rate import GridFlow
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
 CAMERA = Pinhole(120, 120, 70.3, 55.1)
 RNG = np.random.default_rng(0)
@@ -245,8 +245,8 @@ def test_without_numba_the_same_is_computed(tmp_path):
         import numpy as np
         sys.path.insert(0, sys.argv[2])
         from test_grid_laws import KINDS, nouns, run
-        from meshflow.flow.step import SemiImplicit, SuperTime
-        from meshflow.geometry.member import Member
+        from meshflow.flow.steppers import SemiImplicit, SuperTime
+        from meshflow.flow.methods.beltrami import Member
         results = {}
         for kind in KINDS:
             noun = nouns(9, 11)[kind]

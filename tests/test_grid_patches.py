@@ -7,15 +7,15 @@ import pytest
 from scipy.ndimage import correlate1d
 
 from meshflow.errors import InputError
-from meshflow.flow.control import Until
+from meshflow.flow.controls import Until
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import Explicit
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import Explicit
 from meshflow.geometry import triangle
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Lift, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.grid.rate import GridFlow
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
 
 def scene(channels, holes, seed=0, shape=(9, 12)):

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import SemiImplicit
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Lift, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.grid.rate import GridFlow
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import SemiImplicit
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
 GAMMAS, INDICATORS, MASSES = (-2.0, -1.0, 0.0, 0.3, 1.0), ("metric", "projection"), ("barycentric", "voronoi", "ring")
 BOUNDARIES, DIAGONALS, SHARPNESSES = (

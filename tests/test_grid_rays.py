@@ -5,15 +5,15 @@ import itertools
 import numpy as np
 import pytest
 
-from meshflow.flow.control import Until
+from meshflow.flow.controls import Until
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import SuperTime
-from meshflow.geometry.camera import Orthographic, Pinhole
-from meshflow.geometry.lift import Lift, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.geometry.scanner import Spherical
-from meshflow.grid.rate import GridFlow
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import SuperTime
+from meshflow.surfaces.camera import Orthographic, Pinhole
+from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.scanner import Spherical
 
 H, W = 13, 17
 GAMMAS, MASSES = (0.0, 1.0, -1.0, -2.0, 0.5), ("barycentric", "ring")

@@ -1,4 +1,4 @@
-"""Lengths alone: mollified, and flipped until Delaunay. meshflow.geometry.intrinsic."""
+"""Lengths alone: mollified, and flipped until Delaunay. meshflow.geometry.delaunay."""
 
 import igl
 import numpy as np
@@ -7,7 +7,7 @@ from shapes import soup, sphere, square
 
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.intrinsic import delaunay, length_cotangents, mollified, side_lengths
+from meshflow.geometry.delaunay import delaunay, length_cotangents, mollified, side_lengths
 
 
 def stretched(points):

@@ -1,4 +1,4 @@
-"""Arrays in memory and in files of numpy. meshflow.io.arrays."""
+"""Arrays in memory and in files of numpy. meshflow.io.formats.arrays."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.io import arrays
-from meshflow.io.adopt import adopt
 from meshflow.io.files import Document, read, write
+from meshflow.io.formats import arrays
+from meshflow.io.objects import adopt
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 CAMERA = Pinhole(525, 525, 3.5, 2.5)

@@ -1,4 +1,4 @@
-"""Files of cameras and conventions by name. meshflow.io.cameras, camera_info."""
+"""Files of cameras and conventions by name. meshflow.io.formats.cameras, camera_info."""
 
 import json
 
@@ -7,9 +7,9 @@ import pytest
 
 import meshflow
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.camera import Orthographic, Pinhole
-from meshflow.geometry.scanner import Scanner, Spherical
-from meshflow.io.cameras import CONVENTIONS, calibration_for, camera_for, read_camera, write_camera
+from meshflow.io.formats.cameras import CONVENTIONS, calibration_for, camera_for, read_camera, write_camera
+from meshflow.surfaces.camera import Orthographic, Pinhole
+from meshflow.surfaces.scanner import Scanner, Spherical
 
 LENS = Pinhole(525, 520, 319.5, 239.5, (0.1, -0.2, 0.001, 0.002, 0.05))
 RATIONAL = Pinhole(525, 520, 319.5, 239.5, (0.1, -0.2, 0.001, 0.002, 0.05, 0.01, 0.02, 0.03))

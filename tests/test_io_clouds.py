@@ -1,4 +1,4 @@
-"""Range images as points, normals and meshes of other libraries. meshflow.io.clouds."""
+"""Range images as points, normals and meshes of other libraries. meshflow.io.export."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,10 @@ from test_cameras import ALL, CAMERAS, H, W
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, RangeImage
-from meshflow.geometry.scanner import Spherical
-from meshflow.io.clouds import to_mesh, to_normals, to_open3d, to_points, to_pyvista
+from meshflow.io.export import to_mesh, to_normals, to_open3d, to_points, to_pyvista
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, RangeImage
+from meshflow.surfaces.scanner import Spherical
 
 RNG = np.random.default_rng(2)
 PICTURE = RNG.integers(0, 256, (H, W, 3), dtype=np.uint8)

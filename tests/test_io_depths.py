@@ -1,4 +1,4 @@
-"""Depth images: metres in between, the numbers of the camera at both ends. meshflow.io.depths, cameras."""
+"""Depth images: metres in between, the numbers of the camera at both ends. meshflow.io.formats.depth_images, cameras."""
 
 import json
 import warnings
@@ -10,11 +10,11 @@ import pytest
 import rasterio
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import RangeImage
-from meshflow.io import depths
-from meshflow.io.cameras import camera_for
 from meshflow.io.files import Document, read, write
+from meshflow.io.formats import depth_images as depths
+from meshflow.io.formats.cameras import camera_for
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import RangeImage
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 ICL = SHARED / "range" / "icl_livingroom_pairs"

@@ -1,4 +1,4 @@
-"""Depths in OpenEXR. meshflow.io.exrs."""
+"""Depths in OpenEXR. meshflow.io.formats.exr."""
 
 import sys
 from dataclasses import replace
@@ -31,7 +31,7 @@ def stored(path):
 def test_depths_are_those_of_z_of_y_or_of_the_only_channel(tmp_path, name):
     more = {"A": np.zeros_like(DEPTH)} if name != "depth" else {}
     document = read(made(tmp_path / "a.exr", {name: DEPTH, **more}), camera=CAMERA)
-    assert (document.kind, document.family, document.noun.unit) == ("depth", "exrs", "m")
+    assert (document.kind, document.family, document.noun.unit) == ("depth", "exr", "m")
     assert np.argwhere(document.noun.missing).tolist() == [[0, i] for i in range(4)]
     there = ~document.noun.missing
     assert np.array_equal(document.noun.depth[there], DEPTH[there])

@@ -11,9 +11,9 @@ from meshfiles import ply
 from PIL import Image as Picture
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.lift import Mesh
-from meshflow.io import meshes
 from meshflow.io.files import read, write
+from meshflow.io.formats import meshes
+from meshflow.surfaces.lift import Mesh
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])

@@ -10,8 +10,8 @@ import trimesh
 from meshfiles import again, cube_obj, moved, whole
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.lift import Mesh
 from meshflow.io.files import Document, read, write
+from meshflow.surfaces.lift import Mesh
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/data is not there")

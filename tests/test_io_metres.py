@@ -1,4 +1,4 @@
-"""Numbers of depth cameras as metres, and what is strange about them. meshflow.io.metres, depths, arrays."""
+"""Numbers of depth cameras as metres, and what is strange about them. meshflow.io.depth_units, depths, arrays."""
 
 import re
 from dataclasses import replace
@@ -9,12 +9,12 @@ import pytest
 from test_io_depths import CAMERA, SHARED, counts, make, stored
 from typer.testing import CliRunner
 
-from meshflow.cli import app
+from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError, NothingThere
-from meshflow.geometry.camera import Orthographic, Pinhole
-from meshflow.geometry.lift import RangeImage
-from meshflow.geometry.scanner import Scanner, Spherical
 from meshflow.io.files import Document, read, write
+from meshflow.surfaces.camera import Orthographic, Pinhole
+from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.scanner import Scanner, Spherical
 
 NEAR = Pinhole(8, 8, 3.5, 2.5)
 REAL = SHARED / "range" / "icl_livingroom_pairs" / "noisy_00000.png"
@@ -163,7 +163,7 @@ def test_values_that_may_be_zero_do_not_fit_into_a_depth_image(tmp_path):
     rays = Scanner(np.broadcast_to([0.0, 0.0, -1.0], (6, 8, 3)), np.zeros((6, 8, 3)))
     depth = np.zeros((6, 8))
     depth[0, 0] = np.nan
-    document = Document(RangeImage(depth, rays), "depth", Path("a.ply"), None, "ranges")
+    document = Document(RangeImage(depth, rays), "depth", Path("a.ply"), None, "range_grids")
     with pytest.raises(FormatError, match=r"values .* may be 0.* write \.ply or \.npy"):
         write(document, tmp_path / "a.tif")
     write(document, tmp_path / "a.npy")

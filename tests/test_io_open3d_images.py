@@ -1,4 +1,4 @@
-"""Depth images of open3d in, new ones out. meshflow.io.open3d_images."""
+"""Depth images of open3d in, new ones out. meshflow.io.adapters.open3d_images."""
 
 import subprocess
 import sys
@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.io.adopt import adopt
+from meshflow.io.objects import adopt
 from meshflow.smoothing import denoise, smooth
+from meshflow.surfaces.camera import Pinhole
 
 open3d = pytest.importorskip("open3d")
 

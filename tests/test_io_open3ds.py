@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.io.adopt import adopt
+from meshflow.io.objects import adopt
 
 pytestmark = pytest.mark.skipif(find_spec("open3d") is None, reason="open3d is not installed")
 

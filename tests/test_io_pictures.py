@@ -1,4 +1,4 @@
-"""Pictures come out in the type, the colours and the transparency that they came in with. meshflow.io.pictures."""
+"""Pictures come out in the type, the colours and the transparency that they came in with. meshflow.io.formats.pictures."""
 
 import base64
 import warnings
@@ -11,9 +11,9 @@ import rasterio
 from rasterio.enums import ColorInterp
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.lift import HeightField, Image
-from meshflow.io import pictures
 from meshflow.io.files import Document, read, write
+from meshflow.io.formats import pictures
+from meshflow.surfaces.lift import HeightField, Image
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 DRIVERS = {".png": "PNG", ".tif": "GTiff", ".bmp": "BMP", ".webp": "WEBP", ".jpg": "JPEG"}

@@ -7,8 +7,8 @@ import pytest
 import pyvista
 
 from meshflow.errors import InputError
-from meshflow.geometry.lift import HeightField, Image
-from meshflow.io.adopt import adopt
+from meshflow.io.objects import adopt
+from meshflow.surfaces.lift import HeightField, Image
 
 
 def ball():

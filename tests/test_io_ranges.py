@@ -1,4 +1,4 @@
-"""Range grids of Stanford's PLY and range maps of VCG. meshflow.io.ranges, plygrids."""
+"""Range grids of Stanford's PLY and range maps of VCG. meshflow.io.formats.range_grids, plygrids."""
 
 from dataclasses import replace
 
@@ -8,11 +8,11 @@ import trimesh
 
 import meshflow
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import Lift, Mesh, RangeImage
-from meshflow.geometry.scanner import Scanner
 from meshflow.io.files import Document, read, write
 from meshflow.smoothing import smooth
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import Lift, Mesh, RangeImage
+from meshflow.surfaces.scanner import Scanner
 
 H, W = 12, 16
 RNG = np.random.default_rng(1)
@@ -67,7 +67,7 @@ def test_a_range_grid_that_did_not_move_comes_out_as_the_bytes_that_came_in(tmp_
     path = grid_ply(tmp_path / "a.ply", points, there, order)
     document = read(path)
     assert isinstance(document.noun, RangeImage)
-    assert (document.kind, document.family) == ("depth", "ranges")
+    assert (document.kind, document.family) == ("depth", "range_grids")
     assert np.array_equal(document.noun.missing, ~there)
     assert np.allclose(document.noun.cloud[there], points[there], rtol=1e-15)
     write(document, tmp_path / "b.ply")
@@ -119,7 +119,7 @@ def test_with_a_viewpoint_values_are_distances_from_it(tmp_path, given):
 def test_the_command_takes_a_viewpoint(tmp_path):
     from typer.testing import CliRunner
 
-    from meshflow.cli import app
+    from meshflow.cli.commands import app
 
     points, there = scan(0.05)
     words = [str(grid_ply(tmp_path / "a.ply", points, there)), str(tmp_path / "b.ply"), "--time", "1"]
@@ -138,7 +138,7 @@ def test_any_range_image_is_written_as_a_range_grid(tmp_path):
     depth = 1 + RNG.random((H, W))
     depth[2:4, 3] = 0
     noun = RangeImage(depth, Pinhole(20, 20, 7.5, 5.5))
-    document = Document(noun, "depth", tmp_path / "a.png", None, "depths")
+    document = Document(noun, "depth", tmp_path / "a.png", None, "depth_images")
     write(document, tmp_path / "b.ply", tags={"meshflow:time": "4"})
     again = read(tmp_path / "b.ply", viewpoint=(0, 0, 0)).noun
     assert np.array_equal(again.missing, noun.missing)

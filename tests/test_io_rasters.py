@@ -1,4 +1,4 @@
-"""Rasters in and out: nothing around the samples is lost, nothing is quantised unasked. meshflow.io.rasters, spacing, bands."""
+"""Rasters in and out: nothing around the samples is lost, nothing is quantised unasked."""
 
 import resource
 import warnings
@@ -12,9 +12,10 @@ from rasterfiles import UP, UTM, heights, make, same, turned_by
 from rasterio.enums import ColorInterp
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.lift import HeightField, Image
-from meshflow.io import bands, rasters
 from meshflow.io.files import Document, read, write
+from meshflow.io.formats import raster_bands as bands
+from meshflow.io.formats import rasters
+from meshflow.surfaces.lift import HeightField, Image
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 DEMS = sorted(p.name for p in (SHARED / "dem").glob("*") if p.suffix != ".IMG") if SHARED.exists() else []

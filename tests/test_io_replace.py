@@ -1,11 +1,11 @@
-"""A file is whole, or it is the old one: meshflow.io.replace."""
+"""A file is whole, or it is the old one: meshflow.io.atomic_write."""
 
 import os
 
 import pytest
 
 from meshflow.errors import FormatError
-from meshflow.io.replace import beside
+from meshflow.io.atomic_write import beside
 
 
 def names(folder):

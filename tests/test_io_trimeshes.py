@@ -8,7 +8,7 @@ import trimesh
 from PIL import Image as Picture
 
 from meshflow.errors import InputError
-from meshflow.io.adopt import adopt
+from meshflow.io.objects import adopt
 
 
 def ball(**more):

@@ -1,4 +1,4 @@
-"""A DataArray comes back with everything around its numbers, and is not quantised on its way to disk. meshflow.io.xarrays."""
+"""A DataArray comes back with everything around its numbers, and is not quantised on its way to disk."""
 
 import sys
 import warnings
@@ -10,8 +10,8 @@ import pytest
 import rasterio
 
 from meshflow.errors import InputError
-from meshflow.geometry.lift import HeightField, Image
-from meshflow.io.adopt import adopt
+from meshflow.io.objects import adopt
+from meshflow.surfaces.lift import HeightField, Image
 
 xr = pytest.importorskip("xarray")
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Lift, Mesh, RangeImage
-from meshflow.geometry.member import Member
-from meshflow.geometry.scanner import Scanner
-from meshflow.geometry.surface import Axes, Rays, Surface
-from meshflow.geometry.triangulate import grid_sheets, triangles_there
+from meshflow.flow.methods.beltrami import Member
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
+from meshflow.surfaces.scanner import Scanner
+from meshflow.surfaces.surface import Axes, Rays, Surface
+from meshflow.surfaces.triangles import grid_sheets, triangles_there
 
 TRIANGLE = (np.eye(3), np.array([[0, 1, 2]]))
 CAMERA = Pinhole(100, 100, 2, 2)

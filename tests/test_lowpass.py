@@ -1,17 +1,17 @@
-"""The filter of frequencies on meshes. meshflow.flow.lowpass."""
+"""The filter of frequencies on meshes. meshflow.flow.methods.fairing."""
 
 import numpy as np
 import pytest
 from shapes import sphere, square
 
 from meshflow.errors import InputError
-from meshflow.flow import lowpass
-from meshflow.flow.facets import FacetFlow
-from meshflow.flow.lowpass import LowPass
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.step import SemiImplicit
-from meshflow.geometry.surface import Surface
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods import fairing as lowpass
+from meshflow.flow.methods.fairing import LowPass
+from meshflow.flow.methods.normal_filter import FacetFlow
+from meshflow.flow.steppers import SemiImplicit
 from meshflow.smoothing import smooth
+from meshflow.surfaces.surface import Surface
 
 BALL, FACES, *_ = sphere(300)
 

@@ -8,13 +8,13 @@ import scipy.sparse as sparse
 import shapes
 
 from meshflow.errors import InputError, NotConverged
-from meshflow.flow.control import AreaChange, Fixed, Until
+from meshflow.flow.controls import AreaChange, Fixed, Until
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.linear_solve import solve
 from meshflow.flow.march import march
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.solve import solve
-from meshflow.flow.step import Explicit, SemiImplicit, stepper_for
-from meshflow.geometry.lift import HeightField, Lift, Mesh
-from meshflow.geometry.surface import Surface
+from meshflow.flow.steppers import Explicit, SemiImplicit, stepper_for
+from meshflow.surfaces.lift import HeightField, Lift, Mesh
+from meshflow.surfaces.surface import Surface
 
 
 def noisy(n=24, sigma=2.0, seed=0, **lift):

@@ -1,4 +1,4 @@
-"""How the points of a mesh move, at the front door. meshflow.shaping, meshflow.flow.motion, meshflow.flow.keep."""
+"""How the points of a mesh move, at the front door."""
 
 from pathlib import Path
 
@@ -9,14 +9,14 @@ from shapes import sphere, square
 from test_facets import along_normals
 
 from meshflow.errors import InputError
-from meshflow.flow.rate import MeshFlow
+from meshflow.evaluate.metrics import area, volume
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.facets import normals_at
-from meshflow.geometry.member import Member
-from meshflow.geometry.surface import Surface
+from meshflow.geometry.normals import normals_at
 from meshflow.io.files import read
 from meshflow.smoothing import denoise, smooth
-from meshflow.study.metrics import area, volume
+from meshflow.surfaces.surface import Surface
 
 BALL, FACES, *_ = sphere(600)
 NOISY = along_normals(BALL, FACES, 0.2)

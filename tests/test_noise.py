@@ -5,11 +5,11 @@ import pytest
 import shapes
 
 import meshflow
-from meshflow.flow.noise import noise_growth, noise_of, noise_on
-from meshflow.geometry.lift import Mesh
-from meshflow.plan import noise_in
+from meshflow.estimate.noise import noise_growth, noise_of, noise_on
+from meshflow.estimate.plan import noise_in
 from meshflow.smoothing import noise
-from meshflow.study.scenes import mesas, ramps
+from meshflow.surfaces.lift import Mesh
+from meshflow.synthetic.scenes import mesas, ramps
 
 NONE = np.zeros((256, 256), bool)
 

@@ -11,7 +11,7 @@ import trimesh
 from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import boundary_edges
-from meshflow.geometry.triangulate import grid_sheets, triangles_there
+from meshflow.surfaces.triangles import grid_sheets, triangles_there
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 IGL_MASS = {"barycentric": igl.MASSMATRIX_TYPE_BARYCENTRIC, "voronoi": igl.MASSMATRIX_TYPE_VORONOI}

@@ -1,4 +1,4 @@
-"""Files of several meshes: each part as if it were alone, names and all else as they were. meshflow.parts, io.several."""
+"""Files of several meshes: each part as if it were alone, names and all else as they were."""
 
 import json
 from pathlib import Path
@@ -10,12 +10,12 @@ import trimesh
 from test_several import BALL, FACES, FRAME, NOISY, ball, scene
 from typer.testing import CliRunner
 
-import meshflow.viewing
-from meshflow.cli import app
+import meshflow.viewer.session
+from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import read, write
 from meshflow.smoothing import denoise, smooth
-from meshflow.view.dress import flowing_together
+from meshflow.view.appearance import flowing_together
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 BOX = trimesh.creation.box([3, 3, 3]).subdivide().subdivide()
@@ -197,7 +197,9 @@ def test_blocks_keep_the_files_of_others_in_their_folder(tmp_path):
 
 def test_what_shows_all_parts_in_one_flow_says_so(tmp_path):
     path = glb(tmp_path / "in.glb", ("a", ball()), ("b", BOX))
-    notes = meshflow.viewing.view(read(path), way="page", page=tmp_path / "p.html", count=2, settings={"time": 0.01})
+    notes = meshflow.viewer.session.view(
+        read(path), way="page", page=tmp_path / "p.html", count=2, settings={"time": 0.01}
+    )
     assert any("all parts flow together here" in note for note in notes)
     assert flowing_together(read(glb(tmp_path / "one.glb", ("a", ball())))) == ()
 

@@ -1,4 +1,4 @@
-"""``pyvista.read`` of PLY with meshflow installed: what ended the process or was lost comes whole. meshflow.io.pyvista_ply."""
+"""``pyvista.read`` of PLY with meshflow installed: what ended the process or was lost comes whole."""
 
 import subprocess
 import sys
@@ -11,7 +11,7 @@ import pyvista
 import trimesh
 
 from meshflow.errors import FormatError
-from meshflow.io.pyvista_ply import read_ply
+from meshflow.io.adapters.pyvista_reader import read_ply
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 

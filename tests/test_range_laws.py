@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import meshflow
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import Lift, RangeImage
-from meshflow.study.samples import CAMERA, depth_scene
-from meshflow.study.sight import Sight
-from meshflow.study.solids import Ball
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.visibility import Sight
+from meshflow.synthetic.samples import CAMERA, depth_scene
+from meshflow.synthetic.solids import Ball
 
 
 def engines(image, member=None):

@@ -5,13 +5,13 @@ import pytest
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.flow.frames import averaged
-from meshflow.flow.levels import steps_of
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.jumps import cuts_by_noise, islands
-from meshflow.geometry.lift import RangeImage
-from meshflow.geometry.scanner import Spherical
-from meshflow.study.samples import CAMERA, depth_scene
+from meshflow.estimate.frames import averaged
+from meshflow.estimate.quantization import steps_of
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.discontinuities import cuts_by_noise, islands
+from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.scanner import Spherical
+from meshflow.synthetic.samples import CAMERA, depth_scene
 
 SMALL = Pinhole(150.0, 150.0, 79.5, 59.5)
 SCENE = depth_scene(SMALL, (120, 160), seed=3, noise=0.002)

@@ -7,12 +7,12 @@ import pytest
 import trimesh
 
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import Lift, Mesh, RangeImage
-from meshflow.study.samples import CAMERA, SCENE, depth_scene
-from meshflow.study.sensors import StructuredLight, TimeOfFlight, observe, seen
-from meshflow.study.sight import Sight
-from meshflow.study.solids import Ball, Block, Panel
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import Lift, Mesh, RangeImage
+from meshflow.surfaces.visibility import Sight
+from meshflow.synthetic.samples import CAMERA, SCENE, depth_scene
+from meshflow.synthetic.sensors import StructuredLight, TimeOfFlight, observe, seen
+from meshflow.synthetic.solids import Ball, Block, Panel
 
 SHAPE = (120, 160)
 SIGHT = Sight.through(Pinhole(150.0, 150.0, 79.5, 59.5), SHAPE)

@@ -1,4 +1,4 @@
-"""Scenes, blocks and meshio: parts by themselves, everything else as it was. meshflow.io.several, scenes, meshios."""
+"""Scenes, blocks and meshio: parts by themselves, everything else as it was. meshflow.io.adapters.multipart, scenes, meshios."""
 
 import sys
 
@@ -12,7 +12,7 @@ from test_facets import along_normals
 
 import meshflow
 from meshflow.errors import InputError, MissingPackage
-from meshflow.io.several import several
+from meshflow.io.adapters.multipart import several
 from meshflow.smoothing import denoise, smooth
 
 BALL, FACES = sphere(300)

@@ -4,13 +4,13 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from peers import meshes as peers
 
 from meshflow.errors import InputError, MissingPackage
-from meshflow.study import mesh_peers as peers
-from meshflow.study.mesh_quality import flipped, mesh_quality
-from meshflow.study.metrics import is_closed, normal_angle, volume
-from meshflow.study.shapes import SHAPES, blob, cube, dome, mean_edge, part, plate, ring, sphere
-from meshflow.study.surfaces import Blob, Box, Dome, LPart, Ring
+from meshflow.evaluate.mesh_quality import flipped, mesh_quality
+from meshflow.evaluate.metrics import is_closed, normal_angle, volume
+from meshflow.synthetic.shapes import SHAPES, blob, cube, dome, mean_edge, part, plate, ring, sphere
+from meshflow.synthetic.true_surfaces import Blob, Box, Dome, LPart, Ring
 
 MADE = {name: make() for name, make in SHAPES.items()}
 EVERY = pytest.mark.parametrize("shape", MADE.values(), ids=MADE)

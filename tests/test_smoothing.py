@@ -9,7 +9,7 @@ import trimesh
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.flow.noise import noise_of, noise_on
+from meshflow.estimate.noise import noise_of, noise_on
 from meshflow.smoothing import Settings, smooth_noun
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"

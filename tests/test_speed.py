@@ -1,4 +1,4 @@
-"""Soft constraints, and words of one number per sample by the name of an array. meshflow.flow.slowed, meshflow.io.hints."""
+"""Soft constraints, and words of one number per sample by the name of an array. meshflow.flow.mobility, meshflow.io.metadata."""
 
 import subprocess
 import sys
@@ -14,14 +14,14 @@ from test_facets import along_normals
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.flow.constraint import Faithful, trust_of
-from meshflow.flow.lowpass import LowPass
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.slowed import Slowed
-from meshflow.flow.step import SemiImplicit
-from meshflow.geometry.lift import HeightField, Image, Lift, Mesh
-from meshflow.grid.rate import GridFlow
+from meshflow.flow.constraints import Faithful, trust_of
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.fairing import LowPass
+from meshflow.flow.mobility import Slowed
+from meshflow.flow.steppers import SemiImplicit
 from meshflow.smoothing import denoise, smooth
+from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh
 
 BALL, FACES = sphere(400)
 NOISY = along_normals(BALL, FACES, 0.2)
@@ -110,8 +110,8 @@ def test_the_volume_is_kept_by_what_is_free_to_go():
     speed = np.linspace(0.0, 1.0, len(NOISY))
     found = smooth((NOISY, FACES), method="curvature", keep="volume", speed=speed)[0]
     assert np.array_equal(found[0], NOISY[0])
-    assert meshflow.study.metrics.volume(found, FACES) == pytest.approx(
-        meshflow.study.metrics.volume(NOISY, FACES), rel=1e-10
+    assert meshflow.evaluate.metrics.volume(found, FACES) == pytest.approx(
+        meshflow.evaluate.metrics.volume(NOISY, FACES), rel=1e-10
     )
 
 

@@ -138,10 +138,10 @@ def test_a_fidelity_comes_to_rest_and_trusted_samples_stay_nearer():
 
 
 def test_the_rest_is_where_smoothness_and_data_pull_alike():
-    from meshflow.flow.constraint import Faithful, trust_of
-    from meshflow.geometry.lift import HeightField, Lift
-    from meshflow.geometry.member import Member
-    from meshflow.grid.rate import GridFlow
+    from meshflow.flow.constraints import Faithful, trust_of
+    from meshflow.flow.engines.grid.rate import GridFlow
+    from meshflow.flow.methods.beltrami import Member
+    from meshflow.surfaces.lift import HeightField, Lift
 
     _, z = noisy(24)
     flow = GridFlow(HeightField(z).gridded(Lift(0.7, "both")), Member(-1.0))

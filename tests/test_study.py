@@ -7,10 +7,11 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.study import metrics, samples
-from meshflow.study.facts import describe
+from meshflow.evaluate import metrics
+from meshflow.evaluate.facts import describe
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.synthetic import samples
 
 RNG = np.random.default_rng(0)
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from peers.range_images import SpaceFlow, range_peers
 
 from meshflow.errors import InputError, MissingPackage
-from meshflow.geometry.camera import Pinhole
-from meshflow.study.range_peers import SpaceFlow, range_peers
-from meshflow.study.range_quality import jumps_of, range_quality
+from meshflow.evaluate.range_quality import jumps_of, range_quality
+from meshflow.surfaces.camera import Pinhole
 
 CAMERA = Pinhole(120.0, 120.0, 39.5, 29.5)
 SHAPE = (60, 80)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from peers.grids import PEERS
+from peers.search import Peer, tuned
 
 from meshflow.errors import InputError
-from meshflow.study import scenes
-from meshflow.study.baselines import PEERS
-from meshflow.study.quality import edges_of, quality
-from meshflow.study.search import Peer, tuned
+from meshflow.evaluate.quality import edges_of, quality
+from meshflow.synthetic import scenes
 
 SMALL = {
     "steps": lambda: scenes.steps(32),

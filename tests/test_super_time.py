@@ -5,14 +5,14 @@ import pytest
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.flow.control import AreaChange, Embedded, Fixed, Until
+from meshflow.flow.controls import AreaChange, Embedded, Fixed, Until
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
-from meshflow.flow.rate import MeshFlow
-from meshflow.flow.rkl import reach, schedule, stages
-from meshflow.flow.step import Explicit, SemiImplicit, SuperTime, stepper_for
-from meshflow.geometry.lift import HeightField, Lift, Mesh
-from meshflow.geometry.member import Member
-from meshflow.grid.rate import GridFlow
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime, stepper_for
+from meshflow.flow.super_time import reach, schedule, stages
+from meshflow.surfaces.lift import HeightField, Lift, Mesh
 
 
 def waves(n=40):

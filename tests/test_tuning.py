@@ -9,14 +9,14 @@ import pytest
 import shapes
 
 import meshflow
-from meshflow.choice import METHODS, _tiled
-from meshflow.flow.motion import MotionName
-from meshflow.flow.tune import TWICE, Candidate, Trial, risk_curves
-from meshflow.geometry.lift import HeightField, Lift
-from meshflow.geometry.member import Member, Method
-from meshflow.grid.rate import GridFlow
-from meshflow.parameters import expected_error
-from meshflow.study.scenes import mesas, ramps
+from meshflow.estimate.parameters import expected_error
+from meshflow.estimate.risk import TWICE, Candidate, Trial, risk_curves
+from meshflow.estimate.search import METHODS, _tiled
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.methods.beltrami import Member, Method
+from meshflow.flow.methods.motion import MotionName
+from meshflow.surfaces.lift import HeightField, Lift
+from meshflow.synthetic.scenes import mesas, ramps
 
 
 def noisy(make=ramps, n=128, sigma=2.0, seed=0):
@@ -82,8 +82,8 @@ def test_the_least_risk_lies_between_the_times_looked_at():
 def test_a_search_on_tiles_chooses_what_a_search_on_all_would(monkeypatch):
     truth, z = noisy(lambda n: np.tile(ramps(96), (2, 3)), 0)
     whole = rms(meshflow.smooth(z) - truth)
-    monkeypatch.setattr("meshflow.choice.FEW", 6_000)
-    monkeypatch.setattr("meshflow.choice.ENOUGH", 18_000)
+    monkeypatch.setattr("meshflow.estimate.search.FEW", 6_000)
+    monkeypatch.setattr("meshflow.estimate.search.ENOUGH", 18_000)
     assert rms(meshflow.smooth(z) - truth) < 1.15 * whole
 
 

@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.view import compare, page, scene, show
-from meshflow.view.bodies import embodied
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.view import compare, page, show
+from meshflow.view import vtk_scene as scene
+from meshflow.view.geometry import embodied
 from meshflow.view.look import Look
 from meshflow.view.probe import Rendering
+from meshflow.view.renderer import staged
 from meshflow.view.scale import Scale
-from meshflow.view.stage import staged
 
 pytestmark = pytest.mark.needs_gl
 CAMERA = Pinhole(60.0, 60.0, 31.5, 23.5)
@@ -198,8 +199,8 @@ def test_a_window_shows_all_panels_from_one_camera(noun, monkeypatch):
 
     monkeypatch.setattr(pv.Plotter, "show", look_at)
     monkeypatch.setattr(pv, "OFF_SCREEN", True)
-    monkeypatch.setattr("meshflow.view.picture.displayed", lambda: True)
-    monkeypatch.setattr("meshflow.view.stage.rendering", lambda: Rendering(True, None, "for this test"))
+    monkeypatch.setattr("meshflow.view.pictures.displayed", lambda: True)
+    monkeypatch.setattr("meshflow.view.renderer.rendering", lambda: Rendering(True, None, "for this test"))
     told = compare(noun, noun, size=(600, 400))
     assert (told.path, told.how) == (None, "pyvista")
     assert seen["picture"].shape == (400, 600, 3)
@@ -212,6 +213,6 @@ def test_a_window_shows_all_panels_from_one_camera(noun, monkeypatch):
 def test_a_window_is_refused_where_vtk_draws_into_files_alone(monkeypatch):
     monkeypatch.setenv("DISPLAY", ":77")
     answer = Rendering(True, "vtkEGLRenderWindow", "VTK draws with vtkEGLRenderWindow")
-    monkeypatch.setattr("meshflow.view.stage.rendering", lambda: answer)
+    monkeypatch.setattr("meshflow.view.renderer.rendering", lambda: answer)
     with pytest.raises(InputError, match="a display that VTK can draw on"):
         show(hill())

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.geometry.lift import HeightField, Mesh
-from meshflow.settings import Settings
-from meshflow.study.shapes import sphere
-from meshflow.view.background import Background
-from meshflow.view.column import COLUMN
-from meshflow.view.curves import across, measures
+from meshflow.estimate.settings import Settings
+from meshflow.surfaces.lift import HeightField, Mesh
+from meshflow.synthetic.shapes import sphere
 from meshflow.view.look import Look
-from meshflow.view.timeline import Timeline, recorded
-from meshflow.viewing import Desk, Saving, Session
+from meshflow.viewer.column import COLUMN
+from meshflow.viewer.curves import across, measures
+from meshflow.viewer.session import Desk, Saving, Session
+from meshflow.viewer.timeline import Timeline, recorded
+from meshflow.viewer.worker import Background
 
 QUICK = Settings(gamma=0.0, sharpness=1.0, patch=0.0, contrast=2.0, time=4.0, search=False)
 SIZE = (800, 600)
@@ -34,7 +34,7 @@ def ball():
 
 @pytest.fixture
 def opened():
-    from meshflow.view.window import Window
+    from meshflow.viewer.window import Window
 
     windows = []
 

@@ -6,11 +6,11 @@ from PIL import Image as Pillow
 
 from meshflow import film
 from meshflow.errors import FormatError, InputError, MissingPackage
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.settings import Settings
+from meshflow.estimate.settings import Settings
 from meshflow.smoothing import flowing, smooth_noun
-from meshflow.study import shapes
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.synthetic import shapes
 from meshflow.view import compare
 from meshflow.view.frames import Frames
 from meshflow.view.look import terrain_view
@@ -165,7 +165,7 @@ def test_a_film_that_is_there_is_replaced_on_purpose_alone(tmp_path, monkeypatch
     target.write_bytes(b"old")
     given = {"count": 2, "settings": {"time": 1.0, "method": "beltrami"}, "size": SIZE}
     with monkeypatch.context() as nothing:
-        nothing.setattr("meshflow.filming.flowing", None)  # it is refused before anything is computed
+        nothing.setattr("meshflow.viewer.filming.flowing", None)  # it is refused before anything is computed
         with pytest.raises(FormatError, match="exists; name another file, or overwrite it on purpose"):
             film(ROUGH, target, **given)
     assert target.read_bytes() == b"old"
@@ -200,7 +200,7 @@ def test_a_film_that_makes_no_sense_is_refused(options, says, tmp_path):
 
 
 def test_a_film_is_asked_where_it_goes_before_it_is_computed(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshflow.filming.flowing", None)
+    monkeypatch.setattr("meshflow.viewer.filming.flowing", None)
     for name, says in (("a.avi", "ends in .mp4, .gif"), ("no/a.gif", "make it first")):
         with pytest.raises(FormatError, match=says):
             film(ROUGH, tmp_path / name)

@@ -12,9 +12,9 @@ import PIL.Image
 import pytest
 
 from meshflow.errors import InputError, need
-from meshflow.study.samples import terrain
-from meshflow.view.dials import Address
-from meshflow.view.served import Served, _free
+from meshflow.synthetic.samples import terrain
+from meshflow.viewer.browser import Served, _free
+from meshflow.viewer.controls import Address
 
 pytestmark = [pytest.mark.needs_gl, pytest.mark.timeout(240)]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -86,9 +86,9 @@ def test_a_page_that_is_exported_opens_offline_and_its_slider_moves_the_picture(
 SERVER = """
     import sys
     from pathlib import Path
-    from meshflow.settings import Settings
-    from meshflow.view.dials import Address
-    from meshflow.viewing import Saving, view
+    from meshflow.estimate.settings import Settings
+    from meshflow.viewer.controls import Address
+    from meshflow.viewer.session import Saving, view
     import meshflow
     document = meshflow.read(sys.argv[1])
     saving = Saving(sys.argv[1], Path(sys.argv[1]).with_name("saved.npy"), True)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.jumps import Cuts
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.study import shapes
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.discontinuities import Cuts
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.synthetic import shapes
 from meshflow.view import measured, quantity
-from meshflow.view.bodies import embodied
+from meshflow.view.geometry import embodied
 from meshflow.view.scale import Scale, together
 
 ROWS, COLUMNS = np.mgrid[:40, :50]

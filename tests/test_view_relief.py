@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from meshflow.errors import FormatError, InputError, MissingPackage
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.view import compare, page, relief, show
-from meshflow.view.bodies import as_shown, drawable, embodied
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.view import compare, page, show
+from meshflow.view import hillshade as relief
+from meshflow.view.geometry import as_shown, drawable, embodied
 from meshflow.view.look import Look
 from meshflow.view.pair import paired
 from meshflow.view.scale import Scale

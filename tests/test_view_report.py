@@ -8,8 +8,8 @@ import pytest
 
 import meshflow
 from meshflow.errors import FormatError, MissingPackage
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.view import charts, findings
 from meshflow.view.findings import found
 from meshflow.view.pair import paired

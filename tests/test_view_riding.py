@@ -8,11 +8,11 @@ import trimesh
 from typer.testing import CliRunner
 
 import meshflow
-from meshflow.cli import app
-from meshflow.geometry.lift import Mesh
-from meshflow.study import shapes
+from meshflow.cli.commands import app
+from meshflow.surfaces.lift import Mesh
+from meshflow.synthetic import shapes
 from meshflow.view import compare
-from meshflow.view.dress import carried, taken
+from meshflow.view.appearance import carried, taken
 from meshflow.view.pair import paired
 
 BALL = shapes.sphere(2)

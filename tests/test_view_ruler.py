@@ -7,12 +7,12 @@ from matplotlib.image import imread
 from rasterio.transform import Affine
 
 import meshflow
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.view import page, show
 from meshflow.view.look import Look
-from meshflow.view.ruler import Ground, grounded, ruled
-from meshflow.view.sight import of_one
+from meshflow.view.scale_bar import Ground, grounded, ruled
+from meshflow.view.scene import of_one
 
 SIZE = (800, 600)
 LOOK = Look(size=SIZE)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from meshflow.geometry.lift import HeightField
+from meshflow.surfaces.lift import HeightField
 from meshflow.view import page
 from meshflow.view.look import Look
 from meshflow.view.scale import Scale, showing, showing_both, symmetric, together
-from meshflow.view.sight import of_two
+from meshflow.view.scene import of_two
 
 RNG = np.random.default_rng(0)
 ROUGH, FAINT = (symmetric(size * RNG.normal(size=4000), "curvature", "1/m", "flat") for size in (10.0, 0.3))

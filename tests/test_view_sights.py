@@ -7,15 +7,15 @@ from matplotlib.image import imread
 
 import meshflow
 from meshflow.errors import FormatError, InputError, MissingPackage
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.study import shapes
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.synthetic import shapes
 from meshflow.view import compare, measured, page, plotter, show
-from meshflow.view.bodies import Body, embodied
-from meshflow.view.dress import taken
+from meshflow.view.appearance import taken
+from meshflow.view.geometry import Body, embodied
 from meshflow.view.look import Look, picture_view, side_view
-from meshflow.view.screen import Screen
 from meshflow.view.turning import coarse
+from meshflow.viewer.screen import Screen
 
 SIZE = (640, 480)
 ROWS, COLUMNS = np.mgrid[:48, :64]
@@ -93,7 +93,7 @@ def test_a_key_shows_before_after_and_both():
 
 
 def test_an_image_from_the_side_is_the_terrain_of_its_brightness():
-    from meshflow.view.bodies import raised
+    from meshflow.view.geometry import raised
 
     image = Image(np.stack([COLUMNS, ROWS, 2 * ROWS], axis=2) * 1.0, missing=(ROWS == 3))
     field = raised(image, "side")
@@ -202,8 +202,8 @@ def test_a_coarse_body_is_the_same_surface_in_fewer_triangles():
 
 @pytest.mark.needs_gl
 def test_what_is_heavy_is_coarse_while_it_turns(monkeypatch):
-    monkeypatch.setattr("meshflow.view.scene.HEAVY", 100)
-    monkeypatch.setattr("meshflow.view.scene.coarse", lambda body: coarse(body, 8))
+    monkeypatch.setattr("meshflow.view.vtk_scene.HEAVY", 100)
+    monkeypatch.setattr("meshflow.view.vtk_scene.coarse", lambda body: coarse(body, 8))
     window = plotter(BALL, off_screen=True, size=SIZE)
     fine, few = list(window.renderer.actors.values())[:2]
     assert fine.mapper.dataset.n_cells > few.mapper.dataset.n_cells
@@ -223,8 +223,8 @@ def test_what_is_heavy_is_coarse_while_it_turns(monkeypatch):
 @pytest.mark.needs_gl
 def test_each_state_of_a_heavy_body_is_coarse_while_it_turns(monkeypatch):
     pv = pytest.importorskip("pyvista")
-    monkeypatch.setattr("meshflow.view.scene.HEAVY", 100)
-    monkeypatch.setattr("meshflow.view.scene.coarse", lambda body: coarse(body, 8))
+    monkeypatch.setattr("meshflow.view.vtk_scene.HEAVY", 100)
+    monkeypatch.setattr("meshflow.view.vtk_scene.coarse", lambda body: coarse(body, 8))
     screen = Screen(BALL, Mesh(0.5 * BALL.points, BALL.faces), Look(size=SIZE), off_screen=True)
     style = screen.plotter.iren.get_interactor_style()
 
@@ -248,8 +248,8 @@ def test_each_state_of_a_heavy_body_is_coarse_while_it_turns(monkeypatch):
 @pytest.mark.needs_gl
 def test_what_is_heavy_is_coarse_on_both_sides_of_a_divider_while_it_turns(monkeypatch):
     pv = pytest.importorskip("pyvista")
-    monkeypatch.setattr("meshflow.view.scene.HEAVY", 100)
-    monkeypatch.setattr("meshflow.view.scene.coarse", lambda body: coarse(body, 8))
+    monkeypatch.setattr("meshflow.view.vtk_scene.HEAVY", 100)
+    monkeypatch.setattr("meshflow.view.vtk_scene.coarse", lambda body: coarse(body, 8))
     window = plotter(BALL, Mesh(0.9 * BALL.points, BALL.faces), arrange="wipe", off_screen=True, size=SIZE)
     bodies = [actor for actor in window.renderer.actors.values() if isinstance(actor, pv.Actor)]
     many = [actor.mapper.dataset.n_cells for actor in bodies]

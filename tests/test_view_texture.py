@@ -11,13 +11,13 @@ from PIL import Image as Pillow
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.geometry.lift import Mesh
-from meshflow.settings import Settings
+from meshflow.estimate.settings import Settings
 from meshflow.smoothing import flowing
-from meshflow.study import shapes
+from meshflow.surfaces.lift import Mesh
+from meshflow.synthetic import shapes
 from meshflow.view import compare, plotter, show
-from meshflow.view.bodies import embodied
-from meshflow.view.dress import taken
+from meshflow.view.appearance import taken
+from meshflow.view.geometry import embodied
 from meshflow.view.look import Look
 from meshflow.view.texture import Textured
 from meshflow.view.turning import coarse
@@ -106,7 +106,7 @@ def test_windows_show_the_texture_and_what_was_removed_in_turn():
 
 @pytest.mark.needs_gl
 def test_a_state_that_moves_takes_its_texture_along():
-    from meshflow.view.screen import Screen
+    from meshflow.viewer.screen import Screen
 
     first, _ = taken(flag(), own_colours=True)
     moved = replace(first, points=first.points + [0.0, 0.3, 0.0])

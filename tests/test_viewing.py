@@ -7,14 +7,14 @@ import pytest
 import trimesh
 
 import meshflow
-from meshflow.cli import app
+from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.lift import HeightField, Mesh
-from meshflow.settings import Settings
-from meshflow.study.shapes import sphere
-from meshflow.view.curves import curves, told
-from meshflow.view.timeline import recorded
-from meshflow.viewing import Desk, Saving, Session, view
+from meshflow.estimate.settings import Settings
+from meshflow.surfaces.lift import HeightField, Mesh
+from meshflow.synthetic.shapes import sphere
+from meshflow.viewer.curves import curves, told
+from meshflow.viewer.session import Desk, Saving, Session, view
+from meshflow.viewer.timeline import recorded
 
 QUICK = Settings(gamma=0.0, sharpness=1.0, patch=0.0, contrast=2.0, time=4.0, search=False)
 

@@ -1,4 +1,4 @@
-"""What is said of a run is what was done. meshflow.result, meshflow.shaping, meshflow.options."""
+"""What is said of a run is what was done. meshflow.results.result, meshflow.estimate.mesh_plan, meshflow.cli.options."""
 
 import subprocess
 import sys
@@ -11,11 +11,11 @@ from test_facets import along_normals
 
 import meshflow
 from meshflow.errors import FormatError
-from meshflow.geometry.camera import Pinhole
-from meshflow.geometry.facets import normals_at
-from meshflow.geometry.lift import Mesh, RangeImage
+from meshflow.evaluate.metrics import compare
+from meshflow.geometry.normals import normals_at
 from meshflow.smoothing import denoise
-from meshflow.study.metrics import compare
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.lift import Mesh, RangeImage
 from meshflow.view.findings import found
 
 BALL, FACES = sphere(400)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 
 __all__ = ["Flow", "MatrixFree", "System"]
 

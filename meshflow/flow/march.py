@@ -8,13 +8,13 @@ from math import ceil
 import numpy as np
 
 from meshflow.errors import NotConverged
-from meshflow.flow.constraint import Hold
+from meshflow.flow.constraints import Hold
 from meshflow.flow.contract import Flow
-from meshflow.flow.control import Control, Embedded, Fixed, Until
+from meshflow.flow.controls import Control, Embedded, Fixed, Until
 from meshflow.flow.progress import Progress, reporting
-from meshflow.flow.step import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
-from meshflow.flow.stop import crossing, unmet
-from meshflow.geometry.gates import Array
+from meshflow.flow.steppers import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.flow.stops import crossing, unmet
+from meshflow.geometry.validation import Array
 
 __all__ = ["VANISHED", "State", "march"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit, prange
 
 from meshflow.geometry import triangle
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 
 __all__ = ["Blocks", "blocked", "march_blocks"]
 

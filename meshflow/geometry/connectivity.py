@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 
 __all__ = ["Connectivity", "Pattern", "boundary_edges", "connect", "shared_sides"]
 

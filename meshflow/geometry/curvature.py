@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.facets import measured, normals_at
-from meshflow.geometry.gates import Array
+from meshflow.geometry.normals import measured, normals_at
 from meshflow.geometry.operator import cotangents, curvature_normal, fill_stiffness, gather_mass
+from meshflow.geometry.validation import Array
 
 __all__ = ["Curvatures", "curvatures", "directed", "directions", "signed_mean"]
 

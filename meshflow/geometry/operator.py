@@ -15,7 +15,7 @@ from numba.extending import register_jitable
 from meshflow.errors import InputError
 from meshflow.geometry import triangle
 from meshflow.geometry.connectivity import Connectivity, connect
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 
 __all__ = [
     "MASSES",

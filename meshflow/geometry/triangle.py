@@ -10,7 +10,7 @@ from typing import SupportsIndex
 
 from numba.extending import register_jitable
 
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 
 __all__ = ["bound", "cotangents", "dots", "gram", "joint", "pull", "share", "sharpened", "stretch", "tension"]
 

@@ -10,10 +10,10 @@ from trimesh.exchange.obj import export_obj
 from trimesh.exchange.off import export_off
 
 from meshflow.errors import FormatError
-from meshflow.geometry.lift import Mesh
-from meshflow.io.seams import joined
-from meshflow.io.trimeshes import carries, stored_normals
-from meshflow.io.vtkfiles import save_polydata
+from meshflow.io.adapters.trimesh import carries, stored_normals
+from meshflow.io.formats.vtk import save_polydata
+from meshflow.io.vertex_merging import joined
+from meshflow.surfaces.lift import Mesh
 
 __all__ = ["bare_scene", "save"]
 

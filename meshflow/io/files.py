@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.camera import Camera
-from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import Noun
-from meshflow.io.hints import as_given
-from meshflow.io.replace import must_be_free
+from meshflow.geometry.validation import Array
+from meshflow.io.atomic_write import must_be_free
+from meshflow.io.metadata import as_given
+from meshflow.surfaces.camera import Camera
+from meshflow.surfaces.lift import Noun
 
 __all__ = ["Document", "Kind", "read", "writable", "write"]
 
@@ -27,7 +27,7 @@ PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 class Document:
     """What a file held.
 
-    :param noun: the data, as a noun of ``meshflow.geometry.lift``.
+    :param noun: the data, as a noun of ``meshflow.surfaces.lift``.
     :param kind: what it is.
     :param path: where it came from.
     :param about: everything that must survive around the data; known to the reader and the writer of ``family`` alone.
@@ -134,7 +134,7 @@ def _must_belong(options: Mapping[str, Any], function: Callable[..., Any], path:
 
 
 def _module(family: str) -> Any:
-    return import_module(f"meshflow.io.{family}")
+    return import_module(f"meshflow.io.formats.{family}")
 
 
 def _must_be_a_file(path: Path) -> None:
@@ -151,20 +151,20 @@ def _family(path: Path, kind: Kind | None, camera: object) -> str:
     if suffix in ARRAYS:
         return "arrays"
     if suffix == ".exr":
-        return "exrs"
+        return "exr"
     if suffix == ".ply" and (kind == "depth" or (kind is None and _has_range_grid(path))):
-        return "ranges"
+        return "range_grids"
     if kind == "mesh" or (kind is None and suffix in MESHES):
         return "meshes"
     if kind == "depth" or (kind is None and camera is not None):
-        return "depths"
+        return "depth_images"
     if kind == "image" or (kind is None and suffix in PICTURES):
         return "pictures"
     return "rasters"
 
 
 def _has_range_grid(path: Path) -> bool:
-    return _module("ranges").has_grid(path)
+    return _module("range_grids").has_grid(path)
 
 
 def _target(document: Document, path: Path) -> str:
@@ -173,9 +173,9 @@ def _target(document: Document, path: Path) -> str:
     fits: dict[str, Callable[[], bool]] = {
         "meshes": lambda: document.kind == "mesh" and suffix in MESHES,
         "arrays": lambda: suffix in ARRAYS and (document.kind != "mesh" or suffix == ".npz"),
-        "ranges": lambda: document.kind == "depth" and suffix == ".ply",
-        "exrs": lambda: document.kind == "depth" and suffix == ".exr",
-        "depths": lambda: document.kind == "depth" and suffix in {".png", ".tif", ".tiff"},
+        "range_grids": lambda: document.kind == "depth" and suffix == ".ply",
+        "exr": lambda: document.kind == "depth" and suffix == ".exr",
+        "depth_images": lambda: document.kind == "depth" and suffix in {".png", ".tif", ".tiff"},
         "pictures": lambda: (
             document.kind == "image" and document.family != "rasters" and suffix in PICTURES | {".tif", ".tiff"}
         ),

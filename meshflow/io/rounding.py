@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import FormatError
-from meshflow.geometry.gates import Array
-from meshflow.io.bands import Frame
+from meshflow.geometry.validation import Array
+from meshflow.io.formats.raster_bands import Frame
 
 __all__ = ["DTYPES", "mark", "rounded"]
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 
 __all__ = ["Spacing", "between_samples", "height_unit", "on_ellipsoid", "units_disagree"]
 

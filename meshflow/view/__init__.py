@@ -2,7 +2,7 @@
 
 from meshflow.view.look import Look
 from meshflow.view.panels import flows
-from meshflow.view.picture import Pictured, compare, plotter, show
+from meshflow.view.pictures import Pictured, compare, plotter, show
 from meshflow.view.probe import Rendering, rendering
 from meshflow.view.quantity import measured
 

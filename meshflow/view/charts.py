@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 from meshflow.view.scale import Scale
 
 if TYPE_CHECKING:

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.lift import Noun
+from meshflow.surfaces.lift import Noun
 from meshflow.view import page
-from meshflow.view.bodies import Body, embodied, raised, thinned
 from meshflow.view.frames import FILMS, Frames
+from meshflow.view.geometry import Body, embodied, raised, thinned
 from meshflow.view.look import Look
 from meshflow.view.numbers import plain
 from meshflow.view.pair import paired
-from meshflow.view.picture import Pictured, writable
+from meshflow.view.pictures import Pictured, writable
 from meshflow.view.quantity import Quantity, measured
+from meshflow.view.renderer import How, Stage, staged
 from meshflow.view.scale import Scale
-from meshflow.view.sight import Removed
-from meshflow.view.stage import How, Stage, staged
+from meshflow.view.scene import Removed
 
 __all__ = ["filmable", "filmed"]
 

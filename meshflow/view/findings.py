@@ -7,13 +7,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
-from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.charts import Chart, Curve, course, histogram, risks
 from meshflow.view.look import Look
 from meshflow.view.pair import Pair, holes, paired
+from meshflow.view.renderer import staged
 from meshflow.view.scale import Scale
-from meshflow.view.stage import staged
 
 __all__ = ["Findings", "Panel", "Run", "found"]
 
@@ -34,7 +34,7 @@ class Named(Protocol):
 
 
 class Run(Protocol):
-    """What is asked of a result: :class:`meshflow.result.Result` is one, and this room does not know that one.
+    """What is asked of a result: :class:`meshflow.results.result.Result` is one, and this room does not know that one.
 
     ``noise`` has sigma, channels, quantum and how, or is None; of ``trials``, the chosen one first, times and risks are taken,
     of ``moments`` time, area, change and largest; ``parts`` are runs by name, of which this is the whole, and mostly empty;

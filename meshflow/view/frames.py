@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError, need
-from meshflow.geometry.gates import Array
-from meshflow.io.replace import beside
+from meshflow.geometry.validation import Array
+from meshflow.io.atomic_write import beside
 
 __all__ = ["ANIMATED", "FILMS", "Frames"]
 

@@ -6,7 +6,7 @@ from typing import Any, Literal, TypedDict, Unpack, get_args
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array, positive
+from meshflow.geometry.validation import Array, positive
 from meshflow.view.scale import known_colours
 
 __all__ = [

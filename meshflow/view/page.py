@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 from meshflow.view.look import Look
 from meshflow.view.numbers import brief
-from meshflow.view.ruler import Ruler
 from meshflow.view.scale import Scale
+from meshflow.view.scale_bar import Ruler
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import HeightField, Image, Mesh, Noun, RangeImage
-from meshflow.view.dress import taken
-from meshflow.view.riding import riding
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.view.appearance import taken
+from meshflow.view.attributes import riding
 from meshflow.view.scale import Scale, ranging, symmetric, together
 
 __all__ = ["Pair", "holes", "paired"]
@@ -35,7 +35,7 @@ class Pair:
 
 
 def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False) -> Pair:
-    """Two things that :func:`meshflow.view.dress.taken` recognises, as a pair.
+    """Two things that :func:`meshflow.view.appearance.taken` recognises, as a pair.
 
     A grid that comes after is shown with the spacing or the camera of the one before. Of meshes whose points are equal, and
     whose colours or other vertex attributes are not, these are what is compared, and the notes say so.

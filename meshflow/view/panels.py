@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array
-from meshflow.io.replace import beside
+from meshflow.geometry.validation import Array
+from meshflow.io.atomic_write import beside
 from meshflow.view.look import Look
-from meshflow.view.picture import Pictured, writable
+from meshflow.view.pictures import Pictured, writable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +68,7 @@ def flows(
 
     The close-up shows the rim of each surface in red and that of the first one, before it moved, in blue.
 
-    :param panels: as :meth:`meshflow.study.FlowComparison.panels` gives them, the first one before it moved.
+    :param panels: as :meth:`meshflow.evaluate.FlowComparison.panels` gives them, the first one before it moved.
     :param path: the picture to write (.png, .jpg, .tif).
     :param at: column and row of the close-up; by default where the rims have moved farthest.
     :param overwrite: replace a file that is there.

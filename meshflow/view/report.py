@@ -9,8 +9,8 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from meshflow.errors import FormatError
-from meshflow.geometry.gates import Array
-from meshflow.io.replace import beside, must_be_free
+from meshflow.geometry.validation import Array
+from meshflow.io.atomic_write import beside, must_be_free
 from meshflow.view.charts import FAINT, INK, LETTERS, Chart, bar, blank, png
 from meshflow.view.findings import Findings, Panel, Run, found
 

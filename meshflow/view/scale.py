@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.gates import Array
+from meshflow.geometry.validation import Array
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap

@@ -1,290 +1,184 @@
-"""Bodies drawn by VTK: panels for a page, and windows."""
+"""What is to be seen of one thing or two: nouns, bodies, colours, decided once for pictures, windows and notebooks."""
 
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from meshflow.geometry.gates import Array
-from meshflow.view.bodies import Body
-from meshflow.view.column import COLUMN, FOOT
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array, real
+from meshflow.surfaces.lift import Mesh, Noun
+from meshflow.view.appearance import taken
+from meshflow.view.geometry import Body, raised
 from meshflow.view.look import Look
-from meshflow.view.overlay import Overlay
-from meshflow.view.scale import Scale
-from meshflow.view.turning import HEAVY, Turning, coarse
+from meshflow.view.page import Foot
+from meshflow.view.pair import holes, paired
+from meshflow.view.quantity import Quantity, measured
+from meshflow.view.renderer import How, Stage, staged
+from meshflow.view.scale import Scale, ranging, showing, showing_both, together
+from meshflow.view.scale_bar import Ground, grounded, ruled
 
-if TYPE_CHECKING:
-    import pyvista as pv
+__all__ = ["Arrange", "Removed", "Shown", "Sight", "of_one", "of_two"]
 
-__all__ = ["Rows", "added", "coarsened", "drawn", "length", "overlaid", "single", "windowed"]
-
-Rows = list[list[tuple[str, Body, Scale | None]]]
-"""Rows of panels of a window: label, body, the colours it wears instead of its own."""
-
-_STONE = "#eae3d6"  # pale and matt: shading, not colour, tells the shape
-# Colours are to be read as they are, and the form yet to be seen: what faces the viewer keeps six sevenths of its brightness,
-# what faces the light all of it.
-_COLOURED: dict[str, Any] = {"ambient": 0.52, "diffuse": 0.48, "specular": 0.0}
-_MARGIN = 1.04
-_BARS = {
-    "title_font_size": 15,
-    "label_font_size": 14,
-    "color": "black",
-    "fmt": "%.3g",
-    "n_labels": 5,
-    "vertical": True,
-    "width": 0.05,
-    "height": 0.6,
-    "position_x": 0.8,
-    "position_y": 0.2,
-    "fill": True,  # or its digits would be lost on the body behind it
-    "background_color": "white",
-}
-_BELOW = {"vertical": False, "width": 0.5, "height": 0.05, "position_x": 0.25, "position_y": 0.09, "fill": False}
+Arrange = Literal["beside", "wipe", "blink"]
+Removed = Literal["removed"]
 
 
-def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = None) -> Array:
-    """One body as a picture (height, width, 3) in uint8, on white.
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One panel.
 
-    :param size: width and height, pixels.
-    :param scale: colours for its samples, instead of stone.
+    :ivar label: above it.
+    :ivar scale: the colours that it wears instead of its own, thinned as the body is.
     """
-    import pyvista as pv
 
-    plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none", theme=pv.themes.DocumentTheme())
-    with closing(plotter):
-        _light(plotter, body, look)
-        _add(plotter, body, scale)
-        _aim(plotter, body, size[0] / size[1])
-        plotter.enable_anti_aliasing("ssaa")
-        picture = plotter.screenshot(None, return_img=True)
-    return np.asarray(picture)[..., :3]
+    label: str
+    noun: Noun
+    body: Body
+    scale: Scale | None
 
 
-def length(body: Body, size: tuple[int, int]) -> float:
-    """What a pixel of :func:`drawn` is long, where the view is no pinhole's."""
-    return 2 * _half(body, size[0] / size[1]) / size[1]
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """All panels of a picture or a window.
 
-
-def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plotter":
-    """A window with rows of labelled bodies that turn together, not yet shown; the caller closes it.
-
-    :param rows: one or two, the second of one body.
-    :param off_screen: draw without one; None: as pyvista decides.
+    :ivar ground: the unit of lengths, and whether it is the raster of a map.
+    :ivar counted: names and scales of what a histogram counts, from all of the data; none where colours stand for no values.
+    :ivar notes: sentences for the user.
     """
-    import pyvista as pv
 
-    shape: Any = (len(rows), len(rows[0]))
-    groups: Any = [(1, slice(None))] if len(rows) == 2 else None
-    plotter = pv.Plotter(shape=shape, groups=groups, off_screen=off_screen, **_frame(look))
-    with _closed_on_failure(plotter):
-        _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
-        heavy: list[tuple[Any, Any]] = []
-        for r, row in enumerate(rows):
-            for c, (label, body, scale) in enumerate(row):
-                plotter.subplot(r, c)
-                actor = _add(plotter, body, scale, bar=True)
-                heavy += _stood_in(plotter, actor, body, scale)
-                plotter.add_text(label, position="upper_left", font_size=12, color="black")
-                _aim(plotter, body, look.size[0] / look.size[1])
-        plotter.link_views()
-        Turning(plotter, heavy)
-    return plotter
+    look: Look
+    stage: Stage
+    shown: tuple[Shown, ...]
+    counted: tuple[tuple[str, Scale], ...]
+    notes: tuple[str, ...]
+    ground: Ground = Ground()
+
+    def foot(self, size: tuple[int, int], unit: float) -> Foot:
+        """What stands below a page whose panels have that size in pixels.
+
+        :param unit: pixels of this page for one of a page of 1600 x 1200.
+        """
+        one = self.shown[0]
+        length = self.stage.length(one.noun, one.body, size)
+        mapped = self.stage.how == "relief" or self.look.seen == "front"
+        return Foot(self.stage.foot(), ruled(length, self.ground.unit, unit, self.ground.north and mapped))
+
+    def picture(self, panel: int, size: tuple[int, int]) -> Array:
+        """A panel as a picture (h, w, 3) in uint8: of that size from VTK, a pixel for each sample as a relief."""
+        one = self.shown[panel]
+        return self.stage.panel(one.noun, one.body, size, one.scale)
+
+    @property
+    def aspect(self) -> float:
+        """Width over height of what a panel is to hold."""
+        return self.stage.aspect(self.shown[0].body, self.shown[0].noun)
+
+    @property
+    def pixel(self) -> float:
+        """Height over width of a pixel of a panel."""
+        return self.stage.pixel(self.shown[0].noun)
 
 
-def overlaid(
-    panels: tuple[tuple[Body, Scale | None], ...], look: Look, at: float, wipes: bool, off_screen: bool | None = None
-) -> "pv.Plotter":
-    """A window of one view with a divider to drag between two bodies, or one at a time; not yet shown; the caller closes it.
+def of_two(
+    before: Any,
+    after: Any,
+    look: Look,
+    how: How | None,
+    window: bool,
+    arrange: Arrange,
+    unit: str | None,
+    quantity: Quantity | Removed,
+    contrast: float,
+    labels: tuple[str, str] = ("before", "after"),
+) -> Sight:
+    """A thing before and after, and beside them what was removed; or both in the colours of a quantity.
 
-    :param at: where the divider stands at first, a share of the width.
-    :param wipes: start with the divider; else with the first body alone. The space bar goes on.
+    :raises InputError: for two things that cannot be compared, nothing to draw, or a word that is unknown.
+    :raises MissingPackage: where only VTK would do and it cannot draw.
     """
-    import pyvista as pv
-
-    plotter = pv.Plotter(off_screen=off_screen, **_frame(look))
-    with _closed_on_failure(plotter):
-        (one, first), (other, second) = panels
-        _light(plotter, one, look)
-        actors = _add(plotter, one, first, bar=True), _add(plotter, other, second)
-        heavy = [
-            _stood_in(plotter, actor, *panel)
-            for actor, panel in zip(actors, ((one, first), (other, second)), strict=True)
-        ]
-        turning = Turning(plotter, [])  # which of them is seen the overlay says
-        sides = [pairs[0] if pairs else (actor,) for actor, pairs in zip(actors, heavy, strict=True)]
-        overlay = Overlay(plotter, sides[0], sides[1], turning, at, wipes)
-        widgets: Any = plotter
-        slider = widgets.add_slider_widget(
-            overlay.slide,
-            rng=(0.0, 1.0),
-            value=at,
-            title="",
-            pointa=(0.0, 0.04),
-            pointb=(1.0, 0.04),
-            interaction_event="always",
-            color="#26282b",
-            fmt="",
-            slider_width=0.05,
-            tube_width=0.002,
-        )
-        handle = slider.GetRepresentation()  # without caps and short, so that it stands where the divider does
-        handle.SetEndCapLength(0.0)
-        handle.SetSliderLength(0.012)
-        if any(heavy):  # the divider is to follow the hand, too
-            slider.AddObserver("StartInteractionEvent", turning.turn)
-            slider.AddObserver("EndInteractionEvent", turning.rest)
-        _aim(plotter, one, look.size[0] / look.size[1])
-    return plotter
+    if arrange not in get_args(Arrange):
+        raise InputError(f"arrange: one of {', '.join(get_args(Arrange))} expected, got {arrange!r}")
+    pair = paired(before, after, unit, look.own_colours)
+    nouns = (pair.before, pair.after)
+    scales: tuple[Scale | None, Scale | None] = None, None
+    counted: tuple[tuple[str, Scale], ...] = ()
+    if quantity != "removed":
+        one, other = (measured(noun, quantity, contrast).wearing(look.colours) for noun in nouns)
+        scales = one, other = (showing_both if quantity == "curvature" else together)(one, other)
+        counted = (labels[0], one), (labels[1], other)
+    elif pair.worn is not None:
+        one, other = pair.worn
+        scales = one.wearing(look.colours), other.wearing(look.colours)
+        before_label, after_label = (f"{label}: {one.what}, {one.low:.3g} to {one.high:.3g}" for label in labels)
+        labels = before_label, after_label  # their colours are not those of the bar
+    seen = raised(pair.before, look.seen), raised(pair.after, look.seen)
+    stage = staged(seen, look, _how(seen[0], how, quantity, window), window)
+    bodies = stage.bodies(*seen)
+    panels = tuple(
+        Shown(label, noun, body, None if scale is None else scale.thinned(stage.step))
+        for label, noun, body, scale in zip(labels, seen, bodies, scales, strict=True)
+    )
+    if quantity == "removed" and arrange == "beside":
+        removed = pair.removed.wearing(look.colours)
+        panels = (*panels, Shown("removed", seen[1], bodies[1], removed.thinned(stage.step)))
+        counted = (("", removed),)
+    return Sight(look, stage, panels, counted, (*pair.notes, *stage.notes), grounded(before, pair.before))
 
 
-@contextmanager
-def _closed_on_failure(plotter: "pv.Plotter") -> Iterator[None]:
-    """No window is left behind by what fails."""
-    try:
-        yield
-    except BaseException:
-        plotter.close()
-        raise
+def of_one(
+    thing: Any,
+    look: Look,
+    how: How | None,
+    window: bool,
+    unit: str | None,
+    scalars: ArrayLike | None,
+    quantity: Quantity | None,
+    contrast: float,
+) -> Sight:
+    """One thing, in colours that stand for numbers of the caller's or for a quantity, where there are some.
 
-
-def single(body: Body, look: Look, off_screen: bool, *, column: bool = False) -> "pv.Plotter":
-    """A plotter with the light and the camera for one body, which is yet to be :func:`added`; the caller closes it.
-
-    :param column: to the left of the body there is a renderer for :class:`meshflow.view.column.Column`, and below the body
-        room for a bar and its slider.
+    :raises InputError: for nothing to draw, numbers that do not fit, or a word that is unknown.
+    :raises MissingPackage: where only VTK would do and it cannot draw.
     """
-    import pyvista as pv
+    if scalars is not None and quantity is not None:
+        raise InputError(f"scalars and quantity={quantity!r}: a thing wears one of them at a time; leave one out")
+    plain = scalars is None and quantity is None
+    if plain and look.colours is not None:
+        raise InputError(f"colours {look.colours!r}: nothing is shown as colour; say what, by quantity or scalars")
+    if look.own_colours and not plain:
+        raise InputError("own_colours: a thing wears its own colours or those of numbers; leave one out")
+    noun, notes = taken(thing, look.own_colours)
+    scale = None if scalars is None else _scale(noun, scalars, unit)
+    scale = showing(measured(noun, quantity, contrast)) if quantity is not None else scale
+    scale = None if scale is None else scale.wearing(look.colours)
+    seen = raised(noun, look.seen)
+    stage = staged((seen,), look, _how(seen, how, quantity, window), window)
+    (body,) = stage.bodies(seen)
+    shown = Shown("", seen, body, None if scale is None else scale.thinned(stage.step))
+    counted = () if scale is None else (("", scale),)
+    return Sight(look, stage, (shown,), counted, (*notes, *stage.notes), grounded(thing, noun))
 
-    aspect, parts = look.size[0] / look.size[1], dict[str, Any]()
-    if column:
-        parts = {"shape": (1, 2), "col_weights": (COLUMN, 1 - COLUMN), "border": False}
-        aspect *= 1 - COLUMN
-        (left, low), (right, high) = body.view.frame
-        below = (left, low - max(high - low, (right - left) / aspect) * FOOT / (1 - FOOT))
-        body = replace(body, view=replace(body.view, frame=(below, (right, high))))
-    plotter = pv.Plotter(off_screen=off_screen, **parts, **_frame(look))
-    if column:
-        plotter.subplot(0, 1)
-    _light(plotter, body, look)
-    _aim(plotter, body, aspect)
-    return plotter
+
+def _how(noun: Noun, how: How | None, quantity: Quantity | Removed | None, window: bool) -> How | None:
+    """What is missing has no place in space: grids show it from above, or through their camera."""
+    if quantity != "samples" or how is not None or isinstance(noun, Mesh) or window:
+        return how
+    return "relief"
 
 
-def added(plotter: "pv.Plotter", body: Body, scale: Scale | None, name: str, *, below: bool = False) -> Any:
-    """The actor of a body, in place of the one of that name and its bar.
+def _scale(noun: Noun, scalars: ArrayLike, unit: str | None) -> Scale:
+    """Numbers of the caller's, one per sample or vertex, as colours from the least to the greatest.
 
-    :param below: the bar lies below the body, where :func:`single` left room for it; else it stands at its right.
+    :raises InputError: when they do not fit the noun, or none is finite.
     """
-    shown: Any = plotter
-    for bar in list(shown.scalar_bars.keys()):
-        shown.remove_scalar_bar(bar, render=False)
-    shown.remove_actor(name, render=False)
-    actor = _add(plotter, body, scale, bar=scale is not None, place=_BELOW if below else {})
-    plotter.add_actor(actor, name=name, reset_camera=False, render=False)
-    plotter.reset_camera_clipping_range()  # the camera was aimed at an empty place
-    return actor
-
-
-def coarsened(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None, name: str) -> list[tuple[Any, Any]]:
-    """The actor of a body of very many triangles and a coarse one for it, in place of that of the name; else no pair."""
-    shown: Any = plotter
-    shown.remove_actor(name, render=False)
-    pairs = _stood_in(plotter, actor, body, scale)
-    for _, other in pairs:
-        other.SetVisibility(False)
-        plotter.add_actor(other, name=name, reset_camera=False, render=False)
-    return pairs
-
-
-def _frame(look: Look) -> dict[str, Any]:
-    """What all windows have in common."""
-    import pyvista as pv
-
-    theme = pv.themes.DocumentTheme()
-    return {"window_size": list(look.size), "lighting": "none", "theme": theme, "title": look.title or "meshflow"}
-
-
-def _stood_in(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None) -> list[tuple[Any, Any]]:
-    """A coarse actor beside that of a body of very many triangles."""
-    if len(body.faces) <= HEAVY:
-        return []
-    return [(actor, _add(plotter, coarse(body), scale))]
-
-
-def _add(
-    plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = False, place: dict[str, Any] | None = None
-) -> Any:
-    """The actor of a body, shaded flat: of stone, in its own colours, or in those of a scale."""
-    shape = body.polydata()
-    if scale is not None:  # softly lit: the form is to be seen, the colour to be read
-        bars: Any = {"title": f"{scale.label}\n", **_BARS, **(place or {})} if bar else None
-        which = body.samples if not scale.of_triangles else slice(None) if body.triangles is None else body.triangles
-        return plotter.add_mesh(
-            shape,
-            scalars=scale.values.ravel()[which],
-            preference="cell" if scale.of_triangles else "point",
-            clim=(scale.low, scale.high),
-            cmap=scale.colour_map,
-            n_colors=max(scale.colour_map.N, 256),
-            nan_color="lightgrey",
-            show_scalar_bar=bar,
-            scalar_bar_args=bars,
-            smooth_shading=False,
-            **_COLOURED,
-        )
-    if body.colours is not None:
-        flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
-        light: dict[str, Any] = {"lighting": False, "ambient": 0.0, "diffuse": 1.0} if flat else _COLOURED
-        worn: dict[str, Any] = {"scalars": body.colours, "rgb": True}
-        if body.texture is not None:
-            import pyvista as pv
-
-            shape, worn = body.textured(body.texture), {"texture": pv.Texture(body.texture.picture), "color": "white"}
-        return plotter.add_mesh(shape, smooth_shading=False, **light, **worn)
-    return plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
-
-
-def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:
-    """The raking light of the look, a weak one from across it, and one at the viewer's head: shadow sides keep their form.
-
-    Together they are all but nowhere brighter than one light alone.
-    """
-    import pyvista as pv
-
-    east, north, high = look.light
-    for toward, intensity in (((east, north, high), 0.97), ((-east, -north, high), 0.15)):
-        place = tuple(np.array(toward) @ body.view.ground)
-        plotter.add_light(
-            pv.Light(position=place, focal_point=(0, 0, 0), light_type="scene light", intensity=intensity)
-        )
-    plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))
-
-
-def _half(body: Body, aspect: float) -> float:
-    """Half of what the height of a picture shows."""
-    wide, tall = body.view.extent
-    return max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # a body may be a point
-
-
-def _aim(plotter: "pv.Plotter", body: Body, aspect: float) -> None:
-    """The camera where the view says, its frame filled.
-
-    :param aspect: width over height of what it draws on.
-    """
-    view, half = body.view, _half(body, aspect)
-    middle = np.mean(view.frame, axis=0) @ np.stack([view.right, view.up])
-    depth = body.points @ view.toward
-    if view.pinhole:
-        focus = float(np.median(-depth)) * (middle - view.toward)
-        plotter.camera_position = [(0.0, 0.0, 0.0), tuple(focus), tuple(view.up)]
-        plotter.camera.view_angle = float(np.degrees(2 * np.arctan(half)))
-    else:
-        focus = middle + view.toward * float(depth.min() + depth.max()) / 2
-        away = 2 * float(np.linalg.norm(np.ptp(body.points, axis=0))) or 1.0
-        plotter.camera_position = [tuple(focus + away * view.toward), tuple(focus), tuple(view.up)]
-        plotter.camera.parallel_projection = True
-        plotter.camera.parallel_scale = half
-    plotter.reset_camera_clipping_range()
+    values = real(scalars, "scalars")
+    shape = noun.points.shape[:1] if isinstance(noun, Mesh) else holes(noun).shape
+    if values.shape != shape:
+        raise InputError(f"scalars: one number per sample or vertex expected, of shape {shape}; got {values.shape}")
+    gone = ~np.isfinite(values) if isinstance(noun, Mesh) else ~np.isfinite(values) | holes(noun)
+    values = np.where(gone, np.nan, values)
+    if np.isnan(values).all():
+        raise InputError("scalars: at least one finite number expected where a sample is, got none")
+    return ranging(values, "", unit or "")

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from meshflow.geometry.gates import Array
-from meshflow.geometry.lift import Mesh
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import Mesh
 
 __all__ = ["Texture", "Textured", "image_of", "texture_of"]
 

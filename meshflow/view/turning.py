@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshflow.view.bodies import Body
+from meshflow.view.geometry import Body
 
 if TYPE_CHECKING:
     import pyvista as pv

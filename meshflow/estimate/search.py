@@ -1,0 +1,285 @@
+"""The choice of member, contrast and time for a noun: a search for the least estimated risk, on tiles where it is large."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshflow.estimate.noise import spread_tiles
+from meshflow.estimate.risk import PROBE, Candidate, Trial, first_of, ranked, refined, risk_curves, searched
+from meshflow.flow.constraints import Limit
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.mobility import slowed
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.discontinuities import Cuts
+from meshflow.surfaces.grid import Lattice
+from meshflow.surfaces.lift import Lift, Mesh
+
+__all__ = [
+    "CHANNEL_FAMILY",
+    "EDGES",
+    "FAMILY",
+    "MESH_ENOUGH",
+    "MESH_FAMILY",
+    "LOOKED_AT",
+    "METHODS",
+    "RAY_FAMILY",
+    "TIMES",
+    "Search",
+    "candidates",
+    "searched_on_grid",
+    "searched_on_mesh",
+]
+
+# Members by name: exponents, patch width, and the contrasts to try, in sample distances over noise.
+METHODS: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
+    "beltrami": ({}, (1.0, 2.0, 4.0)),
+    "graph": ({"gamma": -2.0}, (1.0, 2.0)),
+    "mean-curvature": ({"gamma": -1.0}, (1.0, 2.0, 4.0)),
+    "total-variation": ({"gamma": -1.0}, (8.0, 16.0)),
+    "perona-malik": ({"gamma": -1.0, "sharpness": 2.0}, (0.7, 1.0, 1.5, 2.0, 3.0)),
+    "geman-mcclure": ({"gamma": -1.0, "sharpness": 4.0}, (0.4, 0.7, 1.0)),
+    "heat": ({}, (0.05,)),
+    "patches": ({"patch": 0.7}, (1.0, 2.0, 4.0)),
+}
+# What the search looks at where nobody names a member.
+FAMILY: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
+    ({"patch": 1.5}, (0.4, 3.0)),
+    ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (2.0, 4.0)),
+    ({"gamma": -1.0, "sharpness": 1.5}, (2.0, 5.0)),
+    ({"gamma": -1.0, "sharpness": 2.0}, (1.0, 2.0)),
+    ({"gamma": -1.0, "sharpness": 3.0}, (0.5, 1.35)),
+)
+# The same for several channels, of which members with gamma -1 are stiff: stable steps shorten as edges steepen.
+CHANNEL_FAMILY: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
+    ({}, (1.5, 3.0)),
+    ({"patch": 0.7}, (2.5,)),
+    ({"patch": 1.0}, (3.0,)),
+    ({"patch": 1.5}, (0.4, 3.0)),
+    ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (1.0, 2.0)),
+)
+# Contrasts for a member of the caller's own.
+EDGES = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
+# Times at which the risk is looked at, in squared sample distances: each twice the one two places before it.
+TIMES = tuple(2.0**power * part for power in range(-3, 7) for part in (1.0, 1.5))
+# Samples that the search looks at, on so many tiles by side: all candidates on few of them, the best on more; and how many
+# samples at a cut are not counted.
+FEW, FEW_SIDE = 60_000, 4
+ENOUGH, SIDE, CUT = 270_000, 6, 4
+# The same on meshes, whose rate costs thirty times as much, up to so many vertices and squared sample distances.
+MESH_FAMILY: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
+    ({}, (2.0,)),
+    ({"gamma": -1.0, "sharpness": 1.5}, (2.0, 5.0)),
+    ({"gamma": -1.0, "sharpness": 2.0}, (1.5,)),
+)
+MESH_ENOUGH, LOOKED_AT = 20_000, 16.0
+# The same along rays, where lengths are what they are: contrast 1.
+RAY_FAMILY: tuple[dict[str, float], ...] = ({}, {"gamma": -1.0}, {"gamma": 1.0})
+# Members that are looked at on more samples, each with its best contrast.
+BEST = 3
+# How often the contrast is refined while that lowers the risk.
+FINE = 3
+
+
+# A lattice of tiles, the samples that are not counted, the limit (k, h, w) and the speeds (n, 1).
+_Tiles = tuple[Lattice, Array, Array | None, Array | None]
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a search looks at.
+
+    :ivar candidates: members with their contrasts.
+    :ivar times: squared length, growing.
+    :ivar free: whether contrasts between those of the candidates may be tried.
+    :ivar sigma: the noise, unit of the values; along rays one for each sample (h, w).
+    :ivar end: the time that is given, at which members are compared; None: the time is searched for, too.
+    :ivar twices: weights of twicing to look at.
+    :ivar speed: of each sample (n, 1); None: all go freely.
+    """
+
+    candidates: tuple[Candidate, ...]
+    times: tuple[float, ...]
+    free: bool
+    sigma: float | Array
+    end: float | None = None
+    twices: tuple[float, ...] = (0.0,)
+    speed: Array | None = None
+
+    def trials(self, candidate: Candidate, curves: dict[float, tuple[float, ...]], unit: float = 1.0) -> list[Trial]:
+        """The trials of a candidate from its mean square errors, in the unit of the values times ``unit``."""
+        made = []
+        for twice, squares in curves.items():
+            times, back = (0.0, *self.times[: len(squares) - 1]), tuple(square / unit**2 for square in squares)
+            if self.end is not None:
+                at = self.times.index(self.end) + 1
+                times, back = times[at : at + 1], back[at : at + 1]
+            if times:
+                made.append(Trial(replace(candidate, twice=twice), times, back))
+        return made
+
+
+def searched_on_grid(
+    lattice: Lattice, search: Search, limit: float | Array | None = None, threads: int | None = None, free: bool = False
+) -> tuple[tuple[Trial, ...], Lattice]:
+    """The trials of a search on a grid, the best first, and the lattice with the boundary that it was won with.
+
+    :param lattice: of which the contrast is left aside.
+    :param limit: what no sample leaves, a number or an array as the caller's data; unit of the values.
+    :param free: whether the other boundary, ``natural``, may be tried, too.
+    """
+    most = None if limit is None else _in_planes(limit, lattice)
+    if lattice.fibres is not None:  # what a camera saw is not large, and lines are not cut into tiles
+        alone = tried_on_grid((lattice, np.zeros(lattice.shape, bool), most, search.speed), search, threads)
+        return searched(search.candidates, alone), lattice
+    few = _tiles_of(lattice, most, search.speed, FEW, FEW_SIDE)
+    trials = searched(search.candidates, tried_on_grid(few, search, threads))
+    whole = few if lattice.missing.size <= FEW else _tiles_of(lattice, most, search.speed, ENOUGH, SIDE)
+    fine = tried_on_grid(whole, search, threads)
+    trials = _refined(searched(first_of(trials, BEST), fine), fine, search.free)
+    if trials and free and whole[0].missing.size == lattice.missing.size:
+        other = (replace(whole[0], boundary="natural"), *whole[1:])
+        again = searched((replace(trials[0].candidate, boundary="natural"),), tried_on_grid(other, search, threads))
+        if again[0].least[1] < trials[0].least[1]:
+            return (again[0], *trials), replace(lattice, boundary="natural")
+    return trials, lattice
+
+
+def searched_on_mesh(noun: Mesh, lift: Lift, search: Search) -> tuple[Trial, ...]:
+    """The trials of a search on the channels of a mesh, the best first."""
+    tried = tried_on_mesh(noun, lift, search)
+    trials = searched(search.candidates, tried)
+    return _refined(trials, tried, search.free)
+
+
+def _refined(trials: tuple[Trial, ...], tried: Callable[[Candidate], list[Trial]], free: bool) -> tuple[Trial, ...]:
+    """With more and with less contrast than the best, as long as that lowers the risk."""
+    steps = refined(trials[0].candidate) if trials else ()
+    for _ in range(FINE if free and trials else 0):
+        best = trials[0]
+        trials = ranked(trials + searched(steps, tried))
+        if trials[0] is best or trials[0].candidate.member != best.candidate.member:
+            return trials
+        grows = trials[0].candidate.contrast > best.candidate.contrast
+        steps = refined(trials[0].candidate)[:1] if grows else refined(trials[0].candidate)[1:]
+    return trials
+
+
+def tried_on_grid(tiled: _Tiles, search: Search, threads: int | None = None) -> Callable[[Candidate], list[Trial]]:
+    """Trials on a grid of tiles: the lattice, the samples that are not counted, the limit and the speeds."""
+    tiles, edge, near, speed = tiled
+    step, h = PROBE * search.sigma, tiles.planes.dtype.type
+    probe = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=tiles.planes.shape).astype(tiles.planes.dtype)
+    twins = replace(tiles, planes=tiles.planes + np.asarray(step, h) * probe)
+    counted = ~(tiles.missing | tiles.fixed | edge).ravel()
+    if not counted.any():
+        counted = ~tiles.missing.ravel()
+    columns = probe.reshape(len(probe), -1).T
+    sigma = search.sigma if not isinstance(search.sigma, np.ndarray) else search.sigma.reshape(-1, 1)
+
+    def tried(candidate: Candidate) -> list[Trial]:
+        pair = (
+            GridFlow(replace(tiles, contrast=candidate.contrast), candidate.member, threads),
+            GridFlow(replace(twins, contrast=candidate.contrast), candidate.member, threads),
+        )
+        limits = None
+        if near is not None:
+            most = near.reshape(len(near), -1).T.astype(tiles.planes.dtype)
+            limits = Limit(pair[0].start(), most), Limit(pair[1].start(), most)
+        patient = search.end is not None
+        runs = slowed(pair[0], speed), slowed(pair[1], speed)
+        curves = risk_curves(runs, columns, sigma, search.times, counted, search.twices, limits, patient)
+        return search.trials(candidate, curves)
+
+    return tried
+
+
+def tried_on_mesh(noun: Mesh, lift: Lift, search: Search) -> Callable[[Candidate], list[Trial]]:
+    """Trials on the channels of a mesh."""
+    assert noun.channels is not None
+    probe = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=noun.channels.shape)
+    twin = replace(noun, channels=noun.channels + PROBE * search.sigma * probe)
+    assert noun.fixed is not None
+    counted = ~noun.fixed
+
+    def tried(candidate: Candidate) -> list[Trial]:
+        one, two = (
+            MeshFlow(part.lifted(replace(lift, contrast=candidate.contrast)), candidate.member) for part in (noun, twin)
+        )
+        sigma = search.sigma * candidate.contrast
+        pair = slowed(one, search.speed), slowed(two, search.speed)
+        curves = risk_curves(pair, probe, sigma, search.times, counted, search.twices, patient=search.end is not None)
+        return search.trials(candidate, curves, candidate.contrast)
+
+    return tried
+
+
+def _in_planes(limit: float | Array, lattice: Lattice) -> Array:
+    """A limit of the caller's as planes (k, h, w)."""
+    k = len(lattice.planes)
+    shape = lattice.shape if k == 1 else (*lattice.shape, k)
+    columns = Limit.of(np.zeros((lattice.missing.size, 1)), limit, shape).most
+    most = np.broadcast_to(columns, (lattice.missing.size, k))
+    return most.T.reshape(lattice.planes.shape)
+
+
+def candidates(
+    family: Sequence[tuple[dict[str, float], tuple[float, ...]]], unit: float, like: Member, contrast: float | None
+) -> tuple[Candidate, ...]:
+    """Members of a family with their contrasts.
+
+    :param unit: h / sigma, what contrasts are counted in.
+    :param like: indicator, mass and floor.
+    :param contrast: given; None: those of the family.
+    """
+    made = [
+        Candidate(replace(like, **exponents), contrast or edge * unit) for exponents, edges in family for edge in edges
+    ]
+    return tuple(dict.fromkeys(made))
+
+
+def _tiles_of(lattice: Lattice, limit: Array | None, speed: Array | None, enough: int, side: int) -> _Tiles:
+    """A lattice of tiles (:func:`_tiled`) with the speeds (n, 1) of its samples."""
+    tiles, edge, near = _tiled(lattice, limit, enough, side)
+    if speed is None:
+        return tiles, edge, near, None
+    cut = _tiled(lattice, speed.reshape(1, *lattice.shape), enough, side)[2]
+    assert cut is not None
+    return tiles, edge, near, cut[0].reshape(-1, 1)
+
+
+def _tiled(lattice: Lattice, limit: Array | None, enough: int, side: int) -> tuple[Lattice, Array, Array | None]:
+    """A lattice of tiles one below the other, a row of nothing between them; which samples lie at their cuts; the limit.
+
+    :param limit: (k, h, w).
+    """
+    h, w = lattice.shape
+    if h * w <= enough:
+        return lattice, np.zeros((h, w), bool), limit
+    tiles = spread_tiles((h, w), enough, side)
+    wide = max(tile[1].stop - tile[1].start for tile in tiles)
+    high = sum(tile[0].stop - tile[0].start for tile in tiles) + len(tiles) - 1
+    planes = np.zeros((len(lattice.planes), high, wide), lattice.planes.dtype)
+    near = None if limit is None else np.zeros(planes.shape)
+    missing, fixed, cut = np.ones((high, wide), bool), np.zeros((high, wide), bool), np.ones((high, wide), bool)
+    paces = np.broadcast_to(np.asarray(lattice.spacing[0], np.float64), (h,))
+    widths, top = np.full(high, paces[0]), 0
+    cuts = None if lattice.cuts is None else Cuts(np.zeros((high, wide - 1), bool), np.zeros((high - 1, wide), bool))
+    for rows, columns in tiles:
+        to = slice(top, top + rows.stop - rows.start), slice(0, columns.stop - columns.start)
+        planes[:, *to], missing[to], fixed[to] = (
+            lattice.planes[:, rows, columns], lattice.missing[rows, columns], lattice.fixed[rows, columns],
+        )  # fmt: skip
+        if near is not None and limit is not None:
+            near[:, *to] = limit[:, rows, columns]
+        if cuts is not None and lattice.cuts is not None:
+            tall, broad = to[0].stop - top - 1, to[1].stop - 1
+            cuts.right[top : to[0].stop, :broad] = lattice.cuts.right[rows, columns.start : columns.start + broad]
+            cuts.down[top : top + tall, : broad + 1] = lattice.cuts.down[rows.start : rows.start + tall, columns]
+        widths[to[0]] = paces[rows]
+        cut[to[0], to[1]][CUT:-CUT, CUT:-CUT] = False
+        top = to[0].stop + 1
+    spacing = (widths if np.ndim(lattice.spacing[0]) else float(widths[0]), lattice.spacing[1])
+    return replace(lattice, planes=planes, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts), cut, near

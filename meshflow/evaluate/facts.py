@@ -1,0 +1,78 @@
+"""What a thing is: size, spacing, missing samples, area, and how good its triangles are."""
+
+from typing import Any
+
+import numpy as np
+
+from meshflow.geometry import operator
+from meshflow.geometry.connectivity import boundary_edges
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+
+__all__ = ["describe"]
+
+
+def describe(noun: Noun) -> dict[str, Any]:
+    """Facts about a noun, words to numbers or words, in reading order; lengths in the unit of the data.
+
+    The area of an image is that of (x, y, channels) at contrast 1; angles are of the triangles between valid samples.
+    """
+    surface = noun.lifted(Lift(diagonals="forward"))
+    faces = surface.sheets[0]
+    facts = _of_mesh(noun, faces) if isinstance(noun, Mesh) else _of_grid(noun)
+    if surface.charts is not None:
+        forms, points = operator.forms(surface.charts[0]), surface.start
+    else:
+        forms, points = np.zeros((0, 4)), surface.points
+    cot, area = operator.cotangents(points, faces, forms)
+    return facts | {"triangles": len(faces), "area": float(area.sum())} | _quality(cot, area)
+
+
+def _of_grid(noun: HeightField | Image | RangeImage) -> dict[str, Any]:
+    values = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(noun)]
+    array = getattr(noun, values)
+    assert noun.missing is not None
+    valid = array[~noun.missing]
+    facts: dict[str, Any] = {
+        "kind": {HeightField: "height field", Image: "image", RangeImage: "range image"}[type(noun)],
+        "rows x columns": f"{array.shape[0]} x {array.shape[1]}",
+        "type": str(array.dtype),
+    }
+    if isinstance(noun, RangeImage):
+        facts["camera"] = noun.camera.summary
+    else:
+        dx, dy = noun.spacing
+        wide = f"{dx:.6g}" if np.ndim(dx) == 0 else f"{np.min(dx):.6g} to {np.max(dx):.6g} (per row)"
+        facts["spacing"] = f"{wide} x {dy:.6g}"
+    if isinstance(noun, Image):
+        facts["channels"] = 1 if array.ndim == 2 else array.shape[2]
+    facts["least"], facts["greatest"] = float(valid.min()), float(valid.max())
+    gone = int(noun.missing.sum())
+    return facts | {"missing": f"{gone} of {noun.missing.size} samples ({gone / noun.missing.size:.1%})"}
+
+
+def _of_mesh(noun: Mesh, faces: Array) -> dict[str, Any]:
+    edges = np.sort(faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
+    _, uses = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
+    low, high = noun.points.min(axis=0), noun.points.max(axis=0)
+    return {
+        "kind": "mesh",
+        "points": len(noun.points),
+        "type": str(noun.points.dtype),
+        "extent": " x ".join(f"{size:.6g}" for size in high - low),
+        "mean edge": noun.step,
+        "channels": 0 if noun.channels is None else noun.channels.shape[1],
+        "isolated points": int(len(noun.points) - len(np.unique(faces))),
+        "boundary edges": len(boundary_edges(faces)),
+        "non-manifold edges": int((uses > 2).sum()),
+    }
+
+
+def _quality(cot: Array, area: Array) -> dict[str, Any]:
+    """Degenerate triangles, and the smallest angles of the others."""
+    sound = area > 0
+    smallest = np.degrees(np.arctan2(1.0, cot[sound].max(axis=1))) if sound.any() else np.zeros(0)
+    facts: dict[str, Any] = {"triangles without area": int((~sound).sum())}
+    if smallest.size:
+        facts["smallest angle"] = f"{smallest.min():.3g} degrees (median of the triangles {np.median(smallest):.3g})"
+    return facts

@@ -1,0 +1,322 @@
+"""The comparison of four flows on one range image, each stopped when its surface is as smooth as that of the others."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshflow.errors import InputError
+from meshflow.evaluate.outcome import Bends, Outcome, Start, Truth, rim_edges
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import SemiImplicit
+from meshflow.geometry.normals import normals_at
+from meshflow.geometry.validation import Array, positive
+from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.surface import Axes, Boundary, Rays, Surface
+from meshflow.surfaces.visibility import Sight
+
+__all__ = ["FLOWS", "FlowComparison", "Panel", "compare_flows"]
+
+FLOWS = {
+    "space": "3D mean curvature flow",
+    "normals": "3D flow along normals",
+    "z": "graph flow of z",
+    "rays": "ray flow",
+}
+HEADS = {"before": "before", "space": "3D", "normals": "3D, normals", "z": "z graph", "rays": "rays"}
+# A flow that is not as smooth as the ray flow after this many times its time, is measured there.
+PATIENCE = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One surface as its camera sees it, for a picture.
+
+    :ivar label: what it is.
+    :ivar note: its numbers.
+    :ivar pixels: (n, 2), column and row in which each vertex is seen.
+    :ivar depth: (n,), of each vertex.
+    :ivar points: (n, 3).
+    :ivar faces: (m, 3).
+    :ivar rim: (k, 2), edges on one side of which there is no triangle.
+    """
+
+    label: str
+    note: str
+    pixels: Array
+    depth: Array
+    points: Array
+    faces: Array
+    rim: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FlowComparison:
+    """What four flows made of one range image, at the same roughness.
+
+    :ivar before: as it came.
+    :ivar after: the four flows by the names of :data:`FLOWS`.
+    :ivar roughness: at which each was stopped, degrees.
+    :ivar start: the surface as it came.
+    :ivar truth: the true surface; None where it is not known.
+    """
+
+    before: Outcome
+    after: dict[str, Outcome]
+    roughness: float
+    start: Start = field(repr=False)
+    truth: Truth | None = field(repr=False)
+
+    def as_dict(self) -> dict[str, Any]:
+        """All numbers, for JSON."""
+        return {
+            "matched": "mean angle between neighbouring triangles away from the rim, degrees",
+            "roughness": self.roughness,
+            "before": self.before.as_dict(),
+            "flows": {name: outcome.as_dict() for name, outcome in self.after.items()},
+        }
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """The table as words, head first; a column of which no row has a number is left out."""
+        columns: list[tuple[str, Callable[[Outcome], Any], str]] = [
+            ("time [px²]", lambda o: o.time, ".2f"),
+            ("roughness [°]", lambda o: o.roughness, ".2f"),
+            ("|depth error| median", lambda o: o.depth_median, ".3g"),
+            ("|depth error| rms", lambda o: o.depth_rms, ".3g"),
+            ("|depth error| 95 %", lambda o: o.depth_tail, ".3g"),
+            ("distance to surface, median", lambda o: o.distance_median, ".3g"),
+            ("distance to surface, rms", lambda o: o.distance_rms, ".3g"),
+            ("normals off by [°]", lambda o: o.normal_error, ".2f"),
+            ("silhouette drift, rms [px]", lambda o: o.drift_rms, ".2g"),
+            ("silhouette drift, max [px]", lambda o: o.drift_max, ".2g"),
+            ("area after / before", lambda o: o.area, ".3f"),
+            ("pixels lost", lambda o: o.lost, "d"),
+            ("pixels gained", lambda o: o.gained, "d"),
+        ]
+        outcomes = (self.before, *self.after.values())
+        shown = [column for column in columns if any(column[1](o) is not None for o in outcomes)]
+        table = [("", *(head for head, _, _ in shown))]
+        for outcome in outcomes:
+            label = HEADS[outcome.name] + ("" if outcome.matched else " (rougher)")
+            cells = ("" if (v := ask(outcome)) is None else format(v, form) for _, ask, form in shown)
+            table.append((label, *cells))
+        return table
+
+    def __str__(self) -> str:
+        """The table turned, so that it fits: a line for each number, a column for each flow."""
+        lines = list(zip(*self.rows(), strict=True))
+        first = max(len(line[0]) for line in lines)
+        wide = [max(len(line[k]) for line in lines) for k in range(1, len(lines[0]))]
+        return "\n".join(
+            line[0].ljust(first) + "".join(f"  {cell:>{w}}" for cell, w in zip(line[1:], wide, strict=True))
+            for line in lines
+        )
+
+    def panels(self) -> tuple[Panel, ...]:
+        """Before, the truth where it is known, and the four flows."""
+        start, truth = self.start, self.truth
+        kinds = [("before", _noted(self.before), self.before.points, start.faces)]
+        if truth is not None:
+            kinds.append(("truth", "", np.nan_to_num(start.sight.at(truth.depth).reshape(-1, 3)), truth.faces))
+        kinds += [(FLOWS[name], _noted(o), o.points, start.faces) for name, o in self.after.items()]
+        return tuple(
+            Panel(label, note, *start.sight.pixels(points), points, faces, rim_edges(faces))
+            for label, note, points, faces in kinds
+        )
+
+
+def compare_flows(
+    depth: ArrayLike,
+    camera: Any,
+    truth: ArrayLike | None = None,
+    *,
+    time: float = 5.0,
+    dt: float = 0.25,
+    jump: float | None = 0.05,
+    boundary: Boundary = "linear",
+    member: Member | None = None,
+) -> FlowComparison:
+    """Run four flows on one range image until they are equally smooth, and measure what each has done to it.
+
+    ``space``: mean curvature flow of the triangulated mesh, all of R^3 free; ``normals``: the same, along vertex normals alone,
+    which are taken anew after each step; ``z``: each point along the axis of the camera, off its ray; ``rays``: each along its
+    ray. The same triangles, boundary rule and unit of time (the squared footprint of each pixel at the start) for all.
+
+    What is matched is the roughness, the mean angle between neighbouring triangles that do not touch the rim: the ray flow runs
+    for ``time``, and each of the others until it is as smooth. Steps are semi-implicit, the last one is cut where the roughness
+    is met. A flow that does not come to it within three times ``time`` is measured there and says so.
+
+    :param depth: (h, w); 0 and NaN are missing.
+    :param camera: what :class:`RangeImage` takes.
+    :param truth: (h, w), the true depths; 0 and NaN where there are none.
+    :param time: of the ray flow, squared pixel footprints.
+    :param dt: of one step.
+    :param jump: as that of :class:`RangeImage`, of the image and of the truth.
+    :param boundary: ``natural | linear | fixed``.
+    :param member: of the family; the Beltrami flow by default. It makes no difference where all of R^3 is free.
+    :raises InputError: for a truth of another shape, an image without two neighbouring triangles, or no pixel that is left to
+        compare.
+    """
+    positive(time, "time", "squared pixel footprints")
+    dt = min(positive(dt, "dt", "squared pixel footprints"), time)
+    surface, start = _opened(depth, camera, jump, boundary)
+    known = None if truth is None else _truth(truth, camera, jump, start)
+    bends = Bends(start.faces)
+    if len(bends.pairs) == 0:
+        raise InputError("compare flows: no two triangles meet away from the rim; a larger image, or a larger jump")
+    run = _Run(start.faces, bends, member or Member(), dt)
+    rays = run.until(surface, "rays", time)
+    ends = {"rays": rays} | {
+        name: run.until(surface, name, PATIENCE * time, rays.roughness) for name in FLOWS if name != "rays"
+    }
+    before = _End(start.points, 0.0, bends.roughness(start.points), True)
+    seen = {name: start.sight.rendered(end.points, start.faces) for name, end in ends.items()}
+    first = start.sight.rendered(start.points, start.faces)
+    kept = np.logical_and.reduce([np.isfinite(z) for z in (first, *seen.values())])
+    if known is not None:
+        kept &= np.isfinite(known.depth)
+    if not kept.any():
+        raise InputError("compare flows: no pixel has a truth, and a surface before and after each flow")
+    after = {name: _measured(name, ends[name], seen[name], start, known, kept) for name in FLOWS}
+    return FlowComparison(_measured("before", before, first, start, known, kept), after, rays.roughness, start, known)
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where a run came to."""
+
+    points: Array
+    time: float
+    roughness: float
+    matched: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """What the runs share."""
+
+    faces: Array
+    bends: Bends
+    member: Member
+    dt: float
+
+    def until(self, surface: Surface, name: str, time: float, roughness: float | None = None) -> _End:
+        """One flow up to a time, or up to where it is as smooth as asked for."""
+        move, points, now, turn = self._mover(surface, name), surface.points, 0.0, 0
+        reached = self.bends.roughness(points)
+        while now < time * (1.0 - 1e-12) and (roughness is None or reached > roughness):
+            dt = min(self.dt, time - now)
+            new = move(points, dt, turn)
+            found = self.bends.roughness(new)
+            if roughness is not None and found <= roughness:
+                share = self._share(points, new, roughness)
+                points = points + share * (new - points)
+                return _End(points, now + share * dt, self.bends.roughness(points), True)
+            points, reached, now, turn = new, found, now + dt, turn + 1
+        return _End(points, now, reached, roughness is None or reached <= roughness)
+
+    def _share(self, old: Array, new: Array, roughness: float) -> float:
+        """How much of a step leads to a roughness."""
+        from scipy.optimize import brentq
+
+        def over(share: float) -> float:
+            return self.bends.roughness(old + share * (new - old)) - roughness
+
+        return float(brentq(over, 0.0, 1.0, xtol=1e-3)) if over(0.0) > 0 > over(1.0) else 1.0  # pyright: ignore[reportArgumentType]
+
+    def _mover(self, surface: Surface, name: str) -> Callable[[Array, float, int], Array]:
+        """A step of a flow: (points, dt, turn) to points."""
+        stepper = SemiImplicit()
+        if name == "normals":
+
+            def along(points: Array, dt: float, turn: int) -> Array:
+                normals = normals_at(points, self.faces)
+                here = replace(surface, points=points, free=Rays(points, normals, np.zeros(len(points))))
+                flow = MeshFlow(here, self.member)
+                return here.points_at(stepper.step(flow, flow.start(), dt, turn))
+
+            return along
+        free = {"space": Axes((0, 1, 2)), "z": Axes((2,)), "rays": surface.free}[name]
+        moving = replace(surface, free=free)
+        flow = MeshFlow(moving, self.member)
+
+        def step(points: Array, dt: float, turn: int) -> Array:
+            assert surface.free is not None
+            if isinstance(free, Rays):
+                along = np.einsum("ij,ij->i", points - free.origins, free.directions)
+                u = (along / np.einsum("ij,ij->i", free.directions, free.directions))[:, None]
+            else:
+                assert isinstance(free, Axes)
+                u = points[:, free.columns]
+            return moving.points_at(stepper.step(flow, u, dt, turn))
+
+        return step
+
+
+def _opened(depth: ArrayLike, camera: Any, jump: float | None, boundary: Boundary) -> tuple[Surface, Start]:
+    """The surface that moves, and what is measured of it."""
+    image = RangeImage(np.asarray(depth), camera, jump=jump)
+    lattice = image.gridded(Lift(boundary=boundary))
+    assert lattice.fibres is not None
+    surface = lattice.surface()
+    faces = replace(lattice, diagonals="forward").surface().sheets[0]
+    return surface, Start(Sight.along(lattice.fibres, lattice.shape), surface.points, faces)
+
+
+def _truth(truth: ArrayLike, camera: Any, jump: float | None, start: Start) -> Truth:
+    """The true surface.
+
+    :raises InputError: for another shape than that of the image.
+    """
+    if np.shape(truth) != start.sight.shape:
+        raise InputError(f"truth: the shape of the image, {start.sight.shape}, expected, got {np.shape(truth)}")
+    image = RangeImage(np.asarray(truth), camera, jump=jump)
+    return Truth(
+        start.sight,
+        np.where(np.asarray(image.missing), np.nan, image.depth.astype(np.float64)),
+        image.lifted(Lift(diagonals="forward")).sheets[0],
+    )
+
+
+def _measured(name: str, end: _End, depth: Array, start: Start, truth: Truth | None, kept: Array) -> Outcome:
+    """All numbers of one surface."""
+    errors, distances, normals = None, None, None
+    if truth is not None:
+        errors = np.abs(depth - truth.depth)[kept]
+        distances = truth.distances(end.points[(start.used & np.isfinite(truth.depth)).ravel()])
+        normals = truth.normal_error(depth, kept)
+    drift, seen = start.drift(end.points), np.isfinite(depth)
+    return Outcome(
+        name=name,
+        time=end.time,
+        roughness=end.roughness,
+        matched=end.matched,
+        depth_median=None if errors is None else float(np.median(errors)),
+        depth_rms=None if errors is None else float(np.sqrt(np.mean(errors**2))),
+        depth_tail=None if errors is None else float(np.percentile(errors, 95.0)),
+        distance_median=None if distances is None else float(np.median(distances)),
+        distance_rms=None if distances is None else float(np.sqrt(np.mean(distances**2))),
+        normal_error=normals,
+        drift_rms=float(np.sqrt(np.mean(drift**2))) if drift.size else None,
+        drift_max=float(drift.max()) if drift.size else None,
+        area=start.area(end.points),
+        lost=int((start.used & ~seen).sum()),
+        gained=int((seen & ~start.used).sum()),
+        points=end.points,
+        depth=depth,
+    )
+
+
+def _noted(outcome: Outcome) -> str:
+    """The numbers below a panel."""
+    words = [f"normals {outcome.normal_error:.1f}° off"] if outcome.normal_error is not None else []
+    if outcome.depth_median is not None:
+        words.append(f"median error {outcome.depth_median:.2g}")
+    if outcome.drift_rms is not None and outcome.time > 0:
+        words.append(f"drift {outcome.drift_rms:.2f} px")
+    if not outcome.matched:
+        words.append("rougher")
+    return ", ".join(words)

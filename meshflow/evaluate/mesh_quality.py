@@ -1,0 +1,87 @@
+"""How well a mesh was smoothed, against the surface that it is a sampling of."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.evaluate import metrics
+from meshflow.geometry.validation import Array
+
+__all__ = ["MeshQuality", "Shape", "flipped", "mesh_quality"]
+
+
+class Shape(Protocol):
+    """A mesh whose vertices lie on a surface that is known, as those of ``meshflow.synthetic.shapes`` do."""
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        ...
+
+    @property
+    def points(self) -> Array:
+        """(n, 3), on the surface."""
+        ...
+
+    @property
+    def faces(self) -> Array:
+        """(m, 3), normals outwards."""
+        ...
+
+    @property
+    def edge(self) -> float:
+        """Mean length of the edges, each counted once."""
+        ...
+
+    def distance(self, points: Array) -> Array:
+        """Distance (k,) of points (k, 3) from the true surface, not negative."""
+        ...
+
+
+@dataclass(frozen=True)
+class MeshQuality:
+    """What is left of the noise, and what was lost of the shape.
+
+    :ivar normal_error: mean angle between the normals of a triangle here and over the true points, degrees.
+    :ivar rms: root mean square distance of the vertices from the true surface, mean edges of the true mesh.
+    :ivar largest: the largest such distance, mean edges.
+    :ivar drift: volume over that of the true mesh, minus 1; NaN of a mesh with a border, which encloses none.
+    :ivar flipped: number of triangles whose normal is more than 90 degrees off.
+    """
+
+    normal_error: float
+    rms: float
+    largest: float
+    drift: float
+    flipped: int
+
+
+def mesh_quality(points: Array, shape: Shape) -> MeshQuality:
+    """Measure points (n, 3) on the triangles of a shape.
+
+    :raises InputError: when there are not as many as the shape has, or one is not finite.
+    """
+    if np.shape(points) != shape.points.shape:
+        raise InputError(f"{shape.name}: points of shape {shape.points.shape} expected, got {np.shape(points)}")
+    points = np.asarray(points, dtype=np.float64)
+    if not (finite := np.isfinite(points).all(axis=1)).all():
+        raise InputError(f"{shape.name}: finite points expected, got {(~finite).sum()} that are not")
+    away = shape.distance(points) / shape.edge
+    drift = np.nan
+    if metrics.is_closed(shape.faces):
+        drift = metrics.volume(points, shape.faces) / metrics.volume(shape.points, shape.faces) - 1.0
+    return MeshQuality(
+        normal_error=metrics.normal_angle(points, shape.points, shape.faces),
+        rms=float(np.sqrt(np.mean(np.square(away)))),
+        largest=float(away.max()),
+        drift=float(drift),
+        flipped=flipped(points, shape.points, shape.faces),
+    )
+
+
+def flipped(points: Array, truth: Array, faces: Array) -> int:
+    """Number of triangles (m, 3) whose normals over two sets of points (n, 3) are more than 90 degrees apart."""
+    one, other = (np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]) for p in (points, truth))
+    return int((np.einsum("ij,ij->i", one, other) < 0).sum())

@@ -1,0 +1,96 @@
+"""How good a denoised grid is, measured against the truth: arrays in, a few numbers out."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshflow.errors import InputError, need
+from meshflow.evaluate.metrics import compare, rms_difference
+from meshflow.geometry.validation import Array, positive
+from meshflow.surfaces.lift import HeightField
+
+__all__ = ["EDGE_REACH", "EDGE_SHARE", "Quality", "edges_of", "quality"]
+
+# Edges are where the gradient of the truth is in its top 5 %; near them is within 2 samples, diagonals included.
+EDGE_SHARE, EDGE_REACH = 0.05, 2
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Distances of what was found from the truth.
+
+    :ivar rms: root mean square difference, all channels together, in the unit of the values.
+    :ivar rms_near_edges: of the samples near edges of the truth alone, see :func:`edges_of`; NaN where it has none.
+    :ivar normal_error: mean angle, degrees, between the normals of the same triangles of both height fields; None for images.
+    :ivar ssim: mean structural similarity of images, 1 at best, window 7 x 7, channels averaged; None for height fields.
+    :ivar psnr: peak over rms, decibels; infinite where nothing differs.
+    """
+
+    rms: float
+    rms_near_edges: float
+    normal_error: float | None
+    ssim: float | None
+    psnr: float
+
+
+def quality(
+    found: ArrayLike,
+    truth: ArrayLike,
+    kind: Literal["terrain", "image"] = "terrain",
+    spacing: float | tuple[float, float] = 1.0,
+    peak: float | None = None,
+) -> Quality:
+    """Measure what was found against the truth, over the samples that are finite in both.
+
+    :param found: (h, w), or for images (h, w, k).
+    :param truth: the same shape.
+    :param kind: ``terrain`` measures normals, ``image`` structural similarity, for which nothing may be missing.
+    :param spacing: of the samples of a terrain, one number or (dx, dy), in the unit of the heights.
+    :param peak: the whole range of the values, for PSNR and SSIM; by default the range of the truth.
+    :raises InputError: for an unknown kind, different shapes, a peak that is not positive, or no sample finite in both.
+    :raises MissingPackage: for images, when scikit-image is not installed.
+    """
+    if kind not in ("terrain", "image"):
+        raise InputError(f"quality: kind terrain or image expected, got {kind!r}")
+    one, other = np.asarray(found, dtype=np.float64), np.asarray(truth, dtype=np.float64)
+    rms = rms_difference(one, other)
+    reach = positive(np.nanmax(other) - np.nanmin(other) if peak is None else peak, "quality: peak")
+    edges = edges_of(other)
+    normals = ssim = None
+    if kind == "terrain":
+        pace = (spacing, spacing) if isinstance(spacing, (int, float)) else spacing
+        normals = compare(HeightField(other, pace), HeightField(one, pace)).normal_angle
+    else:
+        similarity = need("skimage.metrics", "bench").structural_similarity
+        ssim = float(similarity(other, one, data_range=reach, channel_axis=2 if other.ndim == 3 else None))
+    return Quality(
+        rms=rms,
+        rms_near_edges=rms_difference(one[edges], other[edges]) if edges.any() else np.nan,
+        normal_error=normals,
+        ssim=ssim,
+        psnr=float(20.0 * np.log10(reach / rms)) if rms > 0 else np.inf,
+    )
+
+
+def edges_of(truth: ArrayLike, share: float = EDGE_SHARE, reach: int = EDGE_REACH) -> Array:
+    """The samples (h, w) near an edge: within ``reach`` of where the gradient of the truth is in its top ``share``.
+
+    The gradient is that of central differences, its size the root of the sum of squares over both axes and all channels. Where
+    less than that share is steep at all, edges are what is steep; a truth without a slope has none.
+
+    :param truth: (h, w) or (h, w, k); NaN is missing and makes no edge.
+    :param share: between 0 and 1.
+    :param reach: samples, along rows, columns and diagonals.
+    """
+    from scipy.ndimage import binary_dilation
+
+    values = np.asarray(truth, dtype=np.float64)
+    planes = values if values.ndim == 3 else values[..., None]
+    size = np.sqrt(sum(np.square(np.asarray(slope)).sum(axis=2) for slope in np.gradient(planes, axis=(0, 1))))
+    there = np.isfinite(size)
+    if not there.any():
+        return np.zeros(size.shape, bool)
+    steep = there & (size > 0) & (size >= np.quantile(size[there], 1.0 - share))
+    return binary_dilation(steep, np.ones((3, 3), bool), iterations=reach) if reach > 0 else steep

@@ -1,0 +1,124 @@
+"""How good a smoothed range image is, measured against the truth: depths in, a few numbers out."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array, positive
+from meshflow.surfaces.visibility import Sight
+
+__all__ = ["AWAY", "BROAD", "JUMP", "REACH", "RangeQuality", "jumps_of", "range_quality"]
+
+# The error is told from its broad part by a Gaussian mean over so many pixels: a depth camera's own calibration errs broadly, and
+# no filter of a few pixels can know.
+BROAD = 8.0
+# An error within it, unit of the depths, is noise; beyond it a pixel took the wrong side of a jump. 50 mm, in metres.
+REACH = 0.05
+# Neighbours of the truth further apart than this share of the nearer lie on two surfaces; normals are compared so many pixels
+# away from those, and from what is missing.
+JUMP, AWAY = 0.05, 3
+
+
+@dataclass(frozen=True)
+class RangeQuality:
+    """Distances of depths that were found from the true ones, over the pixels that both have.
+
+    :ivar normal_error: mean angle, degrees, between the normals of both, 3 pixels or more away from jumps of the truth and from
+        what is missing; NaN where nothing is.
+    :ivar fine: root mean square of the error less its Gaussian mean over 8 pixels, over the pixels whose error is within reach;
+        unit of the depths.
+    :ivar median: median of \\|error\\|.
+    :ivar rms: root mean square of the error over the pixels within reach.
+    :ivar inverse_rms: root mean square of 1 / found - 1 / truth over all pixels: times focal length and baseline it is that of a
+        disparity.
+    :ivar kept: share of the pixels of the truth that were found.
+    """
+
+    normal_error: float
+    fine: float
+    median: float
+    rms: float
+    inverse_rms: float
+    kept: float
+
+
+def range_quality(found: ArrayLike, truth: ArrayLike, camera: Any, reach: float | ArrayLike = REACH) -> RangeQuality:
+    """Measure depths along the axis of a camera against the truth.
+
+    :param found: (h, w); 0, negative and NaN are missing.
+    :param truth: (h, w), likewise.
+    :param camera: what :class:`meshflow.RangeImage` takes.
+    :param reach: how large an error is still noise, unit of the depths: a number or (h, w).
+    :raises InputError: for two shapes, a reach that is not positive, or no pixel that both have.
+    """
+    one, other = (np.asarray(z, dtype=np.float64) for z in (found, truth))
+    if one.ndim != 2 or one.shape != other.shape:
+        raise InputError(f"range quality: two images (h, w) of one shape expected, got {one.shape} and {other.shape}")
+    if np.ndim(reach) == 0:
+        positive(float(reach), "reach")  # pyright: ignore[reportArgumentType]
+    there = _there(one) & _there(other)
+    if not there.any():
+        raise InputError("range quality: a pixel that has a depth in both expected, got none")
+    error = np.where(there, one - other, 0.0)
+    noise = there & (np.abs(error) < np.asarray(reach))
+    inside = np.where(noise, error, 0.0)
+    inverse = 1.0 / one[there] - 1.0 / other[there]
+    angles = _angles(one, other, there, Sight.through(camera, (one.shape[0], one.shape[1])))
+    return RangeQuality(
+        normal_error=float(angles.mean()) if angles.size else np.nan,
+        fine=_rms((inside - _mean(inside, noise))[noise]),
+        median=float(np.median(np.abs(error[there]))),
+        rms=_rms(error[noise]),
+        inverse_rms=_rms(inverse),
+        kept=float(there.sum() / _there(other).sum()),
+    )
+
+
+def jumps_of(truth: ArrayLike, share: float = JUMP) -> Array:
+    """The pixels (h, w) on either side of a jump: where neighbours differ by more than a share of the nearer.
+
+    :param truth: (h, w); what is missing makes no jump.
+    """
+    z = np.asarray(truth, dtype=np.float64)
+    z, jumps = np.where(_there(z), z, np.nan), np.zeros(np.shape(truth), bool)
+    every, first, last = slice(None), slice(None, -1), slice(1, None)
+    for one, two in (((every, first), (every, last)), ((first, every), (last, every))):
+        leaps = np.abs(z[two] - z[one]) > share * np.fmin(z[one], z[two])
+        jumps[one] |= leaps
+        jumps[two] |= leaps
+    return jumps
+
+
+def _there(z: Array) -> Array:
+    return np.isfinite(z) & (z > 0)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else np.nan
+
+
+def _mean(values: Array, weight: Array) -> Array:
+    """Gaussian mean (h, w) over :data:`BROAD` pixels of values that are zero where the weight is."""
+    from scipy.ndimage import gaussian_filter
+
+    return np.asarray(gaussian_filter(values, BROAD)) / np.maximum(
+        gaussian_filter(weight.astype(np.float64), BROAD), 1e-9
+    )
+
+
+def _angles(one: Array, other: Array, there: Array, sight: Sight) -> Array:
+    """Degrees (n,) between the normals of two images at the pixels away from jumps of the other."""
+    from scipy.ndimage import binary_dilation
+
+    near: Array = np.asarray(binary_dilation(jumps_of(other) | ~there, iterations=AWAY), dtype=bool)
+    away = ~near[1:-1, 1:-1]
+    a, b = (_normals(sight.at(z))[away] for z in (one, other))
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b)))
+
+
+def _normals(points: Array) -> Array:
+    """Normals (h - 2, w - 2, 3) by central differences of points (h, w, 3), of any length."""
+    return np.cross(points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1])

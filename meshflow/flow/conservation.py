@@ -1,0 +1,122 @@
+"""What a closed mesh keeps while it is smoothed: its volume or its area; and motion along normals alone."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.flow.contract import Flow
+from meshflow.flow.steppers import Stepper
+from meshflow.geometry.connectivity import connect
+from meshflow.geometry.normals import normals_at
+from meshflow.geometry.operator import total_area
+from meshflow.geometry.validation import Array
+from meshflow.geometry.volume import is_closed, volume, volume_gradient
+
+__all__ = ["AlongNormals", "Keep", "Kept", "free_of"]
+
+Keep = Literal["volume", "scale", "area"]
+# Newton's steps for the volume: it is a cubic of the way, and the way is short.
+NEWTON = 20
+EXACT = 1e-14
+
+
+def free_of(faces: Array, fixed: Array, speed: Array | None, rim: bool) -> Array:
+    """How far each point goes (n,), from 0 (fixed) to 1.
+
+    :param fixed: (n,) mask.
+    :param speed: (n, 1) or None.
+    :param rim: the border is fixed.
+    """
+    free = (~fixed).astype(np.float64)
+    if rim:
+        free[connect((faces,), len(fixed)).rim] = 0.0
+    return free if speed is None else free * speed[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """After every step the points are moved so that the volume, or the area, is what it was.
+
+    :param how: ``volume``: all free points by one length along their normals, exact to rounding; ``scale``: the volume by scaling
+        about the centroid [DMSB99]; ``area``: the same for the area.
+    :param faces: (m, 3), closed and oriented for a volume.
+    :param start: points (n, 3).
+    :param free: (n,), how far each point goes, from 0 (fixed) to 1.
+    :raises InputError: for a volume of an open mesh, or scaling where points are fixed or slowed.
+    """
+
+    how: Keep
+    faces: Array
+    start: Array
+    free: Array
+
+    def __post_init__(self) -> None:
+        if self.how not in ("volume", "scale", "area"):
+            raise InputError(f"keep: volume, scale or area expected, got {self.how!r}")
+        if self.how != "volume" and (self.free < 1).any():
+            raise InputError(
+                f"keep={self.how!r}: all points are scaled, and {int((self.free < 1).sum())} are fixed or slowed; "
+                "leave it out, or take keep='volume' where the mesh is closed"
+            )
+        if self.how == "area":
+            return
+        if self.start.shape[1] != 3:
+            raise InputError(f"keep={self.how!r}: a volume is of points in R^3, got R^{self.start.shape[1]}")
+        if not is_closed(self.faces):
+            raise InputError(
+                f"keep={self.how!r}: the mesh is open, or its triangles are turned both ways, and nothing is inside; close its "
+                "holes, or leave keep out (method='facets' and 'fairing' hardly shrink)"
+            )
+        if abs(self._value(self.start)) <= 1e-12 * total_area(self.start, self.faces) ** 1.5:
+            raise InputError(
+                f"keep={self.how!r}: the mesh holds no volume, its triangles face each other; orient them alike"
+            )
+
+    def hold(self, u: Array) -> Array:
+        """u, moved in place."""
+        goal = self._value(self.start)
+        if self.how == "volume":
+            way = normals_at(u, self.faces) * self.free[:, None]
+            for _ in range(NEWTON):
+                off = self._value(u) - goal
+                if abs(off) <= EXACT * abs(goal):
+                    break
+                u -= off / float(np.einsum("ij,ij->", volume_gradient(u, self.faces), way)) * way
+            return u
+        home = u.mean(axis=0)
+        u -= home
+        u *= (goal / self._value(u)) ** (1 / 2 if self.how == "area" else 1 / 3)
+        u += home
+        return u
+
+    def _value(self, points: Array) -> float:
+        return total_area(points, self.faces) if self.how == "area" else volume(points, self.faces)
+
+
+@dataclass(frozen=True, eq=False)
+class AlongNormals:
+    """A stepper of which the motion across the surface is taken: points slide nowhere.
+
+    :param stepper: whose step is projected on the normals at its start.
+    :param faces: (m, 3).
+    """
+
+    stepper: Stepper
+    faces: Array
+    name = "along normals"
+
+    @property
+    def rates(self) -> int:
+        """Those of the stepper."""
+        return self.stepper.rates
+
+    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+        """The points (n, 3) after time dt."""
+        new, normals = self.stepper.step(flow, u, dt, turn), normals_at(u, self.faces)
+        return u + np.einsum("ij,ij->i", new - u, normals)[:, None] * normals
+
+    def largest(self, flow: Flow, u: Array) -> float:
+        """That of the stepper."""
+        return self.stepper.largest(flow, u)

@@ -1,0 +1,174 @@
+"""What holds a flow to the data it came from: a limit on every sample, and a fidelity that pulls it back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sparse
+
+from meshflow.errors import InputError
+from meshflow.flow.contract import Flow, System
+from meshflow.flow.wrapper import Around
+from meshflow.geometry.validation import Array
+
+__all__ = ["Both", "Faithful", "Hold", "Limit", "trust_of"]
+
+
+class Hold(Protocol):
+    """What every step is brought back to."""
+
+    def hold(self, u: Array) -> Array:
+        """u, moved in place."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Both:
+    """One after the other."""
+
+    first: Hold
+    then: Hold
+
+    def hold(self, u: Array) -> Array:
+        """u, moved in place; what the second asks for holds, the first as far as that lets it."""
+        return self.then.hold(self.first.hold(u))
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """No free coordinate leaves u0 +- limit: the projection on that box after every step, or on a ball around each vertex.
+
+    :param start: u0 (n, k).
+    :param most: a number, or one per coordinate (n, k) or vertex (n, 1); unit of u.
+    :param around: the limit is of the way of a vertex, whichever the axes, not of each of its coordinates.
+    """
+
+    start: Array
+    most: Array
+    around: bool = False
+
+    @classmethod
+    def of(cls, start: Array, limit: Any, shape: tuple[int, ...], unit: float = 1.0, around: bool = False) -> "Limit":
+        """The limit of a caller.
+
+        :param limit: a number, zero or more, or an array that broadcasts to ``shape``; infinite where there is none.
+        :param shape: of the caller's data: (h, w), (h, w, k), (n,) or (n, k).
+        :param unit: units of u for one of the caller's.
+        :param around: of the way of each vertex, where it is one number for all its coordinates.
+        :raises InputError: for another shape, a negative or missing limit.
+        """
+        values = _weights(limit, shape, "limit", finite=False) * unit
+        if values.ndim == 0:
+            return cls(start, values.astype(start.dtype), around)
+        whole = around and values.shape[-1] == 1
+        to = (*shape[:-1], 1) if whole else shape
+        return cls(start, np.broadcast_to(values, to).reshape(start.shape[0], -1).astype(start.dtype), whole)
+
+    def hold(self, u: Array) -> Array:
+        """u, moved into the box or the ball, in place; where nothing lies outside its bits stay."""
+        if self.around:
+            way = u - self.start
+            length = np.linalg.norm(way, axis=1, keepdims=True)
+            most = np.broadcast_to(self.most, length.shape)
+            out = (length > most)[:, 0]
+            u[out] = self.start[out] + way[out] * (most[out] / length[out])
+            return u
+        np.minimum(u, self.start + self.most, out=u)
+        return np.maximum(u, self.start - self.most, out=u)
+
+
+def trust_of(confidence: Any, shape: tuple[int, ...], n: int, contrast: float) -> Array:
+    """The pull of a fidelity term (n, k or 1), per time, from the weights of a caller.
+
+    The flow then comes to rest at the least of area + sum of m w (u - u0)^2 / 2 over the samples (of gamma = -1 exactly, m the
+    base area of a sample): w is 1 over a squared value, such as 1 / sigma^2, and with alpha the contrast the pull is
+    w / alpha^2 (u0 - u).
+
+    :param confidence: w, a number or an array that broadcasts to ``shape``, zero or more.
+    :raises InputError: for NaN, negative or infinite weights, or another shape.
+    """
+    weights = _weights(confidence, shape, "confidence", finite=True) / contrast**2
+    if weights.ndim == 0:
+        return np.full((1, 1), float(weights))
+    return np.broadcast_to(weights, shape).reshape(n, -1)
+
+
+def _weights(given: Any, shape: tuple[int, ...], name: str, finite: bool) -> Array:
+    """Numbers of zero or more that broadcast to a shape; one per sample of an image of channels is one per channel."""
+    try:
+        values = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as cause:
+        raise InputError(f"{name}: a number or an array of numbers expected, got {type(given).__name__}") from cause
+    if np.isnan(values).any() or (values < 0).any() or (finite and np.isinf(values).any()):
+        bad = values[~(values >= 0) | (np.isinf(values) if finite else False)].flat[0]
+        kind = "finite numbers" if finite else "numbers"
+        raise InputError(f"{name}: {kind}, zero or more, expected, got {bad}")
+    if len(shape) > 1 and values.ndim > 0 and values.shape == shape[:-1]:
+        return values[..., None]
+    try:
+        np.broadcast_to(values, shape)
+    except ValueError as cause:
+        raise InputError(f"{name}: a number or an array of shape {shape} expected, got {values.shape}") from cause
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class _FaithfulSystem:
+    """A system with the fidelity in its stiffness."""
+
+    system: System
+    trust: Array
+
+    @property
+    def mass(self) -> Array:
+        return self.system.mass
+
+    def matrix(self, dt: float) -> Any:
+        return self.system.matrix(dt) + sparse.diags(
+            dt * self.mass * np.broadcast_to(self.trust[:, 0], self.mass.shape)
+        )
+
+
+class Faithful(Around):
+    """A flow with du/dt = rate(u) + trust (u0 - u): it comes to rest between smoothness and data.
+
+    :param flow: an engine.
+    :param trust: (n, k), (n, 1) or (1, 1), per time, zero or more; vertices that are fixed stay anyhow.
+    """
+
+    def __init__(self, flow: Flow, trust: Array) -> None:
+        super().__init__(flow)
+        self.trust = trust.astype(flow.start().dtype)
+        self.most = float(trust.max(initial=0.0))
+
+    def rate(self, u: Array, turn: int = 0) -> Array:
+        """du/dt (n, k)."""
+        return self._with(self.flow.rate(u, turn), u, 1.0)
+
+    def advance(
+        self,
+        u: Array,
+        dt: float,
+        turn: int = 0,
+        toward: Sequence[tuple[float, Array]] = (),
+        drift: tuple[float, Array] | None = None,
+        out: Array | None = None,
+    ) -> Array:
+        """u + dt rate(u) and what else is asked for, into ``out``."""
+        return self._with(self.flow.advance(u, dt, turn, toward, drift, out), u, dt)
+
+    def _with(self, to: Array, u: Array, dt: float) -> Array:
+        pull = self.flow.start() - u
+        pull *= self.trust
+        pull *= to.dtype.type(dt)
+        to += pull
+        return to
+
+    def bound(self, u: Array) -> float:
+        """That of the flow and the greatest trust."""
+        return self.flow.bound(u) + self.most
+
+    def system(self, u: Array, turn: int = 0) -> System:
+        """Mass and stiffness, the fidelity among it (of several channels with weights of their own, that of the first)."""
+        return _FaithfulSystem(self.flow.system(u, turn), self.trust)

@@ -1,0 +1,1 @@
+"""The methods, one in a file: each with its equation and its own options."""

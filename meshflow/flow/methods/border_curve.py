@@ -1,0 +1,116 @@
+"""The border of a mesh as a curve in space: it moves by its own curvature, whatever the surface does inside."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+
+from meshflow.flow.contract import Flow, System
+from meshflow.flow.methods.fairing import Weights, generator_of
+from meshflow.flow.wrapper import Around
+from meshflow.geometry.connectivity import boundary_edges
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.surface import Surface
+
+__all__ = ["Bordered"]
+
+# The least length of an edge of the border, of the mean: below it, two vertices are one.
+SHORT = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class _BorderedSystem:
+    """A system with that of the border beside it: what either holds of the other is lagged."""
+
+    system: System
+    at: Array
+    own: Array
+    stiffness: Any
+
+    @property
+    def mass(self) -> Array:
+        """M (n,) of what moves inside, half the lengths around of what moves along the border."""
+        mass = self.system.mass.copy()
+        mass[self.at] = self.own
+        return mass
+
+    def matrix(self, dt: float) -> Any:
+        """mass + dt stiffness."""
+        return self.system.matrix(dt) + sparse.diags(self.mass - self.system.mass) + dt * self.stiffness
+
+
+class Bordered(Around):
+    """Inside the flow as it is, and the vertices of the border by the curvature vector of the curve that they lie on.
+
+    The curve shortening flow, dx/dt = d2x/ds2 by lengths of the edges: what is straight rests however irregularly it is sampled,
+    a circle shrinks as sqrt(r^2 - 2 t), corners become round. A vertex where other than two edges of the border meet (a bow tie,
+    the end of an edge of three triangles) stays: there is no curve.
+
+    :param flow: an engine that holds the border.
+    :param surface: of that engine, all coordinates free.
+    """
+
+    def __init__(self, flow: Flow, surface: Surface) -> None:
+        super().__init__(flow)
+        faces, n = surface.sheets[0], len(surface.points)
+        border = boundary_edges(faces)
+        ends = np.stack([faces[border // 3, (border + turn) % 3] for turn in (1, 2)], axis=1)
+        assert surface.fixed is not None
+        moves = (np.bincount(ends.ravel(), minlength=n) == 2) & ~surface.fixed
+        self._edges, self._moves, self._at = ends, moves, np.flatnonzero(moves)
+
+    def rate(self, u: Array, turn: int = 0) -> Array:
+        """du/dt (n, k)."""
+        rate = self.flow.rate(u, turn)
+        rate[self._at] = self._drawn(u)
+        return rate
+
+    def advance(
+        self,
+        u: Array,
+        dt: float,
+        turn: int = 0,
+        toward: Sequence[tuple[float, Array]] = (),
+        drift: tuple[float, Array] | None = None,
+        out: Array | None = None,
+    ) -> Array:
+        """u + dt rate(u) and what else is asked for, into ``out``."""
+        drawn = self._drawn(u)
+        to = self.flow.advance(u, dt, turn, toward, drift, out)
+        to[self._at] += dt * drawn
+        return to
+
+    def bound(self, u: Array) -> float:
+        """That of the flow, and of the curve by Gershgorin's circles."""
+        stiffness, mass = self._curve(u)
+        diagonal = stiffness.diagonal()[self._at]
+        return max(self.flow.bound(u), 2.0 * float(np.max(diagonal / mass[self._at], initial=0.0)))
+
+    def system(self, u: Array, turn: int = 0) -> System:
+        """Mass and stiffness of both."""
+        stiffness, mass = self._curve(u)
+        keep = sparse.diags(self._moves.astype(np.float64))
+        return _BorderedSystem(self.flow.system(u, turn), self._at, mass[self._at], keep @ stiffness @ keep)
+
+    def generator(self, u: Array, weights: Weights) -> Any:
+        """A (n, n) of both; along the border always by lengths."""
+        stiffness, mass = self._curve(u)
+        scale = np.divide(1.0, mass, out=np.zeros_like(mass), where=self._moves)
+        return sparse.csr_matrix(generator_of(self.flow, u, weights) + sparse.diags(scale) @ stiffness)
+
+    def _curve(self, u: Array) -> tuple[Any, Array]:
+        """Stiffness (n, n) of the edges of the border, 1 / length, and the mass (n,), half the lengths around a vertex."""
+        n, (i, j) = len(u), self._edges.T
+        lengths = np.linalg.norm(u[i] - u[j], axis=1)
+        lengths = np.maximum(lengths, max(SHORT * float(lengths.mean()) if len(lengths) else 0.0, np.finfo(float).tiny))
+        weights = sparse.coo_matrix((1.0 / lengths, (i, j)), shape=(n, n))
+        weights = weights + weights.T
+        stiffness = sparse.csr_matrix(sparse.diags(np.asarray(weights.sum(axis=1)).ravel()) - weights)
+        return stiffness, 0.5 * (np.bincount(i, lengths, n) + np.bincount(j, lengths, n))
+
+    def _drawn(self, u: Array) -> Array:
+        """The curvature vectors of the border where it moves."""
+        stiffness, mass = self._curve(u)
+        return -(stiffness @ u)[self._at] / mass[self._at, None]

@@ -1,0 +1,49 @@
+"""Mean curvature flow that leaves edges and corners: along the directions in which the surface is bent little."""
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.sheets import Metric
+from meshflow.flow.methods.beltrami import Member
+from meshflow.geometry.curvature import directed
+from meshflow.geometry.normals import normals_at
+from meshflow.geometry.validation import Array, positive
+from meshflow.surfaces.surface import Surface
+
+__all__ = ["Principal"]
+
+
+class Principal(MeshFlow):
+    """dx/dt = n n . div(D grad x), D of the principal curvatures and directions (:func:`directed`): the future work of Desbrun et
+    al. 2000, after Meyer et al. 2002, section 6, and Clarenz, Diewald, Rumpf 2000.
+
+    Flat parts lose their noise, an edge and a cylinder lose it along themselves, a corner stays. Meyer et al. multiply the whole
+    speed of a vertex by a ratio of the curvatures of its ring, w = k_min / k_H. There the noise of a vertex decides its own
+    weight: with noise of 0.03 edges on a cylinder of curvature 2 the ring says k_2 = -3.7 to 1.5 where 0 is true, so that the
+    least curvature is that of either direction, or of neither (a corner), and what alternates along the axis is not drawn back:
+    the error of the normals grew from 3.9 to 4.6 degrees. The sign of w was right (what is bent to the other side along an edge
+    moves outwards): with w held above 0 it stayed at 3.6. So curvatures are measured over two rings here, and choose directions
+    instead of speeds: along these the positions diffuse as they are.
+
+    :param surface: in R^3, all coordinates free.
+    :param contrast: 1 / T, a length: what is curved more than its inverse is a feature.
+    :raises InputError: for another surface.
+    """
+
+    def __init__(self, surface: Surface, member: Member | None, contrast: float) -> None:
+        super().__init__(surface, member)
+        if not self._every or surface.points.shape[1] != 3:
+            raise InputError("principal: directions of curvature are measured where the points of a mesh in R^3 move")
+        self.threshold = 1.0 / positive(contrast, "contrast")
+
+    def rate(self, u: Array, turn: int = 0) -> Array:
+        """du/dt (n, 3), along the normals: what D, as it varies, pushes across the surface is no motion of the shape."""
+        rate, normals = super().rate(u, turn), normals_at(u, self._sheets[0].connectivity.faces)
+        return np.einsum("ij,ij->i", rate, normals)[:, None] * normals
+
+    def _marched(self, u: Array, keep: float, dt: float, out: Array | None) -> Array | None:
+        return None
+
+    def _drawn(self, metric: Metric, x: Array) -> Array:
+        return directed(x, metric.connectivity.faces, self.threshold)

@@ -1,0 +1,247 @@
+"""One step in time: explicit Euler, semi-implicit Euler, super-time-stepping."""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+
+from meshflow.errors import InputError, NotConverged
+from meshflow.flow.contract import Flow, MatrixFree, System
+from meshflow.flow.linear_solve import Method, solve
+from meshflow.flow.super_time import reach, schedule, stages
+from meshflow.geometry.validation import Array, positive
+
+__all__ = [
+    "FEW",
+    "MANY",
+    "Embedding",
+    "Explicit",
+    "SemiImplicit",
+    "Stepper",
+    "StepperName",
+    "SuperTime",
+    "stepper_for",
+    "stepper_word",
+]
+
+StepperName = Literal["auto", "explicit", "semi-implicit", "super-time"]
+STEPPERS = ("auto", "explicit", "semi-implicit", "super-time")
+
+# An explicit run of more steps than this costs more than ten linear solves.
+MANY = 400
+# Explicit steps up to which nothing is won: super-time steps short enough to be as accurate take as many rates.
+FEW = 48
+# How much more than at its start the bound may be at the end of a step: it is itself above the fastest decay by as much.
+SLACK = 1.25
+
+
+class Stepper(Protocol):
+    """u after a step of dt."""
+
+    name: str
+
+    @property
+    def rates(self) -> int:
+        """How many rates the largest step takes."""
+        ...
+
+    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+        """The free coordinates (n, k) after time dt, new or from ``flow.spare()``."""
+        ...
+
+    def largest(self, flow: Flow, u: Array) -> float:
+        """The largest step that is stable at u; infinite where every step is."""
+        ...
+
+
+@runtime_checkable
+class Embedding(Stepper, Protocol):
+    """A stepper that knows its error."""
+
+    def tried(self, flow: Flow, u: Array, dt: float, turn: int, explicit: float) -> tuple[Array, float]:
+        """A step, and the root mean square of what it leaves out.
+
+        :param explicit: the longest explicit step at u.
+        """
+        ...
+
+    def endured(self, dt: float, explicit: float, then: float) -> bool:
+        """Whether a step of dt was stable to its end.
+
+        :param explicit: the longest explicit step where it began; ``then`` where it ended.
+        """
+        ...
+
+    @property
+    def stretch(self) -> float:
+        """How many explicit steps its largest one is."""
+        ...
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """u + dt rate(u): first order, stable for dt <= 2 / bound (h^2 / 6 on a grid of spacing h, whatever its data)."""
+
+    name = "explicit"
+    rates = 1
+
+    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+        """The free coordinates (n, k) after time dt."""
+        return flow.advance(u, dt, turn, out=flow.spare())
+
+    def largest(self, flow: Flow, u: Array) -> float:
+        """2 / bound of the triangles as they are at u."""
+        bound = flow.bound(u)
+        return 2.0 / bound if bound > 0 else np.inf
+
+
+@dataclass(frozen=True)
+class SuperTime:
+    """Super-time-stepping, Runge-Kutta-Legendre (Meyer, Balsara, Aslam 2014): s rates reach s^2 / 2 explicit steps.
+
+    As many stages as the step needs, each the metric of its own; three arrays beside u, and for second order four.
+
+    :param order: 1, or 2, whose stages reach half as far.
+    :param stages: the most that a step may have.
+    """
+
+    order: Literal[1, 2] = 1
+    stages: int = 50
+    name = "super-time"
+
+    def __post_init__(self) -> None:
+        if self.order not in (1, 2):
+            raise InputError(f"order: 1 or 2 expected, got {self.order!r}")
+        if int(self.stages) != self.stages or self.stages < 3:
+            raise InputError(f"stages: a whole number, 3 or more, expected, got {self.stages}")
+
+    @property
+    def rates(self) -> int:
+        """The most stages."""
+        return self.stages
+
+    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+        """The free coordinates (n, k) after time dt."""
+        last, *spent = self._stages(flow, u, dt, turn, self._count(dt, Explicit().largest(flow, u)))
+        for array in spent:
+            flow.done(array)
+        return last
+
+    def tried(self, flow: Flow, u: Array, dt: float, turn: int, explicit: float) -> tuple[Array, float]:
+        """A step, and the root mean square of what it leaves out, to its own order."""
+        count = self._count(dt, explicit)
+        last, before, *drift = self._stages(flow, u, dt, turn, count)
+        of_last, of_before, of_start, of_rate = schedule(self.order, count).error
+        terms = [(of_last, last), (of_before, before), (of_start, u), *((of_rate * dt, rate) for rate in drift)]
+        error = flow.size(*terms, roughly=True)[0]
+        for array in (before, *drift):
+            flow.done(array)
+        return last, error
+
+    def endured(self, dt: float, explicit: float, then: float) -> bool:
+        """Not where triangles have become so thin on the way that its stages were not stable."""
+        return SLACK * then * reach(self.order, self._count(dt, explicit)) >= dt
+
+    @property
+    def stretch(self) -> float:
+        """What the most stages reach."""
+        return reach(self.order, self.stages)
+
+    def largest(self, flow: Flow, u: Array) -> float:
+        """What the most stages reach, of explicit steps as they are stable at u."""
+        return Explicit().largest(flow, u) * self.stretch
+
+    def _count(self, dt: float, explicit: float) -> int:
+        """Stages of a step, enough to compare the last with the one before."""
+        return max(self.order + 1, stages(self.order, dt / explicit))
+
+    def _stages(self, flow: Flow, u: Array, dt: float, turn: int, count: int) -> tuple[Array, ...]:
+        """The last stage, the one before it, and for second order the rate at u."""
+        plan = schedule(self.order, count)
+        drift = (flow.rate(u, turn),) if self.order == 2 else ()
+        if drift:
+            last = flow.advance(u, 0.0, turn, (), (plan.first * dt, drift[0]), flow.spare())
+        else:
+            last = flow.advance(u, plan.first * dt, turn, out=flow.spare())
+        before = u
+        for j, (back, home, rate, begin) in enumerate(zip(plan.back, plan.home, plan.rate, plan.begin, strict=True), 1):
+            out = flow.spare() if before is u else before
+            toward = ((back, before), (home, u)) if drift else ((back, before),)
+            more = (begin * dt, drift[0]) if drift else None
+            before, last = last, flow.advance(last, rate * dt, turn + j, toward, more, out)
+        return (last, before, *drift)
+
+
+@dataclass(frozen=True)
+class SemiImplicit:
+    """(M / s + dt L) (u+ - u) = dt (M / s) rate(u): metric of now, positions of the end [DMSB99]; stable for every dt.
+
+    Solved for the change, so that what rests, rests to the last bit; corrections of the boundary are lagged in the rate.
+
+    :param solver: ``auto | direct | cg | multigrid``; on grids ``auto`` and ``cg`` need no matrix.
+    :param tolerance: relative residual of the change.
+    """
+
+    solver: Method = "auto"
+    tolerance: float = 1e-9
+    name = "semi-implicit"
+    rates = 1
+
+    def __post_init__(self) -> None:
+        if self.solver not in ("auto", "direct", "cg", "multigrid"):
+            raise InputError(f"solver: auto, direct, cg or multigrid expected, got {self.solver!r}")
+        positive(self.tolerance, "tolerance")
+
+    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+        """The free coordinates (n, k) after time dt."""
+        rate = flow.rate(u, turn)
+        if not rate.any():
+            out = flow.spare()
+            out[:] = u
+            return out
+        change = self._solved(flow.system(u, turn), dt, rate)
+        return np.add(u, change, out=flow.spare(), casting="same_kind")
+
+    def largest(self, flow: Flow, u: Array) -> float:
+        """Infinite: every step lowers the Dirichlet energy of the present metric."""
+        return np.inf
+
+    def _solved(self, system: System, dt: float, rate: Array) -> Array:
+        right = np.multiply(rate, dt * system.mass[:, None], out=rate if rate.dtype == np.float64 else None)
+        if self.solver in ("auto", "cg") and isinstance(system, MatrixFree):
+            try:
+                return system.conjugate_gradients(dt, right, self.tolerance)
+            except NotConverged:
+                if self.solver == "cg":
+                    raise
+        matrix = system.matrix(dt)
+        del system  # its stiffness is a fifth of the memory of a step
+        return solve(matrix, right, None, self.solver, self.tolerance)
+
+
+def stepper_word(word: Stepper | StepperName) -> Stepper | StepperName:
+    """A stepper, or the name of one.
+
+    :raises InputError: for an unknown word, or what is neither.
+    """
+    known = word in STEPPERS if isinstance(word, str) else isinstance(word, (Explicit, SuperTime, SemiImplicit))
+    if not known and not hasattr(word, "step"):
+        raise InputError(f"stepper: {', '.join(STEPPERS)} expected, got {word!r}")
+    return word
+
+
+def stepper_for(word: Stepper | StepperName, flow: Flow, time: float | None) -> Stepper:
+    """The stepper of a name; ``auto`` takes the one that suits.
+
+    Explicit steps where they are few, super-time-stepping where it saves some, and the semi-implicit stepper where slivers of a
+    mesh would make even those too many.
+
+    :raises InputError: for an unknown word.
+    """
+    word = stepper_word(word)
+    if not isinstance(word, str):
+        return word
+    if word == "auto":
+        steps = 0.0 if time is None else time * flow.bound(flow.start()) / 2.0
+        word = "explicit" if steps <= FEW else "semi-implicit" if flow.slivers and steps > MANY else "super-time"
+    return {"explicit": Explicit(), "semi-implicit": SemiImplicit(), "super-time": SuperTime()}[word]

@@ -1,0 +1,76 @@
+"""The operator of a linear flow as a matrix: du/dt = -A u, by cotangents or by the umbrella."""
+
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sparse
+
+from meshflow.geometry.connectivity import Connectivity
+from meshflow.geometry.operator import fill_stiffness
+from meshflow.geometry.validation import Array
+
+__all__ = ["Border", "border_pull", "cotangent_generator", "neighbour_means", "umbrella_generator"]
+
+Border = Literal["curve", "free", "fixed"]
+
+
+def border_pull(connectivity: Connectivity, cot: Array) -> Any:
+    """C (n, n): C @ X is what the area gradient holds at the boundary for want of a triangle beyond; to be added to L @ X.
+
+    Half the outward conormal of each boundary edge times its length, at both its ends (DESIGN.md, section 2, ``linear``).
+    """
+    n, corner = connectivity.size, connectivity.border % 3
+    triangle = connectivity.border // 3
+    k, i, j = (connectivity.faces[triangle, (corner + turn) % 3] for turn in range(3))
+    at_i, at_j = (0.5 * cot[triangle, (corner + turn) % 3] for turn in (1, 2))
+    entries = np.concatenate([at_i + at_j, -at_i, -at_j])
+    columns = np.concatenate([k, j, i])
+    pulls = [sparse.coo_matrix((entries, (np.tile(end, 3), columns)), shape=(n, n)) for end in (i, j)]
+    return sparse.csr_matrix(pulls[0] + pulls[1])
+
+
+def cotangent_generator(connectivity: Connectivity, cot: Array, inertia: Array, moves: Array, linear: bool) -> Any:
+    """M^-1 L, at the border corrected where ``linear``; zero in the rows of what does not move.
+
+    :param inertia: M / s (n,).
+    :param moves: (n,).
+    """
+    matrix = fill_stiffness(connectivity, cot)
+    if linear and len(connectivity.border):
+        matrix = matrix + border_pull(connectivity, cot)
+    scale = np.divide(1.0, inertia, out=np.zeros_like(inertia), where=moves & (inertia > 0))
+    return sparse.csr_matrix(sparse.diags(scale) @ matrix)
+
+
+def umbrella_generator(connectivity: Connectivity, step: float, moves: Array, curve: bool) -> Any:
+    """4 / h^2 (x_i - mean of the neighbours), as M^-1 L on an equilateral mesh of edges h; zero where nothing moves.
+
+    :param step: h.
+    :param curve: the border moves as a curve, 2 / h^2 (x_i - mean of its two neighbours there), else with all its neighbours.
+    """
+    mean = neighbour_means(connectivity.faces.astype(np.int64), connectivity.size, "curve" if curve else "free")
+    factor = np.where(connectivity.rim & curve, 2.0, 4.0) / step**2
+    return sparse.csr_matrix(sparse.diags(np.where(moves, factor, 0.0)) @ (sparse.identity(connectivity.size) - mean))
+
+
+def neighbour_means(faces: Array, n: int, border: Border) -> Any:
+    """The matrix (n, n) that takes the mean of the neighbours, each counted once; who has none is its own.
+
+    :param faces: (m, 3).
+    :param border: whom a vertex at the border looks at: its neighbours along the border (``curve``), all (``free``), or nobody
+        (``fixed``).
+    """
+    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    edges, count = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0, return_counts=True)
+    single = count == 1
+    on_border = np.zeros(n, bool)
+    on_border[edges[single]] = True
+    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
+    if border != "free":
+        along = np.concatenate([single, single]) & (border == "curve")
+        keep = ~on_border[rows] | along
+        rows, columns = rows[keep], columns[keep]
+    alone = np.flatnonzero(np.bincount(rows, minlength=n) == 0)
+    rows, columns = np.concatenate([rows, alone]), np.concatenate([columns, alone])
+    share = 1.0 / np.bincount(rows, minlength=n)
+    return sparse.csr_matrix((share[rows], (rows, columns)), shape=(n, n))

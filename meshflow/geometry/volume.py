@@ -1,0 +1,43 @@
+"""What triangles enclose."""
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array
+
+__all__ = ["is_closed", "volume", "volume_gradient"]
+
+
+def volume(points: Array, faces: Array) -> float:
+    """Volume that a closed mesh encloses, in cubed unit of the points; negative where its normals point inwards.
+
+    :param points: (n, 3).
+    :param faces: (m, 3).
+    :raises InputError: when the points are not in R^3, or the mesh is not closed (see :func:`is_closed`).
+    """
+    if np.ndim(points) != 2 or np.shape(points)[1] != 3:
+        raise InputError(f"volume: points (n, 3) expected, got shape {np.shape(points)}")
+    if not is_closed(faces):
+        raise InputError("volume: a closed mesh expected, got one with a border or triangles turned both ways")
+    # From the middle of the mesh, not from a distant origin: six-digit coordinates of a map cost no digits of the volume.
+    a, b, c = np.moveaxis((points - np.mean(points, axis=0, dtype=np.float64))[faces], 1, 0)
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
+
+
+def is_closed(faces: Array) -> bool:
+    """Whether triangles (m, 3) close a surface: each edge is run through once in each direction."""
+    faces = np.asarray(faces)
+    if len(faces) == 0:
+        return False
+    tails, heads = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
+    size = int(faces.max()) + 1
+    there, back = np.sort(tails * size + heads), np.sort(heads * size + tails)
+    return bool((np.diff(there) > 0).all() and np.array_equal(there, back))
+
+
+def volume_gradient(points: Array, faces: Array) -> Array:
+    """Of the volume with respect to each point (n, 3), squared unit of the points: a third of the area vectors around it."""
+    a, b, c = np.moveaxis((points - points.mean(axis=0))[faces], 1, 0)
+    pulls = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1) / 6.0
+    flat = faces.ravel()
+    return np.stack([np.bincount(flat, part, len(points)) for part in pulls.reshape(-1, 3).T], axis=1)

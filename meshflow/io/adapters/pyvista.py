@@ -1,0 +1,156 @@
+"""pyvista objects in, new ones out: PolyData here, grids in :mod:`meshflow.io.adapters.pyvista_grids`."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyvista
+
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.adapters.pyvista_grids import adopt_image, adopt_terrain
+from meshflow.io.metadata import Found, belong, must_be_mesh
+from meshflow.io.objects import Adopted
+from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
+from meshflow.surfaces.lift import Mesh
+
+__all__ = ["adopt"]
+
+# What is refused, and the way out of it.
+_ELSEWHERE = {
+    "UnstructuredGrid": "take its surface: .extract_surface().triangulate()",
+    "RectilinearGrid": "make it a .cast_to_structured_grid()",
+    "MultiBlock": "meshflow.smooth takes its blocks one by one; here .combine().extract_surface().triangulate()",
+    "ExplicitStructuredGrid": "take its surface: .extract_surface().triangulate()",
+    "PointSet": "a cloud has no surface; reconstruct one: .cast_to_polydata().reconstruct_surface()",
+}
+
+
+def adopt(thing: Any, **hints: Any) -> Adopted:
+    """Take a PolyData, a flat ImageData or a terrain (StructuredGrid) in; what comes back is a new one, arrays and all.
+
+    Polygons and strips are triangulated. Arrays keep their types; normals are recomputed.
+
+    :param hints: of PolyData: ``channels`` ((n, k), the name of a point array, or ``"colors"``), ``moves``, ``fixed`` (n,);
+        of grids: ``kind`` (``terrain | image``), ``spacing``, ``channels`` (the name of an array), ``fixed`` (per sample, in
+        the order of the object).
+    :raises InputError: for other kinds of data sets, with the way out, and for hints that do not belong.
+    """
+    if isinstance(thing, pyvista.PolyData):
+        return _adopt_polydata(thing, **hints)
+    if isinstance(thing, (pyvista.ImageData, pyvista.StructuredGrid)):
+        return (adopt_image if isinstance(thing, pyvista.ImageData) else adopt_terrain)(thing, **hints)
+    name = type(thing).__name__
+    advice = _ELSEWHERE.get(name, "hand over a PolyData, a flat ImageData or a StructuredGrid")
+    raise InputError(
+        f"pyvista.{name}: a surface expected (PolyData, flat ImageData, StructuredGrid of one layer); {advice}"
+    )
+
+
+def _adopt_polydata(
+    thing: Any, *, channels: Any = None, moves: Any = None, fixed: Any = None, kind: Any = None, **other: Any
+) -> Adopted:
+    belong(other, "a PolyData", ("channels", "moves", "fixed"))
+    must_be_mesh(kind, "a PolyData")
+    poly, notes = _triangles(thing)
+    faces = poly.faces.reshape(-1, 4)[:, 1:]
+    name = _array_name(poly, channels) if isinstance(channels, str) else None
+    values: Any = np.array(poly.point_data[name]) if name is not None else channels
+    if isinstance(channels, str) and channels == "colors":
+        values = values[:, :3]
+    split = poly.active_texture_coordinates is not None or _normals_name(poly.point_data) is not None
+    skin = Skin.of(
+        poly.points, faces, split=split or is_soup(faces, poly.n_points), channels=values, moves=moves, fixed=fixed
+    )
+    samples = partial(skin.samples, find=partial(_point_array, poly))
+    return Adopted(skin.noun, partial(_restored, poly, faces, skin, name), (*skin.note, *notes), samples)
+
+
+def _triangles(thing: Any) -> tuple[Any, tuple[str, ...]]:
+    """A deep copy whose polygons are triangles, and what had to be done."""
+    if not thing.GetNumberOfPolys() and not thing.n_strips:
+        raise InputError(
+            f"PolyData: polygons expected, got {thing.n_points} points, {thing.n_lines} lines and none; a cloud has "
+            "no surface, reconstruct one first: .reconstruct_surface() or .delaunay_2d()"
+        )
+    others = [f"{count} {word}" for count, word in ((thing.n_verts, "vertex cells"), (thing.n_lines, "lines")) if count]
+    notes = (f"{' and '.join(others)} stay, and follow their points",) if others else ()
+    sizes = np.diff(pyvista.convert_array(thing.GetPolys().GetOffsetsArray()))
+    if not thing.n_strips and (sizes == 3).all():
+        return thing.copy(deep=True), notes
+    poly = _triangulated(thing)
+    what = f"{int((sizes != 3).sum())} polygons" + (f" and {thing.n_strips} strips" if thing.n_strips else "")
+    notes += (f"{what} triangulated: {len(sizes) + thing.n_strips} faces became {poly.GetNumberOfPolys()}",)
+    return poly, notes
+
+
+def _triangulated(thing: Any) -> Any:
+    """A deep copy with triangles for polygons and strips, each with the cell data of what it is a part of.
+
+    The polygons go through VTK alone: where there are lines and vertex cells beside them, its filter leaves the cell data of
+    these uninitialised.
+    """
+    polygons = pyvista.PolyData(np.array(thing.points))
+    polygons.verts = np.zeros(0, int)
+    polygons.faces, polygons.strips = np.array(thing.faces), np.array(thing.strips)
+    first = thing.n_verts + thing.n_lines  # VTK counts cells in this order: vertices, lines, polygons, strips
+    polygons.cell_data["came from"] = np.arange(first, thing.n_cells)
+    triangles = polygons.triangulate()
+    source = np.concatenate([np.arange(first), triangles.cell_data["came from"]])
+    poly = thing.copy(deep=True)
+    data = {name: np.array(values)[source] for name, values in poly.cell_data.items()}
+    actives = poly.cell_data.active_scalars_name, poly.cell_data.active_normals_name
+    poly.cell_data.clear()
+    poly.strips, poly.faces = np.zeros(0, int), np.array(triangles.faces)
+    poly.cell_data.update(data)
+    poly.cell_data.active_scalars_name, poly.cell_data.active_normals_name = actives
+    return poly
+
+
+def _array_name(poly: Any, name: str) -> str:
+    if name == "colors":
+        name = next((word for word in ("RGB", "RGBA") if word in poly.point_data), name)
+    if name in poly.point_data:
+        return name
+    if name in poly.cell_data:
+        raise InputError(
+            f"channels={name!r}: an array of the cells; channels stand at points, take .cell_data_to_point_data()"
+        )
+    raise InputError(f"channels={name!r}: no such point array; there are {', '.join(poly.point_data.keys()) or 'none'}")
+
+
+def _point_array(poly: Any, name: str) -> Found:
+    return (np.array(poly.point_data[name]) if name in poly.point_data else None), poly.point_data.keys()
+
+
+def _normals_name(data: Any) -> str | None:
+    return data.active_normals_name or ("Normals" if "Normals" in data else None)
+
+
+def _restored(poly: Any, faces: Array, skin: Skin, name: str | None, noun: Mesh) -> Any:
+    new = poly.copy(deep=True)
+    points = skin.points_of(noun)
+    if skin.has_moved(noun):
+        new.points = points
+        _renew_normals(new, faces, skin.points)
+    values = skin.channels_of(noun)
+    if name is not None and values is not None:
+        array = new.point_data[name]  # in place: the copy keeps which array is active
+        array.reshape(len(array), -1)[:, : values.shape[1]] = fitted(values, array.dtype)
+    return new
+
+
+def _renew_normals(poly: Any, faces: Array, before: Array) -> None:
+    """Normals of points and of cells anew, where the object has them."""
+    name = _normals_name(poly.point_data)
+    if name is not None:
+        normals = poly.point_data[name]
+        normals[:] = normals_after(np.asarray(poly.points), faces, before, np.array(normals))
+    name = _normals_name(poly.cell_data)
+    if name is not None:
+        a, b, c = (np.asarray(poly.points, np.float64)[faces[:, k]] for k in range(3))
+        cross = np.cross(b - a, c - a)
+        length = np.linalg.norm(cross, axis=1, keepdims=True)
+        first = poly.n_verts + poly.n_lines
+        rows = poly.cell_data[name][first:]
+        rows[:] = np.where(length > 0, cross / np.where(length > 0, length, 1), rows)

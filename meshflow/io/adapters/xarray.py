@@ -1,0 +1,214 @@
+"""xarray.DataArray in, xarray.DataArray out: dimensions, coordinates, attributes and CRS kept."""
+
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array, mask_of, real
+from meshflow.io.metadata import belong
+from meshflow.io.objects import Adopted
+from meshflow.io.spacing import Spacing, between_samples, height_unit, on_ellipsoid, units_disagree
+from meshflow.surfaces.lift import HeightField, Image
+
+__all__ = ["adopt"]
+
+_CHANNELS = ("band", "bands", "channel", "channels", "rgb")
+_NAMES = (("y", "x"), ("lat", "lon"), ("latitude", "longitude"))
+# How the file was packed. Left in place, rioxarray would write smoothed heights as integers again, and silently.
+_PACKING = (
+    "dtype",
+    "rasterio_dtype",
+    "scale_factor",
+    "add_offset",
+    "_FillValue",
+    "missing_value",
+    "source",
+    "preferred_chunks",
+    "chunksizes",
+)
+_NODATA = -9999.0
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Which dimension of an array is what: ``leading`` ones have one entry each."""
+
+    y: str
+    x: str
+    channel: str | None
+    leading: tuple[str, ...]
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        return (*self.leading, self.y, self.x, *((self.channel,) if self.channel else ()))
+
+
+def adopt(
+    array: Any, *, kind: Any = None, spacing: Any = None, missing: Any = None, fixed: Any = None, **other: object
+) -> Adopted:
+    """Take in a DataArray: a height field over its last two dimensions, or an image of its bands.
+
+    Rows and columns are what rioxarray calls x and y, else dimensions named y and x, lat and lon, latitude and longitude, else
+    the last two. A dimension named band, channel or rgb holds the channels of an image; any other must have one entry. The
+    spacing is that of the coordinates, in metres by row where they are degrees. NaN and the declared nodata are missing.
+
+    What is restored is a new DataArray of float32 or float64, with a nodata value in its encoding, so that ``to_raster``
+    and ``to_netcdf`` neither quantise it nor forget what is missing.
+
+    :param hints: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``, ``fixed``.
+    :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or a strange hint.
+    """
+    if not hasattr(array, "dims") or not hasattr(array, "encoding") or hasattr(array, "data_vars"):
+        names = ", ".join(map(str, getattr(array, "data_vars", ())))
+        raise InputError(
+            f"an xarray.DataArray expected, got {type(array).__name__}; choose one of its variables: {names or '(none)'}"
+        )
+    belong(other, "a DataArray", ("kind", "spacing", "missing", "fixed"))
+    layout = _layout(array)
+    _check_kind(kind, array, layout)
+    ordered = array.transpose(*layout.order)
+    values = real(ordered.to_numpy(), str(array.name or "DataArray")).reshape(ordered.shape[len(layout.leading) :])
+    gone = _gone(array, values)
+    notes = _unscaled(array)
+    if spacing is None:
+        spacing, more = _spacing(array, layout)
+        notes += more
+    missing = gone | mask_of(None if missing is None else np.asarray(missing), gone.shape, "missing")
+    fixed = None if fixed is None else np.asarray(fixed)
+    if layout.channel or kind == "image":
+        noun: HeightField | Image = Image(values, spacing, missing, fixed)
+    else:
+        unit = height_unit(_crs(array), array.attrs.get("units"))
+        notes += units_disagree(_crs(array), unit)
+        noun = HeightField(values, spacing, missing, fixed, unit)
+    return Adopted(noun, lambda smoothed: _restored(array, ordered, smoothed, bool(gone.any())), notes)
+
+
+def _check_kind(kind: Any, array: Any, layout: _Layout) -> None:
+    if kind not in (None, "terrain", "image"):
+        raise InputError(
+            f"kind: terrain or image expected for a DataArray, got {kind!r}; give depths as an array with a camera"
+        )
+    if kind == "terrain" and layout.channel:
+        raise InputError(
+            f"{layout.channel}: one entry expected for a terrain, got {array.sizes[layout.channel]}; "
+            f"choose one: array.isel({layout.channel}=0)"
+        )
+
+
+def _unscaled(array: Any) -> tuple[str, ...]:
+    scale, offset = array.attrs.get("scale_factor", 1), array.attrs.get("add_offset", 0)
+    if (scale, offset) == (1, 0):
+        return ()
+    return (
+        f"scale_factor {scale:g} and add_offset {offset:g} stand in the attributes and were not applied; "
+        "open with mask_and_scale=True to smooth true values",
+    )
+
+
+def _layout(array: Any) -> _Layout:
+    if array.ndim < 2:
+        raise InputError(f"a DataArray of at least two dimensions expected, got {array.dims} of shape {array.shape}")
+    y, x = _plane(array)
+    several = [name for name in array.dims if name not in (y, x) and array.sizes[name] > 1]
+    channel = next((name for name in several if str(name).lower() in _CHANNELS), None)
+    for name in several:
+        if name != channel:
+            raise InputError(
+                f"{name}: one entry expected beside {y} and {x}, got {array.sizes[name]}; smooth one after the other, "
+                f"array.groupby({name!r}).map(meshflow.smooth), or rename it to band if these are channels of an image"
+            )
+    return _Layout(y, x, channel, tuple(name for name in array.dims if name not in (y, x, channel)))
+
+
+def _plane(array: Any) -> tuple[str, str]:
+    rioxarray = _rioxarray()
+    if rioxarray is not None:
+        try:
+            return array.rio.y_dim, array.rio.x_dim
+        except rioxarray.exceptions.MissingSpatialDimensionError:
+            pass  # none of its names: perhaps one of ours
+    return next((pair for pair in _NAMES if set(pair) <= set(array.dims)), array.dims[-2:])
+
+
+def _rioxarray() -> ModuleType | None:
+    """Registers ``.rio``, which knows more conventions than this file; what is here works without."""
+    try:
+        import rioxarray
+        import rioxarray.exceptions
+    except ImportError:
+        return None
+    return rioxarray
+
+
+def _crs(array: Any) -> Any:
+    from rasterio.crs import CRS
+
+    if _rioxarray() is not None:
+        return array.rio.crs
+    words = (coordinate.attrs.get("crs_wkt") for coordinate in array.coords.values())
+    return next((CRS.from_wkt(wkt) for wkt in words if wkt), None)
+
+
+def _spacing(array: Any, layout: _Layout) -> tuple[Spacing, tuple[str, ...]]:
+    crs, shape = _crs(array), (array.sizes[layout.y], array.sizes[layout.x])
+    if layout.y not in array.coords or layout.x not in array.coords:
+        turned = array.rio.transform() if _rioxarray() is not None else None
+        if turned is not None and not turned.is_identity:
+            return between_samples(crs, turned, shape)
+        return (1.0, 1.0), (f"no coordinates along {layout.y} and {layout.x}: the spacing is 1; give spacing=(dx, dy)",)
+    rows, columns = array.coords[layout.y], array.coords[layout.x]
+    dy, dx = _regular(rows), _regular(columns)
+    if crs is not None and not crs.is_geographic:
+        return (dx, dy), ()
+    in_degrees = (layout.y, layout.x) in _NAMES[1:] or str(rows.attrs.get("units", "")).startswith("degree")
+    if crs is None and not in_degrees:
+        return (dx, dy), ()
+    return on_ellipsoid(crs if crs is not None else _wgs84(), rows.to_numpy().astype(np.float64), dx, dy)
+
+
+def _wgs84() -> Any:
+    from rasterio.crs import CRS
+
+    return CRS.from_epsg(4326)
+
+
+def _regular(coordinate: Any) -> float:
+    """The distance of neighbours along a coordinate, ascending or descending, of which every step is the same within 1e-3."""
+    along = np.asarray(coordinate)
+    name = coordinate.name
+    if along.dtype.kind not in "fiu" or along.size < 2:
+        raise InputError(f"{name}: at least two numbers expected along it, got {along.size} of {along.dtype}")
+    rounding = 4 * float(np.finfo(along.dtype).eps) * float(np.abs(along).max()) if along.dtype.kind == "f" else 0.0
+    steps = np.diff(along.astype(np.float64))
+    step = float(steps.mean())
+    worst = float(np.abs(steps - step).max())
+    if not step or not worst <= 1e-3 * abs(step) + rounding:
+        raise InputError(
+            f"{name}: regular coordinates expected, got steps of {steps.min():g} to {steps.max():g}; "
+            f"resample first: array.interp({name}=numpy.linspace(...)), or give spacing=(dx, dy)"
+        )
+    return abs(step)
+
+
+def _gone(array: Any, values: Array) -> Array:
+    """(h, w): not finite, or the nodata value that an array opened without masking says in its attributes."""
+    declared = array.attrs.get("_FillValue", array.attrs.get("nodata"))
+    gone: Array = np.logical_not(np.isfinite(values))
+    if declared is not None:
+        gone |= values == values.dtype.type(declared)
+    return gone if gone.ndim == 2 else np.any(gone, axis=2)
+
+
+def _restored(array: Any, ordered: Any, noun: HeightField | Image, anything_missing: bool) -> Any:
+    values = noun.z if isinstance(noun, HeightField) else noun.values
+    smoothed = ordered.copy(data=np.array(values).reshape(ordered.shape)).transpose(*array.dims)
+    smoothed.encoding = {key: value for key, value in array.encoding.items() if key not in _PACKING}
+    declared = array.encoding.get("_FillValue", _NODATA if anything_missing else None)
+    if declared is not None and "_FillValue" not in array.attrs:
+        fits = np.isnan(declared) or abs(float(declared)) <= np.finfo(values.dtype).max
+        smoothed.encoding["_FillValue"] = values.dtype.type(declared if fits else _NODATA)
+    return smoothed

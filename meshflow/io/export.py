@@ -1,0 +1,205 @@
+"""A range image as points, normals, a mesh: of trimesh, open3d or pyvista, with the colours of a picture of the same size."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+import numpy as np
+
+from meshflow.errors import InputError, need
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import Lift, Mesh, RangeImage
+
+if TYPE_CHECKING:
+    import pyvista as pv
+    import trimesh
+
+__all__ = ["to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Shell:
+    """What was seen.
+
+    :param points: (h * w, 3), NaN where missing.
+    :param faces: (m, 3), turned towards the camera.
+    :param there: (h * w,), samples that are there.
+    :param sights: (h * w, 3), unit vectors away from the camera.
+    """
+
+    points: Array
+    faces: Array
+    there: Array
+    sights: Array
+
+    @property
+    def normals(self) -> Array:
+        """(h * w, 3), the mean of the triangles around by area; where there is none, towards the camera."""
+        towards = -self.sights
+        if len(self.faces) == 0:
+            return towards
+        mesh = Mesh(np.where(self.there[:, None], self.points, 0.0), self.faces).normals
+        assert mesh is not None
+        return np.where((mesh != 0).any(axis=1)[:, None], mesh, towards)
+
+
+@overload
+def to_points(image: RangeImage, colours: None = None) -> Array: ...
+@overload
+def to_points(image: RangeImage, colours: Any) -> tuple[Array, Array]: ...
+
+
+def to_points(image: RangeImage, colours: Any = None) -> Array | tuple[Array, Array]:
+    """The points (n, 3) of the samples that are there, row by row, in the frame of the camera.
+
+    :param colours: as of :func:`to_mesh`.
+    :returns: the points, or with colours (points, colours), these (n, 3) in uint8.
+    :raises InputError: for colours of another size or type.
+    """
+    paint, shell = _painted(image, colours), _shell(image)
+    points = shell.points[shell.there]
+    return points if paint is None else (points, paint[shell.there])
+
+
+def to_normals(image: RangeImage) -> Array:
+    """Unit normals (n, 3) of :func:`to_points`, towards the camera; of triangles that no jump has left out."""
+    shell = _shell(image)
+    return shell.normals[shell.there]
+
+
+def to_mesh(image: RangeImage, colours: Any = None) -> "trimesh.Trimesh":
+    """The triangles between the samples, but those across jumps, turned towards the camera; points of no triangle are left out.
+
+    :param colours: (h, w, 3) or (h, w, 4), whole numbers of 8 or 16 bit or floating point from 0 to 1: the picture of the same
+        pixels.
+    :raises InputError: for colours of another size or type, or where there is no triangle.
+    """
+    import trimesh
+
+    points, faces, paint = _parts(image, colours)
+    return trimesh.Trimesh(points, faces, vertex_colors=paint, process=False)
+
+
+def to_open3d(
+    image: RangeImage, colours: Any = None, kind: Literal["mesh", "points"] = "mesh", *, tensor: bool = False
+) -> Any:
+    """The same for open3d: a TriangleMesh as :func:`to_mesh`, or a PointCloud as :func:`to_points`; with normals.
+
+    :param kind: ``mesh`` or ``points``.
+    :param tensor: of open3d's tensor classes (float32) instead of the legacy ones.
+    :raises InputError: as :func:`to_mesh`, or for another kind.
+    """
+    if kind not in ("mesh", "points"):
+        raise InputError(f"kind: mesh or points expected, got {kind!r}")
+    open3d = need("open3d", "scan")
+    shell = _shell(image)
+    if kind == "mesh":
+        points, faces, paint = _parts(image, colours)
+        normals = shell.normals[np.unique(shell.faces)]
+    else:
+        points, faces, paint = shell.points[shell.there], None, _painted(image, colours)
+        normals, paint = shell.normals[shell.there], None if paint is None else paint[shell.there]
+    if tensor:
+        return _tensor(open3d, points, faces, normals, paint)
+    vectors = open3d.utility.Vector3dVector
+    if faces is None:
+        made = open3d.geometry.PointCloud(vectors(points))
+        made.normals = vectors(normals)
+        if paint is not None:
+            made.colors = vectors(paint / 255.0)
+        return made
+    made = open3d.geometry.TriangleMesh(vectors(points), open3d.utility.Vector3iVector(faces.astype(np.int32)))
+    made.vertex_normals = vectors(normals)
+    if paint is not None:
+        made.vertex_colors = vectors(paint / 255.0)
+    return made
+
+
+def to_pyvista(image: RangeImage, colours: Any = None) -> "pv.StructuredGrid":
+    """A StructuredGrid of h x w points, with the array ``depth`` (and ``colours``); missing samples are hidden (ghosts).
+
+    (A structured grid cannot leave a triangle out: it bridges jumps, which :func:`to_mesh` does not.)
+
+    :raises InputError: for colours of another size or type.
+    """
+    import pyvista as pv
+
+    paint, missing = _painted(image, colours), image.missing
+    assert missing is not None
+    depth = np.where(missing, np.median(image.depth[~missing]), image.depth).astype(np.float64)
+    points = image.points_at(depth)
+    grid = pv.StructuredGrid(*(np.ascontiguousarray(points[..., axis]) for axis in range(3)))
+    order = np.arange(missing.size).reshape(missing.shape).ravel(order="F")  # VTK counts along the first axis first
+    grid.point_data["depth"] = np.where(missing, np.nan, image.depth).ravel()[order]
+    if paint is not None:
+        grid.point_data["colours"] = paint[order]
+    if missing.any():
+        grid.hide_points(missing.ravel()[order])
+    return grid
+
+
+def _tensor(open3d: Any, points: Array, faces: Array | None, normals: Array, paint: Array | None) -> Any:
+    def tensor(array: Array, kind: Any = np.float32) -> Any:
+        return open3d.core.Tensor(np.ascontiguousarray(array, dtype=kind))
+
+    if faces is None:
+        made = open3d.t.geometry.PointCloud(tensor(points))
+        attributes = made.point
+    else:
+        made = open3d.t.geometry.TriangleMesh(tensor(points), tensor(faces, np.int64))
+        attributes = made.vertex
+    attributes.normals = tensor(normals)
+    if paint is not None:
+        attributes.colors = tensor(paint / 255.0)
+    return made
+
+
+def _shell(image: RangeImage) -> _Shell:
+    if not isinstance(image, RangeImage):
+        raise InputError(
+            f"a RangeImage expected, got {type(image).__name__}; read one with meshflow.read(..., camera=...)"
+        )
+    assert image.missing is not None
+    assert image.measure is not None
+    points, there = image.cloud.reshape(-1, 3), ~image.missing.ravel()
+    step = (image.points_at(image.depth + np.float64(1.0)) - image.points_at(image.depth)).reshape(-1, 3)
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    sights = np.divide(step, length, out=np.zeros_like(step), where=length > 0)
+    faces = image.lifted(Lift(diagonals="forward")).sheets[0]
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    if (np.cross(b - a, c - a) * sights[faces[:, 0]]).sum() > 0:
+        faces = faces[:, ::-1]
+    return _Shell(points, faces, there, sights)
+
+
+def _parts(image: RangeImage, colours: Any) -> tuple[Array, Array, Array | None]:
+    """Points, faces and colours of the samples that triangles use."""
+    paint, shell = _painted(image, colours), _shell(image)
+    if len(shell.faces) == 0:
+        raise InputError(
+            f"no triangle between the {int(shell.there.sum())} depths that are there: too much is missing, or across a jump "
+            f"(jump={image.jump!r}); give a larger jump, or to_points"
+        )
+    used, corners = np.unique(shell.faces, return_inverse=True)
+    return shell.points[used], corners.reshape(-1, 3), None if paint is None else paint[used]
+
+
+def _painted(image: RangeImage, colours: Any) -> Array | None:
+    """Colours (h * w, 3) in uint8."""
+    if colours is None:
+        return None
+    picture, (h, w) = np.asarray(colours), image.depth.shape
+    if picture.ndim != 3 or picture.shape[2] not in (3, 4) or picture.shape[:2] != (h, w):
+        raise InputError(
+            f"colours: a picture of shape ({h}, {w}, 3), as the depths, expected, got {picture.shape}; register it to the "
+            "depths, or resample it (cv2.resize) if it shows the same field of view"
+        )
+    picture = picture[..., :3].reshape(-1, 3)
+    if picture.dtype == np.uint8:
+        return picture
+    if picture.dtype == np.uint16:
+        return (picture // 257).astype(np.uint8)
+    if picture.dtype.kind == "f" and np.nanmin(picture) >= 0 and np.nanmax(picture) <= 1:
+        return np.rint(np.nan_to_num(picture) * 255).astype(np.uint8)
+    raise InputError(
+        f"colours: uint8, uint16, or floating point from 0 to 1 expected, got {picture.dtype} up to {picture.max()}"
+    )

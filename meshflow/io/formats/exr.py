@@ -1,0 +1,143 @@
+"""Depth images as renderers write them: OpenEXR, floating point, the depth in the channel Z."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from meshflow.errors import FormatError, InputError, need
+from meshflow.geometry.validation import Array
+from meshflow.io.atomic_write import beside
+from meshflow.io.depth_units import in_metres
+from meshflow.io.files import Document, Kind
+from meshflow.io.formats.cameras import calibration_for
+from meshflow.surfaces.camera import Camera, Measure
+from meshflow.surfaces.lift import Pace, RangeImage
+
+__all__ = ["read", "write"]
+
+# What renderers write where a ray meets nothing (Blender 1e10), unit of the file.
+NOTHING = 1e9
+# Of the header: what the channels and the way that they are stored say by themselves.
+_OF_STORAGE = frozenset({"channels", "chunkCount", "tiles", "type", "version", "name"})
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """What an EXR held besides the depths.
+
+    :param header: its attributes.
+    :param others: all channels by name, that of the depths, ``name``, as it was read.
+    :param scale: units per metre.
+    """
+
+    header: Mapping[str, Any]
+    others: Mapping[str, Array]
+    name: str
+    scale: float
+
+
+def read(
+    path: Path,
+    *,
+    kind: Kind | None = None,
+    camera: Camera | str | Path | None = None,
+    depth_scale: float | None = None,
+    measure: Measure | None = None,
+    pace: Pace = "footprint",
+    jump: float | Literal["noise"] | None = "noise",
+) -> Document:
+    """Read the depths of an EXR, in metres: of its channel Z, of Y, of the one whose last part is Z, or of its only one.
+
+    0, NaN, infinity and 1e9 and more, a ray that meets nothing, are missing.
+
+    :param camera: as of :func:`meshflow.io.formats.depth_images.read`, and so the others.
+    :raises MissingPackage: without OpenEXR.
+    :raises FormatError: when the file cannot be read, or has no such channel.
+    :raises InputError: without a camera, or with one of an image of another size.
+    """
+    if kind not in (None, "depth"):
+        raise InputError(f"{path.name}: an EXR is read as a depth image, got kind={kind!r}; leave it out")
+    header, channels = _loaded(path)
+    name = _depth_of(path, channels)
+    raw = channels[name]
+    calibration = calibration_for(camera, (raw.shape[0], raw.shape[1]), path.name)
+    values = raw.astype(np.float32) if raw.dtype == np.float16 else raw
+    near = np.where(values < NOTHING, values, values.dtype.type(0))
+    found = in_metres(near, calibration, depth_scale, path.name)
+    notes = found.notes
+    if raw.dtype == np.float16:
+        step = float(np.spacing(np.float16(np.median(raw[~found.missing])))) / found.units
+        notes += (f"its depths are of half precision: steps of {1000 * step:.3g} mm in the middle of the scene",)
+    noun = RangeImage(found.depth, calibration.camera, found.missing, jump=jump, measure=measure, pace=pace, unit="m")
+    return Document(noun, "depth", path, Layers(header, channels, name, found.units), "exr", notes)
+
+
+def write(
+    document: Document, path: Path, *, tags: Mapping[str, str], depth_scale: float | None = None
+) -> tuple[str, ...]:
+    """Write depths in float32; of an EXR that was read with all its other channels and attributes.
+
+    Missing samples come out as they came in, or as 0 where they came from another format.
+
+    :param tags: kept as attributes.
+    :param depth_scale: units per metre of the file; by default as it was read, else 1.
+    :raises MissingPackage: without OpenEXR.
+    :raises FormatError: where 0 would be a sample, or the file cannot be written.
+    """
+    exr, noun = need("OpenEXR", "exr"), document.noun
+    assert isinstance(noun, RangeImage)
+    assert noun.missing is not None
+    if noun.camera.signed:
+        raise FormatError(
+            f"{path.name}: values that count from a point of each sample's own may be 0, which a depth image keeps for what is "
+            "missing; write .ply or .npy"
+        )
+    about = document.about if isinstance(document.about, Layers) else Layers({}, {}, "Z", 1.0)
+    scale = about.scale if depth_scale is None else depth_scale
+    raw = about.others.get(about.name)
+    gone = np.zeros(noun.depth.shape, np.float32) if raw is None else raw
+    if raw is not None:  # what was there and has been dropped is written as missing
+        gone = np.where(noun.missing & (noun.depth == 0) & (raw > 0) & (raw < NOTHING), 0, raw)
+    z = np.where(noun.missing, gone, noun.depth * np.float64(scale)).astype(np.float32)
+    header = {key: value for key, value in about.header.items() if key not in _OF_STORAGE}
+    header |= {"type": exr.scanlineimage, "compression": header.get("compression", exr.ZIP_COMPRESSION), **tags}
+    with beside(path) as temporary:
+        try:
+            with exr.File(header, {**about.others, about.name: z}) as made:
+                made.write(str(temporary))
+        except (RuntimeError, ValueError, TypeError) as cause:
+            raise FormatError(f"{path.name} cannot be written ({cause}); .tif holds the same depths") from cause
+    return ()
+
+
+def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Header and channels (h, w) of an EXR of one part."""
+    exr = need("OpenEXR", "exr")
+    try:
+        with exr.File(str(path), separate_channels=True) as file:
+            parts = len(file.parts)
+            header = dict(file.header())
+            channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+    except (RuntimeError, ValueError, TypeError) as cause:
+        raise FormatError(f"{path.name} cannot be read ({cause}); is it an EXR, and whole?") from cause
+    if parts > 1 or any(pixels.dtype.kind not in "fu" for pixels in channels.values()):
+        what = f"{parts} parts" if parts > 1 else "deep samples"
+        raise FormatError(
+            f"{path.name}: one part of flat samples expected, got {what}; split it (exrmultipart -separate)"
+        )
+    return header, channels
+
+
+def _depth_of(path: Path, channels: Mapping[str, Array]) -> str:
+    layered = [name for name in channels if name.rpartition(".")[2] == "Z"]
+    only = list(channels) if len(channels) == 1 else []
+    for name in ("Z", "Y", *(layered if len(layered) == 1 else ()), *only):
+        if name in channels:
+            return name
+    raise FormatError(
+        f"{path.name}: depths in a channel Z, Y, or the only one, expected, got {', '.join(channels) or 'none'}; take one out: "
+        f"oiiotool {path.name} --ch NAME --chnames Z -o depth.exr"
+    )

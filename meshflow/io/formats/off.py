@@ -1,0 +1,109 @@
+"""OFF: faces read by trimesh; only the lines of positions are rewritten, so polygons and colours stay."""
+
+import io
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.formats.obj import rewritten
+from meshflow.io.vertex_merging import Section, Skin, is_soup
+from meshflow.surfaces.lift import Mesh
+
+__all__ = ["Off", "read"]
+
+
+@dataclass(frozen=True, eq=False)
+class Off:
+    """An OFF file that was read.
+
+    :param lines: its text, Latin-1.
+    :param rows: the lines of the positions (n,).
+    """
+
+    lines: tuple[str, ...]
+    rows: Array
+    skin: Skin
+    notes: tuple[str, ...]
+    suffixes: tuple[str, ...] = (".off",)
+    sections: tuple[Section, ...] = ()
+
+    @property
+    def noun(self) -> Mesh:
+        """The mesh as it was read."""
+        return self.skin.noun
+
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex; an OFF file has no attributes to name one by."""
+        return self.skin.samples(given, word, lambda name: (None, ()))
+
+    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the same file around another noun; tags become comments at its end."""
+        path.write_bytes(self._encoded(noun, tags))
+        return ()
+
+    def scene(self, noun: Mesh) -> Any:
+        """The mesh as a scene of one part."""
+        return trimesh.load_scene(io.BytesIO(self._encoded(noun, {})), file_type="off", process=False)
+
+    def _encoded(self, noun: Mesh, tags: Mapping[str, str]) -> bytes:
+        lines = list(self.lines)
+        points = self.skin.points_of(noun)
+        for i in np.flatnonzero((points != self.skin.points).any(axis=1)):
+            lines[self.rows[i]] = rewritten(lines[self.rows[i]], 0, points[i])
+        comments = [f"# meshflow:{name} {' '.join(str(word).split())}\n" for name, word in tags.items()]
+        return ("\n".join(lines) + ("\n" if comments and lines[-1] else "") + "".join(comments)).encode(
+            "latin-1", "replace"
+        )
+
+
+def read(path: Path, channels: str | None, moves: str | None) -> Off:
+    """Read an OFF file.
+
+    :raises FormatError: when it is cut off or no OFF.
+    :raises InputError: for channels, which OFF has not, or whatever the noun refuses.
+    """
+    if channels is not None:
+        raise InputError(f"channels={channels!r}: an OFF file has no vertex attributes that are read")
+    content = path.read_bytes()
+    lines = content.decode("latin-1").split("\n")
+    told = [number for number, line in enumerate(lines) if line.split("#")[0].strip()]
+    header = lines[told[0]].split("#")[0].split() if told else []
+    if not header or not re.fullmatch("(ST)?C?N?OFF", header[0]):
+        raise FormatError(f"{path.name}: the word OFF expected in the first line, got {' '.join(header)[:40]!r}")
+    # the counts stand behind the word OFF, or on a line of their own
+    counts, first = (header[1:], 1) if len(header) > 1 else (lines[told[1]].split() if len(told) > 1 else [], 2)
+    if len(counts) < 2 or not all(count.isdecimal() for count in counts[:2]):
+        raise FormatError(
+            f"{path.name}: numbers of vertices and faces expected, got {' '.join(counts)[:40]!r}; "
+            "binary OFF is not read"
+        )
+    vertices, faces = int(counts[0]), int(counts[1])
+    if len(told) - first < vertices + faces:
+        raise FormatError(
+            f"{path.name}: cut off, {vertices} vertices and {faces} faces expected in {len(told) - first} lines"
+        )
+    for row in told[first + vertices : first + vertices + faces]:
+        words = lines[row].split("#")[0].split()
+        if len(words) <= int(words[0]):
+            raise FormatError(
+                f"{path.name}, line {row + 1}: a face of {words[0]} corners expected, got {lines[row].strip()!r}"
+            )
+    scene = trimesh.load_scene(io.BytesIO(content), file_type="off", process=False)
+    mesh: Any = next(iter(scene.geometry.values()), None)
+    if mesh is None or not faces:
+        raise FormatError(f"{path.name}: no faces in {vertices} vertices; a mesh with triangles expected")
+    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    skin = Skin.of(points, triangles, split=is_soup(triangles, len(points)), moves=moves)
+    notes = skin.note
+    if faces != len(triangles):
+        notes += (
+            f"{faces} polygons are smoothed as {len(triangles)} triangles; an OFF written again keeps the polygons",
+        )
+    return Off(tuple(lines), np.array(told[first : first + vertices]), skin, notes)

@@ -1,0 +1,125 @@
+"""Pictures: PNG, JPEG, BMP, WebP and TIFF of 8 and 16 bit, grey or colour, with or without alpha."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rasterio.enums import ColorInterp
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.files import Document, Kind
+from meshflow.io.formats.raster_bands import Frame, load, merged, save
+from meshflow.io.rounding import DTYPES, rounded
+from meshflow.surfaces.lift import HeightField, Image
+
+__all__ = ["read", "write"]
+
+# What each driver holds without a change: types of samples, numbers of colours, and whether there is room for alpha.
+_ROOM = {
+    ".png": ("PNG", ("uint8", "uint16"), (1, 3), True),
+    ".jpg": ("JPEG", ("uint8",), (1, 3), False),
+    ".jpeg": ("JPEG", ("uint8",), (1, 3), False),
+    ".bmp": ("BMP", ("uint8",), (1, 3), False),
+    ".webp": ("WEBP", ("uint8",), (3,), True),
+    ".tif": ("GTiff", DTYPES, None, True),
+    ".tiff": ("GTiff", DTYPES, None, True),
+}
+_CREATION = {
+    "JPEG": {"quality": 95},
+    "WEBP": {"lossless": True, "exact": True},
+    "GTiff": {"compress": "deflate", "bigtiff": "IF_SAFER"},
+}
+
+
+def read(path: Path, *, kind: Kind | None = None) -> Document:
+    """Read a picture, values as stored: 0 to 255, or 0 to 65535.
+
+    A palette is expanded. Alpha is carried along untouched; samples that are fully transparent are missing.
+
+    :param kind: ``image``, or ``terrain`` for a grey picture whose values are heights.
+    :raises FormatError: when the file cannot be read.
+    :raises InputError: for a terrain in colour.
+    """
+    if kind not in (None, "image", "terrain"):
+        raise InputError(f"{path.name}: a picture is an image or a terrain, got kind={kind!r}")
+    values, frame = load(path)
+    notes: tuple[str, ...] = ()
+    if frame.palette is not None:
+        values, frame = _expanded(values, frame, frame.palette)
+        notes = ("the palette was expanded to colours",)
+    missing: Array = np.any(frame.gone, axis=0)
+    if kind is None and len(values) == 1 and frame.dtype in ("uint16", "int16"):
+        notes += ("grey of 16 bit is taken as an image; if these are depths, name their camera (--camera, camera=)",)
+    if kind == "terrain":
+        if len(values) > 1:
+            raise InputError(f"{path.name}: a grey picture expected as a terrain, got {len(values)} colours")
+        return Document(HeightField(values[0], missing=missing), "terrain", path, frame, "pictures", notes)
+    channels = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
+    return Document(Image(channels, missing=missing), "image", path, frame, "pictures", notes)
+
+
+def write(document: Document, path: Path, *, tags: Mapping[str, str], dtype: str | None = None) -> tuple[str, ...]:
+    """Write a picture; rounded and clipped to the type of the one that was read.
+
+    :param tags: kept in TIFF; the other formats have no room for them.
+    :param dtype: ``uint8`` or ``uint16``, or ``float32`` (TIFF only), in place of that type.
+    :returns: notes: what was clipped, alpha that did not fit.
+    :raises FormatError: when the format holds no such picture, or the file cannot be written.
+    """
+    values, frame = merged(document.about, document.noun)
+    driver, dtypes, counts, room = _ROOM[path.suffix.lower()]
+    kind = frame.dtype if dtype in (None, "source") else dtype
+    if kind not in dtypes:
+        raise FormatError(
+            f"{path.name}: {' or '.join(dtypes)} fits into {path.suffix}, got {kind}; give it as dtype= "
+            "(values are rounded and clipped, not stretched), or write .tif or .npy"
+        )
+    if counts is not None and len(values) not in counts:
+        raise FormatError(
+            f"{path.name}: {' or '.join(map(str, counts))} colours fit into {path.suffix}, got {len(values)}; "
+            "write .tif or .npy"
+        )
+    notes: tuple[str, ...] = ()
+    if frame.alpha is not None and not room:
+        frame = replace(frame, alpha=None)
+        notes += (f"{path.suffix} has no room for alpha: it is lost",)
+    if kind not in ("float32", "float64") and not np.isfinite(values).all():
+        notes += (f"{int((~np.isfinite(values)).sum())} missing samples (NaN) became 0",)
+    samples, clipped = rounded(values, frame.gone, np.dtype(kind))
+    save(
+        samples,
+        _coloured(frame, len(values)),
+        path,
+        driver=driver,
+        nodata=frame.nodata,
+        tags=tags if driver == "GTiff" else {},
+        **_CREATION.get(driver, {}),
+    )
+    return notes + clipped
+
+
+def _expanded(values: Array, frame: Frame, palette: Array) -> tuple[Array, Frame]:
+    """Colours (1 or 3, h, w) for the indices of a palette, and the alpha that it may hold."""
+    picture = palette[values[0].astype(int)]
+    grey = bool((picture[..., :1] == picture[..., 1:3]).all())
+    alpha = picture[..., 3]
+    colours = np.moveaxis(picture[..., : 1 if grey else 3], 2, 0).astype(values.dtype)
+    gone = np.broadcast_to(alpha == 0, colours.shape)
+    return colours, Frame(
+        "uint8",
+        gone,
+        alpha=None if (alpha == 255).all() else alpha,
+        transform=frame.transform,
+        crs=frame.crs,
+        tags=frame.tags,
+    )
+
+
+def _coloured(frame: Frame, count: int) -> Frame:
+    """The frame with the colours of a picture named, where the file did not."""
+    if frame.colours or count not in (1, 3):
+        return frame
+    rgb = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
+    return replace(frame, colours=rgb if count == 3 else (ColorInterp.gray,))

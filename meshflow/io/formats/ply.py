@@ -1,0 +1,281 @@
+"""PLY: read by trimesh, written again as the same bytes but for what moved.
+
+So every property keeps its type and order, custom scalars, other elements (a camera, a range grid) and comments stay, and
+polygons stay polygons.
+"""
+
+import io
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from trimesh.resolvers import FilePathResolver
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.metadata import Found
+from meshflow.io.vertex_merging import Section, Skin, fitted, is_soup, normals_after
+from meshflow.surfaces.lift import Mesh
+
+__all__ = ["KNOWN", "TEXTURE", "Ply", "elements_of", "has", "read", "stacked", "values_of"]
+
+COLORS = ("red", "green", "blue")
+TEXTURE = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
+KNOWN = {"x", "y", "z", "nx", "ny", "nz", *COLORS, "alpha", *(name for pair in TEXTURE for name in pair)}
+
+
+@dataclass(frozen=True, eq=False)
+class Ply:
+    """A PLY file that was read.
+
+    :param header: its bytes up to and with ``end_header``.
+    :param body: the bytes after it.
+    :param elements: as trimesh has read them: name -> length, properties, data.
+    :param names: the vertex properties of the channels.
+    """
+
+    path: Path
+    header: bytes
+    body: bytes
+    elements: Mapping[str, Any]
+    skin: Skin
+    names: tuple[str, ...]
+    notes: tuple[str, ...]
+    suffixes: tuple[str, ...] = (".ply",)
+    sections: tuple[Section, ...] = ()
+
+    @property
+    def noun(self) -> Mesh:
+        """The mesh as it was read."""
+        return self.skin.noun
+
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex, as it is or by the name of a vertex property."""
+        return self.skin.samples(given, word, self._property)
+
+    def _property(self, name: str) -> Found:
+        there = [word for word in self.elements["vertex"]["properties"] if word not in KNOWN]
+        return (values_of(self.elements, "vertex", name) if name in there else None), there
+
+    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the same file around another noun."""
+        path.write_bytes(self._encoded(noun, tags))
+        return ()
+
+    def scene(self, noun: Mesh) -> Any:
+        """The mesh with its texture as a scene of one part; custom scalars are vertex attributes."""
+        # texture coordinates of the faces split vertices along seams; those of the vertices must not make it renumber them
+        seams = "texcoord" in self.elements["face"]["properties"]
+        scene: Any = trimesh.load_scene(
+            io.BytesIO(self._encoded(noun, {})),
+            file_type="ply",
+            process=False,
+            fix_texture=seams,
+            resolver=FilePathResolver(str(self.path)),
+        )
+        (mesh,) = scene.geometry.values()
+        elements = mesh.metadata.pop("_ply_raw")
+        names = [name for name in elements["vertex"]["properties"] if name not in KNOWN]
+        if names and len(mesh.vertices) != len(self.skin.points):
+            raise FormatError(
+                f"{self.path.name}: texture coordinates of faces split its vertices, and {', '.join(names)} would "
+                "be lost in another format; write .ply"
+            )
+        for name in names:
+            mesh.vertex_attributes[name] = values_of(elements, "vertex", name)
+        if elements["face"]["length"] == len(mesh.faces):
+            for name, kind in elements["face"]["properties"].items():
+                if "(" not in kind and name not in KNOWN:  # a list has its length in brackets
+                    mesh.face_attributes[name] = values_of(elements, "face", name)
+        return scene
+
+    def _encoded(self, noun: Mesh, tags: Mapping[str, str]) -> bytes:
+        """The file, with other columns of its vertices where they changed."""
+        columns: dict[str, Array] = {}
+        points = self.skin.points_of(noun)
+        if self.skin.has_moved(noun):
+            columns.update(zip("xyz", points.T, strict=True))
+            if has(self.elements, "nx", "ny", "nz"):
+                old = stacked(self.elements, ("nx", "ny", "nz"))
+                new = normals_after(points, self.skin.faces, self.skin.points, old)
+                columns.update(zip(("nx", "ny", "nz"), new.T, strict=True))
+        channels = self.skin.channels_of(noun)
+        if channels is not None:
+            for name, values in zip(self.names, channels.T, strict=True):
+                columns[name] = fitted(values, values_of(self.elements, "vertex", name).dtype)
+        body = self._ascii(columns) if b"ascii" in self.header.split(b"\n")[1] else self._binary(columns)
+        return _tagged(self.header, tags) + body
+
+    def _binary(self, columns: Mapping[str, Array]) -> bytes:
+        blocks = []
+        for name, element in self.elements.items():
+            data = element["data"]
+            if name == "vertex":
+                data = data.copy()
+                for column, values in columns.items():
+                    data[column] = values
+            blocks.append(data.tobytes())
+        return b"".join(blocks)
+
+    def _ascii(self, columns: Mapping[str, Array]) -> bytes:
+        if not columns:
+            return self.body
+        lines = self.body.decode("utf-8").splitlines()
+        start = 0
+        for name, element in self.elements.items():
+            if name == "vertex":
+                break
+            start += element["length"]
+        places = _places(self.elements["vertex"])
+        for row in range(self.elements["vertex"]["length"]):
+            words = lines[start + row].split()
+            for column, values in columns.items():
+                words[places[column]] = str(values[row])
+            lines[start + row] = " ".join(words)
+        return ("\n".join(lines) + "\n").encode("utf-8")
+
+
+def read(path: Path, channels: str | None, moves: str | None) -> Ply:
+    """Read a PLY file.
+
+    :raises FormatError: when it holds no faces, is cut off, or mixes polygons in binary.
+    :raises InputError: for channels that it does not have, or whatever the noun refuses.
+    """
+    content = path.read_bytes()
+    mesh: Any = _loaded(path, content)
+    if not isinstance(mesh, trimesh.Trimesh):
+        if mesh is None or not len(mesh.vertices):
+            raise FormatError(
+                f"{path.name}: a mesh with triangles expected, got none, not even a vertex; is the file whole?"
+            )
+        raise FormatError(
+            f"{path.name}: a mesh with triangles expected, got a point cloud; a cloud has no surface, "
+            "reconstruct one first (open3d: create_from_point_cloud_poisson)"
+        )
+    elements = mesh.metadata["_ply_raw"]
+    _must_be_whole(path, elements)
+    points = stacked(elements, ("x", "y", "z"))
+    if points.dtype.kind != "f":
+        raise FormatError(
+            f"{path.name}: positions stored as {points.dtype} would round what is smoothed; store them as float"
+        )
+    textured = any(has(elements, *pair) for pair in TEXTURE) or "texcoord" in elements["face"]["properties"]
+    split = textured or has(elements, "nx", "ny", "nz") or is_soup(np.asarray(mesh.faces), len(points))
+    names = _named(elements, channels)
+    values = stacked(elements, names) if names else None
+    skin = Skin.of(points, np.asarray(mesh.faces), split=split, channels=values, moves=moves)
+    notes = (*skin.note, *_polygons(elements, len(mesh.faces)))
+    end = content.index(b"\n", content.index(b"end_header")) + 1
+    return Ply(path, content[:end], content[end:], elements, skin, names, notes)
+
+
+def elements_of(path: Path) -> Mapping[str, Any]:
+    """All that is in a PLY file of a mesh or a cloud: name of an element -> length, properties, data.
+
+    :raises FormatError: when it is cut off, mixes polygons in binary, or has no vertices.
+    """
+    found: Any = _loaded(path, path.read_bytes())
+    if found is None:
+        raise FormatError(f"{path.name}: no vertices; is the file whole?")
+    _must_be_whole(path, found.metadata["_ply_raw"])
+    return found.metadata["_ply_raw"]
+
+
+def _loaded(path: Path, content: bytes) -> Any:
+    """What trimesh makes of the file, vertices as they are stored."""
+    with warnings.catch_warnings():  # older numpy stops at a word that is no number, and only warns
+        warnings.filterwarnings("error", message="string or file could not be read", category=DeprecationWarning)
+        try:
+            scene = trimesh.load_scene(
+                io.BytesIO(content), file_type="ply", process=False, fix_texture=False, skip_materials=True
+            )
+        except (DeprecationWarning, ValueError) as cause:
+            if "string or file could not be read" in str(cause):
+                raise FormatError(f"{path.name}: a word that is no number where the PLY header promises one") from cause
+            if "unexpected length" not in str(cause):
+                raise
+            raise FormatError(
+                f"{path.name}: longer or shorter than its PLY header says; it is cut off, or mixes polygons of "
+                "different size in a binary file: then triangulate it first, or save it as ASCII"
+            ) from cause
+    return next(iter(scene.geometry.values()), None)
+
+
+def _must_be_whole(path: Path, elements: Mapping[str, Any]) -> None:
+    """trimesh stops quietly at the end of an ASCII file, and takes the size of all lists of a binary one from the first."""
+    for name, element in elements.items():
+        data, length = element.get("data"), element["length"]
+        columns = data.values() if isinstance(data, dict) else [data]
+        if length and any(column is None or len(column) != length for column in columns):
+            raise FormatError(f"{path.name}: cut off, {length} of element {name} expected; get the whole file")
+        for column in data.dtype.names if isinstance(data, np.ndarray) and data.dtype.names else ():
+            sizes = data[column]["f0"] if data[column].dtype.names else np.zeros(1)
+            if len(np.unique(sizes)) > 1:
+                raise FormatError(
+                    f"{path.name}: binary PLY with lists of different length in {name}.{column}; "
+                    "triangulate it first, or save it as ASCII"
+                )
+
+
+def _named(elements: Mapping[str, Any], channels: str | None) -> tuple[str, ...]:
+    """The vertex properties that a name of channels stands for."""
+    if channels is None:
+        return ()
+    names = COLORS if channels == "colors" else (channels,)
+    there = elements["vertex"]["properties"]
+    if all(name in there for name in names):
+        if any(values_of(elements, "vertex", name).ndim > 1 for name in names):
+            raise InputError(f"channels={channels!r}: a list for each vertex; a number for each vertex is expected")
+        return names
+    rest = [name for name in there if name not in KNOWN] + (["colors"] if has(elements, *COLORS) else [])
+    raise InputError(f"channels={channels!r}: no such vertex property; the file has {', '.join(rest) or 'none'}")
+
+
+def has(elements: Mapping[str, Any], *names: str) -> bool:
+    """Whether the vertices have all these properties."""
+    return all(name in elements["vertex"]["properties"] for name in names)
+
+
+def values_of(elements: Mapping[str, Any], element: str, name: str) -> Array:
+    """A property of vertices or faces (n,) or, of a list, (n, k), in native byte order."""
+    column = elements[element]["data"][name]
+    if column.dtype.names:
+        column = column["f1"]
+    column = column.astype(column.dtype.newbyteorder("="))
+    return column[:, 0] if column.ndim == 2 and column.shape[1] == 1 else column
+
+
+def stacked(elements: Mapping[str, Any], names: tuple[str, ...]) -> Array:
+    """Properties of the vertices (n, k)."""
+    return np.column_stack([values_of(elements, "vertex", name) for name in names])
+
+
+def _places(vertex: Mapping[str, Any]) -> dict[str, int]:
+    """The word of an ASCII line at which each property of a vertex stands."""
+    places, at = {}, 0
+    for name, kind in vertex["properties"].items():
+        places[name] = at
+        column = vertex["data"][name]
+        at += 1 + (column.shape[1] if column.ndim == 2 else 1) if "LIST" in kind else 1
+    return places
+
+
+def _polygons(elements: Mapping[str, Any], triangles: int) -> tuple[str, ...]:
+    polygons = elements["face"]["length"]
+    if polygons == triangles:
+        return ()
+    return (
+        f"{polygons} polygons are smoothed as {triangles} triangles; a PLY written again keeps the polygons, "
+        "another format gets the triangles without what was stored for each polygon",
+    )
+
+
+def _tagged(header: bytes, tags: Mapping[str, str]) -> bytes:
+    """The header with tags as comments behind its second line, the format."""
+    first, kind, rest = header.split(b"\n", 2)
+    comments = [f"comment meshflow:{name} {' '.join(str(word).split())}".encode() for name, word in tags.items()]
+    return b"\n".join([first, kind, *comments, rest])

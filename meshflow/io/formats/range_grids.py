@@ -1,0 +1,229 @@
+"""Scans on a grid: the range_grid of Stanford's PLY, and range maps of VCG (MeshLab) with their camera element.
+
+Each point moves along its line of sight; the file comes out with the same bytes around new positions.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array, number
+from meshflow.io.atomic_write import beside
+from meshflow.io.files import Document, Kind
+from meshflow.io.formats.ply_layout import PlyBytes, loaded
+from meshflow.surfaces.lift import Pace, RangeImage
+from meshflow.surfaces.scanner import Scanner
+
+__all__ = ["has_grid", "read", "write"]
+
+# A Cyberware scanner looks along -z.
+ALONG = (0.0, 0.0, -1.0)
+# Cells for one vertex beyond which the pixels of a camera element cannot be those of the points.
+SPARSE = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A PLY that was read.
+
+    :param file: its bytes.
+    :param index: (h, w), the vertex of each sample, -1 where there is none.
+    :param start: (h, w), the values as they were read.
+    """
+
+    file: PlyBytes
+    index: Array
+    start: Array
+
+
+def read(
+    path: Path,
+    *,
+    kind: Kind | None = None,
+    viewpoint: Sequence[float] | None = None,
+    jump: float | Literal["noise"] | None = "noise",
+    pace: Pace = "footprint",
+) -> Document:
+    """Read a scan as a range image of a :class:`Scanner`, in the unit of the points.
+
+    With a viewpoint (given, an ``obj_info viewpoint x y z``, or the camera element of VCG) values are distances from it. Without,
+    lines of sight are parallel to z, seen from above as a Cyberware scanner does: values are then -z.
+
+    :param viewpoint: (x, y, z), where the scanner stood, in the frame of the points.
+    :param jump: as of :class:`RangeImage`; a share works with a viewpoint only.
+    :param pace: as of :class:`RangeImage`.
+    :raises FormatError: for a file without a range grid and without a camera that says where its points belong, or a broken one.
+    :raises InputError: for another kind, or a viewpoint that is no point or one of the scan's.
+    """
+    if kind not in (None, "depth"):
+        raise InputError(f"{path.name}: a range grid is a depth image, got kind={kind!r}; leave it out")
+    file = loaded(path)
+    index = _by_grid(path, file) if file.grid is not None else _by_camera(path, file)
+    if not (index >= 0).any():
+        raise FormatError(f"{path.name}: none of the {index.size} cells of the grid has a point; is it whole?")
+    eye, how = _viewpoint(path, file, viewpoint)
+    points = np.where((index >= 0)[..., None], file.points[index], np.nan)
+    if eye is None:
+        along = np.broadcast_to(ALONG, points.shape)
+        values = points @ np.array(ALONG)
+        camera = Scanner(along, points - values[..., None] * along)
+    else:
+        values = np.linalg.norm(points - eye, axis=2)
+        if (values == 0).any():
+            raise InputError(
+                f"{path.name}: viewpoint {tuple(map(float, eye))} is a point of the scan; it is where the scanner stood"
+            )
+        camera = Scanner(np.where(np.isnan(points), np.nan, points - eye), eye)
+    noun = RangeImage(values, camera, index < 0, jump=jump, pace=pace)
+    return Document(noun, "depth", path, Scan(file, index, noun.depth), "range_grids", (how,))
+
+
+def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[str, ...]:
+    """Write a PLY range grid: a scan that was read as the same bytes around new positions, any other range image as float.
+
+    :param tags: kept as comments.
+    :raises FormatError: when the file cannot be written.
+    """
+    tags = {name.removeprefix("meshflow:"): word for name, word in tags.items()}
+    noun = document.noun
+    assert isinstance(noun, RangeImage)
+    assert noun.missing is not None
+    cloud = noun.cloud
+    with beside(path) as temporary:
+        if not isinstance(document.about, Scan):
+            temporary.write_bytes(_fresh(cloud, ~noun.missing, tags))
+            return ()
+        scan, points = document.about, document.about.file.points
+        moved = ~noun.missing & (noun.depth != scan.start)  # the others keep their bits
+        points[scan.index[moved]] = cloud[moved]
+        temporary.write_bytes(scan.file.holding(points, tags))
+        normals = {"nx", "ny", "nz"} & set(scan.file.vertices.dtype.names or ())
+    return ("its vertex normals are those from before; compute them again",) if normals else ()
+
+
+def _by_grid(path: Path, file: PlyBytes) -> Array:
+    """(h, w) of the cells of a range grid."""
+    assert file.grid is not None
+    try:
+        w, h = int(file.info["num_cols"]), int(file.info["num_rows"])
+    except (KeyError, ValueError) as cause:
+        raise FormatError(
+            f"{path.name}: obj_info num_cols and num_rows expected beside a range_grid, got none"
+        ) from cause
+    if w * h != file.grid.size:
+        raise FormatError(f"{path.name}: a range_grid of {w} x {h} = {w * h} cells expected, got {file.grid.size}")
+    return file.grid.reshape(h, w)
+
+
+def _by_camera(path: Path, file: PlyBytes) -> Array:
+    """(h, w) of the pixels on which the camera of VCG sees the vertices."""
+    missing = [name for name in _CAMERA if name not in file.camera]
+    if missing:
+        raise FormatError(
+            f"{path.name}: a range_grid, or an element camera with {', '.join(_CAMERA)}, expected, got neither"
+            f"{' (without ' + ', '.join(missing) + ')' if file.camera else ''}; as a mesh it is read without kind='depth'"
+        )
+    c = {name: file.camera[name] for name in _CAMERA}
+    if min(c["focal"], c["scalex"], c["scaley"]) <= 0:
+        raise FormatError(
+            f"{path.name}: focal, scalex, scaley above zero expected in the camera, got "
+            f"{c['focal']:g}, {c['scalex']:g}, {c['scaley']:g}"
+        )
+    x, y, z = ((file.points - _eye(file)) @ np.array([c[f"{axis}_axis{part}"] for part in "xyz"]) for axis in "xyz")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns, rows = (
+            _whole(c["focal"] / c[scale] * part / np.abs(z)) for part, scale in ((x, "scalex"), (-y, "scaley"))
+        )
+    h, w = int(rows.max()) + 1, int(columns.max()) + 1
+    taken = len(np.unique(rows * w + columns))
+    if h * w > SPARSE * len(rows) or taken < len(rows):
+        raise FormatError(
+            f"{path.name}: one pixel of its camera for each vertex expected, got {len(rows)} vertices on {taken} of {w} x {h} "
+            "pixels; it is no range map as it was seen: smooth it as a mesh, without kind='depth'"
+        )
+    index = np.full((h, w), -1, np.int64)
+    index[rows, columns] = np.arange(len(rows))
+    return index
+
+
+_CAMERA = (
+    "view_px",
+    "view_py",
+    "view_pz",
+    *(f"{axis}_axis{part}" for axis in "xyz" for part in "xyz"),
+    "focal",
+    "scalex",
+    "scaley",
+)
+
+
+def _whole(places: Array) -> Array:
+    """Places as whole numbers from 0; where between the whole numbers they lie is one and the same for all."""
+    if not np.isfinite(places).all():
+        return np.zeros(len(places), np.int64)  # of a vertex beside the camera: they will share a pixel
+    phase = np.angle(np.mean(np.exp(2j * np.pi * places))) / (2 * np.pi)
+    whole = np.rint(places - phase).astype(np.int64)
+    return whole - whole.min()
+
+
+def _eye(file: PlyBytes) -> Array:
+    return np.array([file.camera[f"view_p{part}"] for part in "xyz"])
+
+
+def _viewpoint(path: Path, file: PlyBytes, given: Sequence[float] | None) -> tuple[Array | None, str]:
+    """Where it was seen from, and the sentence that tells."""
+    if given is not None:
+        eye: Any = [number(x, "viewpoint") for x in np.ravel(given)]
+        how = "as given"
+    elif "viewpoint" in file.info:
+        eye, how = [_float(word) for word in file.info["viewpoint"].split()], "as its header says"
+    elif all(f"view_p{part}" in file.camera for part in "xyz"):
+        eye, how = _eye(file), "as its camera says"
+    else:
+        return (
+            None,
+            "no viewpoint is known: points move along z, as a scanner that looks along -z sees them (viewpoint)",
+        )
+    if len(eye) != 3 or not np.isfinite(eye).all():
+        raise InputError(f"{path.name}: viewpoint of three numbers x, y, z expected, got {tuple(eye)}")
+    return np.array(
+        eye, dtype=np.float64
+    ), f"seen from ({eye[0]:g}, {eye[1]:g}, {eye[2]:g}), {how}: points move along their rays"
+
+
+def _float(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")
+
+
+def _fresh(cloud: Array, there: Array, tags: Mapping[str, str]) -> bytes:
+    """A range grid in binary: the points (n, 3) as float, one cell for each sample."""
+    h, w = there.shape
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        *(f"comment meshflow:{name} {' '.join(str(word).split())}" for name, word in tags.items()),
+        f"obj_info num_cols {w}",
+        f"obj_info num_rows {h}",
+        f"element vertex {int(there.sum())}",
+        *(f"property float {axis}" for axis in "xyz"),
+        f"element range_grid {h * w}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    cells, vertex = [], np.cumsum(there.ravel()) - 1
+    for at, is_there in zip(vertex, there.ravel(), strict=True):
+        cells.append(b"\x01" + int(at).to_bytes(4, "little") if is_there else b"\x00")
+    return "\n".join([*lines, ""]).encode() + cloud[there].astype("<f4").tobytes() + b"".join(cells)
+
+
+def has_grid(path: Path) -> bool:
+    """Whether the header of a PLY names a range grid."""
+    with path.open("rb") as file:
+        return b"element range_grid" in file.read(65536).partition(b"end_header")[0]

@@ -1,0 +1,343 @@
+"""A raster file as GDAL sees it: its samples, which of them are missing, and all that must survive around them."""
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rasterio
+from rasterio._err import CPLE_BaseError  # GDAL's own errors leak through rasterio, which has no public name for them
+from rasterio.enums import ColorInterp, MaskFlags, Resampling
+from rasterio.errors import NodataShadowWarning, NotGeoreferencedWarning, RasterioError
+from rasterio.transform import Affine
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array, real
+from meshflow.io.atomic_write import beside
+from meshflow.surfaces.lift import HeightField, Image, Noun, RangeImage
+
+__all__ = ["Frame", "framed", "layers", "load", "merged", "save"]
+
+# Without this GDAL (3.10) reads a PNG of 8 bit that is cut short as whole, what is not there out of unset memory.
+_SAFE = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": False}
+_LOSSLESS = ("GTiff", "PNG", "BMP", "WEBP")
+_DESCRIBE_THE_FILE = ("IMAGE_STRUCTURE", "DERIVED_SUBDATASETS", "SUBDATASETS", "RPC", "rio_creation_kwds")
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Everything around the samples of a raster.
+
+    :param dtype: of the samples as they were stored.
+    :param gone: (k, h, w), the samples of each band that are missing.
+    :param alpha: (h, w), the alpha band as stored; it is carried along, never smoothed.
+    :param palette: (n, 4), red, green, blue, alpha of each index.
+    :param tags: words by namespace (domain of GDAL), ``""`` the default one.
+    :param overviews: factors of the overviews.
+    """
+
+    dtype: str
+    gone: Array
+    alpha: Array | None = None
+    nodata: float | None = None
+    crs: Any = None
+    transform: Affine = field(default_factory=Affine.identity)
+    gcps: tuple[Any, Any] = ((), None)
+    rpcs: Any = None
+    scales: tuple[float, ...] = ()
+    offsets: tuple[float, ...] = ()
+    units: tuple[str | None, ...] = ()
+    descriptions: tuple[str | None, ...] = ()
+    colours: tuple[ColorInterp, ...] = ()
+    palette: Array | None = None
+    tags: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    band_tags: tuple[Mapping[str, str], ...] = ()
+    overviews: tuple[int, ...] = ()
+
+    @property
+    def georeferenced(self) -> bool:
+        """Whether the file said where its samples lie."""
+        return not self.transform.is_identity
+
+    @property
+    def north_up(self) -> bool:
+        """Whether the file lies on a map, its rows from north to south and its columns from west to east."""
+        a, b, _, d, e, _ = tuple(self.transform)[:6]
+        return self.crs is not None and self.georeferenced and b == 0 and d == 0 and a > 0 > e
+
+    @property
+    def ground_unit(self) -> str:
+        """The unit of the lengths between samples: of a grid in degrees it is the metre; empty where nothing is said."""
+        if self.crs is None or not self.georeferenced:
+            return ""
+        unit = "metre" if self.crs.is_geographic else str(self.crs.linear_units)
+        return "m" if unit in ("metre", "meter", "metres", "meters") else unit
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the file holds numbers that a scale and an offset turn into values."""
+        return any(scale != 1 for scale in self.scales) or any(self.offsets)
+
+    def stored(self, values: Array) -> Array:
+        """Values (k, h, w) as the numbers that the file held, before scale and offset."""
+        if not self.scaled:
+            return values
+        return (values - np.reshape(self.offsets, (-1, 1, 1))) / np.reshape(self.scales, (-1, 1, 1))
+
+    def without_scale(self) -> "Frame":
+        """A frame for values instead of scaled numbers."""
+        return replace(self, scales=(), offsets=())
+
+    def bare(self) -> "Frame":
+        """Samples, nodata and transform: what an ASCII grid has room for."""
+        return Frame(self.dtype, self.gone, nodata=self.nodata, transform=self.transform)
+
+
+def load(path: Path, *, bands: Sequence[int] | None = None, nodata: float | None = None) -> tuple[Array, Frame]:
+    """Samples (k, h, w) as float32 or float64, scale and offset applied, and their frame.
+
+    Missing is what nodata, an internal mask, or an alpha of 0 says, and what is not finite; its samples keep their bits.
+
+    :param bands: which, from 1; None: all but the alpha band.
+    :param nodata: in place of the one that the file declares.
+    :raises FormatError: when GDAL cannot open or read the file, or it holds no bands.
+    """
+    try:
+        with _quiet(), rasterio.open(path) as source:
+            colours = source.colorinterp
+            chosen = list(bands or [i for i in source.indexes if colours[i - 1] != ColorInterp.alpha])
+            _check_bands(path, source, chosen)
+            raw = source.read(chosen, out_dtype=np.result_type(*source.dtypes))
+            gone = _gone(source, raw, chosen, nodata)
+            alpha = (
+                source.read(source.count) if colours[-1] == ColorInterp.alpha and source.count not in chosen else None
+            )
+            frame = _frame(source, raw, chosen, nodata)
+    except (RasterioError, CPLE_BaseError, OSError) as cause:
+        raise _unreadable(path, cause) from cause
+    values = real(raw, path.name)
+    if alpha is not None:
+        gone |= alpha == 0
+    if frame.scaled:
+        scale, offset = (np.reshape(factor, (-1, 1, 1)) for factor in (frame.scales, frame.offsets))
+        values = np.where(gone, values, values * scale + offset).astype(values.dtype)
+    return values, replace(frame, gone=gone | ~np.isfinite(values), alpha=alpha)
+
+
+def save(
+    samples: Array,
+    frame: Frame,
+    path: Path,
+    *,
+    driver: str,
+    nodata: float | None,
+    tags: Mapping[str, str],
+    **creation: Any,
+) -> None:
+    """Write samples (k, h, w), in their own dtype, and all of the frame that the driver has room for; then read them back.
+
+    (GDAL may report a full disk to nobody: only what was read back is known to be there.)
+
+    :param nodata: the value that marks missing samples; None: no such mark.
+    :param tags: words on top of the frame's; ``name:key`` goes to the namespace ``name``, since GDAL splits at the colon.
+    :param creation: creation options of the driver.
+    :raises FormatError: when the file could not be written whole; the old one is then as it was.
+    """
+    count = len(samples)
+    if frame.alpha is not None:
+        samples = np.concatenate([samples, _alpha_as(frame.alpha, samples.dtype)[None]])
+    shape = {"count": len(samples), "height": samples.shape[1], "width": samples.shape[2]}
+    with beside(path) as temporary:
+        try:
+            with _quiet():
+                with rasterio.open(
+                    temporary,
+                    "w",
+                    driver=driver,
+                    dtype=samples.dtype,
+                    nodata=nodata,
+                    **shape,
+                    **_place(frame),
+                    **creation,
+                ) as target:
+                    _describe(target, frame, count, tags)
+                    target.write(samples)
+                _verify(temporary, samples, driver)
+                if driver == "GTiff" and frame.overviews:
+                    with rasterio.open(temporary, "r+") as target:
+                        target.build_overviews(list(frame.overviews), Resampling.average)
+        except (RasterioError, CPLE_BaseError) as cause:
+            raise OSError(_reason(cause)) from cause
+
+
+def framed(noun: HeightField | Image | RangeImage, dtype: str) -> Frame:
+    """A frame for samples that came from no raster: their missing samples, and a transform if their spacing is not 1."""
+    values = layers(noun)
+    assert noun.missing is not None
+    spacing = (1.0, 1.0) if isinstance(noun, RangeImage) else noun.spacing
+    dx, dy = spacing
+    plain = np.ndim(dx) > 0 or (dx, dy) == (1.0, 1.0)
+    transform = Affine.identity() if plain else Affine(dx, 0, 0, 0, -dy, dy * values.shape[1])
+    return Frame(dtype, np.broadcast_to(noun.missing, values.shape) | ~np.isfinite(values), transform=transform)
+
+
+def layers(noun: Noun) -> Array:
+    """The samples of a noun on a grid as bands (k, h, w).
+
+    :raises InputError: for a mesh.
+    """
+    match noun:
+        case HeightField():
+            return noun.z[None]
+        case RangeImage():
+            return noun.depth[None]
+        case Image():
+            return noun.values[None] if noun.values.ndim == 2 else np.moveaxis(noun.values, 2, 0)
+    raise InputError(f"samples on a grid expected, got a {type(noun).__name__}; write it as .ply, .obj or .vtp")
+
+
+def merged(about: object, noun: Noun, dtype: str = "float32") -> tuple[Array, Frame]:
+    """The samples (k, h, w) of a noun and the frame that they came in, or a plain one.
+
+    :raises InputError: for a mesh, or when samples and frame differ in shape.
+    """
+    values = layers(noun)
+    assert isinstance(noun, (HeightField, Image, RangeImage))
+    frame = about if isinstance(about, Frame) else framed(noun, str(getattr(about, "dtype", dtype)))
+    if frame.gone.shape != values.shape:
+        raise InputError(
+            f"samples of shape {frame.gone.shape}, as they were read, expected for the frame of the file, got {values.shape}; "
+            "crop or resample the file itself (gdalwarp, gdal_translate)"
+        )
+    return values, frame
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """No warning of what is expected here: files without georeference, alpha beside nodata."""
+    with warnings.catch_warnings(), rasterio.Env(**_SAFE):
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        warnings.simplefilter("ignore", NodataShadowWarning)
+        yield
+
+
+def _check_bands(path: Path, source: Any, chosen: list[int]) -> None:
+    if not chosen:
+        inside = ", ".join(source.subdatasets[:4])
+        raise FormatError(
+            f"{path.name} holds no bands of samples, but {inside or 'nothing'}; gdal_translate one to .tif"
+        )
+    for band in chosen:
+        if band not in source.indexes:
+            raise InputError(
+                f"{path.name}: band {band!r} expected to be one of 1 to {source.count}; bands count from 1"
+            )
+
+
+def _gone(source: Any, raw: Array, chosen: list[int], nodata: float | None) -> Array:
+    """What is missing, per band; a nodata value of the caller's stands in for the declared one, an internal mask stays."""
+    if nodata is None:
+        return source.read_masks(chosen) == 0
+    flags = source.mask_flag_enums[chosen[0] - 1]
+    masked = np.zeros(raw.shape, bool) if MaskFlags.nodata in flags else source.read_masks(chosen) == 0
+    return masked | (raw == float(nodata))
+
+
+def _frame(source: Any, raw: Array, chosen: list[int], nodata: float | None) -> Frame:
+    def of(each: Sequence[Any]) -> tuple[Any, ...]:
+        return tuple(each[i - 1] for i in chosen)
+
+    spaces = [
+        name
+        for name in source.tag_namespaces()
+        if name not in _DESCRIBE_THE_FILE and not name.startswith(("json:", "xml:"))
+    ]
+    declared = nodata if nodata is not None else next((n for n in of(source.nodatavals) if n is not None), None)
+    palette = None
+    if source.colorinterp[chosen[0] - 1] == ColorInterp.palette:
+        palette = np.array(list(source.colormap(chosen[0]).values()), dtype=np.uint8)
+    return Frame(
+        dtype=str(raw.dtype),
+        gone=np.zeros(0, bool),
+        nodata=declared,
+        crs=source.crs,
+        transform=source.transform,
+        gcps=source.gcps,
+        rpcs=source.rpcs,
+        scales=of(source.scales),
+        offsets=of(source.offsets),
+        units=of(source.units),
+        descriptions=of(source.descriptions),
+        colours=of(source.colorinterp),
+        palette=palette,
+        tags={"": source.tags(), **{name: source.tags(ns=name) for name in spaces}},
+        band_tags=tuple({k: v for k, v in source.tags(i).items() if not k.startswith("STATISTICS_")} for i in chosen),
+        overviews=tuple(source.overviews(chosen[0])),
+    )
+
+
+def _place(frame: Frame) -> dict[str, Any]:
+    points, crs = frame.gcps
+    if points:
+        return {"gcps": points, "crs": crs}
+    return {"crs": frame.crs} | ({"transform": frame.transform} if frame.georeferenced else {})
+
+
+def _describe(target: Any, frame: Frame, count: int, tags: Mapping[str, str]) -> None:
+    """Everything but samples, for the driver to take or to leave."""
+    if frame.rpcs:
+        target.rpcs = frame.rpcs
+    if frame.colours:
+        plain = [ColorInterp.gray if colour == ColorInterp.palette else colour for colour in frame.colours]
+        target.colorinterp = [*plain, *[ColorInterp.alpha] * (target.count - count)]
+    if frame.scaled:
+        target.scales = [*frame.scales, *[1.0] * (target.count - count)]
+        target.offsets = [*frame.offsets, *[0.0] * (target.count - count)]
+    for band in range(1, count + 1):
+        for names, put in ((frame.descriptions, target.set_band_description), (frame.units, target.set_band_unit)):
+            if names and names[band - 1]:
+                put(band, names[band - 1])
+        if frame.band_tags:
+            target.update_tags(band, **frame.band_tags[band - 1])
+    for space, words in frame.tags.items():
+        target.update_tags(**({"ns": space} if space else {}), **words)
+    for name, word in tags.items():
+        space, _, key = name.rpartition(":")
+        target.update_tags(**({"ns": space} if space else {}), **{key: word})
+
+
+def _alpha_as(alpha: Array, dtype: np.dtype[Any]) -> Array:
+    """Alpha in another type: what was opaque stays so among whole numbers; as it was in floating point."""
+    if alpha.dtype.kind == "u" and dtype.kind == "u":
+        return np.rint(alpha * (np.iinfo(dtype).max / np.iinfo(alpha.dtype).max)).astype(dtype)
+    return alpha.astype(dtype)
+
+
+def _verify(path: Path, samples: Array, driver: str) -> None:
+    with rasterio.open(path) as written:
+        for band, expected in enumerate(samples, start=1):
+            found = written.read(band)
+            if driver in _LOSSLESS and not np.array_equal(found, expected, equal_nan=samples.dtype.kind == "f"):
+                raise OSError("what was read back differs from what was written; is the disk full?")
+
+
+def _reason(cause: BaseException) -> str:
+    """What GDAL itself said, where rasterio only says that there is something to say."""
+    while cause.__cause__ is not None:
+        cause = cause.__cause__
+    return str(cause)
+
+
+def _unreadable(path: Path, cause: BaseException) -> FormatError:
+    labels = [
+        label for label in (path.with_suffix(".LBL"), path.with_suffix(".lbl")) if label.exists() and label != path
+    ]
+    way = (
+        f"its label says how to read it: open {labels[0].name}"
+        if labels
+        else "is it whole, and a raster that GDAL opens (GeoTIFF, .asc, .hgt, .dem, PDS label, VRT, PNG, ...)?"
+    )
+    return FormatError(f"{path.name} cannot be read ({_reason(cause)}); {way}")

@@ -1,0 +1,145 @@
+"""Rasters with a place on the ground: whatever GDAL opens in, GeoTIFF or ESRI ASCII out."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.files import Document, Kind
+from meshflow.io.formats.raster_bands import Frame, load, merged, save
+from meshflow.io.rounding import DTYPES, mark, rounded
+from meshflow.io.spacing import Spacing, between_samples, height_unit, units_disagree
+from meshflow.surfaces.lift import HeightField, Image
+
+__all__ = ["read", "write"]
+
+_TILE = 256
+
+
+def read(
+    path: Path, *, kind: Kind | None = None, band: int | None = None, nodata: float | None = None, spacing: Any = None
+) -> Document:
+    """Read a raster: one band is a terrain, several are an image.
+
+    Values have scale and offset applied; the horizontal unit is that of the CRS, metres where the CRS is in degrees; pixels
+    where nothing is said. Missing is what nodata, an internal mask or an alpha of 0 says, and NaN.
+
+    :param kind: ``terrain`` or ``image``, where the number of bands would mislead.
+    :param band: the one to read, from 1.
+    :param nodata: in place of the value that the file declares.
+    :param spacing: one number or (dx, dy), in place of what the file says.
+    :raises FormatError: when GDAL cannot read the file.
+    :raises InputError: for a band that is not there, several bands as one terrain, or a grid that is sheared.
+    """
+    if kind not in (None, "terrain", "image"):
+        raise InputError(f"{path.name}: a raster is a terrain or an image, got kind={kind!r}")
+    values, frame = load(path, bands=None if band is None else [band], nodata=nodata)
+    if kind == "terrain" and len(values) > 1:
+        raise InputError(f"{path.name}: one band expected for a terrain, got {len(values)}; choose one: band=1")
+    notes: tuple[str, ...] = ()
+    unit = height_unit(frame.crs, frame.units[0])
+    if spacing is None:
+        spacing, notes = _spacing(frame, unit)
+    notes += _about_values(frame)
+    missing: Array = np.any(frame.gone, axis=0)
+    if len(values) == 1 and kind != "image":
+        return Document(HeightField(values[0], spacing, missing, unit=unit), "terrain", path, frame, "rasters", notes)
+    channels = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
+    return Document(Image(channels, spacing, missing), "image", path, frame, "rasters", notes)
+
+
+def write(document: Document, path: Path, *, tags: Mapping[str, str], dtype: str | None = None) -> tuple[str, ...]:
+    """Write a terrain or an image as GeoTIFF, or a terrain as ``.asc``.
+
+    Same grid, CRS, tags, units, descriptions, colours and missing samples; float32 or float64, so that nothing is quantised.
+
+    :param dtype: another one, or ``source`` for that of the file: integers are rounded and clipped, which the notes say.
+    :returns: notes: rounding, what the format could not hold.
+    :raises FormatError: when the file cannot be written or the format cannot hold the data.
+    """
+    values, frame = merged(document.about, document.noun)
+    kind = _dtype(dtype, frame, values)
+    notes: tuple[str, ...] = ()
+    if frame.scaled and not (dtype == "source" and kind.kind in "iu"):
+        frame = frame.without_scale()
+        notes += ("scale and offset of the source were applied: the values are stored as they are",)
+    ascii_grid = path.suffix.lower() == ".asc"
+    if ascii_grid:
+        frame, note = _fit_into_ascii(path, frame)
+        notes += note
+    samples, clipped = rounded(frame.stored(values), frame.gone, kind)
+    if kind.kind in "iu":
+        step = frame.scales[0] if frame.scaled else 1
+        notes += (
+            f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps what was gained",
+        )
+    nodata = mark(samples, frame, kind)
+    if nodata is not None:
+        samples[frame.gone] = nodata
+        if frame.gone.any() and not _alike(nodata, frame.nodata):
+            notes += (f"missing samples are marked by nodata {nodata:g}",)
+    options = {"driver": "AAIGrid"} if ascii_grid else _geotiff(samples)
+    save(samples, frame, path, nodata=nodata, tags=tags, **options)
+    return notes + clipped
+
+
+def _alike(one: float, other: float | None) -> bool:
+    """Whether two marks of missing samples are one, NaN like NaN."""
+    return other is not None and bool(one == other or (np.isnan(one) and np.isnan(other)))
+
+
+def _spacing(frame: Frame, unit: str) -> tuple[Spacing, tuple[str, ...]]:
+    if not frame.georeferenced:
+        why = "ground control points only" if frame.gcps[0] else "no georeference"
+        return (1.0, 1.0), (f"{why}: the spacing is 1, a pixel; give spacing=(dx, dy) in the unit of the heights",)
+    height, width = frame.gone.shape[1:]
+    spacing, notes = between_samples(frame.crs, frame.transform, (height, width))
+    west, north = frame.transform.c, frame.transform.f
+    if frame.crs is None and spacing[1] < 0.05 and abs(west) <= 360 and abs(north) <= 90:
+        notes += (
+            f"no CRS, and a grid that looks like degrees: the spacing of {spacing[1]:.4g} was taken as it is; "
+            "give spacing=(dx, dy) in metres, or set the CRS (gdal_edit -a_srs EPSG:4326)",
+        )
+    return spacing, notes + units_disagree(frame.crs, unit)
+
+
+def _about_values(frame: Frame) -> tuple[str, ...]:
+    notes: tuple[str, ...] = ()
+    if frame.scaled:
+        notes += (f"scale {frame.scales[0]:g} and offset {frame.offsets[0]:g} of the file were applied",)
+    if frame.palette is not None:
+        notes += ("the numbers of a colour table were taken as values, the table is not kept",)
+    return notes
+
+
+def _dtype(name: str | None, frame: Frame, values: Array) -> np.dtype[Any]:
+    name = str(values.dtype) if name is None else frame.dtype if name == "source" else name
+    if name not in DTYPES:
+        raise InputError(f"dtype: source or one of {', '.join(DTYPES)} expected, got {name!r}")
+    return np.dtype(name)
+
+
+def _fit_into_ascii(path: Path, frame: Frame) -> tuple[Frame, tuple[str, ...]]:
+    a, b, _, d, e, _ = tuple(frame.transform)[:6]
+    if len(frame.gone) > 1 or frame.alpha is not None:
+        raise FormatError(
+            f"{path.name}: one band fits into .asc, got {len(frame.gone) + (frame.alpha is not None)}; write .tif"
+        )
+    if frame.georeferenced and (b or d or a < 0 or e > 0):
+        raise FormatError(
+            f"{path.name}: .asc holds rows from north to south and columns from west to east, got the transform "
+            f"{(a, b, d, e)}; write .tif"
+        )
+    lost = frame.crs is not None or bool(frame.gcps[0])
+    return frame.bare(), (".asc has no room for the CRS and the tags; .tif has",) if lost else ()
+
+
+def _geotiff(samples: Array) -> dict[str, Any]:
+    predictor = 3 if samples.dtype.kind == "f" else 2
+    options = {"driver": "GTiff", "compress": "deflate", "predictor": predictor, "bigtiff": "IF_SAFER"}
+    if min(samples.shape[1:]) >= _TILE:
+        options |= {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE}
+    return options

@@ -1,0 +1,263 @@
+"""STL, GLB, glTF and 3MF: scenes of named parts, read and written by trimesh; one noun with sections."""
+
+import json
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from trimesh.exchange.stl import export_stl_ascii
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stored_normals, with_changes
+from meshflow.io.metadata import Found, belong, must_be_mesh
+from meshflow.io.objects import Adopted
+from meshflow.io.vertex_merging import Skin, joined, said_of
+from meshflow.surfaces.lift import Mesh
+
+__all__ = ["Parts", "read", "taken_apart"]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One mesh of a scene.
+
+    :param name: of its geometry.
+    :param frame: (4, 4), from its own coordinates to those of the scene; of its first node, where it has several.
+    :param family: parts of the same family are connected: the primitives of one glTF mesh.
+    """
+
+    name: str
+    frame: Array
+    family: int
+    mesh: Any
+    normals: Array | None
+
+    @property
+    def points(self) -> Array:
+        """Positions (n, 3) in the coordinates of the scene."""
+        return np.asarray(self.mesh.vertices) @ self.frame[:3, :3].T + self.frame[:3, 3]
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """A file of one mesh or several; the noun has them one after the other."""
+
+    scene_read: Any
+    parts: tuple[Part, ...]
+    skin: Skin
+    channels: str | None
+    notes: tuple[str, ...]
+    suffixes: tuple[str, ...]
+    ascii: bool
+
+    @property
+    def noun(self) -> Mesh:
+        """All parts as one mesh, in the coordinates of the scene."""
+        return self.skin.noun
+
+    @property
+    def sections(self) -> tuple[tuple[str, Array], ...]:
+        """Its meshes, the primitives of one glTF mesh as one: names, and vertices of the noun."""
+        names: dict[int, list[str]] = {}
+        for part in self.parts:
+            names.setdefault(part.family, []).append(part.name)
+        if len(names) < 2:
+            return ()
+        stored = np.concatenate([np.full(len(part.mesh.vertices), part.family) for part in self.parts])
+        family = stored[self.skin.first]
+        return tuple((", ".join(own), np.flatnonzero(family == one)) for one, own in names.items())
+
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex, all parts one after the other, as it is or by the name of an attribute of all."""
+        return self.skin.samples(given, word, self._attribute)
+
+    def _attribute(self, name: str) -> Found:
+        found = [attribute_of(part.mesh, name) for part in self.parts]
+        there = [word for word in found[0][1] if all(word in names for _, names in found)]
+        return (np.concatenate([values for values, _ in found]) if name in there else None), there
+
+    def scene(self, noun: Mesh) -> Any:
+        """The scene with names, transforms and materials as they were, its parts moved."""
+        scene = self.scene_read.copy()
+        self.put(scene, noun)
+        return scene
+
+    def put(self, scene: Any, noun: Mesh) -> None:
+        """Its parts into a copy of the scene, moved."""
+        points = self.skin.points_of(noun)
+        values, start = self.skin.channels_of(noun), 0
+        for part in self.parts:
+            rows = slice(start, start + len(part.mesh.vertices))
+            start = rows.stop
+            shift = (points - self.skin.points)[rows] @ np.linalg.inv(part.frame[:3, :3]).T
+            moved = part.mesh.vertices + shift if shift.any() else None  # added, so that what stays keeps its bits
+            part_values = None if values is None else values[rows]
+            scene.geometry[part.name] = with_changes(part.mesh, moved, part.normals, self.channels, part_values)
+
+    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the scene in the format that it came in."""
+        scene = self.scene(noun)
+        if self.suffixes == (".stl",) and self.ascii:
+            path.write_text("".join(export_stl_ascii(scene.geometry[part.name]) for part in self.parts))
+            return ()
+        content = scene.export(file_type=self.suffixes[0][1:])
+        path.write_bytes(content)
+        return ()
+
+
+def read(path: Path, channels: str | None, moves: str | None) -> Parts:
+    """Read a scene: every mesh in it, in one noun.
+
+    :raises FormatError: when it holds no triangles, is compressed in a way that is not read, or is cut off.
+    :raises InputError: for channels that a part does not have, or whatever the noun refuses.
+    """
+    suffix = path.suffix.lower()
+    notes = list(_gltf_notes(path)) if suffix == ".glb" else []
+    is_ascii = suffix == ".stl" and _is_ascii_stl(path)
+    scene = trimesh.load_scene(path, file_type=suffix[1:], process=False)
+    parts = _parts_of(path.name, scene, suffix)
+    others = len(scene.geometry) - len(parts)
+    if others:
+        notes.append(f"{others} parts without triangles (points, lines) stay as they are")
+    stored = sum(3 * len(part.mesh.faces) for part in parts)
+    points, faces, family, values = _one_after_the_other(parts, channels)
+    skin = Skin.of(points, faces, split=suffix != ".stl" and family, channels=values, moves=moves)
+    if suffix == ".stl":
+        notes.append(
+            f"STL stores every corner apart: {stored} corners at bit-identical positions are {len(points)} vertices"
+        )
+        if any(np.any(part.mesh.face_attributes.get("stl", 0)) for part in parts):
+            notes.append("the two bytes of every STL triangle, where some programs keep colours, are not written again")
+    found = Parts(scene, parts, skin, channels, (*skin.note, *notes), (suffix,), is_ascii)
+    return replace(found, notes=(*found.notes, *said_of(found.sections)))
+
+
+def taken_apart(
+    scene: Any, *, channels: Any = None, moves: Any = None, fixed: Any = None, kind: Any = None, **other: Any
+) -> tuple[tuple[tuple[str, Adopted], ...], Callable[[Sequence[Any]], Any]]:
+    """The parts of a ``trimesh.Scene``, and the way back to a scene from their nouns; names, transforms and all else stay.
+
+    :param channels: the name of a vertex attribute of every part, or ``"colors"``.
+    :raises InputError: for a scene without triangles, arrays where names are expected, or hints that do not belong.
+    """
+    belong(other, "a trimesh scene", ("channels", "moves", "fixed"))
+    must_be_mesh(kind, "a trimesh scene")
+    for word, given in (("channels", channels), ("fixed", fixed)):
+        if given is not None and not isinstance(given, str):
+            raise InputError(f"{word}: of several parts the name of an attribute expected, got {type(given).__name__}")
+    copy: Any = scene.copy()
+    made: list[Parts] = []
+    parts = _parts_of("trimesh.Scene", copy, "")
+    families: dict[int, list[Part]] = {}
+    for part in parts:
+        families.setdefault(part.family, []).append(part)
+    for mine in families.values():
+        points, faces, _, values = _one_after_the_other(tuple(mine), channels)
+        split = len(mine) > 1 or carries(mine[0].mesh)
+        skin = Skin.of(points, faces, split=split, channels=values, moves=moves)
+        made.append(Parts(copy, tuple(mine), skin, channels, skin.note, (), False))
+
+    def restore(nouns: Sequence[Any]) -> Any:
+        new = copy.copy()
+        for one, noun in zip(made, nouns, strict=True):
+            one.put(new, noun)
+        return new
+
+    adopted = (
+        (", ".join(p.name for p in one.parts), Adopted(one.noun, one.scene, one.notes, one.samples)) for one in made
+    )
+    return tuple(adopted), restore
+
+
+def _parts_of(title: str, scene: Any, suffix: str) -> tuple[Part, ...]:
+    nodes: dict[str, str] = {}
+    for node in scene.graph.nodes_geometry:
+        nodes.setdefault(scene.graph[node][1], node)
+    parts, families = [], {}
+    for name, mesh in scene.geometry.items():
+        if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+            continue
+        frame = np.array(scene.graph[nodes[name]][0]) if name in nodes else np.eye(4)
+        if abs(np.linalg.det(frame[:3, :3])) < 1e-30:
+            raise FormatError(
+                f"{title}: part {name} is flattened by a transform without inverse; apply its transforms first"
+            )
+        parent = scene.graph.transforms.parents.get(nodes.get(name))
+        family = (parent or name) if mesh.metadata.get("from_gltf_primitive") else name
+        mesh = _without_copies(mesh) if suffix == ".stl" else mesh
+        parts.append(Part(name, frame, families.setdefault(family, len(families)), mesh, stored_normals(mesh)))
+    if not parts:
+        raise FormatError(
+            f"{title}: no triangles in it{f' (is it a {suffix[1:].upper()}?)' if suffix else ''}; a mesh expected, "
+            "a point cloud has no surface"
+        )
+    return tuple(parts)
+
+
+def _one_after_the_other(parts: tuple[Part, ...], channels: str | None) -> tuple[Array, Array, Array, Array | None]:
+    """Points, faces, the family of each point, and channels."""
+    faces, start = [], 0
+    for part in parts:
+        faces.append(np.asarray(part.mesh.faces) + start)
+        start += len(part.mesh.vertices)
+    points = np.concatenate([part.points for part in parts])
+    family = np.concatenate([np.full(len(part.mesh.vertices), part.family) for part in parts])
+    values = np.concatenate([channel_of(part.mesh, channels) for part in parts]) if channels is not None else None
+    return points, np.concatenate(faces), family, values
+
+
+def _without_copies(mesh: Any) -> Any:
+    """The mesh of an STL, its corners joined where they are at bit-identical positions."""
+    first, home = joined(np.asarray(mesh.vertices))
+    return trimesh.Trimesh(
+        np.asarray(mesh.vertices)[first],
+        home[mesh.faces],
+        process=False,
+        metadata=mesh.metadata,
+        face_attributes=mesh.face_attributes,
+    )
+
+
+def _is_ascii_stl(path: Path) -> bool:
+    """Whether an STL is text; trimesh leaves out a last solid that is cut off without a word.
+
+    :raises FormatError: when it is, and cut off.
+    """
+    content = path.read_bytes()
+    binary = len(content) >= 84 and len(content) == 84 + 50 * struct.unpack_from("<I", content, 80)[0]
+    if binary or not content.lstrip().lower().startswith(b"solid"):
+        return False
+    lines = content.strip().lower().splitlines()
+    if not lines[-1].strip().startswith(b"endsolid"):
+        last = lines[-1].decode("latin-1")[:40]
+        raise FormatError(f"{path.name}: cut off, an ASCII STL ends with endsolid, this one with {last!r}")
+    return True
+
+
+def _gltf_notes(path: Path) -> Iterator[str]:
+    """What of a GLB does not pass through trimesh; its header tells.
+
+    :raises FormatError: for geometry in a compression that trimesh would read as zeros.
+    """
+    content = path.read_bytes()
+    if content[:4] != b"glTF" or len(content) < 20:
+        raise InputError(f"not a GLB: it starts with {content[:4]!r} instead of b'glTF'")
+    header = json.loads(content[20 : 20 + struct.unpack_from("<I", content, 12)[0]])
+    packed = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"} & set(header.get("extensionsRequired", ()))
+    if packed:
+        raise FormatError(
+            f"{path.name}: compressed with {', '.join(packed)}; decompress it first (gltf-transform copy)"
+        )
+    lost = {name for name in ("animations", "skins") if header.get(name)}
+    for mesh in header.get("meshes", ()):
+        for primitive in mesh["primitives"]:
+            kept = {"POSITION", "NORMAL", "COLOR_0"} | ({"TEXCOORD_0"} if "material" in primitive else set())
+            lost |= {name for name in primitive["attributes"] if name not in kept and not name.startswith("_")}
+            lost |= {"morph targets"} if primitive.get("targets") else set()
+    if lost:
+        yield f"not written again by this GLB writer: {', '.join(sorted(lost))}"

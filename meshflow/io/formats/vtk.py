@@ -1,0 +1,137 @@
+"""VTP and VTK: read and written by VTK through pyvista, all arrays in their types."""
+
+import logging
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshflow.errors import FormatError
+from meshflow.geometry.validation import Array
+from meshflow.io.adapters.pyvista import adopt
+from meshflow.io.objects import Adopted
+from meshflow.surfaces.lift import Mesh
+
+__all__ = ["VtkFile", "listened", "read", "scene_mesh"]
+
+
+@dataclass(frozen=True, eq=False)
+class VtkFile:
+    """A polygonal mesh of VTK that was read."""
+
+    adopted: Adopted
+    suffixes: tuple[str, ...] = (".vtp", ".vtk")
+    sections: tuple[tuple[str, Array], ...] = ()
+
+    @property
+    def noun(self) -> Mesh:
+        """The mesh as it was read."""
+        assert isinstance(self.adopted.noun, Mesh)
+        return self.adopted.noun
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was done on the way in."""
+        return self.adopted.notes
+
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex, as it is or by the name of a point array."""
+        return self.adopted.samples(given, word)
+
+    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the mesh with all its arrays; tags become field data."""
+        save_polydata(self.adopted.restore(noun), path, tags)
+        return ()
+
+    def scene(self, noun: Mesh) -> Any:
+        """The mesh as a scene of one part."""
+        import trimesh
+
+        return trimesh.Scene(scene_mesh(self.adopted.restore(noun)))
+
+
+def scene_mesh(poly: Any) -> Any:
+    """A PolyData of triangles as a ``trimesh.Trimesh``: point and cell data are attributes, RGB and RGBA colours."""
+    import trimesh
+    from trimesh.visual import TextureVisuals
+
+    mesh: Any = trimesh.Trimesh(np.array(poly.points), np.array(poly.regular_faces), process=False)
+    uv = poly.active_texture_coordinates
+    for name in poly.point_data:
+        values = np.array(poly.point_data[name])
+        if name == "Normals":
+            mesh.vertex_normals = values
+        elif name in ("RGB", "RGBA") and values.dtype == np.uint8:
+            mesh.visual.vertex_colors = values
+        elif uv is None or not np.array_equal(values, uv):
+            mesh.vertex_attributes[name] = values
+    for name in poly.cell_data:
+        mesh.face_attributes[name] = np.array(poly.cell_data[name])
+    if uv is not None:
+        mesh.visual = TextureVisuals(uv=np.array(uv))
+    return mesh
+
+
+def save_polydata(poly: Any, path: Path, tags: Mapping[str, str]) -> None:
+    """Write a PolyData, tags as field data."""
+    for name, word in tags.items():
+        poly.add_field_data([str(word)], f"meshflow:{name}")
+    poly.save(str(path))
+
+
+def read(path: Path, channels: str | None, moves: str | None) -> VtkFile:
+    """Read a VTP or legacy VTK file.
+
+    :raises FormatError: for a broken file, and for another data set than PolyData.
+    :raises InputError: for channels that it does not have, or whatever the noun refuses.
+    """
+    import pyvista
+
+    with listened() as heard:
+        thing = pyvista.read(str(path))
+    if heard:
+        raise FormatError(
+            f"{path.name} cannot be read: {heard[0]}; is it whole, and does its extension tell the truth?"
+        )
+    if not isinstance(thing, pyvista.PolyData):
+        raise FormatError(
+            f"{path.name}: polygons (PolyData) expected, got {type(thing).__name__}; open it with pyvista.read and "
+            "hand the object over, or take its surface: .extract_surface().triangulate().save('surface.vtp')"
+        )
+    return VtkFile(adopt(thing, channels=channels, moves=moves))
+
+
+@contextmanager
+def listened() -> Iterator[list[str]]:
+    """What VTK has to say while it reads, and not on standard error.
+
+    A file that is cut off comes back as a mesh of whatever is in memory, with no more than a warning: any word counts.
+    """
+    import pyvista
+
+    heard: list[str] = []
+    root = logging.getLogger()  # where pyvista sends the errors of VTK
+
+    def deaf(record: logging.LogRecord) -> bool:
+        heard.append(record.getMessage().strip().splitlines()[0])
+        return False
+
+    root.addFilter(deaf)
+    try:
+        with (
+            warnings.catch_warnings(),
+            pyvista.vtk_verbosity("off"),
+            pyvista.VtkErrorCatcher(send_to_logging=False) as errors,
+        ):
+            warnings.filterwarnings("error", message="The VTK reader", category=UserWarning)
+            try:
+                yield heard
+            except (UserWarning, RuntimeError) as cause:
+                heard.append(str(cause).strip().splitlines()[-1].strip('"\t '))
+        heard.extend(event.alert.strip().splitlines()[-1] for event in errors.events)
+    finally:
+        root.removeFilter(deaf)

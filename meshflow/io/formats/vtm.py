@@ -1,0 +1,128 @@
+"""VTM: blocks of VTK, an index and a folder of data beside it; read and written through pyvista, each surface a section."""
+
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.adapters.multipart import Several, several
+from meshflow.io.formats.vtk import listened, scene_mesh
+from meshflow.io.vertex_merging import Section, said_of
+from meshflow.surfaces.lift import Mesh, together
+
+__all__ = ["VtkBlocks", "read"]
+
+
+@dataclass(frozen=True, eq=False)
+class VtkBlocks:
+    """Blocks that were read; the noun has their surfaces one after the other."""
+
+    path: Path
+    blocks: Several
+    notes: tuple[str, ...]
+    suffixes: tuple[str, ...] = (".vtm",)
+
+    @cached_property
+    def noun(self) -> Mesh:
+        """All surfaces as one mesh."""
+        return together([part.noun for _, part in self.blocks.parts])
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """The blocks, where there are several."""
+        names = [name for name, _ in self.blocks.parts]
+        return tuple(zip(names, self._rows, strict=True)) if len(names) > 1 else ()
+
+    @property
+    def _rows(self) -> list[Array]:
+        """The vertices of each block in the noun."""
+        sizes = np.cumsum([0, *(len(noun.points) for noun in self._nouns)])
+        return [np.arange(start, stop) for start, stop in zip(sizes[:-1], sizes[1:], strict=True)]
+
+    @property
+    def _nouns(self) -> list[Mesh]:
+        return [part.noun for _, part in self.blocks.parts if isinstance(part.noun, Mesh)]
+
+    def samples(self, given: Any, word: str) -> Any:
+        """An array of one number per vertex, all blocks one after the other, as it is or by the name of an array of all."""
+        if not isinstance(given, str):
+            return given
+        return np.concatenate([part.samples(given, word) for _, part in self.blocks.parts])
+
+    def _back(self, noun: Mesh) -> Any:
+        """The blocks with the points and channels of a noun."""
+        made: list[Mesh] = []
+        for rows, one in zip(self._rows, self._nouns, strict=True):
+            points = noun.points[rows].astype(one.points.dtype)
+            channels = one.channels if one.channels is None or noun.channels is None else noun.channels[rows]
+            made.append(replace(one, points=points, channels=channels))
+        return self.blocks.restore(made)
+
+    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the index, and the blocks into a folder beside it; whatever else is in a folder of that name stays."""
+        blocks, folder = self._back(noun), target.with_suffix("")
+        if folder.exists() and not folder.is_dir():
+            raise FormatError(f"{folder} is there, and where the blocks of {target.name} would go; name another file")
+        for name, word in tags.items():
+            blocks.add_field_data([str(word)], f"meshflow:{name}")
+        data = path.with_suffix("")
+        try:
+            blocks.save(str(path))
+            path.write_text(path.read_text().replace(data.name, escape(folder.name, {'"': "&quot;"})))
+            folder.mkdir(exist_ok=True)
+            for file in data.iterdir():
+                file.replace(folder / file.name.replace(data.name, folder.name))
+        finally:
+            shutil.rmtree(data, ignore_errors=True)
+        return (f"written beside {target.name}: the folder {folder.name}",)
+
+    def scene(self, noun: Mesh) -> Any:
+        """The surfaces as a scene of as many parts."""
+        import trimesh
+
+        scene = trimesh.Scene()
+        for (name, _), poly in zip(self.blocks.parts, _leaves(self._back(noun)), strict=True):
+            scene.add_geometry(scene_mesh(poly), geom_name=name, node_name=name)
+        return scene
+
+
+def _leaves(blocks: Any) -> Iterator[Any]:
+    import pyvista
+
+    for block in blocks:
+        if isinstance(block, pyvista.MultiBlock):
+            yield from _leaves(block)
+        elif block is not None:
+            yield block
+
+
+def read(path: Path, channels: str | None, moves: str | None) -> VtkBlocks:
+    """Read a VTM file with the files that it names.
+
+    :raises FormatError: for a broken file, one that names files that are not there, or blocks that are no surfaces.
+    :raises InputError: for channels that a block does not have, or whatever a noun refuses.
+    """
+    import pyvista
+
+    with listened() as heard:
+        blocks = pyvista.read(str(path))
+    if heard:
+        raise FormatError(f"{path.name} cannot be read: {heard[0]}; are the files beside it that it names?")
+    if not isinstance(blocks, pyvista.MultiBlock):
+        raise FormatError(f"{path.name}: blocks expected, got {type(blocks).__name__}")
+    hints = {"channels": channels, "moves": moves}
+    found = several(blocks, **{name: hint for name, hint in hints.items() if hint is not None})
+    assert found is not None
+    flat = [name for name, part in found.parts if not isinstance(part.noun, Mesh)]
+    if flat:
+        raise InputError(f"block {flat[0]}: a surface of polygons expected, got a grid; smooth it in Python")
+    notes = [f"{name}: {note}" for name, part in found.parts for note in part.notes]
+    made = VtkBlocks(path, found, ())
+    return replace(made, notes=(*notes, *said_of(made.sections)))

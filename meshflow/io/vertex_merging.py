@@ -1,0 +1,211 @@
+"""Vertices that a format has split, joined for the flow and split again on the way out.
+
+STL stores every corner of every triangle; textured formats store a vertex once for each texture coordinate or normal that
+it carries. Moved one by one the copies would tear the surface open along these seams.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array, mask_of, real, truth_of
+from meshflow.io.metadata import MASKS, Found, looked_up
+from meshflow.surfaces.lift import Mesh
+
+__all__ = ["Section", "Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
+
+# A mesh of a file of several: its name, and its vertices in the noun.
+Section = tuple[str, Array]
+# Names of parts that a sentence lists.
+LISTED = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """A mesh as it is stored, the noun that it becomes, and the way back.
+
+    :param points: (n, 3) as stored, copied.
+    :param faces: (m, 3), of the stored points.
+    :param channels: (n, k) as stored, or None.
+    :param first: (v,), the first stored vertex of each vertex of the noun.
+    :param home: (n,), the vertex of the noun to which each stored vertex belongs.
+    :param noun: the :class:`Mesh` of v <= n vertices.
+    """
+
+    points: Array
+    faces: Array
+    channels: Array | None
+    first: Array
+    home: Array
+    noun: Mesh
+
+    @classmethod
+    def of(
+        cls,
+        points: Array,
+        faces: Array,
+        *,
+        split: bool | Array = False,
+        channels: Array | None = None,
+        moves: Any = None,
+        fixed: Any = None,
+    ) -> "Skin":
+        """Take a mesh in.
+
+        :param split: join vertices at bit-identical positions; as (n,) whole numbers, those of equal number alone.
+        :param channels: (n,) or (n, k); of joined vertices the mean is taken.
+        :param fixed: (n,); joined vertices stay if one of them does.
+        :raises InputError: as :class:`Mesh`.
+        """
+        points = np.array(points)
+        first, home = (
+            joined(points, None if isinstance(split, bool) else split) if split is not False else _apart(len(points))
+        )
+        stays = np.zeros(len(first), bool)
+        stays[home[mask_of(fixed, (len(points),), "fixed")]] = True
+        if channels is not None:
+            channels = _columns(channels, len(points))
+        mean = None if channels is None else _mean(channels, home, len(first))
+        noun = Mesh(
+            points[first], _in_range(faces, home), mean, fixed=stays, **({"moves": moves} if moves is not None else {})
+        )
+        return cls(points, np.asarray(faces), channels, first, home, noun)
+
+    @property
+    def note(self) -> tuple[str, ...]:
+        """A sentence when vertices were joined."""
+        copies = len(self.home) - len(self.first)
+        if not copies:
+            return ()
+        return (
+            f"{len(self.home)} stored vertices are {len(self.first)} of the surface: {copies} copies at the same position, "
+            "which the format splits at seams, move together",
+        )
+
+    def samples(self, given: Any, word: str, find: Callable[[str], Found]) -> Any:
+        """One number per vertex of the noun, from one per stored vertex; of joined vertices that which holds most.
+
+        :param given: an array (n, ...), or the name of one; anything else is handed on as it is.
+        :param find: looks up a name.
+        :raises InputError: for a name that is not there, with those that there are.
+        """
+        values = looked_up(given, word, find(given)) if isinstance(given, str) else np.asarray(given)
+        if values.ndim == 0 or len(values) != len(self.home):
+            return given
+        values = truth_of(values) if word in MASKS and values.dtype.kind in "biuf" else values
+        order = np.argsort(self.home, kind="stable")
+        starts = np.searchsorted(self.home[order], np.arange(len(self.first)))
+        most = np.maximum if word in ("fixed", "confidence") else np.minimum
+        return most.reduceat(values[order], starts, axis=0)
+
+    def points_of(self, noun: Mesh) -> Array:
+        """Positions (n, 3) of the stored vertices, in the stored type.
+
+        :raises InputError: for a noun of another size.
+        """
+        if not isinstance(noun, Mesh) or noun.points.shape != self.noun.points.shape:
+            raise InputError(
+                f"restore: a mesh with points of shape {self.noun.points.shape} expected, got {_shape_of(noun)}"
+            )
+        return noun.points[self.home].astype(self.points.dtype, copy=False)
+
+    def has_moved(self, noun: Mesh) -> bool:
+        """Whether any point of the noun is not where it was."""
+        return not np.array_equal(self.noun.points, noun.points)
+
+    def channels_of(self, noun: Mesh) -> Array | None:
+        """Channels (n, k) of the stored vertices: what they were plus what changed; None where they did not change."""
+        before, after = self.noun.channels, noun.channels
+        if self.channels is None or before is None or after is None or np.array_equal(before, after):
+            return None
+        return self.channels + (after.astype(np.float64) - before)[self.home]
+
+
+def joined(points: Array, groups: Array | None = None) -> tuple[Array, Array]:
+    """Vertices at bit-identical positions: (first of each (v,), vertex of each point (n,)), in order of appearance.
+
+    :param groups: (n,) whole numbers; only points of the same group are joined.
+    """
+    if not len(points):
+        return _apart(0)
+    rows = points if groups is None else np.column_stack([points, groups])
+    order = np.lexsort(rows.T)  # as numpy.unique of the rows, five times as fast
+    is_new = np.ones(len(rows), bool)
+    is_new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    first = np.minimum.reduceat(order, np.flatnonzero(is_new))
+    rank = np.argsort(np.argsort(first))
+    home = np.empty(len(rows), np.int64)
+    home[order] = rank[np.cumsum(is_new) - 1]
+    return np.sort(first), home
+
+
+def is_soup(faces: Array, n: int) -> bool:
+    """Whether every corner of every triangle has a vertex of its own: nothing is connected to anything."""
+    return len(faces) > 1 and faces.size == n and len(np.unique(faces)) == n
+
+
+def said_of(sections: tuple[Section, ...]) -> tuple[str, ...]:
+    """A sentence where there are several parts."""
+    names = ", ".join(name for name, _ in sections[:LISTED])
+    more = f" and {len(sections) - LISTED} more" if len(sections) > LISTED else ""
+    return (f"{len(sections)} parts: {names}{more}",) if sections else ()
+
+
+def fitted(values: Array, kind: np.dtype[Any]) -> Array:
+    """Values in another type: whole numbers are rounded, and clipped to what the type holds."""
+    if kind.kind in "iu":
+        limits = np.iinfo(kind)
+        # the largest int64 has no float64 of its own: the next one below it has
+        top = np.nextafter(float(limits.max), 0) if kind.itemsize == 8 else limits.max
+        return np.clip(np.rint(values), limits.min, top).astype(kind)
+    return values.astype(kind)
+
+
+def normals_after(points: Array, faces: Array, before: Array, normals: Array) -> Array:
+    """Normals (n, 3) of moved vertices: edges that were hard stay hard, seams that were smooth stay smooth.
+
+    Stored vertices share a normal where they shared position and normal before (normals to 1e-3). A vertex without area
+    around it keeps the normal that it had.
+    """
+    import trimesh
+
+    first, home = joined(np.column_stack([before, np.round(normals, 3)]))
+    fresh = np.asarray(trimesh.Trimesh(points[first], home[faces], process=False).vertex_normals)[home]
+    known = np.isfinite(fresh).all(axis=1) & (np.linalg.norm(fresh, axis=1) > 0.5)
+    return np.where(known[:, None], fresh, normals).astype(normals.dtype)
+
+
+def _apart(n: int) -> tuple[Array, Array]:
+    return np.arange(n), np.arange(n)
+
+
+def _columns(channels: Array, n: int) -> Array:
+    values = real(np.array(channels), "channels")
+    values = values[:, None] if values.ndim == 1 else values
+    if values.ndim != 2 or len(values) != n:
+        raise InputError(f"channels: shape ({n}, k) expected, got {np.shape(channels)}")
+    return values
+
+
+def _mean(values: Array, home: Array, count: int) -> Array:
+    if count == len(values):
+        return values.copy()
+    total = np.zeros((count, values.shape[1]))
+    np.add.at(total, home, values)
+    return (total / np.bincount(home, minlength=count)[:, None]).astype(values.dtype)
+
+
+def _in_range(faces: Array, home: Array) -> Array:
+    """Faces of the joined vertices; faces that name no vertex are left for the gate of the noun to refuse."""
+    faces = np.asarray(faces)
+    if faces.size and (faces.min() < 0 or faces.max() >= len(home)):
+        bad = faces.min() if faces.min() < 0 else faces.max()
+        raise InputError(f"faces: vertices 0 to {len(home) - 1} expected, got {bad}")
+    return home[faces] if faces.size else np.zeros((0, 3), np.int64)
+
+
+def _shape_of(noun: Any) -> str:
+    return str(noun.points.shape) if isinstance(noun, Mesh) else type(noun).__name__

@@ -1,0 +1,1 @@
+"""What there is: height fields, images, range images, meshes, and the cameras that see them."""

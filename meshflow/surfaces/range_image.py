@@ -1,0 +1,236 @@
+"""The noun of what a camera or a scanner has seen: values along rays."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from meshflow.errors import InputError, NothingThere
+from meshflow.geometry.validation import Array, brief, mask_of, positive, real, samples
+from meshflow.surfaces.camera import Camera, Measure
+from meshflow.surfaces.discontinuities import Cuts, cuts_by_noise, islands
+from meshflow.surfaces.grid import Fibres, Lattice, Lift, held, lowered
+from meshflow.surfaces.surface import Boundary, Surface
+
+__all__ = ["Pace", "RangeImage"]
+
+Pace = Literal["footprint", "length", "noise"]
+# The share of the nearest depth that is a jump where nothing is known of the noise.
+SHARE = 0.05
+# How far sigma / h of a sample may be from the median where time follows it: stable steps shorten with the greatest.
+FASTEST = 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class RangeImage:
+    """Depths seen by a camera; each point may move along the ray of its pixel.
+
+    Time is counted in pixel footprints, if nothing else is said: the motion of a vertex is multiplied by h_i squared, h_i the
+    width of its pixel on the surface at the start (z_i / f of a pinhole), so that near and far are smoothed over the same
+    number of pixels.
+
+    :param depth: (h, w), in the unit that the result shall have (metres); 0, NaN, infinite and masked samples are missing.
+        (Of a scanner of which each sample has an origin of its own, 0 and what is below it are samples: :class:`Scanner`.)
+    :param camera: what saw it: :class:`Pinhole`, :class:`Orthographic`, :class:`Spherical` or :class:`Scanner`.
+    :param missing: (h, w), further samples that are missing.
+    :param fixed: (h, w), samples that stay.
+    :param jump: what is behind does not touch what is before it. ``noise``: a triangle is left out where its depths jump beyond
+        what noise and slope explain, or it turns away from the ray (:func:`.discontinuities.cuts_by_noise`); a number:
+        where they differ by more than this share of the nearest; None: nowhere. A share has no meaning where each sample has an
+        origin of its own.
+    :param sigma: the noise of the depths, a number or (h, w), in their unit; where it is not given the front door estimates it,
+        and without it ``noise`` is a share of 5 %.
+    :param measure: what the depths are, ``depth`` along the optical axis or ``range`` along the ray; by default what suits the
+        camera.
+    :param pace: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``;
+        ``noise``: in squared footprints where sigma / h is the median, and in proportion to it elsewhere, so that all noise goes
+        alike.
+    :param unit: the name of the unit of the depths, for reports and pictures; that of depths that a file holds is m.
+    :raises InputError: for a camera that cannot have seen it, negative depths, fewer than 2 x 2 samples, or
+        nothing but missing ones.
+    """
+
+    depth: Array
+    camera: Camera
+    missing: Array | None = None
+    fixed: Array | None = None
+    jump: float | Literal["noise"] | None = "noise"
+    measure: Measure | None = None
+    pace: Pace = "footprint"
+    sigma: Array | float | None = None
+    unit: str = ""
+    boundary: Boundary = field(default="linear", init=False)
+
+    def __post_init__(self) -> None:
+        depth, missing = samples(self.depth, self.missing, (2,), "range image")
+        if not isinstance(self.camera, Camera):
+            raise InputError(
+                f"camera: a Pinhole, Orthographic, Spherical or Scanner expected, got {type(self.camera).__name__}; "
+                "meshflow.read_camera reads one from a file"
+            )
+        if not self.camera.signed:
+            missing = missing | (depth == 0)
+        if missing.all():
+            raise NothingThere(
+                f"range image: all {missing.size} depths are missing (0, NaN or masked); nothing to smooth or to draw"
+            )
+        if not self.camera.signed and (depth[~missing] < 0).any():
+            raise InputError(
+                f"range image: depths above zero expected, got {depth[~missing].min()}; 0 or NaN mark what is missing"
+            )
+        if isinstance(self.jump, str) and self.jump != "noise":
+            raise InputError(f"jump: noise, a share of the depth or None expected, got {self.jump!r}")
+        if self.jump is not None and not isinstance(self.jump, str):
+            positive(self.jump, "jump")
+        if self.sigma is not None:
+            object.__setattr__(self, "sigma", self._noise(depth.shape, missing))
+        if self.pace not in ("footprint", "length", "noise"):
+            raise InputError(f"pace: footprint, length or noise expected, got {self.pace!r}")
+        measure = self.measure or self.camera.usual
+        self.camera.check((depth.shape[0], depth.shape[1]), measure, missing)
+        object.__setattr__(self, "measure", measure)
+        object.__setattr__(self, "depth", depth)
+        object.__setattr__(self, "missing", missing)
+        object.__setattr__(self, "fixed", mask_of(self.fixed, depth.shape, "fixed"))
+
+    def __repr__(self) -> str:
+        return brief(self, self.depth, self.missing, self.camera.summary)
+
+    def gridded(self, lift: Lift) -> Lattice:
+        """The grid that a grid engine moves, the depths as they are; nothing is copied.
+
+        :raises InputError: for a contrast other than 1: along rays through one point it scales the scene and nothing else.
+        """
+        if lift.contrast != 1.0:
+            raise InputError(
+                f"contrast: for range images only 1 has a meaning (a factor on all depths scales the scene), "
+                f"got {lift.contrast}; use gamma to keep edges"
+            )
+        boundary, cuts = lift.boundary or self.boundary, self.cuts
+        share = SHARE if self.jump == "noise" and cuts is None else self.jump
+        return Lattice(
+            self.depth[None],
+            self._missing,
+            self._fixed,
+            diagonals=lift.diagonals,
+            boundary=boundary,
+            fibres=replace(self._fibres, footprint=self.stride),
+            jump=None if self.camera.signed or isinstance(share, str) else share,
+            cuts=cuts,
+        )
+
+    @property
+    def cuts(self) -> Cuts | None:
+        """Edges where the depth jumps, by its noise; None where that is not known or not asked for."""
+        if self.jump != "noise" or self.sigma is None:
+            return None
+        return cuts_by_noise(self.along, self._missing, self.sigma, self.footprint)
+
+    def cleared(self, least: int) -> "RangeImage":
+        """A copy without pieces of fewer than ``least`` samples: they are missing there, and their depth is zero."""
+        cuts, shape = self.cuts, self.depth.shape
+        if cuts is None and self.jump is not None:
+            near = np.where(self._missing, np.nan, self.depth)
+            share = SHARE if isinstance(self.jump, str) else self.jump
+            right, down = (
+                np.abs(np.diff(near, axis=axis)) > share * np.fmin(near[first], near[second])
+                for axis, first, second in ((1, np.s_[:, :-1], np.s_[:, 1:]), (0, np.s_[:-1], np.s_[1:]))
+            )
+            cuts = Cuts(right, down)
+        gone = islands(self._missing, cuts, least)
+        if (gone | self._missing).all():
+            raise InputError(f"islands: all {shape[1]} x {shape[0]} pixels lie in pieces of fewer than {least} samples")
+        nothing = np.nan if self.camera.signed else 0.0
+        return replace(self, depth=np.where(gone, nothing, self.depth), missing=self._missing | gone)
+
+    @property
+    def _missing(self) -> Array:
+        assert self.missing is not None
+        return self.missing
+
+    @property
+    def _fixed(self) -> Array:
+        assert self.fixed is not None
+        return self.fixed
+
+    def _noise(self, shape: tuple[int, ...], missing: Array) -> Array | float:
+        assert self.sigma is not None
+        if np.ndim(self.sigma) == 0:
+            return positive(self.sigma, "sigma", "the unit of the depths")  # type: ignore[arg-type]
+        sigma = real(self.sigma, "sigma")
+        if sigma.shape != shape or not (sigma[~missing] > 0).all():
+            raise InputError(
+                f"sigma: a positive number or one for each of {shape[1]} x {shape[0]} depths expected, got shape {sigma.shape}"
+            )
+        return sigma
+
+    @property
+    def step(self) -> float:
+        """h: 1 where time is counted in pixel footprints, else their median, a length."""
+        if self.pace != "length":
+            return 1.0
+        return float(np.median(self.footprint[~self._missing]))
+
+    @property
+    def stride(self) -> Array | None:
+        """What time is counted in squares of, (h, w); None: the same everywhere, in the unit of the depths."""
+        if self.pace == "length":
+            return None
+        footprint = self.footprint
+        if self.pace == "footprint" or self.sigma is None:
+            return footprint
+        there = ~self._missing & (footprint > 0)
+        ratio = np.divide(self.sigma, footprint, out=np.ones_like(footprint), where=there)
+        return footprint * np.sqrt(np.clip(ratio / np.median(ratio[there]), 1 / FASTEST, FASTEST))
+
+    @property
+    def along(self) -> Array:
+        """The coordinate (h, w) of each point along its own ray, as its values count it; NaN where missing.
+
+        What the values are themselves, where they count from one place; from places of their own it is told by the points.
+        """
+        if not self.camera.signed:
+            return np.where(self._missing, np.nan, self.depth)
+        rays = np.stack([np.broadcast_to(part, self.depth.shape) for part in self._fibres.directions], axis=-1)
+        return (self.cloud * rays).sum(axis=-1) / (rays * rays).sum(axis=-1)
+
+    @property
+    def cloud(self) -> Array:
+        """The points (h, w, 3) that were seen, NaN where missing."""
+        return np.where(self._missing[..., None], np.nan, self.points_at(self.depth.astype(np.float64)))
+
+    def points_at(self, depth: Array) -> Array:
+        """The points (h, w, 3) of other depths (h, w) along the same rays."""
+        return self._fibres.at(depth)
+
+    @property
+    def _fibres(self) -> Fibres:
+        assert self.measure is not None
+        return self.camera.fibres((self.depth.shape[0], self.depth.shape[1]), self.measure)
+
+    @cached_property
+    def footprint(self) -> Array:
+        """The width of each pixel on the surface (h, w), across its ray, unit of the depths; zero where missing."""
+        assert self.measure is not None
+        there = np.where(self._missing, np.nan, self.depth).astype(np.float64)
+        footprint = np.nan_to_num(self.camera.footprint(there, self.measure), nan=0.0)
+        footprint.flags.writeable = False  # kept: asked for several times in one smoothing
+        return footprint
+
+    def holding(self, planes: Array) -> "RangeImage":
+        """A copy whose depths are planes (1, h, w); missing ones keep their bits."""
+        return replace(self, depth=held(self.depth, planes[0], self._missing))
+
+    def lifted(self, lift: Lift) -> Surface:
+        """The surface of the points that were seen, each free along its ray.
+
+        :raises InputError: for a contrast other than 1.
+        """
+        return self.gridded(lift).surface()
+
+    def lowered(self, u: Array, lift: Lift) -> "RangeImage":
+        """A copy whose depths are u (h * w, 1)."""
+        missing = self._missing
+        start = np.where(missing, 0.0, self.depth).astype(np.float64).reshape(-1, 1)
+        return replace(self, depth=lowered(self.depth, start, u, lift.contrast, missing))

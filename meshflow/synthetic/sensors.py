@@ -1,0 +1,274 @@
+"""Simulated depth sensors: what a camera would have measured of a body that is known, and the truth beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array, number, positive, whole
+from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.visibility import Sight, met
+from meshflow.synthetic.solids import Solid
+
+__all__ = ["Body", "Frame", "Seen", "Sensor", "StructuredLight", "TimeOfFlight", "observe", "seen"]
+
+Body = Mesh | Sequence[Solid]
+# The light of a projector ends on the body itself; what it meets this close to its end is no shadow.
+OWN = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What the rays of a camera meet first.
+
+    :ivar depth: (h, w), u of the line of sight; NaN where nothing is met.
+    :ivar normals: (h, w, 3), unit, towards the camera; NaN likewise.
+    :ivar part: (h, w), index of the solid or the triangle that is met; -1 for none.
+    """
+
+    depth: Array
+    normals: Array
+    part: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What a sensor measured, beside the truth.
+
+    :ivar depth: (h, w), measured; NaN where missing.
+    :ivar truth: (h, w), NaN where nothing is there to be seen.
+    :ivar normals: (h, w, 3), true ones, unit, towards the camera; NaN likewise.
+    :ivar sigma: (h, w), standard deviation of the noise of each pixel, before rounding; NaN likewise.
+    :ivar flying: (h, w), pixels that mix the depths of two surfaces.
+    :ivar dark: (h, w), pixels that see something on which the sensor's own light does not fall.
+    """
+
+    depth: Array
+    truth: Array
+    normals: Array
+    sigma: Array
+    flying: Array
+    dark: Array
+
+
+class Sensor(Protocol):
+    """A model of what goes wrong."""
+
+    def measured(self, body: Body, sight: Sight, there: Seen) -> Frame:
+        """The frame of what a sight has seen of a body."""
+        ...
+
+
+def seen(body: Body, sight: Sight) -> Seen:
+    """Cast the rays of a camera at a body.
+
+    :param body: a :class:`Mesh` in R^3, or solids, of which the nearest is seen; the lines of sight begin outside of them.
+    :raises InputError: for no solid, or a mesh that is not in R^3.
+    """
+    depth, part = _cast(body, sight.origins, sight.directions)
+    there = np.isfinite(depth)
+    depth = np.where(there, depth, np.nan)
+    normals = np.full((*sight.shape, 3), np.nan)
+    points = sight.at(depth)
+    if isinstance(body, Mesh):
+        a, b, c = np.moveaxis(body.points[body.faces[part[there]]].astype(np.float64), 1, 0)
+        across = np.cross(b - a, c - a)
+        normals[there] = across / np.linalg.norm(across, axis=1, keepdims=True)
+    else:
+        for i, solid in enumerate(body):
+            normals[part == i] = solid.normals(points[part == i])
+    away = np.einsum("...i,...i->...", normals, sight.directions) > 0
+    return Seen(depth, np.where(away[..., None], -normals, normals), np.where(there, part, -1))
+
+
+def observe(body: Body, sight: Sight, sensor: Sensor) -> Frame:
+    """What a sensor measures of a body through a camera: ``observe(SCENE, Sight.through(camera, shape), sensor)``.
+
+    :raises InputError: as :func:`seen`, or where nothing is seen at all.
+    """
+    there = seen(body, sight)
+    if (there.part < 0).all():
+        raise InputError("observe: none of the rays meets the body; turn the camera, or check the unit of the body")
+    return sensor.measured(body, sight, there)
+
+
+@dataclass(frozen=True)
+class StructuredLight:
+    """A projector beside the camera: depth from disparity d = f b / z, in pixels, so that noise and steps grow as z^2.
+
+    A pixel is missing where the projector's light does not fall (the shadow at silhouettes) and where the surface is seen at
+    too grazing an angle. Nothing of the pattern's window, nor of speckle, is modelled.
+
+    :param baseline: b, from the camera to the projector along the rows, unit of the depths (0.075 m: the first Kinect).
+    :param focal: f, pixels in which disparity is counted (575: the first Kinect).
+    :param sigma: standard deviation of the disparity, pixels: that of the depth is z^2 sigma / (f b).
+    :param step: disparity is rounded to multiples of it, pixels; None: it is not.
+    :param grazing: angle between line of sight and normal, degrees, from which on nothing comes back.
+    :param flying: share of the pixels at jumps of depth that measure something between the two sides.
+    :param jump: difference of neighbouring depths, as a share of the nearer, that is a jump unless the slope explains it.
+    :param seed: of everything random.
+    :raises InputError: for lengths that are not positive, a sigma below zero, an angle or a share that cannot be.
+    """
+
+    baseline: float = 0.075
+    focal: float = 575.0
+    sigma: float = 0.05
+    step: float | None = 0.125
+    grazing: float = 75.0
+    flying: float = 0.3
+    jump: float = 0.03
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, unit in (("baseline", ""), ("focal", "pixels"), ("jump", "")):
+            positive(getattr(self, name), name, unit)
+        if self.step is not None:
+            positive(self.step, "step", "pixels")
+        _at_least_zero(self.sigma, "sigma")
+        _sound(self.grazing, self.flying, self.seed)
+
+    def measured(self, body: Body, sight: Sight, there: Seen) -> Frame:
+        """The frame of what a sight has seen of a body."""
+        rng, truth = np.random.default_rng(self.seed), there.depth
+        dark = self._shadow(body, sight, there)
+        scale = self.focal * self.baseline
+        mixed, flying = _mixed(sight, there, self.jump, self.flying, rng)
+        disparity = scale / mixed + self.sigma * rng.normal(size=truth.shape)
+        if self.step is not None:
+            disparity = np.rint(disparity / self.step) * self.step
+        lit = ~dark & (sight.tilt(there.normals) < self.grazing) & (disparity > 0)
+        depth = np.divide(scale, disparity, out=np.full(truth.shape, np.nan), where=lit)
+        return Frame(depth, truth, there.normals, truth**2 * self.sigma / scale, flying & lit, dark)
+
+    def _shadow(self, body: Body, sight: Sight, there: Seen) -> Array:
+        """Pixels (h, w) whose surface is hidden from the projector."""
+        found = np.isfinite(there.depth)
+        points = sight.at(there.depth)[found]
+        projector = sight.origins[found] + (self.baseline, 0.0, 0.0)
+        reach, _ = _cast(body, projector, points - projector)
+        shadow = np.zeros(found.shape, bool)
+        shadow[found] = reach < 1.0 - OWN
+        return shadow
+
+
+@dataclass(frozen=True)
+class TimeOfFlight:
+    """Light that is timed: noise a + b z, more where less of it comes back; pixels at jumps mix the times of both sides.
+
+    Paths by way of other surfaces are not modelled.
+
+    :param sigma: a, standard deviation at depth 0, unit of the depths.
+    :param growth: b, what is added per unit of depth.
+    :param lambert: divide the standard deviation by the cosine of the angle between line of sight and normal, as the light that
+        a matt surface sends back falls with it.
+    :param grazing: angle, degrees, from which on nothing comes back.
+    :param flying: share of the pixels at jumps of depth that measure something between the two sides.
+    :param jump: as that of :class:`StructuredLight`.
+    :param seed: of everything random.
+    :raises InputError: for a noise below zero, an angle or a share that cannot be.
+    """
+
+    sigma: float = 0.002
+    growth: float = 0.002
+    lambert: bool = False
+    grazing: float = 85.0
+    flying: float = 0.5
+    jump: float = 0.03
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("sigma", "growth"):
+            _at_least_zero(getattr(self, name), name)
+        positive(self.jump, "jump")
+        _sound(self.grazing, self.flying, self.seed)
+
+    def measured(self, body: Body, sight: Sight, there: Seen) -> Frame:
+        """The frame of what a sight has seen of a body."""
+        rng, truth = np.random.default_rng(self.seed), there.depth
+        mixed, flying = _mixed(sight, there, self.jump, self.flying, rng)
+        tilt, sigma = sight.tilt(there.normals), self.sigma + self.growth * truth
+        if self.lambert:
+            sigma = sigma / np.cos(np.radians(tilt))
+        depth = mixed + sigma * rng.normal(size=truth.shape)
+        back = (tilt < self.grazing) & (depth > 0)
+        none = np.zeros(truth.shape, bool)
+        return Frame(np.where(back, depth, np.nan), truth, there.normals, sigma, flying & back, none)
+
+
+def _at_least_zero(value: float, name: str) -> None:
+    if number(value, name) < 0:
+        raise InputError(f"{name}: a standard deviation of zero or more expected, got {value}")
+
+
+def _sound(grazing: float, flying: float, seed: int) -> None:
+    """What the two sensors share."""
+    if not 0 < number(grazing, "grazing") <= 90:
+        raise InputError(f"grazing: an angle above 0 and up to 90 degrees expected, got {grazing}")
+    if not 0 <= number(flying, "flying") <= 1:
+        raise InputError(f"flying: a share between 0 and 1 expected, got {flying}")
+    whole(seed, "seed", 0)
+
+
+def _cast(body: Body, origins: Array, directions: Array) -> tuple[Array, Array]:
+    """Factors (...,) by which rays (..., 3) first meet a body, infinite where they do not, and the index of what they meet."""
+    if isinstance(body, Mesh):
+        return _cast_mesh(body, origins, directions)
+    if len(body) == 0:
+        raise InputError("body: at least one solid expected, got none")
+    depths = np.stack([solid.cast(directions, origins) for solid in body])
+    return depths.min(axis=0), depths.argmin(axis=0)
+
+
+def _cast_mesh(mesh: Mesh, origins: Array, directions: Array) -> tuple[Array, Array]:
+    """The tree of libigl says which triangle; it counts in single precision, so where on it is asked again."""
+    import igl
+
+    if mesh.points.shape[1] != 3:
+        raise InputError(f"body: a mesh in R^3 expected, got points in R^{mesh.points.shape[1]}")
+    points, faces = np.ascontiguousarray(mesh.points, dtype=np.float64), np.ascontiguousarray(mesh.faces)
+    starts = np.ascontiguousarray(np.broadcast_to(origins, directions.shape).reshape(-1, 3), dtype=np.float64)
+    rays = np.ascontiguousarray(directions.reshape(-1, 3), dtype=np.float64)
+    tree = igl.AABB()
+    tree.init(points, faces)
+    part = np.asarray(tree.intersect_ray_first(points, faces, starts, rays)[0])
+    depth, hit = np.full(len(rays), np.inf), part >= 0
+    # As far beyond its edges as single precision errs.
+    depth[hit] = met(starts[hit], rays[hit], points[faces[part[hit]]], edge=1e-3)
+    part = np.where(np.isfinite(depth), part, -1)
+    return depth.reshape(directions.shape[:-1]), part.reshape(directions.shape[:-1])
+
+
+def _mixed(sight: Sight, there: Seen, jump: float, share: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Depths (h, w) of which a share of those beside a jump lies between its sides, and which those are."""
+    other = _across(sight, there, jump)
+    chosen, weight = rng.uniform(size=other.shape) < share, rng.uniform(0.1, 0.9, size=other.shape)
+    flying = chosen & np.isfinite(other)
+    return np.where(flying, there.depth + weight * (other - there.depth), there.depth), flying
+
+
+def _across(sight: Sight, there: Seen, jump: float) -> Array:
+    """The depth (h, w) on the other side of the greatest jump beside each pixel; NaN where there is none.
+
+    A difference is no jump where the tangent plane of either side leads to the other.
+    """
+    z, n = there.depth, there.normals
+    points, other, most = sight.at(z), np.full(z.shape, np.nan), np.zeros(z.shape)
+
+    def led(from_: tuple[slice, slice], to: tuple[slice, slice]) -> Array:
+        """Where the lines of sight of one pixel meet the tangent planes of its neighbour."""
+        plane = np.einsum("...i,...i->...", n[from_], points[from_] - sight.origins[to])
+        slope = np.einsum("...i,...i->...", n[from_], sight.directions[to])
+        return np.divide(plane, slope, out=np.full(plane.shape, np.nan), where=slope != 0)
+
+    every, first, last = slice(None), slice(None, -1), slice(1, None)
+    for one, two in (((every, first), (every, last)), ((first, every), (last, every))):
+        limit = jump * np.fmin(z[one], z[two])
+        leap = np.abs(z[one] - z[two])
+        jumps = (leap > limit) & (np.abs(led(one, two) - z[two]) > limit) & (np.abs(led(two, one) - z[one]) > limit)
+        for here, there_ in ((one, two), (two, one)):
+            greater = jumps & (leap > most[here])
+            other[here] = np.where(greater, z[there_], other[here])
+            most[here] = np.where(greater, leap, most[here])
+    return other

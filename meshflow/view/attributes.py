@@ -1,0 +1,74 @@
+"""What rides along on two meshes that are at the same place: what of it differs, and by how much."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import Mesh
+from meshflow.view.appearance import carried
+
+__all__ = ["Riding", "riding"]
+
+
+@dataclass(frozen=True, eq=False)
+class Riding:
+    """A vertex attribute in which two meshes differ that are otherwise equal.
+
+    :ivar name: of it.
+    :ivar before: (n, k).
+    :ivar after: (n, k).
+    :ivar others: names of those that differ, too.
+    """
+
+    name: str
+    before: Array
+    after: Array
+    others: tuple[str, ...] = ()
+
+    @property
+    def removed(self) -> tuple[Array, str]:
+        """Before minus after (n,), the mean of the columns, and what it is called.
+
+        Where the means are equal, as of red and blue, and the columns are not: the length of the difference, which has no sign.
+        """
+        lost = self.before - self.after
+        if lost.shape[1] > 1 and not np.nanmax(np.abs(lost.mean(axis=1)), initial=0.0) > 0:
+            return np.linalg.norm(lost, axis=1), f"length of the difference of {self.name}"
+        mean = "" if lost.shape[1] == 1 else "mean of "
+        return lost.mean(axis=1), f"{mean}{self.name}, before − after"
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the difference, all columns together."""
+        return float(np.sqrt(np.nanmean(np.square(self.before - self.after).sum(axis=1))))
+
+    @property
+    def told(self) -> str:
+        """A sentence for the user."""
+        more = f"; so do {', '.join(self.others)}" if self.others else ""
+        return f"before and after are equal in their points; {self.name} differ, and are what is compared{more}"
+
+    def worn(self, mesh: Mesh, values: Array) -> Mesh:
+        """A mesh with this attribute as what moves."""
+        return replace(mesh, channels=values, moves="channels")
+
+
+def riding(before: Any, after: Any, one: Mesh, other: Mesh) -> Riding | None:
+    """The attribute in which two meshes of the same points differ, colours first; None where they differ in none.
+
+    :param before: what ``one`` came from, as :func:`meshflow.view.appearance.taken` has it.
+    :param after: what ``other`` came from.
+    """
+    if one.moves != "points" or other.moves != "points" or one.points.shape != other.points.shape:
+        return None
+    if not (np.array_equal(one.points, other.points) and np.array_equal(one.faces, other.faces)):
+        return None
+    first, second = carried(before, one), carried(after, other)
+    both = [name for name in first if name in second and first[name].shape == second[name].shape]
+    unlike = [name for name in both if not np.array_equal(first[name], second[name], equal_nan=True)]
+    if not unlike:
+        return None
+    name, *others = unlike
+    return Riding(name, first[name], second[name], tuple(others))

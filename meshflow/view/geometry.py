@@ -1,0 +1,237 @@
+"""A noun as a body in space: its triangles, its colours, its side to the viewer. numpy only, but for the way to VTK."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.discontinuities import Cuts
+from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.surfaces.triangles import grid_sheets, triangles_there
+from meshflow.view.look import Look, Seen, Up, View, camera_view, mesh_view, picture_view, side_view, terrain_view
+from meshflow.view.pair import holes
+from meshflow.view.texture import Texture, Textured
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+__all__ = ["SAMPLES", "Body", "as_shown", "drawable", "embodied", "raised", "thinned"]
+
+SAMPLES = 1000  # a side: more than a panel has pixels
+_RELIEF = 0.15  # height of a relief over its width where the exaggeration is ours to choose
+_FORWARD = Lift(diagonals="forward")  # a surface is drawn with one diagonal per cell, or each cell would be there twice
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What is drawn of a noun.
+
+    :param points: (n, 3), those that triangles use.
+    :param faces: (m, 3).
+    :param samples: (n,), the index of each point among the samples or vertices of the noun.
+    :param view: where it is seen from.
+    :param colours: (n, 3) of its own, uint8, where it has some.
+    :param triangles: (m,), the index of each triangle among those of the noun; None: they are the same.
+    :param texture: of its triangles, where it wears one; its colours are then those of the texture at the points.
+    """
+
+    points: Array
+    faces: Array
+    samples: Array
+    view: View
+    colours: Array | None = None
+    triangles: Array | None = None
+    texture: Texture | None = None
+
+    @property
+    def corners(self) -> Array:
+        """(3 m, 3), the corners of the triangles one after the other, as a texture with seams needs them."""
+        return self.points[self.faces].reshape(-1, 3)
+
+    def polydata(self) -> "pv.PolyData":
+        """The same for VTK: no normals, so that it is shaded flat and noise shows."""
+        import pyvista as pv
+
+        return pv.PolyData.from_regular_faces(np.ascontiguousarray(self.points, dtype=np.float64), self.faces)
+
+    def textured(self, texture: Texture) -> "pv.PolyData":
+        """The same with texture coordinates, each corner a point of its own."""
+        import pyvista as pv
+
+        corners = np.ascontiguousarray(self.corners, dtype=np.float64)
+        shape = pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
+        shape.active_texture_coordinates = texture.corners.reshape(-1, 2)
+        return shape
+
+
+def drawable(noun: Noun, look: Look, most: int = SAMPLES) -> tuple[int, float, tuple[str, ...]]:
+    """What is chosen once for all panels: every which sample, the exaggeration, and what to say of both.
+
+    :param most: samples of a side that are drawn.
+    :raises InputError: for an exaggeration of what has no heights, an axis of what is no mesh.
+    """
+    if look.exaggeration is not None and not isinstance(noun, HeightField):
+        raise InputError(f"exaggeration: of height fields only, this is a {type(noun).__name__}; leave it out")
+    if look.up is not None and not isinstance(noun, Mesh):
+        raise InputError(f"up: of meshes only, this is a {type(noun).__name__}; leave it out")
+    step = _thinning(noun, most)
+    notes = [f"every {step}{'nd' if step == 2 else 'rd' if step == 3 else 'th'} sample"] if step > 1 else []
+    exaggeration = 1.0
+    if isinstance(noun, HeightField):
+        exaggeration = _exaggeration(noun) if look.exaggeration is None else float(look.exaggeration)
+        notes.append(f"heights × {exaggeration:g}")
+    if isinstance(noun, Mesh) and noun.points.shape[1] > 3:
+        notes.append(f"the first 3 of {noun.points.shape[1]} coordinates")
+    return step, exaggeration, tuple(notes)
+
+
+def embodied(
+    noun: Noun,
+    step: int = 1,
+    exaggeration: float = 1.0,
+    shown: Callable[[Array], Array] | None = None,
+    up: Up | None = None,
+    seen: Seen | None = None,
+    own_colours: bool = False,
+) -> Body:
+    """The body of a noun.
+
+    :param step: take every ``step``-th sample of a grid.
+    :param exaggeration: factor on the heights of a height field.
+    :param shown: for an image, its channels as colours: :func:`as_shown`.
+    :param up: for a mesh, the axis that is up.
+    :param seen: from which side, as :class:`meshflow.view.look.Look` has it; images are :func:`raised` before.
+    :param own_colours: channels of a mesh are its colours, whether they move or not.
+    :raises InputError: when there is no triangle to draw.
+    """
+    if isinstance(noun, Mesh):
+        points, faces, colours = _three(noun.points), noun.faces, _mesh_colours(noun, own_colours)
+        view = mesh_view(points, up, seen)
+    elif isinstance(noun, Image):
+        points, faces, colours = _sheet(noun, step, shown or as_shown(noun))
+        view = picture_view()
+    else:
+        surface = thinned(noun, step).lifted(_FORWARD)
+        points, faces, colours = surface.points, surface.sheets[0], None
+        if isinstance(noun, HeightField):
+            points = points * (1.0, 1.0, exaggeration)
+            view = picture_view() if seen == "front" else terrain_view()
+        else:
+            view = side_view() if seen == "side" else camera_view()
+    if len(faces) == 0:
+        what = type(noun).__name__
+        raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, so much is missing")
+    used = np.zeros(len(points), bool)
+    used[faces] = True
+    samples, place = np.flatnonzero(used), np.cumsum(used) - 1
+    texture = noun.texture if own_colours and isinstance(noun, Textured) else None
+    return Body(
+        points[samples], place[faces], samples, view, None if colours is None else colours[samples], texture=texture
+    )
+
+
+def raised(noun: Noun, seen: Seen | None) -> Noun:
+    """An image that is to be seen from the side as the terrain of its brightness, the mean of its channels; all else as it is."""
+    if seen != "side" or not isinstance(noun, Image):
+        return noun
+    values = noun.values if noun.values.ndim == 2 else noun.values.mean(axis=2)
+    return HeightField(values, noun.spacing, holes(noun))
+
+
+def _thinning(noun: Noun, most: int) -> int:
+    """Every which sample is drawn, so that a side has no more than a screen can show; of a mesh all."""
+    return 1 if isinstance(noun, Mesh) else -(-max(holes(noun).shape) // most)
+
+
+def as_shown(*images: Image) -> Callable[[Array], Array]:
+    """A function from channels (..., k) to colours (..., 3) in uint8, the same for all these images.
+
+    Three and four channels are red, green, blue; of any other number the mean is shown. Ranges from 0 to 1, 255 or
+    65535 are recognised; any other runs from black to white.
+    """
+    values = np.concatenate([image.values[~holes(image)].ravel() for image in images])
+    low, high = (float(v) for v in np.percentile(values, (1, 99)))
+    black, white = low, high if high > low else low + 1.0
+    for full in (1.0, 255.0, 65535.0):
+        if full / 4 <= high <= full * 1.1 and low >= -0.1 * full:
+            black, white = 0.0, full
+            break
+
+    def shown(channels: Array) -> Array:
+        coloured = channels.shape[-1] in (3, 4)
+        three = channels[..., :3] if coloured else np.repeat(channels.mean(axis=-1, keepdims=True), 3, axis=-1)
+        bright = np.clip((np.nan_to_num(three, nan=black) - black) / (white - black), 0, 1)
+        return np.round(255 * bright).astype(np.uint8)
+
+    return shown
+
+
+def thinned(noun: Noun, step: int) -> Noun:
+    """Every ``step``-th sample of a grid, in the same place; a mesh as it is."""
+    if step == 1 or isinstance(noun, Mesh):
+        return noun
+    every = (slice(None, None, step),) * 2
+    missing = holes(noun)[every]
+    if not isinstance(noun, RangeImage):
+        dx, dy = noun.spacing
+        dx = dx * step if np.ndim(dx) == 0 else np.asarray(dx)[::step] * step
+        if isinstance(noun, Image):
+            return replace(noun, values=noun.values[every], spacing=(dx, dy * step), missing=missing, fixed=None)
+        cuts = None if noun.cuts is None else _thinned_cuts(noun.cuts, step)
+        return replace(noun, z=noun.z[every], spacing=(dx, dy * step), missing=missing, fixed=None, cuts=cuts)
+    camera = noun.camera.thinned(step, noun.depth.shape)
+    sigma = noun.sigma[every] if isinstance(noun.sigma, np.ndarray) and noun.sigma.ndim else noun.sigma
+    return replace(noun, depth=noun.depth[every], camera=camera, missing=missing, fixed=None, sigma=sigma)
+
+
+def _thinned_cuts(cuts: Cuts, step: int) -> Cuts:
+    """Edges between every ``step``-th sample: cut where one of those that they stand for is."""
+
+    def of_rows(edges: Array) -> Array:
+        edges = edges[::step]
+        count = edges.shape[1] // step
+        return np.logical_or.reduce(edges[:, : count * step].reshape(len(edges), count, step), axis=2)
+
+    return Cuts(of_rows(cuts.right), of_rows(cuts.down.T).T)
+
+
+def _exaggeration(field: HeightField) -> float:
+    """A round factor (1, 2 or 5 times a power of ten) that makes a relief a seventh as high as wide."""
+    low, high = np.percentile(field.z[~holes(field)], (1, 99))
+    h, w = field.z.shape
+    width = np.sqrt(h * field.spacing[1] * w * np.mean(field.spacing[0]))
+    if high <= low:
+        return 1.0
+    factor = _RELIEF * width / (float(high) - float(low))
+    power = 10.0 ** np.floor(np.log10(factor))
+    return float(power * max(digit for digit in (1, 2, 5) if digit <= factor / power * (1 + 1e-9)))
+
+
+def _sheet(image: Image, step: int, shown: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+    """An image as a flat sheet with a colour at each sample: points, faces, colours."""
+    every = (slice(None, None, step),) * 2
+    missing, values = holes(image)[every], image.values[every]
+    rows, columns = np.mgrid[0 : missing.shape[0], 0 : missing.shape[1]]
+    width = float(np.mean(image.spacing[0]))
+    points = np.stack([columns.ravel() * width, -rows.ravel() * image.spacing[1], np.zeros(missing.size)], axis=1)
+    return points, grid_sheets(triangles_there(missing), "forward")[0], shown(values.reshape(missing.size, -1))
+
+
+def _three(points: Array) -> Array:
+    """Points (n, d) in space: a third coordinate where there are two, the first three where there are more."""
+    flat = points[:, :3].astype(np.float64)
+    return flat if flat.shape[1] == 3 else np.column_stack([flat, np.zeros(len(flat))])
+
+
+def _mesh_colours(mesh: Mesh, own: bool) -> Array | None:
+    """Channels as colours where they move or are asked for, and are red, green, blue from 0 to 255, opacity left out."""
+    if (mesh.moves == "points" and not own) or mesh.channels is None or mesh.channels.shape[1] not in (3, 4):
+        return None
+    low, high = np.percentile(mesh.channels, (1, 99))
+    if not own and (low < -25 or not 1 < high <= 280):  # noise may reach beyond what a byte holds
+        return None
+    bright = mesh.channels[:, :3] * (255.0 if own and high <= 1 else 1.0)
+    return np.clip(np.round(bright), 0, 255).astype(np.uint8)

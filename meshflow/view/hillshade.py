@@ -1,0 +1,72 @@
+"""Shaded relief without OpenGL: grids as pictures seen from above, or from their camera."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import Image
+from meshflow.view.geometry import Body
+from meshflow.view.look import Look
+from meshflow.view.pair import holes
+from meshflow.view.scale import Scale
+
+__all__ = ["coloured", "imaged", "pictured", "shaded"]
+
+_STONE = np.array([0.90, 0.87, 0.82])
+_MISSING = np.array([0.80, 0.84, 0.88])
+_AMBIENT = 0.18
+
+
+def shaded(body: Body, shape: tuple[int, int], look: Look) -> Array:
+    """Hillshade (h, w), NaN where there is no triangle.
+
+    Lambert's law for one triangle of each cell, as it lies, without averaging: noise is to be seen, not to be hidden.
+
+    :param body: of a grid; its faces start at the right angle and turn counter-clockwise for the viewer.
+    :param shape: (h, w) of that grid.
+    """
+    a, b, c = body.points[body.faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1)
+    light = np.clip(normals @ (look.light @ body.view.ground) / np.where(length > 0, length, 1.0), 0.0, None)
+    shade = np.full(shape, np.nan)
+    corners = body.samples[body.faces]
+    lower = corners[:, 1] < corners[:, 0]
+    for kind in (lower, ~lower):  # the last one counts: the triangle to the lower right, where there is one
+        for corner in (2, 1, 0):
+            shade.ravel()[corners[kind, corner]] = light[kind]
+    return shade
+
+
+def pictured(body: Body, shape: tuple[int, int], look: Look) -> Array:
+    """A relief as colours (h, w, 3) in uint8; missing samples in a neutral blue grey.
+
+    The ground, where it is level, is equally bright whatever the altitude of the light.
+    """
+    shade = shaded(body, shape, look) * (0.62 / max(look.light[2], 0.3))
+    bright = (_AMBIENT + (1 - _AMBIENT) * np.clip(shade, 0.0, 1.0))[..., None]
+    return _bytes(np.where(np.isnan(bright), _MISSING, bright * _STONE))
+
+
+def imaged(image: Image, step: int, shown: Callable[[Array], Array]) -> Array:
+    """An image as it is (h, w, 3) in uint8; missing samples as in :func:`pictured`.
+
+    :param step: every which sample is taken.
+    :param shown: its channels as colours: :func:`meshflow.view.geometry.as_shown`.
+    """
+    values = image.values if image.values.ndim == 3 else image.values[..., None]
+    values, missing = values[::step, ::step], holes(image)[::step, ::step, None]
+    return np.where(missing, _bytes(_MISSING), shown(values))
+
+
+def coloured(scale: Scale) -> Array:
+    """The colours (h, w, 3) in uint8 of a scale over a grid; missing samples as in :func:`pictured`."""
+    share = (scale.values - scale.low) / (scale.high - scale.low)
+    colours = scale.colour_map(np.clip(np.nan_to_num(share), 0.0, 1.0))[..., :3]
+    return _bytes(np.where(np.isnan(scale.values)[..., None], _MISSING, colours))
+
+
+def _bytes(colours: Array) -> Array:
+    """Colours from 0 to 1 as uint8."""
+    return np.round(255 * colours).astype(np.uint8)

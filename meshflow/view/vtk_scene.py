@@ -1,0 +1,291 @@
+"""Bodies drawn by VTK: panels for a page, and windows."""
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshflow.geometry.validation import Array
+from meshflow.view.geometry import Body
+from meshflow.view.look import Look
+from meshflow.view.overlay import Overlay
+from meshflow.view.scale import Scale
+from meshflow.view.turning import HEAVY, Turning, coarse
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+__all__ = ["COLUMN", "FOOT", "Rows", "added", "coarsened", "drawn", "length", "overlaid", "single", "windowed"]
+
+# Shares of a window: the width of the column beside the body, the height of bar and slider below it.
+COLUMN, FOOT = 0.27, 0.17
+Rows = list[list[tuple[str, Body, Scale | None]]]
+"""Rows of panels of a window: label, body, the colours it wears instead of its own."""
+
+_STONE = "#eae3d6"  # pale and matt: shading, not colour, tells the shape
+# Colours are to be read as they are, and the form yet to be seen: what faces the viewer keeps six sevenths of its brightness,
+# what faces the light all of it.
+_COLOURED: dict[str, Any] = {"ambient": 0.52, "diffuse": 0.48, "specular": 0.0}
+_MARGIN = 1.04
+_BARS = {
+    "title_font_size": 15,
+    "label_font_size": 14,
+    "color": "black",
+    "fmt": "%.3g",
+    "n_labels": 5,
+    "vertical": True,
+    "width": 0.05,
+    "height": 0.6,
+    "position_x": 0.8,
+    "position_y": 0.2,
+    "fill": True,  # or its digits would be lost on the body behind it
+    "background_color": "white",
+}
+_BELOW = {"vertical": False, "width": 0.5, "height": 0.05, "position_x": 0.25, "position_y": 0.09, "fill": False}
+
+
+def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = None) -> Array:
+    """One body as a picture (height, width, 3) in uint8, on white.
+
+    :param size: width and height, pixels.
+    :param scale: colours for its samples, instead of stone.
+    """
+    import pyvista as pv
+
+    plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none", theme=pv.themes.DocumentTheme())
+    with closing(plotter):
+        _light(plotter, body, look)
+        _add(plotter, body, scale)
+        _aim(plotter, body, size[0] / size[1])
+        plotter.enable_anti_aliasing("ssaa")
+        picture = plotter.screenshot(None, return_img=True)
+    return np.asarray(picture)[..., :3]
+
+
+def length(body: Body, size: tuple[int, int]) -> float:
+    """What a pixel of :func:`drawn` is long, where the view is no pinhole's."""
+    return 2 * _half(body, size[0] / size[1]) / size[1]
+
+
+def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plotter":
+    """A window with rows of labelled bodies that turn together, not yet shown; the caller closes it.
+
+    :param rows: one or two, the second of one body.
+    :param off_screen: draw without one; None: as pyvista decides.
+    """
+    import pyvista as pv
+
+    shape: Any = (len(rows), len(rows[0]))
+    groups: Any = [(1, slice(None))] if len(rows) == 2 else None
+    plotter = pv.Plotter(shape=shape, groups=groups, off_screen=off_screen, **_frame(look))
+    with _closed_on_failure(plotter):
+        _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
+        heavy: list[tuple[Any, Any]] = []
+        for r, row in enumerate(rows):
+            for c, (label, body, scale) in enumerate(row):
+                plotter.subplot(r, c)
+                actor = _add(plotter, body, scale, bar=True)
+                heavy += _stood_in(plotter, actor, body, scale)
+                plotter.add_text(label, position="upper_left", font_size=12, color="black")
+                _aim(plotter, body, look.size[0] / look.size[1])
+        plotter.link_views()
+        Turning(plotter, heavy)
+    return plotter
+
+
+def overlaid(
+    panels: tuple[tuple[Body, Scale | None], ...], look: Look, at: float, wipes: bool, off_screen: bool | None = None
+) -> "pv.Plotter":
+    """A window of one view with a divider to drag between two bodies, or one at a time; not yet shown; the caller closes it.
+
+    :param at: where the divider stands at first, a share of the width.
+    :param wipes: start with the divider; else with the first body alone. The space bar goes on.
+    """
+    import pyvista as pv
+
+    plotter = pv.Plotter(off_screen=off_screen, **_frame(look))
+    with _closed_on_failure(plotter):
+        (one, first), (other, second) = panels
+        _light(plotter, one, look)
+        actors = _add(plotter, one, first, bar=True), _add(plotter, other, second)
+        heavy = [
+            _stood_in(plotter, actor, *panel)
+            for actor, panel in zip(actors, ((one, first), (other, second)), strict=True)
+        ]
+        turning = Turning(plotter, [])  # which of them is seen the overlay says
+        sides = [pairs[0] if pairs else (actor,) for actor, pairs in zip(actors, heavy, strict=True)]
+        overlay = Overlay(plotter, sides[0], sides[1], turning, at, wipes)
+        widgets: Any = plotter
+        slider = widgets.add_slider_widget(
+            overlay.slide,
+            rng=(0.0, 1.0),
+            value=at,
+            title="",
+            pointa=(0.0, 0.04),
+            pointb=(1.0, 0.04),
+            interaction_event="always",
+            color="#26282b",
+            fmt="",
+            slider_width=0.05,
+            tube_width=0.002,
+        )
+        handle = slider.GetRepresentation()  # without caps and short, so that it stands where the divider does
+        handle.SetEndCapLength(0.0)
+        handle.SetSliderLength(0.012)
+        if any(heavy):  # the divider is to follow the hand, too
+            slider.AddObserver("StartInteractionEvent", turning.turn)
+            slider.AddObserver("EndInteractionEvent", turning.rest)
+        _aim(plotter, one, look.size[0] / look.size[1])
+    return plotter
+
+
+@contextmanager
+def _closed_on_failure(plotter: "pv.Plotter") -> Iterator[None]:
+    """No window is left behind by what fails."""
+    try:
+        yield
+    except BaseException:
+        plotter.close()
+        raise
+
+
+def single(body: Body, look: Look, off_screen: bool, *, column: bool = False) -> "pv.Plotter":
+    """A plotter with the light and the camera for one body, which is yet to be :func:`added`; the caller closes it.
+
+    :param column: to the left of the body there is a renderer for :class:`meshflow.viewer.column.Column`, and below the body
+        room for a bar and its slider.
+    """
+    import pyvista as pv
+
+    aspect, parts = look.size[0] / look.size[1], dict[str, Any]()
+    if column:
+        parts = {"shape": (1, 2), "col_weights": (COLUMN, 1 - COLUMN), "border": False}
+        aspect *= 1 - COLUMN
+        (left, low), (right, high) = body.view.frame
+        below = (left, low - max(high - low, (right - left) / aspect) * FOOT / (1 - FOOT))
+        body = replace(body, view=replace(body.view, frame=(below, (right, high))))
+    plotter = pv.Plotter(off_screen=off_screen, **parts, **_frame(look))
+    if column:
+        plotter.subplot(0, 1)
+    _light(plotter, body, look)
+    _aim(plotter, body, aspect)
+    return plotter
+
+
+def added(plotter: "pv.Plotter", body: Body, scale: Scale | None, name: str, *, below: bool = False) -> Any:
+    """The actor of a body, in place of the one of that name and its bar.
+
+    :param below: the bar lies below the body, where :func:`single` left room for it; else it stands at its right.
+    """
+    shown: Any = plotter
+    for bar in list(shown.scalar_bars.keys()):
+        shown.remove_scalar_bar(bar, render=False)
+    shown.remove_actor(name, render=False)
+    actor = _add(plotter, body, scale, bar=scale is not None, place=_BELOW if below else {})
+    plotter.add_actor(actor, name=name, reset_camera=False, render=False)
+    plotter.reset_camera_clipping_range()  # the camera was aimed at an empty place
+    return actor
+
+
+def coarsened(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None, name: str) -> list[tuple[Any, Any]]:
+    """The actor of a body of very many triangles and a coarse one for it, in place of that of the name; else no pair."""
+    shown: Any = plotter
+    shown.remove_actor(name, render=False)
+    pairs = _stood_in(plotter, actor, body, scale)
+    for _, other in pairs:
+        other.SetVisibility(False)
+        plotter.add_actor(other, name=name, reset_camera=False, render=False)
+    return pairs
+
+
+def _frame(look: Look) -> dict[str, Any]:
+    """What all windows have in common."""
+    import pyvista as pv
+
+    theme = pv.themes.DocumentTheme()
+    return {"window_size": list(look.size), "lighting": "none", "theme": theme, "title": look.title or "meshflow"}
+
+
+def _stood_in(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None) -> list[tuple[Any, Any]]:
+    """A coarse actor beside that of a body of very many triangles."""
+    if len(body.faces) <= HEAVY:
+        return []
+    return [(actor, _add(plotter, coarse(body), scale))]
+
+
+def _add(
+    plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = False, place: dict[str, Any] | None = None
+) -> Any:
+    """The actor of a body, shaded flat: of stone, in its own colours, or in those of a scale."""
+    shape = body.polydata()
+    if scale is not None:  # softly lit: the form is to be seen, the colour to be read
+        bars: Any = {"title": f"{scale.label}\n", **_BARS, **(place or {})} if bar else None
+        which = body.samples if not scale.of_triangles else slice(None) if body.triangles is None else body.triangles
+        return plotter.add_mesh(
+            shape,
+            scalars=scale.values.ravel()[which],
+            preference="cell" if scale.of_triangles else "point",
+            clim=(scale.low, scale.high),
+            cmap=scale.colour_map,
+            n_colors=max(scale.colour_map.N, 256),
+            nan_color="lightgrey",
+            show_scalar_bar=bar,
+            scalar_bar_args=bars,
+            smooth_shading=False,
+            **_COLOURED,
+        )
+    if body.colours is not None:
+        flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
+        light: dict[str, Any] = {"lighting": False, "ambient": 0.0, "diffuse": 1.0} if flat else _COLOURED
+        worn: dict[str, Any] = {"scalars": body.colours, "rgb": True}
+        if body.texture is not None:
+            import pyvista as pv
+
+            shape, worn = body.textured(body.texture), {"texture": pv.Texture(body.texture.picture), "color": "white"}
+        return plotter.add_mesh(shape, smooth_shading=False, **light, **worn)
+    return plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
+
+
+def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:
+    """The raking light of the look, a weak one from across it, and one at the viewer's head: shadow sides keep their form.
+
+    Together they are all but nowhere brighter than one light alone.
+    """
+    import pyvista as pv
+
+    east, north, high = look.light
+    for toward, intensity in (((east, north, high), 0.97), ((-east, -north, high), 0.15)):
+        place = tuple(np.array(toward) @ body.view.ground)
+        plotter.add_light(
+            pv.Light(position=place, focal_point=(0, 0, 0), light_type="scene light", intensity=intensity)
+        )
+    plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))
+
+
+def _half(body: Body, aspect: float) -> float:
+    """Half of what the height of a picture shows."""
+    wide, tall = body.view.extent
+    return max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # a body may be a point
+
+
+def _aim(plotter: "pv.Plotter", body: Body, aspect: float) -> None:
+    """The camera where the view says, its frame filled.
+
+    :param aspect: width over height of what it draws on.
+    """
+    view, half = body.view, _half(body, aspect)
+    middle = np.mean(view.frame, axis=0) @ np.stack([view.right, view.up])
+    depth = body.points @ view.toward
+    if view.pinhole:
+        focus = float(np.median(-depth)) * (middle - view.toward)
+        plotter.camera_position = [(0.0, 0.0, 0.0), tuple(focus), tuple(view.up)]
+        plotter.camera.view_angle = float(np.degrees(2 * np.arctan(half)))
+    else:
+        focus = middle + view.toward * float(depth.min() + depth.max()) / 2
+        away = 2 * float(np.linalg.norm(np.ptp(body.points, axis=0))) or 1.0
+        plotter.camera_position = [tuple(focus + away * view.toward), tuple(focus), tuple(view.up)]
+        plotter.camera.parallel_projection = True
+        plotter.camera.parallel_scale = half
+    plotter.reset_camera_clipping_range()

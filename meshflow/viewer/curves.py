@@ -1,0 +1,80 @@
+"""Curves of a flow over its time, as a small drawing that a page or a window holds."""
+
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from meshflow.geometry.validation import Array
+from meshflow.view.numbers import plain
+from meshflow.viewer.timeline import Timeline
+
+__all__ = ["Curve", "across", "curves", "measures", "told"]
+
+_WIDE, _HIGH, _EDGE = 320, 150, 8
+_AREA, _REMOVED = "#2b6cb0", "#c2410c"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What is measured of each state.
+
+    :ivar shares: of its largest, 0 to 1, one for each state.
+    :ivar colour: ``#rrggbb``.
+    :ivar words: what it is, and from where to where it goes.
+    """
+
+    shares: Array
+    colour: str
+    words: str
+
+
+def told(timeline: Timeline, index: int) -> str:
+    """A state in words."""
+    moment = timeline.moments[index]
+    unit = f" {timeline.unit}" if timeline.unit else ""
+    words = [
+        f"time {plain(moment.time, timeline.moments[-1].time, 4)}{unit}",
+        f"area {100 * moment.area:.4g} %",
+        f"removed rms {moment.change:.3g} {getattr(timeline.at(0), 'unit', '')}".rstrip(),
+    ]
+    return ", ".join(words + ([f"{moment.residual:.3g} of the noise"] if np.isfinite(moment.residual) else []))
+
+
+def across(timeline: Timeline) -> Array:
+    """Where each state stands on the axis of time, 0 to 1: its square root, in which states are evenly apart."""
+    times = np.sqrt([moment.time for moment in timeline.moments])
+    return times / (times[-1] or 1.0)
+
+
+def measures(timeline: Timeline) -> tuple[Curve, Curve]:
+    """Area, and what was removed: its rms, which as a share of the noise is the same curve."""
+    moments, last = timeline.moments, timeline.moments[-1]
+    removed = f"{last.residual:.3g} of the noise" if np.isfinite(last.residual) else f"rms {last.change:.3g}"
+    drawn = (
+        ([moment.area for moment in moments], _AREA, f"area, 100 to {100 * last.area:.3g} %"),
+        ([moment.change for moment in moments], _REMOVED, f"removed, 0 to {removed}"),
+    )
+    one, other = (Curve(np.asarray(values) / (max(values) or 1.0), hue, words) for values, hue, words in drawn)
+    return one, other
+
+
+def curves(timeline: Timeline, index: int) -> str:
+    """SVG of area and of what was removed over the square root of time, each from 0 to its largest, this state marked."""
+    wide, high = _WIDE - 2 * _EDGE, _HIGH - 2 * _EDGE - 14
+    places = _EDGE + wide * across(timeline)
+    lines, names = [], []
+    for curve in measures(timeline):
+        down = _EDGE + high * (1.0 - curve.shares)
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(places, down, strict=True))
+        lines.append(f'<polyline points="{points}" fill="none" stroke="{curve.colour}" stroke-width="1.5"/>')
+        names.append(f'<tspan fill="{curve.colour}">{curve.words}  </tspan>')
+    x = places[index]
+    marker = f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{_EDGE}" y2="{_EDGE + high}" stroke="#444" stroke-dasharray="3 2"/>'
+    frame = f'<rect x="{_EDGE}" y="{_EDGE}" width="{wide}" height="{high}" fill="none" stroke="#ccc"/>'
+    text = f'<text x="{_EDGE}" y="{_HIGH - 6}" font-size="11" font-family="sans-serif">{"".join(names)}</text>'
+    label = escape(told(timeline, index))
+    return (
+        f'<svg viewBox="0 0 {_WIDE} {_HIGH}" width="100%" role="img" aria-label="{label}">'
+        f"{frame}{''.join(lines)}{marker}{text}</svg>"
+    )

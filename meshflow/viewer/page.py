@@ -1,0 +1,148 @@
+"""One page that holds all states of a flow and opens without a server, a network or an installation."""
+
+import base64
+import json
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.atomic_write import beside, must_be_free
+from meshflow.surfaces.lift import Image, Mesh, Noun
+from meshflow.view.geometry import Body, as_shown, drawable, embodied, raised, thinned
+from meshflow.view.look import Look
+from meshflow.view.pair import paired
+from meshflow.view.scale import Scale
+from meshflow.viewer.curves import curves, told
+from meshflow.viewer.timeline import Timeline
+
+__all__ = ["exportable", "exported"]
+
+SAMPLES = 400  # of a grid, a side: more would make a page of tens of megabytes
+HEAVY = 400_000  # vertices of a mesh beyond which a page says how large it became
+MANY = 24  # states of a page
+
+
+def exportable(path: str | Path, overwrite: bool) -> Path:
+    """A path that a page can be written to: asked before anything is computed.
+
+    :param overwrite: replace a file that is there.
+    :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise FormatError(f"{target}: .html expected")
+    if not target.parent.is_dir():
+        raise FormatError(f"{target}: there is no folder {target.parent}")
+    must_be_free(target, overwrite)
+    return target
+
+
+def exported(
+    timeline: Timeline, path: str | Path, look: Look, command: Callable[[float], str], *, overwrite: bool = False
+) -> tuple[str, ...]:
+    """Write the page; what is to be said of it.
+
+    Places are kept in 16 bits of the bounding box, what was removed in 8 bits of its scale: it is for looking.
+
+    :param path: ``.html``.
+    :param command: the command line that makes the state at a time.
+    :param overwrite: replace a file that is there.
+    :raises FormatError: as :func:`exportable`.
+    :raises InputError: where there is nothing to draw.
+    """
+    target = exportable(path, overwrite)
+    every = max(1, -(-(len(timeline) - 1) // (MANY - 1)))
+    shown = [*range(0, len(timeline) - 1, every), len(timeline) - 1]
+    first, last = timeline.at(0), timeline.at(len(timeline) - 1)
+    seen = raised(first, look.seen)
+    step, exaggeration, notes = drawable(seen, look, SAMPLES)
+    images = [noun for noun in (seen, raised(last, look.seen)) if isinstance(noun, Image)]
+    hues = as_shown(*images) if images else None
+
+    def body(noun: Noun) -> Body:
+        thin = thinned(raised(noun, look.seen), step)
+        return embodied(thin, 1, exaggeration, hues, look.up, look.seen, look.own_colours)
+
+    start = body(first)
+    view = start.view.framing(start.points, body(last).points)
+    scale = paired(first, last, None).removed.wearing(look.colours)
+    states = []
+    for index in shown:
+        noun = timeline.at(index)
+        removed = paired(first, noun, None).removed.thinned(step).values
+        moment = {"told": told(timeline, index), "curves": curves(timeline, index)}
+        moment["command"] = command(timeline.moments[index].time)
+        states.append((body(noun), removed, moment))
+    data = _page(replace(start, view=view), states, scale, look)
+    if isinstance(first, Mesh) and len(start.points) > HEAVY:
+        notes = (*notes, f"{len(start.points)} vertices in {len(states)} states: the page has {len(data) >> 20} MB")
+    words = {
+        "title": escape(look.title or "meshflow"),
+        "notes": escape("; ".join(notes)),
+        "data": data.replace("<", "\\u003c"),
+        "flat": "true" if images else "false",
+    }
+    template = Template(files("meshflow.viewer").joinpath("page.html").read_text(encoding="utf-8"))
+    with beside(target) as draft:
+        draft.write_text(template.substitute(words), encoding="utf-8")
+    return notes
+
+
+def _page(start: Body, states: list[tuple[Body, Array, dict[str, str]]], scale: Scale, look: Look) -> str:
+    """The numbers of a page."""
+    if any(len(body.points) != len(start.points) for body, _, _ in states):
+        raise InputError("states: the same samples in all of them expected")
+    low = np.min([body.points.min(axis=0) for body, _, _ in states], axis=0)
+    size = np.maximum(np.max([body.points.max(axis=0) for body, _, _ in states], axis=0) - low, 1e-300)
+    view = start.view
+    sides = np.stack([view.right, view.up], axis=1)
+    flat = start.points @ sides
+    wide, tall = np.ptp(flat, axis=0)
+    middle = (start.points.min(axis=0) + start.points.max(axis=0)) / 2
+    # the middle of a box lies beside that of what is seen of the body in it
+    middle = middle + sides @ ((flat.min(axis=0) + flat.max(axis=0)) / 2 - middle @ sides)
+    found: dict[str, Any] = {
+        "many": len(start.points),
+        "faces": _packed(start.faces.astype("<u4")),
+        "table": _packed(np.round(255 * scale.colour_map(np.linspace(0, 1, 256))[:, :3]).astype(np.uint8)),
+        "low": low.tolist(),
+        "size": size.tolist(),
+        "middle": middle.tolist(),
+        "radius": float(np.linalg.norm(size)),
+        "extent": [float(wide) or 1.0, float(tall) or 1.0],
+        "up": view.up.tolist(),
+        "toward": view.toward.tolist(),
+        "axis": (view.up if view.axis is None else view.axis).tolist(),
+        "light": (look.light @ view.ground).tolist(),
+        "what": scale.label,
+        "ends": [f"{value:.3g}" for value in (scale.low, (scale.low + scale.high) / 2, scale.high)],
+        "states": [],
+    }
+    before: list[Array] = []
+    for body, removed, words in states:
+        columns = list(np.round((body.points - low) / size * 65535).astype("<u2").T)
+        share = np.nan_to_num((removed.ravel()[body.samples] - scale.low) / (scale.high - scale.low), nan=0.5)
+        state: dict[str, Any] = dict(words)
+        # What does not move is there once.
+        state["columns"] = [
+            None if before and np.array_equal(column, before[q]) else _packed(column)
+            for q, column in enumerate(columns)
+        ]
+        before = before or columns
+        state["removed"] = _packed(np.round(255 * np.clip(share, 0, 1)).astype(np.uint8))
+        state["colours"] = None if body.colours is None else _packed(body.colours)
+        found["states"].append(state)
+    return json.dumps(found)
+
+
+def _packed(values: Array) -> str:
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(values).tobytes(), 6)).decode("ascii")

@@ -1,0 +1,103 @@
+"""The states of a flow on a screen, whoever shows them: which of them is seen, and what another thread does for it."""
+
+from collections.abc import Callable
+from typing import Any
+
+from meshflow.surfaces.lift import Noun
+from meshflow.viewer.controls import Dials
+from meshflow.viewer.screen import Colouring, Screen
+from meshflow.viewer.timeline import Timeline
+from meshflow.viewer.worker import Background, Gone
+
+__all__ = ["Player"]
+
+
+class Player:
+    """States one after the other, knobs that make others of them, and what is computed for both in one other thread.
+
+    A window and a page are players; where words and knobs stand is theirs to say.
+
+    :ivar screen: what is drawn.
+    :ivar index: of the state that the slider is at.
+    :ivar colouring: of the surface.
+    :param dials: what can be turned.
+    """
+
+    def __init__(self, dials: Dials, timeline: Timeline, screen: Screen) -> None:
+        self.dials, self.timeline, self.screen = dials, timeline, screen
+        self.index = len(timeline) - 1
+        self.colouring: Colouring = "surface"
+        self._work = Background()
+        self._values: dict[str, Any] = {}
+
+    def move(self, index: float) -> None:
+        """To another state; one that is not in memory is computed again, and what was seen stays until then."""
+        self.index = min(max(round(index), 0), len(self.timeline) - 1)
+        self._marked()
+        timeline, wanted = self.timeline, self.index
+        if wanted in timeline.kept:
+            self._seen(timeline.at(wanted))
+            return
+
+        def again(noun: Noun) -> None:
+            if timeline is self.timeline and wanted == self.index:
+                self._seen(noun)
+
+        self._ask("state", lambda _: timeline.at(wanted), again, self._failed)
+
+    def save(self) -> None:
+        """Write the state that the slider is at."""
+        time = self.timeline.moments[self.index].time
+        self._ask("save", lambda _: self.dials.save(time), self._saved, self._saved)
+
+    def _run(self, values: dict[str, Any]) -> None:
+        """Knobs stand elsewhere: what is computed is left, and another run begins."""
+        self._ask("run", lambda gone: self.dials.run(values, gone), self._arrived, self._failed)
+
+    def _arrived(self, timeline: Timeline | None) -> None:
+        """The states of another run; another method has other knobs."""
+        if timeline is None:
+            return
+        self.timeline = timeline
+        self.dials.shown(timeline)
+        self.screen.recoloured(timeline.at(len(timeline) - 1))
+        self._plotted()
+        if {control["name"] for control in self.dials.controls()} != set(self._values):
+            self._knobs()
+        self.move(self.index)
+
+    def _ask(
+        self, kind: str, work: Callable[[Gone], Any], done: Callable[[Any], None], failed: Callable[[str], None]
+    ) -> None:
+        self._work.ask(kind, work, done, failed)
+        self._asked()
+
+    # --- what a player says for itself ----------------------------------------------------------------------------------
+
+    def _asked(self) -> None:
+        """Something is to be computed: look after it until it is done."""
+        raise NotImplementedError
+
+    def _marked(self) -> None:
+        """Another state is the one to be seen."""
+        raise NotImplementedError
+
+    def _seen(self, noun: Noun) -> None:
+        """Show a state."""
+        raise NotImplementedError
+
+    def _plotted(self) -> None:
+        """Show the curves of another run."""
+        raise NotImplementedError
+
+    def _knobs(self) -> None:
+        """Show the knobs of another flow."""
+        raise NotImplementedError
+
+    def _failed(self, message: str) -> None:
+        """Say what went wrong."""
+        raise NotImplementedError
+
+    def _saved(self, message: str) -> None:
+        """Say where a state was saved, or why not."""
+        raise NotImplementedError

@@ -1,0 +1,109 @@
+"""One surface on a plotter whose states are shown one after the other: for a window with sliders, and for a browser."""
+
+from dataclasses import replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from meshflow.errors import InputError, MissingPackage
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import Image, Noun
+from meshflow.view import vtk_scene as scene
+from meshflow.view.geometry import Body, as_shown, drawable, embodied, raised, thinned
+from meshflow.view.look import Look
+from meshflow.view.pair import paired
+from meshflow.view.probe import displayed, rendering
+from meshflow.view.scale import Scale
+from meshflow.view.turning import Turning
+
+__all__ = ["COLOURINGS", "Colouring", "Screen"]
+
+Colouring = Literal["surface", "removed"]
+SAMPLES = 600  # of a grid, a side: a slider is to follow the hand
+COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
+
+
+class Screen:
+    """A plotter that shows a noun, and then others of the same samples, in one frame and one scale of colours.
+
+    :ivar plotter: of pyvista; the caller closes it.
+    :ivar notes: sentences for the user.
+    :param first: the start of a flow.
+    :param last: its end: frame and colours hold both.
+    :param off_screen: draw without a window.
+    :param column: beside the body there is room for a column, as :func:`meshflow.view.vtk_scene.single` has it.
+    :raises InputError: where there is nothing to draw.
+    :raises MissingPackage: where VTK cannot draw.
+    """
+
+    def __init__(self, first: Noun, last: Noun, look: Look, off_screen: bool, *, column: bool = False) -> None:
+        answer = rendering()
+        if not answer.works:
+            raise MissingPackage(f"states are drawn by VTK alone: {answer.why}")
+        if off_screen:
+            answer.prepare()
+        elif not displayed() or answer.window is not None:
+            raise InputError(
+                "a window needs a display, and there is none that VTK can draw on: view it in a browser (--web, way='browser') "
+                "or write a page (--export, way='page')"
+            )
+        self._first, self._look, self._column = first, look, column
+        self._colouring: Colouring = "surface"
+        seen = raised(first, look.seen)
+        self._step, self._exaggeration, self.notes = drawable(seen, look, SAMPLES)
+        images = [noun for noun in (seen, raised(last, look.seen)) if isinstance(noun, Image)]
+        self._shown = as_shown(*images) if images else None
+        body, end = self._body(first), self._body(last)
+        body = replace(body, view=body.view.framing(body.points, end.points))
+        self._scale = self._removed(last)
+        self.plotter = scene.single(body, look, off_screen, column=column)
+        self._seen: tuple[Body, Scale | None] = body, None
+        self._stands_in = False
+        self._turning = Turning(self.plotter, [], smoothed=False, prepared=self._coarse)
+        self._surface: Any = self._drawn(body, None)
+
+    def recoloured(self, last: Noun) -> None:
+        """Colours for states that end at another one."""
+        self._scale = self._removed(last)
+
+    def show(self, noun: Noun, colouring: Colouring = "surface") -> None:
+        """A state, as it is or in the colours of what has been removed since the start."""
+        body, scale = self._body(noun), None
+        if colouring == "removed":
+            values = self._removed(noun).values
+            scale = replace(self._scale, values=values)
+        self._seen, self._stands_in = (body, scale), False
+        held, worn = self._surface, self._surface.active_scalars_name
+        textured = scale is None and body.texture is not None
+        same = colouring == self._colouring and (scale is not None or textured or body.colours is None)
+        places = body.corners if textured else body.points
+        if same and len(held.points) == len(places) and held.n_cells == len(body.faces):
+            held.points = places  # the triangles are on the graphics card already
+            if scale is not None and worn is not None:
+                held.point_data[worn] = scale.values.ravel()[body.samples]
+        else:
+            self._surface = self._drawn(body, scale)
+        self._colouring = colouring
+        self.plotter.render()
+
+    def picture(self) -> Array:
+        """What is seen, (h, w, 3) in uint8."""
+        return np.asarray(self.plotter.screenshot(None, return_img=True))[..., :3]
+
+    def _drawn(self, body: Body, scale: Scale | None) -> Any:
+        self._actor = scene.added(self.plotter, body, scale, "state", below=self._column)
+        return self._actor.mapper.dataset
+
+    def _coarse(self) -> None:
+        """What is seen while it turns, made when a hand takes hold of it: a slider over states need not wait for it."""
+        if not self._stands_in:
+            self._turning.pairs = scene.coarsened(self.plotter, self._actor, *self._seen, "while it turns")
+            self._stands_in = True
+
+    def _body(self, noun: Noun) -> Body:
+        seen = thinned(raised(noun, self._look.seen), self._step)
+        look = self._look
+        return embodied(seen, 1, self._exaggeration, self._shown, look.up, look.seen, look.own_colours)
+
+    def _removed(self, noun: Noun) -> Scale:
+        return paired(self._first, noun, None).removed.wearing(self._look.colours).thinned(self._step)

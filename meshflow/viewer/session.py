@@ -1,0 +1,340 @@
+"""From a thing to its flow through time, to look at and to choose from."""
+
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal, Unpack, get_args
+from weakref import ref
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.estimate.parameters import Plan, squared_unit
+from meshflow.estimate.plan import planned
+from meshflow.estimate.settings import Settings
+from meshflow.flow.methods.motion import MotionName
+from meshflow.flow.progress import Progress
+from meshflow.io.files import Document, write
+from meshflow.results.result import Result
+from meshflow.smoothing import flowing, smooth_noun
+from meshflow.surfaces.lift import Mesh, Noun
+from meshflow.view.appearance import flowing_together, taken
+from meshflow.view.look import Look, Looks, looking
+from meshflow.viewer.browser import Served
+from meshflow.viewer.controls import Address
+from meshflow.viewer.page import exportable, exported
+from meshflow.viewer.timeline import MEMORY, Timeline, recorded
+from meshflow.viewer.window import Window
+
+__all__ = ["Desk", "Knob", "Saving", "Session", "Way", "view"]
+
+Way = Literal["window", "browser", "page"]
+
+# What a plan has chosen that a caller can say.
+SAID = ("method", "gamma", "sharpness", "patch", "contrast", "order", "weights", "evened")
+# Knobs: least, greatest, whether they grow by factors; relative to where they stand where they grow.
+KNOBS = {
+    "scale": (0.25, 4.0, True),
+    "gamma": (-2.0, 4.0, False),
+    "sharpness": (1.0, 8.0, False),
+    "patch": (0.0, 3.0, False),
+    "contrast": (0.1, 10.0, True),
+    "order": (1.0, 20.0, False),
+}
+# What the ways of points of a mesh listen to, and what of that are knobs.
+WAYS = {
+    "facets": ("contrast", "sharpness", "evened"),
+    "fairing": ("order", "weights"),
+    "normal-channels": ("contrast",),
+    "principal": ("contrast",),
+}
+LISTENED = {"facets": ("scale", "contrast", "sharpness"), "fairing": ("scale", "order")}
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A number that can be turned.
+
+    :ivar name: a field of :class:`meshflow.Settings`.
+    :ivar value: where it stands.
+    :ivar unit: of it; may be empty.
+    :ivar grows: by factors, not by steps.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+    grows: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """A thing, the flow that was chosen for it, and what can be turned.
+
+    :ivar noun: as it came.
+    :ivar settings: the flow, with the numbers that were estimated.
+    :ivar knobs: what can be turned.
+    :ivar sigma: the noise, unit of the values; 0 where none was found.
+    """
+
+    noun: Noun
+    settings: Settings
+    knobs: tuple[Knob, ...]
+    sigma: float
+    count: int = 32
+    memory: int = MEMORY
+
+    @classmethod
+    def begun(cls, noun: Noun, settings: Settings, count: int = 32, memory: int = MEMORY) -> "Session":
+        """Estimate what is not given.
+
+        :param count: how many states are shown.
+        :param memory: bytes of states that are kept.
+        :raises InputError: for what cannot be smoothed, or has nothing to be smoothed, and for stops: the slider is one.
+        """
+        if settings.stopping or settings.steps is not None:
+            raise InputError("view: the slider says when to stop; leave out steps, residual, area_loss, displacement")
+        plan = planned(noun, settings)
+        time = plan.until.time
+        if plan.idle is not None:
+            raise InputError(f"view: nothing to look at, {plan.idle}")
+        if not time:
+            raise InputError("view: a time of 0 shows one state; give a time or a scale")
+        settled = _settled(settings, plan, time)
+        sigma = 0.0 if plan.noise is None else plan.noise.sigma
+        return cls(noun, settled, _knobs(noun, settled, plan), sigma, count, memory)
+
+    def turned(self, **values: float | str) -> "Session":
+        """With other numbers; knobs stay in their ranges.
+
+        :raises InputError: for a name that is no knob's, or a number that makes no sense.
+        """
+        there = {knob.name for knob in self.knobs} | ({"method"} if _moves(self.noun) else set())
+        strange = set(values) - there
+        if strange:
+            raise InputError(f"{', '.join(sorted(strange))}: no such knob; there are {', '.join(sorted(there))}")
+        changed: dict[str, Any] = dict(values)
+        if "method" in changed and changed["method"] != self.settings.method:
+            kept = {"method": changed.pop("method"), "scale": changed.pop("scale", self.settings.scale)}
+            fresh = replace(self.settings, **{**dict.fromkeys(SAID, None), **kept})
+            return Session.begun(self.noun, fresh, self.count, self.memory)
+        if "order" in changed:
+            changed["order"] = round(float(changed["order"]))
+        settings = replace(self.settings, **changed)
+        knobs = tuple(replace(knob, value=float(changed.get(knob.name, knob.value))) for knob in self.knobs)
+        return replace(self, settings=settings, knobs=knobs)
+
+    def run(self, progress: Progress = None) -> Timeline:
+        """All states of it.
+
+        :param progress: as in :func:`meshflow.smooth`; what it raises ends the run.
+        """
+        states = flowing(self.noun, self.settings, self.count, progress)
+        return recorded(states, self.at, self.sigma, squared_unit(self.noun), self.memory)
+
+    def at(self, time: float) -> Noun:
+        """The state at a time, as :meth:`command` has it."""
+        return self.result(time).noun
+
+    def result(self, time: float) -> Result:
+        """The run to a time, as :meth:`command` has it."""
+        return smooth_noun(self.noun, replace(self.settings, scale=None, time=time), record=None)
+
+    def command(self, source: str, target: str, time: float, more: tuple[str, ...] = ()) -> str:
+        """The command line that makes the state at a time.
+
+        :param more: words on how the file is to be read.
+        """
+        words = ["meshflow", "smooth", source, target, *more, "--time", f"{time!r}"]
+        default = Settings()
+        for field in fields(Settings):
+            value = getattr(self.settings, field.name)
+            if field.name in ("time", "scale", "search") or value is None or value is getattr(default, field.name):
+                continue
+            if isinstance(value, str | int | float) and value != getattr(default, field.name):
+                words += [f"--{field.name.replace('_', '-')}", str(value)]
+        return shlex.join(words)
+
+
+class Turned(Exception):  # noqa: N818 - no error: a knob was turned, and nobody waits for this run any more
+    """The run was left because other numbers are wanted."""
+
+
+@dataclass(frozen=True)
+class Saving:
+    """How a state that is chosen is saved and made again.
+
+    :param source: what the command line calls the thing.
+    :param target: where a state is saved.
+    :param overwrite: in place of a file that is there.
+    :param read_as: words of the command line on how the source is read.
+    """
+
+    source: str = "IN"
+    target: Path | None = None
+    overwrite: bool = False
+    read_as: tuple[str, ...] = ()
+
+
+class Desk:
+    """What pages and windows turn: a session, and how its states are saved.
+
+    :param thing: what it shows; a Document can be saved.
+    """
+
+    def __init__(self, session: Session, thing: Any, saving: Saving) -> None:
+        self.session, self._thing, self._saving = session, thing, saving
+        self._made: tuple[ref[Timeline], Session] | None = None
+
+    def controls(self) -> list[dict[str, Any]]:
+        """Knobs as a page wants them; of points of a mesh the method, too."""
+        found: list[dict[str, Any]] = []
+        if _moves(self.session.noun):
+            method = self.session.settings.method
+            found.append({"name": "method", "label": "method", "value": method, "items": list(get_args(MotionName))})
+        for knob in self.session.knobs:
+            unit = f" ({knob.unit})" if knob.unit else ""
+            step = (knob.high - knob.low) / 200 if knob.name != "order" else 1.0
+            ends = {"low": knob.low, "high": knob.high, "step": step}
+            found.append({"name": knob.name, "label": f"{knob.name}{unit}", "value": knob.value, **ends})
+        return found
+
+    def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:
+        """The states with these values; None where ``gone`` said to leave it."""
+        there = {knob.name: float(values[knob.name]) for knob in self.session.knobs if knob.name in values}
+        method = values.get("method")
+        if method not in (None, self.session.settings.method):
+            session = self.session.turned(method=method)
+        else:
+            session = self.session.turned(**there)
+
+        def told(now: float, total: float) -> None:
+            if gone(now / total if total else 1.0):
+                raise Turned
+
+        try:
+            timeline = session.run(told)
+        except Turned:
+            return None
+        self._made = ref(timeline), session
+        return timeline
+
+    def shown(self, timeline: Timeline) -> None:
+        """The last run is what is seen; before, a run may end that nobody waits for any more, and must not be what is saved."""
+        if self._made is not None and self._made[0]() is timeline:
+            self.session = self._made[1]
+
+    def command(self, time: float) -> str:
+        """The command line that makes the state at a time."""
+        saving = self._saving
+        return self.session.command(saving.source, str(saving.target or "OUT"), time, saving.read_as)
+
+    def save(self, time: float) -> str:
+        """Write the state that :meth:`command` makes; where to.
+
+        :raises InputError: where there is no file to be written like, or one that is not to be replaced.
+        """
+        target = self._saving.target
+        if target is None or not isinstance(self._thing, Document):
+            raise InputError("save: states of a file are saved; read one, or run the command that is shown")
+        result = self.session.result(time)
+        tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
+        write(self._thing.holding(result.noun), target, overwrite=self._saving.overwrite, tags=tags)
+        return f"written: {target}"
+
+
+def view(
+    thing: Any,
+    *,
+    way: Way = "window",
+    page: str | Path | None = None,
+    overwrite: bool = False,
+    address: Address | None = None,
+    saving: Saving | None = None,
+    count: int = 32,
+    memory: int = MEMORY,
+    settings: Settings | dict[str, Any] | None = None,
+    progress: Progress = None,
+    said: Callable[[str], None] = lambda sentence: None,
+    **look: Unpack[Looks],
+) -> tuple[str, ...]:
+    """View a thing through the time of its flow: a slider over its states, and knobs for what can be turned.
+
+    :param thing: a :class:`meshflow.Document`, a noun, or anything that :func:`meshflow.smooth` takes.
+    :param way: a ``window``; the ``browser``, served by this machine until Ctrl-C; or one ``page`` that opens offline.
+    :param page: where that is written, ``.html``.
+    :param overwrite: replace a page that is there.
+    :param address: where it is served.
+    :param saving: what a state that is chosen is called; of a Document only.
+    :param count: how many states.
+    :param memory: bytes of states that are kept; others are computed again.
+    :param settings: of the flow, :class:`meshflow.Settings` or its fields by name; what is not given is estimated.
+    :param progress: of the first run, as in :func:`meshflow.smooth`.
+    :param said: called with a sentence, as soon as there is one: where the page is.
+    :param look: the fields of :class:`meshflow.view.Look`.
+    :returns: sentences for the user.
+    :raises InputError: for what cannot be smoothed or drawn, and a port that is taken.
+    :raises FormatError: for a page that cannot be written, or is there and is not to be replaced.
+    :raises MissingPackage: for the browser without ``meshflow[web]``, and where VTK cannot draw.
+    """
+    seen = looking(**look)
+    if way not in get_args(Way) or (way == "page") != (page is not None):
+        raise InputError(f"way: window, browser, or page with its path, expected; got {way!r} with page {page!r}")
+    if page is not None:
+        exportable(page, overwrite)
+    noun, notes = taken(thing, seen.own_colours)
+    notes += flowing_together(thing)
+    chosen = settings if isinstance(settings, Settings) else Settings(**(settings or {}))
+    desk = Desk(Session.begun(noun, chosen, count, memory), thing, saving or Saving())
+    timeline = desk.session.run(progress)
+    if page is not None:
+        return (*notes, *exported(timeline, page, seen, desk.command, overwrite=overwrite), f"page: {page}")
+    shown = (_served if way == "browser" else _windowed)(desk, timeline, seen, address or Address(), said)
+    return (*notes, *shown)
+
+
+def _served(
+    desk: Desk, timeline: Timeline, look: Look, address: Address, said: Callable[[str], None]
+) -> tuple[str, ...]:
+    served = Served(desk, timeline, look, address)
+    served.serve(lambda url: said(f"{url}  (Ctrl-C ends it)"))
+    return served.screen.notes
+
+
+def _windowed(desk: Desk, timeline: Timeline, look: Look, _: Address, __: Callable[[str], None]) -> tuple[str, ...]:
+    window = Window(desk, timeline, look)
+    window.show()
+    return window.screen.notes
+
+
+def _moves(noun: Noun) -> bool:
+    return isinstance(noun, Mesh) and noun.moves != "channels"
+
+
+def _settled(settings: Settings, plan: Plan, time: float) -> Settings:
+    """With what was estimated, as if it had been given; a method by name is one of points, else its numbers."""
+    method = plan.parameters["method"].value if "method" in plan.parameters else None
+    ways = get_args(MotionName)
+    names = WAYS.get(str(method), ()) if method in ways else SAID[1:]
+    chosen: dict[str, Any] = {name: plan.parameters[name].value for name in names if name in plan.parameters}
+    if "order" in chosen:
+        chosen["order"] = round(float(chosen["order"]))
+    chosen["method"] = method if method in ways else None
+    return replace(settings, **chosen, time=None, scale=float(np.sqrt(2.0 * time)), twice=0.0)
+
+
+def _knobs(noun: Noun, settings: Settings, plan: Plan) -> tuple[Knob, ...]:
+    names = LISTENED.get(settings.method or "", ("scale",)) if _moves(noun) else tuple(KNOBS)
+    found = []
+    for name in names:
+        value = getattr(settings, name)
+        if value is None:
+            continue
+        low, high, grows = KNOBS[name]
+        low, high = (low * value, high * value) if grows else (min(low, value), max(high, value))
+        unit = "" if name == "scale" or name not in plan.parameters else plan.parameters[name].unit
+        found.append(Knob(name, float(value), float(low), float(high), unit, grows))
+    return tuple(found)

@@ -1,0 +1,133 @@
+"""The states of a flow: computed once, kept within a memory bound, computed again beyond it; and what they measure."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry import operator
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import Lift, Mesh, Noun, RangeImage, data_of
+from meshflow.view.pair import paired
+
+__all__ = ["MEMORY", "Moment", "Timeline", "recorded"]
+
+MEMORY = 1 << 30  # bytes of states that are kept
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a state measures.
+
+    :ivar time: squared length.
+    :ivar area: of the surface, as a share of that at the start.
+    :ivar change: root mean square of what was removed, unit of the values, per channel; of points along their normals.
+    :ivar residual: that as a share of the noise; NaN where none was found.
+    """
+
+    time: float
+    area: float
+    change: float
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """States of a noun on its way.
+
+    :ivar moments: of each state, the start first.
+    :ivar unit: of time.
+    """
+
+    moments: tuple[Moment, ...]
+    unit: str
+    _kept: dict[int, Noun] = field(repr=False)
+    _again: Callable[[float], Noun] = field(repr=False)
+
+    def __len__(self) -> int:
+        """How many states there are."""
+        return len(self.moments)
+
+    def at(self, index: int) -> Noun:
+        """A state: from memory, or computed again."""
+        if not 0 <= index < len(self):
+            raise InputError(f"state {index}: 0 to {len(self) - 1} expected")
+        return self._kept[index] if index in self._kept else self._again(self.moments[index].time)
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """The states that are in memory."""
+        return tuple(sorted(self._kept))
+
+
+def recorded(
+    states: Iterable[tuple[float, Noun]],
+    again: Callable[[float], Noun],
+    sigma: float,
+    unit: str = "",
+    memory: int = MEMORY,
+) -> Timeline:
+    """Measure states as they come, and keep as many as fit.
+
+    Where they do not all fit, every other one that is kept is let go, as often as need be; the first and the last stay.
+
+    :param states: times and nouns, the start first; nouns share what does not move.
+    :param again: the state at a time, for those that were let go.
+    :param sigma: the noise, unit of the values; 0: not known.
+    :param memory: bytes.
+    :raises InputError: where there is no state.
+    """
+    moments: list[Moment] = []
+    kept: dict[int, Noun] = {}
+    stride, last = 1, -1
+    first: Noun | None = None
+    whole = 0.0
+    for index, (time, noun) in enumerate(states):
+        if first is None:
+            first, whole = noun, _area(noun)
+        change = _change(first, noun)
+        residual = change / sigma if sigma > 0 else float("nan")
+        moments.append(Moment(time, _area(noun) / whole if whole > 0 else 1.0, change, residual))
+        if last > 0 and last % stride:
+            del kept[last]
+        kept[index], last = noun, index
+        while len(kept) > 2 and sum(map(_bytes, kept.values())) > memory:
+            stride *= 2
+            for k in [k for k in kept if k % stride and k != index]:
+                del kept[k]
+            if stride > index:
+                break
+    if not moments:
+        raise InputError("states: those of a flow expected, got none")
+    return Timeline(tuple(moments), unit, kept, again)
+
+
+def _bytes(noun: Noun) -> int:
+    extra = noun.points.nbytes if isinstance(noun, Mesh) and noun.channels is not None else 0
+    return data_of(noun).nbytes + extra
+
+
+def _area(noun: Noun) -> float:
+    surface = noun.lifted(Lift(diagonals="forward"))  # each triangle once
+    return operator.total_area(surface.points, surface.sheets[0])
+
+
+def _change(before: Noun, after: Noun) -> float:
+    """Root mean square of what was removed, as the noise is counted: per channel; of points along their normals."""
+    if isinstance(before, Mesh) and isinstance(after, Mesh):
+        if before.moves == "channels" and before.channels is not None and after.channels is not None:
+            return _rms(np.square(before.channels.astype(np.float64) - after.channels))
+        return _rms(np.square(paired(before, after, None).removed.values))
+    assert not isinstance(before, Mesh)
+    assert before.missing is not None
+    if isinstance(before, RangeImage) and isinstance(after, RangeImage):
+        squares = np.square(before.depth.astype(np.float64) - after.depth)
+    else:
+        squares = np.square(data_of(before).astype(np.float64) - data_of(after))
+        squares = squares.reshape(*before.missing.shape, -1).mean(axis=2)
+    return _rms(squares[~before.missing])
+
+
+def _rms(squares: Array) -> float:
+    return float(np.sqrt(squares.mean())) if squares.size else 0.0

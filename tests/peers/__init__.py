@@ -1,0 +1,1 @@
+"""What others use, with the parameters over which each is searched."""
