@@ -8,20 +8,50 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
-    from meshflow.estimate.settings import Settings
-    from meshflow.flow.controls import AreaChange, Embedded, Fixed, Until
+    from meshflow.estimate.constraints import (
+        DataWeights,
+        Fixed,
+        Mask,
+        MaxChange,
+        MinComponent,
+        Mobility,
+        PreserveArea,
+        PreserveVolume,
+    )
+    from meshflow.estimate.noise import Noise
+    from meshflow.flow.compute import Compute
+    from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
     from meshflow.flow.engines.grid.rate import GridFlow
     from meshflow.flow.engines.mesh import MeshFlow
     from meshflow.flow.march import State, march
+    from meshflow.flow.methods import (
+        Beltrami,
+        ConformalFlow,
+        CurvatureFlow,
+        Fairing,
+        GemanMcClure,
+        GraphFlow,
+        Heat,
+        MeanCurvatureDiffusion,
+        NormalChannels,
+        NormalFilter,
+        Patches,
+        PeronaMalik,
+        PrincipalFlow,
+        Quick,
+        Search,
+        TotalVariation,
+    )
     from meshflow.flow.methods.beltrami import Member
     from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
+    from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps, When
     from meshflow.fusing import fuse
     from meshflow.io.export import to_mesh, to_normals, to_open3d, to_points, to_pyvista
     from meshflow.io.files import Document, read, write
     from meshflow.io.formats.cameras import read_camera, write_camera
     from meshflow.results.multipart import Results
     from meshflow.results.result import Result
-    from meshflow.smoothing import denoise, smooth
+    from meshflow.smoothing import estimate_noise, smooth
     from meshflow.surfaces.camera import Orthographic, Pinhole
     from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
     from meshflow.surfaces.scanner import Scanner, Spherical
@@ -29,26 +59,111 @@ if TYPE_CHECKING:
     from meshflow.viewer.filming import film
 
 _HOMES = {
-    "errors": ("FormatError", "InputError", "MissingPackage", "NotConverged"),
-    "viewer.filming": ("film",),
-    "flow.controls": ("AreaChange", "Embedded", "Fixed", "Until"),
-    "flow.march": ("State", "march"),
-    "flow.engines.mesh": ("MeshFlow",),
-    "flow.steppers": ("Explicit", "SemiImplicit", "SuperTime"),
-    "fusing": ("fuse",),
-    "surfaces.camera": ("Orthographic", "Pinhole"),
-    "surfaces.lift": ("HeightField", "Image", "Lift", "Mesh", "RangeImage"),
-    "flow.methods.beltrami": ("Member",),
-    "surfaces.scanner": ("Scanner", "Spherical"),
-    "surfaces.surface": ("Axes", "Rays", "Surface"),
+    "errors": (
+        "FormatError",
+        "InputError",
+        "MissingPackage",
+        "NotConverged",
+    ),
+    "estimate.constraints": (
+        "DataWeights",
+        "Fixed",
+        "Mask",
+        "MaxChange",
+        "MinComponent",
+        "Mobility",
+        "PreserveArea",
+        "PreserveVolume",
+    ),
+    "estimate.noise": ("Noise",),
+    "flow.compute": ("Compute",),
+    "flow.controls": (
+        "AreaChange",
+        "Embedded",
+        "FixedStep",
+        "Until",
+    ),
     "flow.engines.grid.rate": ("GridFlow",),
-    "io.formats.cameras": ("read_camera", "write_camera"),
-    "io.export": ("to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"),
-    "io.files": ("Document", "read", "write"),
+    "flow.engines.mesh": ("MeshFlow",),
+    "flow.march": (
+        "State",
+        "march",
+    ),
+    "flow.methods": (
+        "Beltrami",
+        "ConformalFlow",
+        "CurvatureFlow",
+        "Fairing",
+        "GemanMcClure",
+        "GraphFlow",
+        "Heat",
+        "MeanCurvatureDiffusion",
+        "NormalChannels",
+        "NormalFilter",
+        "Patches",
+        "PeronaMalik",
+        "PrincipalFlow",
+        "Quick",
+        "Search",
+        "TotalVariation",
+    ),
+    "flow.methods.beltrami": ("Member",),
+    "flow.steppers": (
+        "Explicit",
+        "SemiImplicit",
+        "SuperTime",
+    ),
+    "flow.stops": (
+        "AreaLoss",
+        "Displacement",
+        "Residual",
+        "Steps",
+        "When",
+    ),
+    "fusing": ("fuse",),
+    "io.export": (
+        "to_mesh",
+        "to_normals",
+        "to_open3d",
+        "to_points",
+        "to_pyvista",
+    ),
+    "io.files": (
+        "Document",
+        "read",
+        "write",
+    ),
+    "io.formats.cameras": (
+        "read_camera",
+        "write_camera",
+    ),
     "results.multipart": ("Results",),
     "results.result": ("Result",),
-    "estimate.settings": ("Settings",),
-    "smoothing": ("denoise", "smooth"),
+    "smoothing": (
+        "estimate_noise",
+        "smooth",
+    ),
+    "surfaces.camera": (
+        "Orthographic",
+        "Pinhole",
+    ),
+    "surfaces.lift": (
+        "HeightField",
+        "Image",
+        "Lift",
+        "Mesh",
+        "RangeImage",
+    ),
+    "surfaces.scanner": (
+        "Scanner",
+        "Spherical",
+    ),
+    "surfaces.surface": (
+        "Axes",
+        "Rays",
+        "Surface",
+    ),
+    "viewer.filming": ("film",),
 }
 _FOUND_IN = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -58,6 +173,8 @@ __all__ = sorted(_FOUND_IN)  # pyright: ignore[reportUnsupportedDunderAll]
 def __getattr__(name: str) -> Any:
     if name == "view":
         return import_module("meshflow.view")
+    if name == "__version__":
+        return import_module("meshflow.results.result").release()
     if name not in _FOUND_IN:
         raise AttributeError(f"module 'meshflow' has no attribute {name!r}; it has {', '.join(__all__)}")
     value = getattr(import_module(f"meshflow.{_FOUND_IN[name]}"), name)

@@ -6,8 +6,7 @@ pyvista finds it by its entry point, at the first ``mesh.meshflow``; of xarray `
 from importlib.util import find_spec
 from typing import Any
 
-from meshflow.results.result import Result
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 
 __all__ = ["Smoothing"]
 
@@ -15,19 +14,15 @@ __all__ = ["Smoothing"]
 class Smoothing:
     """What meshflow does, on the object it hangs on; that object stays as it is.
 
-    :param thing: a PolyData, flat ImageData or StructuredGrid, or a DataArray.
+    :param data: a PolyData, flat ImageData or StructuredGrid, or a DataArray.
     """
 
-    def __init__(self, thing: Any) -> None:
-        self._thing = thing
+    def __init__(self, data: Any) -> None:
+        self._data = data
 
     def smooth(self, **options: Any) -> Any:
-        """:func:`meshflow.smooth` of the object: a new one of its kind."""
-        return smooth(self._thing, **options)
-
-    def denoise(self, **options: Any) -> Result:
-        """:func:`meshflow.denoise` of the object."""
-        return denoise(self._thing, **options)
+        """:func:`meshflow.smooth` of the object: a new one of its kind, or with ``result=True`` a :class:`meshflow.Result`."""
+        return smooth(self._data, **options)
 
 
 if find_spec("pyvista"):

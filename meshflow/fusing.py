@@ -12,7 +12,7 @@ from meshflow.estimate.parameters import Parameter
 from meshflow.geometry.validation import Array
 from meshflow.io.objects import Adopted, adopt
 from meshflow.results.result import Result
-from meshflow.smoothing import HINTS, smooth
+from meshflow.smoothing import Metadata, smooth
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["fuse"]
@@ -20,7 +20,7 @@ __all__ = ["fuse"]
 SPREAD = "spread of the frames"
 
 
-def fuse(frames: Iterable[Any], *, full: bool = False, **options: Any) -> Any:
+def fuse(frames: Iterable[Any], *, result: bool = False, **options: Any) -> Any:
     """Smooth the mean of depth frames of a view that stays, each pixel by how far it can be trusted.
 
     Data is the mean of each pixel over the frames that have it; its noise is the spread of those over the root of their number,
@@ -29,63 +29,70 @@ def fuse(frames: Iterable[Any], *, full: bool = False, **options: Any) -> Any:
     :param frames: two or more of what :func:`smooth` takes as depths: arrays (h, w) with ``camera=``, range images, depth images
         of open3d; the result is of the kind of the first. A generator is read one by one. A frame without a single depth, and
         None in its place, is left out, and the :class:`Result` says so.
-    :param full: return a :class:`Result`.
+    :param result: return a :class:`Result`.
     :param options: of :func:`smooth`.
     :raises InputError: for fewer than two frames that have depths, other sizes, or things that are no depths.
     """
-    hints = {name: options.pop(name) for name in list(options) if name in HINTS}
+    hints = {name: options.pop(name) for name in list(options) if name in Metadata.__annotations__}
     seen = _Seen(frames, hints)
     one = averaged(seen)
-    assert seen.first is not None
-    first, told = seen.first.noun, seen.first
-    assert isinstance(first, RangeImage)
+    told, first = seen.first
     gone = one.count == 0
     sigma = np.where(gone, 1.0, np.maximum(one.sigma, np.finfo(np.float32).tiny))
     depth = np.where(gone, 0.0, one.mean).astype(first.depth.dtype)
     still = bool((one.sigma[~gone] == 0).all())
     noun = replace(first, depth=depth, missing=gone, sigma=None if still else sigma)
-    found: Result = smooth(noun, full=True, **options)
-    back = told.restore(replace(found.noun, sigma=first.sigma))
-    if not full:
+    found: Result = smooth(noun, result=True, **options)
+    back = told.restore(replace(found.after, sigma=first.sigma))
+    if not result:
         return back
-    spread = not still and options.get("sigma") is None
-    return _told(replace(found, thing=back, warnings=(*seen.warnings, *told.notes, *found.warnings)), one, spread)
+    spread = not still and options.get("noise") is None
+    return _told(replace(found, data=back, warnings=(*seen.warnings, *told.notes, *found.warnings)), one, spread)
 
 
 @dataclass(eq=False)
 class _Seen:
     """Frames as depths (h, w), NaN where missing, read one by one; what was seen of them on the way.
 
-    :ivar first: of those that have depths; ``empty``: the numbers, from 1, of those that have none.
+    :ivar taken: the first that has depths; ``empty``: the numbers, from 1, of those that have none.
     """
 
     frames: Iterable[Any]
     hints: dict[str, Any]
-    first: Adopted | None = None
+    taken: tuple[Adopted, RangeImage] | None = None
     empty: list[int] = field(default_factory=list)
 
     def __iter__(self) -> Iterator[Array]:
         used = 0
         for number, frame in enumerate(self.frames, 1):
             try:
-                taken = None if frame is None else self._taken(frame)
+                taken = None if frame is None else self._depths(frame)
             except NothingThere:
                 taken = None
             if taken is None:
                 self.empty.append(number)
                 continue
-            self.first, used = self.first or taken, used + 1
-            assert isinstance(taken.noun, RangeImage)
-            assert taken.noun.missing is not None
-            yield np.where(taken.noun.missing, np.nan, taken.noun.depth)
+            self.taken, used = self.taken or taken, used + 1
+            image = taken[1]
+            yield image.depth if image.missing is None else np.where(image.missing, np.nan, image.depth)
         if used < 2:
             raise InputError(f"frames: two or more with depths, of the same view, expected, got {used}{self._left_out}")
 
-    def _taken(self, frame: Any) -> Adopted:
+    @property
+    def first(self) -> tuple[Adopted, RangeImage]:
+        """The first frame that has depths, as an object and as a range image.
+
+        :raises InputError: where there is none.
+        """
+        if self.taken is None:
+            raise InputError("frames: two or more with depths, of the same view, expected, got none")
+        return self.taken
+
+    def _depths(self, frame: Any) -> tuple[Adopted, RangeImage]:
         taken = adopt(frame, **{**({} if isinstance(frame, RangeImage) else {"kind": "depth"}), **self.hints})
         if not isinstance(taken.noun, RangeImage):
             raise InputError(f"frames: depth images expected, got {type(frame).__name__}")
-        return taken
+        return taken, taken.noun
 
     @property
     def _left_out(self) -> str:
@@ -108,6 +115,6 @@ def _told(found: Result, one: Averaged, spread: bool) -> Result:
     parameters["frames"] = Parameter(float(one.count.max()), "", "given", each)
     noise = found.noise
     if spread:
-        parameters["sigma"] = replace(parameters["sigma"], origin="estimated", why=SPREAD)
-        noise = None if noise is None else replace(noise, how=SPREAD)
+        parameters["noise"] = replace(parameters["noise"], origin="estimated", why=SPREAD)
+        noise = replace(noise, how=SPREAD)
     return replace(found, parameters=parameters, noise=noise)

@@ -1,394 +1,269 @@
-"""The front door: any supported thing in, the same kind of thing out."""
+"""The door: any supported data in, the same kind of data out. The command goes through it, too."""
 
-from collections.abc import Iterator
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
+from typing import Any, Literal, TypedDict, TypeVar, Unpack, overload
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.noise import noise_growth
-from meshflow.estimate.parameters import Parameter, Plan
-from meshflow.estimate.plan import noise_in, planned
-from meshflow.estimate.settings import Settings
-from meshflow.flow.conservation import Kept, free_of
-from meshflow.flow.constraints import Both, Faithful, Hold
-from meshflow.flow.contract import Flow
-from meshflow.flow.controls import Control, Fixed, Until
-from meshflow.flow.engines.grid.rate import GridFlow
-from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.march import VANISHED, State, march
-from meshflow.flow.mobility import slowed
+from meshflow.estimate.constraints import Constraint, Constraints
+from meshflow.estimate.noise import Noise, noise_growth
+from meshflow.estimate.parameters import Parameter
+from meshflow.estimate.planner import noise_in
+from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.request import BoundaryWord, Domain, Request, Stopping
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import METHODS, Method
+from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
-from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
-from meshflow.geometry.validation import Array, whole
+from meshflow.geometry.options import nearest, options_of
 from meshflow.io.adapters.multipart import several
-from meshflow.io.files import Document
-from meshflow.io.metadata import PER_SAMPLE
+from meshflow.io.files import Kind
 from meshflow.io.objects import Adopted, adopt
 from meshflow.results.multipart import Results, one_by_one
-from meshflow.results.result import Moment, Result, release
-from meshflow.surfaces.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
+from meshflow.results.result import Result
+from meshflow.results.run import run
+from meshflow.surfaces.camera import Camera
+from meshflow.surfaces.lift import HeightField, RangeImage, from_disparity, in_disparity
 
-__all__ = ["denoise", "flowing", "noise", "smooth", "smooth_document", "smooth_noun"]
+__all__ = ["Metadata", "estimate_noise", "noise_facts", "smooth", "smooth_object"]
 
-# What a thing may be told about itself (meshflow.io.objects).
-HINTS = frozenset(
-    {"kind", "spacing", "camera", "missing", "fixed", "channels", "moves", "jump", "measure", "pace", "depth_scale"}
-)
+Data = TypeVar("Data")
 # Where depths come in steps, their inverses move by this much: within 5 % of the best patch and time on the frames of a Kinect.
 STEPPED_PATCH, STEPPED_TIME = 1.0, 15.0
-# Samples without a triangle that are worth a word: more than so many, and more than this share.
-ALONE, ALONE_SHARE = 10, 1e-3
+STEPPED = "depths in steps: the error of rounding is no noise whose risk could be estimated"
 
 
-def noise(noun: Noun) -> dict[str, float]:
-    """What a thing says of its own noise, in the unit of its values: standard deviation and quantum; of bare points along their
-    normals; of depths also how it grows, sigma = a + b z + c z^2.
+class Metadata(TypedDict, total=False):
+    """What data does not say of itself."""
+
+    kind: Kind
+    spacing: Any
+    camera: Camera | str | None
+    missing: Any
+    channels: str
+    moves: Literal["points", "channels", "all"]
+    jump: Any
+    measure: Literal["depth", "range"]
+    pace: Literal["footprint", "length", "noise"]
+    depth_scale: float
+
+
+@overload
+def smooth(
+    data: Data,
+    *,
+    method: Method | str | None = None,
+    time: float | None = None,
+    scale: float | None = None,
+    strength: float = 1.0,
+    noise: float | None = None,
+    stop: Stopping | Iterable[Stopping] = (),
+    constraints: Constraint | Iterable[Constraint] = (),
+    boundary: BoundaryWord | None = None,
+    domain: Domain = "length",
+    compute: Compute = Compute(),  # noqa: B008 - frozen
+    progress: Progress = None,
+    result: Literal[False] = False,
+    **metadata: Unpack[Metadata],
+) -> Data: ...
+@overload
+def smooth(
+    data: Any,
+    *,
+    method: Method | str | None = None,
+    time: float | None = None,
+    scale: float | None = None,
+    strength: float = 1.0,
+    noise: float | None = None,
+    stop: Stopping | Iterable[Stopping] = (),
+    constraints: Constraint | Iterable[Constraint] = (),
+    boundary: BoundaryWord | None = None,
+    domain: Domain = "length",
+    compute: Compute = Compute(),  # noqa: B008 - frozen
+    progress: Progress = None,
+    result: Literal[True],
+    **metadata: Unpack[Metadata],
+) -> Result: ...
+
+
+def smooth(
+    data: Any,
+    *,
+    method: Method | str | None = None,
+    time: float | None = None,
+    scale: float | None = None,
+    strength: float = 1.0,
+    noise: float | None = None,
+    stop: Stopping | Iterable[Stopping] = (),
+    constraints: Constraint | Iterable[Constraint] = (),
+    boundary: BoundaryWord | None = None,
+    domain: Domain = "length",
+    compute: Compute = Compute(),  # noqa: B008 - frozen
+    progress: Progress = None,
+    result: bool = False,
+    **metadata: Unpack[Metadata],
+) -> Any:
+    """Smooth data on a triangulated surface; the same kind of data comes back, a new object.
+
+    With nothing else given the noise is estimated, and the method and the time are those of least estimated risk; of range
+    images the time follows from the noise. What is given is held. It is one function for all kinds of data, hence its many
+    keywords; each is a part that checks itself.
+
+    :param data: a numpy array (h, w): a height field, (h, w, k): an image of k channels, masked arrays and NaN as missing;
+        ``(points, faces)``: a mesh; ``trimesh.Trimesh``, ``pyvista`` PolyData, ImageData, StructuredGrid, ``open3d`` triangle
+        meshes and depth images, ``meshio.Mesh``, ``xarray.DataArray``; a ``trimesh.Scene`` or ``pyvista.MultiBlock``, each of its
+        parts as if it were alone; a data object of meshflow; what :func:`meshflow.read` gives of a file.
+    :param method: a method, as ``PeronaMalik(sharpness=2)``, or its word, which stands for the class with its defaults;
+        ``"quick"`` is one fixed choice for all data. None: searched for.
+    :param time: how far, in squared length; ``scale``: instead, the standard deviation of the equal Gaussian on flat data.
+    :param strength: more or less of it: the noise times this is what is removed.
+    :param noise: the standard deviation of the noise, unit of the values; None: estimated.
+    :param stop: ``Steps``, ``Residual``, ``AreaLoss``, ``Displacement``, a callable (values, time), or several of them.
+    :param constraints: ``Fixed``, ``Mask``, ``MaxChange``, ``DataWeights``, ``Mobility``, ``PreserveVolume``,
+        ``PreserveArea``, ``MinComponent``, or several of them. Their arrays hold one number per sample, as the data stores
+        its samples, or are the name of an array that the data holds.
+    :param boundary: what holds at borders and holes: ``linear | natural | fixed``, of meshes also ``curve``.
+    :param domain: ``length``, or of range images ``disparity``: the inverse depths are smoothed, and all numbers count in them.
+    :param compute: stepper, threads, triangulation.
+    :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
+    :param result: return a :class:`Result`, or :class:`Results` of several parts.
+    :param metadata: what the data does not say of itself: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
+        ``camera``, ``missing``, ``channels``, ``moves``, ``jump``, ``measure``, ``pace``, ``depth_scale``.
+    :returns: the same kind of data, smoothed; integers come back as floating point, since rounding would undo the smoothing.
+    :raises InputError: for what cannot be smoothed or an option that does not exist; the message says what to do.
+    :raises NotConverged: when a solver fails.
     """
-    found = noise_in(noun)
+    _must_exist(metadata)
+    request = Request.of(
+        method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary,
+        domain=domain, compute=compute,
+    )  # fmt: skip
+    back, found = smooth_object(data, request, progress, record=True if result else None, metadata=metadata)
+    return found if result else back
+
+
+def smooth_object(
+    data: Any,
+    request: Request,
+    progress: Progress = None,
+    *,
+    record: bool | None = True,
+    metadata: Mapping[str, Any] | None = None,
+) -> tuple[Any, Result | Results]:
+    """:func:`smooth` for a request that is made: the smoothed data, and what was done.
+
+    :param record: measure the surface after each step; where false the history holds the start and the end, and where None
+        nothing.
+    """
+    told = dict(metadata or {})
+    parts = several(data, **told)
+    if parts is not None:
+        results = one_by_one(parts, request.constraints, lambda part: _smoothed(part, request, progress, record))
+        return results.data, results
+    adopted = adopt(data, **told)
+    found = _smoothed(adopted, request, progress, record)
+    back = adopted.restore(found.after)
+    return back, replace(found, data=back, warnings=(*adopted.notes, *found.warnings))
+
+
+def _smoothed(adopted: Adopted, request: Request, progress: Progress, record: bool | None) -> Result:
+    """An adopted object, with arrays as it has its samples."""
+    request = replace(request, constraints=request.constraints.sampled(adopted.samples))
+    if request.domain == "disparity" and isinstance(adopted.noun, RangeImage):
+        return _in_disparity(adopted.noun, request, progress, record)
+    return run(adopted.noun, request, progress, record=record)
+
+
+def _must_exist(metadata: Mapping[str, object]) -> None:
+    """Refuse keywords that nobody knows, with the nearest one that there is.
+
+    :raises InputError: naming them.
+    """
+    own = tuple(name for name in smooth.__kwdefaults__ or {})
+    known = (*own, *Metadata.__annotations__)
+    for word in metadata:
+        if word in Metadata.__annotations__:
+            continue
+        for found in METHODS.values():
+            if isinstance(found, type) and word in {o.name for o in options_of(found)}:
+                raise InputError(f"{word}: an option of a method; give method={found.__name__}({word}=...)")
+        near = nearest(word, (*known, *(f.name for f in fields(Constraints)), *(f.name for f in fields(Compute))))
+        meant = f"; did you mean {near}?" if near else ""
+        raise InputError(f"{word}: no such option{meant or ';'} there are {', '.join(known)}")
+
+
+def _in_disparity(data: RangeImage, request: Request, progress: Progress, record: bool | None) -> Result:
+    """The graph of the inverse depth, smoothed as a height field over the pixels."""
+    held = request.constraints
+    small = Constraints(min_component=held.min_component, fixed=held.fixed)
+    plan = planned(data, Request(steps=0, constraints=small))
+    cleared, noise = plan.data, plan.noise
+    if not isinstance(cleared, RangeImage):
+        raise InputError(f"domain: of range images only, got {type(data).__name__}")
+    missing = np.zeros(cleared.depth.shape, bool) if cleared.missing is None else cleared.missing
+    squares = np.square(cleared.depth[~missing].astype(np.float64))  # what a depth is off, times its inverse squared
+    if request.noise is not None:
+        noise = replace(noise, sigma=request.noise * float(np.median(squares)), how="given")
+    elif data.sigma is not None:
+        typical = float(np.median(np.broadcast_to(data.sigma, missing.shape)[~missing] / squares))
+        request = replace(request, noise=typical)
+    inverse = in_disparity(cleared)
+    stepped = noise.quantum > noise.sigma and request.method is None and request.until_time is None
+    stepped = stepped and request.steps is None and request.compute.search is None
+    if stepped:
+        request = replace(request, method=Beltrami(patch=STEPPED_PATCH), time=STEPPED_TIME)
+    found = run(
+        inverse,
+        replace(request, domain="length", constraints=replace(held, min_component=None)),
+        progress,
+        record=record,
+    )
+    if not isinstance(found.after, HeightField):
+        raise InputError(f"domain: a height field of inverse depths expected, got {type(found.after).__name__}")
+    done = replace(from_disparity(cleared, found.after), fixed=data.fixed, sigma=data.sigma)
+    # What was removed is told in depths, and so is the noise beside it; the parameters are those of the inverse depth.
+    parameters = _of_inverses(found.parameters, inverse.unit, stepped)
+    return replace(found, data=done, after=done, before=data, parameters=parameters, noise=noise)
+
+
+def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: bool) -> dict[str, Parameter]:
+    """The parameters of a run on inverse depths, in their units."""
+    units = {"time": "pixels²", "dt": "pixels²", "contrast": f"pixels per {inverse}"}
+    told = {name: replace(p, unit=units.get(name, p.unit)) for name, p in parameters.items()}
+    told["domain"] = Parameter("disparity", "", "given")
+    if stepped:
+        told |= {name: replace(told[name], origin="default", why=STEPPED) for name in ("patch", "time")}
+        told |= {name: replace(told[name], origin="default") for name in ("method", "gamma", "sharpness")}
+    return told
+
+
+def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
+    """The noise that data shows, as :func:`smooth` takes it: of grids in the unit of their values, of meshes along their normals.
+
+    :param data: as of :func:`smooth`.
+    :param metadata: likewise.
+    :returns: standard deviation ``sigma``, that of each channel, the quantum of rounded data and the share of samples on it.
+    :raises InputError: for what cannot be smoothed.
+    """
+    _must_exist(metadata)
+    return noise_in(adopt(data, **metadata).noun)
+
+
+def noise_facts(data: Any) -> dict[str, float]:
+    """What a data object says of its own noise, by name, in the unit of its values; of depths also how it grows,
+    sigma = a + b z + c z^2.
+    """
+    found = noise_in(data)
     facts = {"noise": found.sigma, "quantum": found.quantum}
     if found.quantum > 0:
         facts["on the quantum"] = found.share
     if len(found.channels) > 1:
         facts |= {f"noise of channel {i}": sigma for i, sigma in enumerate(found.channels)}
-    if isinstance(noun, RangeImage):
-        assert noun.missing is not None
-        growth = noise_growth(noun.depth, noun.missing)
+    if isinstance(data, RangeImage):
+        missing = np.zeros(data.depth.shape, bool) if data.missing is None else data.missing
+        growth = noise_growth(data.depth, missing)
         if growth is not None:
             facts |= {"noise a": growth.a, "noise b (per depth)": growth.b, "noise c (per depth²)": growth.c}
     return facts
-
-
-def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, record: bool | None = True) -> Result:
-    """Smooth a noun of ``meshflow.surfaces.lift``; a new one comes back, with what was done and why.
-
-    :param record: measure the surface after each step; where false ``moments`` holds the start and the end, and where None
-        nothing: for callers who want what comes back and no more, nor is a warning looked for.
-    """
-    if settings.space == "disparity" and isinstance(noun, RangeImage):
-        return _in_disparity(noun, settings, progress, record)
-    plan = planned(noun, settings)
-    engine = _engine(plan, settings)
-    flow = _steered(engine, plan)
-    start, end, moments = _run(flow, plan, settings, progress, record)
-    done, warnings = plan.noun, plan.warnings
-    if plan.idle is None:
-        done = _lowered(plan, engine, end.u)
-        warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
-    if isinstance(engine, GridFlow):
-        engine.release()
-        warnings += _alone(engine, plan) if record is not None else ()
-    done = replace(
-        done, fixed=noun.fixed, **({"sigma": noun.sigma, "pace": noun.pace} if isinstance(noun, RangeImage) else {})
-    )
-    return Result(
-        thing=done,
-        noun=done,
-        before=noun,
-        start=start,
-        end=end,
-        parameters=plan.parameters,
-        noise=plan.noise,
-        trials=plan.trials,
-        moments=moments,
-        reason=end.reason or "",
-        warnings=warnings,
-        version=release(),
-    )
-
-
-def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, record: bool | None) -> Result:
-    """The graph of the inverse depth, smoothed as a height field over the pixels."""
-    plan = planned(noun, Settings(islands=settings.islands, steps=0))
-    cleared, noise = plan.noun, plan.noise
-    assert isinstance(cleared, RangeImage)
-    assert cleared.missing is not None
-    assert noise is not None
-    there = ~cleared.missing
-    squares = np.square(cleared.depth[there].astype(np.float64))  # what a depth is off, times its inverse squared
-    if settings.sigma is not None:
-        noise = replace(noise, sigma=settings.sigma * float(np.median(squares)), how="given")
-    elif noun.sigma is not None:
-        settings = replace(settings, sigma=float(np.median(np.broadcast_to(noun.sigma, there.shape)[there] / squares)))
-    rule = "depths in steps: the error of rounding is no noise whose risk could be estimated"
-    free = not settings.named and settings.until_time is None and settings.steps is None and settings.search is None
-    stepped = free and noise.quantum > noise.sigma
-    if stepped:
-        settings = replace(settings, patch=STEPPED_PATCH, time=STEPPED_TIME, search=False)
-    found = smooth_noun(in_disparity(cleared), replace(settings, space="length", islands=None), progress, record=record)
-    assert isinstance(found.noun, HeightField)
-    done = replace(from_disparity(cleared, found.noun), fixed=noun.fixed, sigma=noun.sigma)
-    inverse = in_disparity(cleared).unit
-    units = {"time": "pixels²", "dt": "pixels²", "contrast": f"pixels per {inverse}"}
-    told = {name: replace(p, unit=units.get(name, p.unit)) for name, p in found.parameters.items()}
-    told["space"] = Parameter("disparity", "", "given")
-    if stepped:
-        told |= {name: replace(told[name], origin="default", why=rule) for name in ("patch", "time")}
-        told.pop("search", None)
-    # What was removed is told in depths, and so is the noise beside it; the parameters are those of the inverse depth.
-    return replace(found, thing=done, noun=done, before=noun, parameters=told, noise=noise)
-
-
-def _lowered(plan: Plan, engine: Flow, u: Array) -> Noun:
-    """The noun with the coordinates u."""
-    if isinstance(plan.noun, Mesh):
-        return plan.noun.lowered(u, plan.lift)
-    assert isinstance(engine, GridFlow)
-    return plan.noun.holding(engine.planes(u))
-
-
-def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
-    """A word on samples that have no triangle, where they are more than a few."""
-    if plan.idle is not None or not (isinstance(plan.noun, RangeImage) or engine.lattice.missing.any()):
-        return ()
-    lone, size = engine.lattice.lone, int((~engine.lattice.missing).sum())
-    if lone <= max(ALONE, ALONE_SHARE * size):
-        return ()
-    cut = ", cut off by jumps or by what is missing" if isinstance(plan.noun, RangeImage) else ""
-    return (f"{lone} of {size} samples have no triangle{cut}: they stay as they are",)
-
-
-def _engine(plan: Plan, settings: Settings) -> Flow:
-    """What moves the noun."""
-    if isinstance(plan.noun, Mesh):
-        surface = plan.noun.lifted(plan.lift)
-        if plan.motion is not None:
-            return plan.motion.engine(surface, plan.member)
-        return MeshFlow(surface, plan.member, triangles="clamped" if settings.triangles == "clamped" else "given")
-    return GridFlow(plan.noun.gridded(plan.lift), plan.member, settings.threads)
-
-
-def _steered(engine: Flow, plan: Plan) -> Flow:
-    """The engine with the speeds and the fidelity of a plan."""
-    flow = slowed(engine, plan.speed)
-    return flow if plan.trust is None else Faithful(flow, plan.trust)
-
-
-def _run(
-    flow: Flow, plan: Plan, settings: Settings, progress: Progress, record: bool | None
-) -> tuple[State, State, tuple[Moment, ...]]:
-    """From the start to the end; the first state, the last, and what was measured."""
-    begin = State(flow.start(), 0.0, 0.0, 0, plan.idle, flow=flow)
-    if plan.idle is not None:
-        return begin, begin, () if record is None else (_moment(begin, plan),)
-    until, time, kept = plan.until, plan.until.time, None
-    if plan.twice > 0:
-        assert time is not None
-        until = replace(until, time=2.0 * time, marks=(time,))
-    stepper, control = _stepping(flow, plan, settings)
-    limit = _held(plan, flow)
-    moments, state = [], begin
-    for state in march(flow, until, stepper, control, progress, recycle=True, limit=limit):
-        if record or (record is not None and state.step == 0):
-            moments.append(_moment(state, plan))
-        if plan.twice > 0 and kept is None and time is not None and state.time >= time * (1.0 - 1e-12):
-            kept = state.u.copy(order="K")
-    end = state
-    if kept is not None and time is not None:
-        u = kept + kept.dtype.type(plan.twice) * (kept - end.u)
-        u = u if limit is None else limit.hold(u)
-        words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
-        end = State(u, time, 0.0, end.step, words, end.stepper, flow=flow)
-    if end.step > 0 and record is not None and (kept is not None or not record):
-        moments.append(_moment(end, plan))
-    return begin, end, tuple(moments)
-
-
-def _stepping(flow: Flow, plan: Plan, settings: Settings) -> tuple[Any, Control | None]:
-    """How time is stepped, and what controls the steps."""
-    time = plan.until.time
-    control: Control | None = settings.control or (None if settings.dt is None else Fixed(settings.dt))
-    stepper: Any = _stepper(flow, plan, settings)
-    if plan.motion is not None and isinstance(plan.noun, Mesh):
-        stepper = plan.motion.stepper(stepper, flow, time, plan.noun.faces)
-        control = Fixed(time) if plan.motion.once and control is None and time else control
-    return stepper, control
-
-
-def flowing(noun: Noun, settings: Settings, count: int, progress: Progress = None) -> Iterator[tuple[float, Noun]]:
-    """States of a noun on its way, and the times of each: the start, the end, and others between them.
-
-    Times grow with the square, so that the widths of the Gaussians that they equal on flat data grow evenly. It is the flow
-    itself: without the twicing that :func:`smooth_noun` may end in.
-
-    :param count: how many states, two or more; fewer come where the run has fewer steps.
-    :raises InputError: as :func:`smooth_noun`, for a count below two, and for flows of inverse depth.
-    """
-    if whole(count, "count", 2) and settings.space == "disparity":
-        raise InputError("space='disparity': only lengths are shown on their way; leave it out")
-    plan = planned(noun, settings)
-    engine = _engine(plan, settings)
-    flow = _steered(engine, plan)
-    yield 0.0, plan.noun
-    until, time = plan.until, plan.until.time
-    if plan.idle is not None or time == 0.0:
-        return
-    shares = [(k / (count - 1)) ** 2 for k in range(1, count)]
-    stepper, control = _stepping(flow, plan, settings)
-    limit = _held(plan, flow)
-    if until.stops:  # when they will be met is known afterwards
-        *_, end = march(flow, until, stepper, control, progress, recycle=True, limit=limit)
-        until, time = Until(time=end.time), end.time
-    if plan.motion is not None and plan.motion.once and time is not None:  # each state is one step from the start
-        for mark in (share * time for share in shares):
-            *_, state = march(flow, Until(time=mark), stepper, Fixed(mark), limit=limit)
-            yield state.time, _lowered(plan, engine, state.u)
-        return
-    marks = () if time is None else tuple(share * time for share in shares)
-    steps = frozenset() if until.steps is None else {round(share * until.steps) for share in shares}
-    for state in march(flow, replace(until, marks=marks), stepper, control, progress, limit=limit):
-        met = any(abs(state.time - mark) <= 1e-9 * mark for mark in marks) or state.step in steps
-        if state.step > 0 and (met or state.reason is not None):
-            yield state.time, _lowered(plan, engine, state.u)
-
-
-def _stepper(flow: Flow, plan: Plan, settings: Settings) -> Stepper | StepperName:
-    """The stepper that is asked for, or the one that keeps a range: super-time steps would overshoot."""
-    free = plan.motion is None or not plan.motion.once
-    if settings.triangles != "clamped" or settings.stepper != "auto" or not free:
-        return settings.stepper
-    suits = "semi-implicit" if plan.motion is not None else stepper_for("auto", flow, plan.until.time)
-    return suits if isinstance(suits, Explicit) else SemiImplicit()
-
-
-def _held(plan: Plan, flow: Flow) -> Hold | None:
-    """What every step is held to."""
-    limit = None if plan.limit is None else plan.limit(flow.start())
-    if plan.keep is None or not isinstance(plan.noun, Mesh):
-        return limit
-    assert plan.noun.fixed is not None
-    free = free_of(plan.noun.faces, plan.noun.fixed, plan.speed, rim=plan.lift.boundary == "fixed")
-    kept = Kept(plan.keep, plan.noun.faces, flow.start(), free)
-    return kept if limit is None else Both(kept, limit)
-
-
-def _moment(state: State, plan: Plan) -> Moment:
-    """A state in numbers."""
-    assert state.flow is not None
-    flow = state.flow
-    change, largest = (0.0, 0.0) if state.step == 0 else flow.size((1.0, state.u), (-1.0, flow.start()))
-    return Moment(
-        state.time, state.dt, state.area, float(change / np.sqrt(plan.there) / plan.unit), largest / plan.unit
-    )
-
-
-def smooth(
-    thing: Any,
-    *,
-    time: float | None = None,
-    scale: float | None = None,
-    steps: int | None = None,
-    method: str | None = None,
-    gamma: float | None = None,
-    strength: float = 1.0,
-    full: bool = False,
-    progress: Progress = None,
-    settings: dict[str, Any] | None = None,
-    **more: Any,
-) -> Any:
-    """Smooth anything that lives on a triangulated surface; the same kind of thing comes back, a new one.
-
-    With nothing else given the noise is estimated, and the member of the family and the time are those of least estimated risk;
-    of range images, and where the points of a mesh move, a fixed time. What is given is held.
-
-    :param thing: numpy array (h, w): a height field, (h, w, k): an image of k channels, masked arrays and NaN as missing;
-        ``(points, faces)``: a mesh; ``trimesh.Trimesh``, ``pyvista`` PolyData, ImageData, StructuredGrid, ``open3d`` triangle
-        meshes, ``meshio.Mesh``, ``xarray.DataArray``; a ``trimesh.Scene`` or ``pyvista.MultiBlock``, each of its parts as if it
-        were alone; a noun of meshflow. Files: what :func:`meshflow.read` gives, or the command ``meshflow smooth``.
-    :param time: how far, in squared length; by default searched for, for meshes half a squared mean edge.
-    :param scale: instead of ``time``, the standard deviation of the equal Gaussian on flat data, a length.
-    :param steps: the number of steps; then nothing is searched for.
-    :param method: a member of the family by name: ``beltrami | graph | mean-curvature | total-variation | perona-malik |
-        geman-mcclure | heat | patches``.
-    :param gamma: instead, the exponent of the edge indicator. 0: Beltrami flow; above: edges kept more; -1, -2: mean curvature
-        diffusion, graph flow.
-    :param strength: more or less of it: the noise times this is what is removed.
-    :param full: return a :class:`Result`, or :class:`Results` of several parts, as :func:`denoise` does.
-    :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
-    :param settings: further fields of :class:`Settings` by name, also accepted as keywords: ``sharpness, patch, contrast,
-        twice``; ``residual, area_loss, displacement, stop``; ``limit, confidence, only, speed, islands, space``;
-        ``sigma, search``; ``indicator, mass, boundary, diagonals, stepper, dt, control, threads``.
-        ``only``, ``speed``, ``confidence``, ``limit`` and the hint ``fixed`` hold one number per sample, as the thing stores
-        its samples; or the name of an array that the thing itself holds (point data, vertex attributes).
-    :param more: those, and what the thing itself does not say: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
-        ``camera``, ``missing``, ``fixed``, ``channels``, ``moves``.
-    :returns: the same kind of thing, smoothed; integers come back as floating point, since rounding would undo the smoothing.
-    :raises InputError: for what cannot be smoothed or an option that does not exist; the message says what to do.
-    :raises NotConverged: when a solver fails.
-    """
-    words = {"time": time, "scale": scale, "steps": steps, "method": method, "gamma": gamma, "strength": strength}
-    known, fixed = _words({**(settings or {}), **words}, more)
-    parts = several(thing, **more)
-    if parts is not None:
-        found = one_by_one(parts, known, fixed, lambda part: _smoothed(part, known, fixed, progress, full or None))
-        return found if full else found.thing
-    adopted = adopt(thing, **more)
-    found = _smoothed(adopted, known, fixed, progress, full or None)
-    back = adopted.restore(found.noun)
-    return replace(found, thing=back, warnings=(*adopted.notes, *found.warnings)) if full else back
-
-
-def _words(known: dict[str, Any], more: dict[str, Any]) -> tuple[dict[str, Any], str | None]:
-    """The words of :class:`Settings`, those among ``more`` too, which keeps the hints; and ``fixed`` where it is a name.
-
-    :raises InputError: for a word that nobody knows.
-    """
-    known |= {name: more.pop(name) for name in list(more) if name in Settings.__dataclass_fields__}
-    unknown = set(known) - set(Settings.__dataclass_fields__)
-    if unknown:
-        raise InputError(
-            f"{', '.join(sorted(unknown))}: no such option; there are {', '.join(Settings.__dataclass_fields__)}"
-        )
-    strange = set(more) - HINTS
-    if strange:
-        options = ", ".join((*Settings.__dataclass_fields__, *sorted(HINTS)))
-        raise InputError(f"{', '.join(sorted(strange))}: no such option; there are {options}")
-    return known, more.pop("fixed") if isinstance(more.get("fixed"), str) else None
-
-
-def _smoothed(
-    adopted: Adopted, known: dict[str, Any], fixed: str | None, progress: Progress, record: bool | None
-) -> Result:
-    """An adopted thing, with the words of a caller.
-
-    :param fixed: the name of an array in the thing.
-    :param record: as of :func:`smooth_noun`.
-    """
-    noun = adopted.noun if fixed is None else replace(adopted.noun, fixed=adopted.samples(fixed, "fixed"))
-    return smooth_noun(noun, Settings(**_sampled(known, adopted)), progress, record=record)
-
-
-def smooth_document(
-    document: Document, words: dict[str, Any], progress: Progress = None, *, record: bool = True
-) -> tuple[Document, Result | Results]:
-    """What a file held, smoothed: its one thing, or each of its meshes as if it were alone.
-
-    :param words: fields of :class:`Settings` by name; numbers per sample as arrays of the noun.
-    :param record: as of :func:`smooth_noun`.
-    """
-    parts = several(document)
-    if parts is None:
-        result = smooth_noun(document.noun, Settings(**words), progress, record=record)
-        return document.holding(result.noun), result
-    results = one_by_one(parts, words, None, lambda part: _smoothed(part, words, None, progress, record))
-    return results.thing, results
-
-
-def _sampled(known: dict[str, Any], adopted: Adopted) -> dict[str, Any]:
-    """The words of a caller, those of one number per sample as the noun has its samples."""
-    given = {word: known[word] for word in PER_SAMPLE if known.get(word) is not None}
-    steps = isinstance(known.get("limit"), str) and known["limit"] == "step"
-    return {
-        **known,
-        **{word: adopted.samples(it, word) for word, it in given.items() if not (steps and word == "limit")},
-    }
-
-
-def denoise(thing: Any, **options: Any) -> Any:
-    """:func:`smooth`, told in full: the smoothed thing, what was estimated, each parameter with its unit and origin, the run, why
-    it ended, and what was removed.
-
-    :returns: a :class:`Result`; of several parts :class:`Results`, one for each by its name.
-    """
-    return smooth(thing, full=True, **options)

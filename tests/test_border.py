@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from meshflow.flow.methods.motion import Motion
 from scipy.linalg import expm
 from scipy.spatial import Delaunay
 from shapes import sphere, square
@@ -9,7 +10,6 @@ from shapes import sphere, square
 from meshflow.errors import InputError
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.methods.border_curve import Bordered
-from meshflow.flow.methods.motion import Motion
 from meshflow.geometry.connectivity import connect
 from meshflow.smoothing import denoise, smooth
 from meshflow.surfaces.surface import Surface

@@ -12,7 +12,7 @@ import pytest
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.flow.controls import Fixed, Until
+from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
@@ -46,7 +46,7 @@ KINDS = ("one", "rows", "three", "range")
 
 def run(noun, steps=6, dt=0.02, threads=None, member=None, stepper=None):
     flow = GridFlow(noun.gridded(Lift()), member or Member(), threads)
-    *_, last = march(flow, Until(steps=steps), stepper or Explicit(), Fixed(dt))
+    *_, last = march(flow, Until(steps=steps), stepper or Explicit(), FixedStep(dt))
     return flow.planes(last.u)
 
 
@@ -90,7 +90,7 @@ def test_a_run_on_the_grid_is_the_run_on_its_triangles(kind, diagonals):
     lift = Lift(diagonals=diagonals)
     grid, mesh = GridFlow(noun.gridded(lift), Member(gamma=1.0)), MeshFlow(noun.lifted(lift), Member(gamma=1.0))
     for stepper, dt in ((Explicit(), 0.05), (SuperTime(), 0.3), (SuperTime(2), 0.3), (SemiImplicit("direct"), 0.5)):
-        ends = [list(march(flow, Until(steps=5), stepper, Fixed(dt)))[-1] for flow in (grid, mesh)]
+        ends = [list(march(flow, Until(steps=5), stepper, FixedStep(dt)))[-1] for flow in (grid, mesh)]
         way = np.abs(ends[1].u - mesh.start()).max()
         assert np.abs(ends[0].u - ends[1].u).max() < 1e-11 * max(way, 1.0)
         assert ends[0].area == pytest.approx(ends[1].area, rel=1e-12)
@@ -214,8 +214,8 @@ def test_the_order_of_the_callers_memory_changes_nothing_and_it_keeps_its_bytes(
 
 def test_states_of_a_run_stay_as_they_were_unless_their_memory_is_recycled():
     flow = GridFlow(nouns()["one"].gridded(Lift()))
-    kept = list(march(flow, Until(time=3.0), SuperTime(), Fixed(0.5)))
-    copies = [state.u.copy() for state in march(flow, Until(time=3.0), SuperTime(), Fixed(0.5), recycle=True)]
+    kept = list(march(flow, Until(time=3.0), SuperTime(), FixedStep(0.5)))
+    copies = [state.u.copy() for state in march(flow, Until(time=3.0), SuperTime(), FixedStep(0.5), recycle=True)]
     assert all((state.u == copy).all() for state, copy in zip(kept, copies, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""The filter of frequencies on meshes. meshflow.flow.methods.fairing."""
+"""The filter of frequencies on meshes. meshflow.flow.low_pass."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from shapes import sphere, square
 
 from meshflow.errors import InputError
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.low_pass import LowPass
 from meshflow.flow.methods import fairing as lowpass
-from meshflow.flow.methods.fairing import LowPass
 from meshflow.flow.methods.normal_filter import FacetFlow
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.smoothing import smooth

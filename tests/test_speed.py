@@ -17,7 +17,7 @@ from meshflow.errors import InputError
 from meshflow.flow.constraints import Faithful, trust_of
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.methods.fairing import LowPass
+from meshflow.flow.low_pass import LowPass
 from meshflow.flow.mobility import Slowed
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.smoothing import denoise, smooth

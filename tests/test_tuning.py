@@ -7,6 +7,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import shapes
+from meshflow.flow.methods.motion import MotionName
 
 import meshflow
 from meshflow.estimate.parameters import expected_error
@@ -14,7 +15,6 @@ from meshflow.estimate.risk import TWICE, Candidate, Trial, risk_curves
 from meshflow.estimate.search import METHODS, _tiled
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.methods.beltrami import Member, Method
-from meshflow.flow.methods.motion import MotionName
 from meshflow.surfaces.lift import HeightField, Lift
 from meshflow.synthetic.scenes import mesas, ramps
 

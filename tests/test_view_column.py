@@ -5,9 +5,9 @@ from threading import Event
 
 import numpy as np
 import pytest
+from meshflow.estimate.settings import Settings
 
 from meshflow.errors import InputError
-from meshflow.estimate.settings import Settings
 from meshflow.surfaces.lift import HeightField, Mesh
 from meshflow.synthetic.shapes import sphere
 from meshflow.view.look import Look

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from meshflow.estimate.settings import Settings
 from PIL import Image as Pillow
 
 from meshflow import film
 from meshflow.errors import FormatError, InputError, MissingPackage
-from meshflow.estimate.settings import Settings
 from meshflow.smoothing import flowing, smooth_noun
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage

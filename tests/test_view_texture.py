@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 from matplotlib.image import imread
+from meshflow.estimate.settings import Settings
 from PIL import Image as Pillow
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.estimate.settings import Settings
 from meshflow.smoothing import flowing
 from meshflow.surfaces.lift import Mesh
 from meshflow.synthetic import shapes

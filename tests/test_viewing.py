@@ -5,11 +5,11 @@ import shlex
 import numpy as np
 import pytest
 import trimesh
+from meshflow.estimate.settings import Settings
 
 import meshflow
 from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError
-from meshflow.estimate.settings import Settings
 from meshflow.surfaces.lift import HeightField, Mesh
 from meshflow.synthetic.shapes import sphere
 from meshflow.viewer.curves import curves, told

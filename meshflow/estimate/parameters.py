@@ -1,39 +1,20 @@
-"""What was chosen, in which unit, and who chose it."""
+"""A value as it was used: with its unit, who chose it, and why."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from meshflow.estimate.noise import Noise
-from meshflow.estimate.risk import Trial
-from meshflow.estimate.settings import Settings
-from meshflow.flow.conservation import Keep
-from meshflow.flow.constraints import Limit
-from meshflow.flow.controls import Until
-from meshflow.flow.methods.beltrami import Member
-from meshflow.flow.methods.motion import Motion
-from meshflow.geometry.validation import Array, truth_of
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 
-__all__ = [
-    "Origin",
-    "Parameter",
-    "Plan",
-    "contrast_unit",
-    "expected_error",
-    "given_words",
-    "squared_unit",
-    "value_unit",
-]
+__all__ = ["Origin", "Parameter", "contrast_unit", "squared_unit", "value_unit"]
 
 Origin = Literal["given", "estimated", "default"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Parameter:
-    """A parameter as it was used.
+    """A parameter as it was used. One that is a number behaves as a number.
 
     :ivar value: a number or a word.
     :ivar unit: of a number; empty where it has none, or where nobody has said which.
@@ -51,114 +32,78 @@ class Parameter:
         words = ", ".join(word for word in (self.origin, self.why) if word)
         return f"{value}{' ' + self.unit if self.unit else ''} ({words})"
 
+    def __float__(self) -> float:
+        return float(self.value)
 
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """What is run.
+    def __int__(self) -> int:
+        return int(float(self.value))
 
-    :ivar noise: what was found, or given; None for bare points.
-    :ivar idle: why nothing is done; None where something is.
-    :ivar trials: of the search, the chosen one first.
-    :ivar twice: w of u(t) + w (u(t) - u(2 t)), t the time of ``until``.
-    :ivar limit: what no coordinate leaves, made of the start of a flow.
-    :ivar trust: of the fidelity, (n, k), (n, 1) or (1, 1), per time; None: none.
-    :ivar speed: (n, 1), of each sample; None: all go freely.
-    :ivar motion: of a mesh whose points move; None of everything else.
-    :ivar keep: what it keeps.
-    """
+    def __format__(self, how: str) -> str:
+        return format(self.value, how) if how else str(self)
 
-    noun: Noun
-    member: Member
-    lift: Lift
-    until: Until
-    parameters: dict[str, Parameter]
-    noise: Noise | None = None
-    idle: str | None = None
-    trials: tuple[Trial, ...] = ()
-    twice: float = 0.0
-    limit: Callable[[Array], Limit] | None = None
-    trust: Array | None = None
-    speed: Array | None = None
-    motion: Motion | None = None
-    keep: Keep | None = None
-    warnings: tuple[str, ...] = ()
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, Parameter):
+            return (self.value, self.unit, self.origin, self.why) == (other.value, other.unit, other.origin, other.why)
+        return self.value == other
 
-    @property
-    def unit(self) -> float:
-        """Units of u for one of the caller's: the mesh engine counts channels times the contrast."""
-        return self.lift.contrast if isinstance(self.noun, Mesh) and self.noun.moves == "channels" else 1.0
+    def __hash__(self) -> int:
+        return hash(self.value)
 
-    @property
-    def there(self) -> float:
-        """The share of the samples that are there."""
-        if isinstance(self.noun, Mesh):
-            return 1.0
-        assert self.noun.missing is not None
-        return float(np.mean(~self.noun.missing))
+    def __lt__(self, other: "float | Parameter") -> bool:
+        return float(self) < float(other)
+
+    def __le__(self, other: "float | Parameter") -> bool:
+        return float(self) <= float(other)
+
+    def __gt__(self, other: "float | Parameter") -> bool:
+        return float(self) > float(other)
+
+    def __ge__(self, other: "float | Parameter") -> bool:
+        return float(self) >= float(other)
+
+    def __add__(self, other: "float | Parameter") -> float:
+        return float(self) + float(other)
+
+    def __sub__(self, other: "float | Parameter") -> float:
+        return float(self) - float(other)
+
+    def __mul__(self, other: "float | Parameter") -> float:
+        return float(self) * float(other)
+
+    def __truediv__(self, other: "float | Parameter") -> float:
+        return float(self) / float(other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __rsub__(self, other: float) -> float:
+        return float(other) - float(self)
+
+    def __rtruediv__(self, other: float) -> float:
+        return float(other) / float(self)
+
+    def told(self, why: str) -> "Parameter":
+        """The same for another reason."""
+        return replace(self, why=why)
 
 
-def value_unit(noun: Noun) -> str:
+def value_unit(data: Noun) -> str:
     """The unit of what is smoothed, where the data names it."""
-    return noun.unit if isinstance(noun, (HeightField, RangeImage)) else ""
+    return data.unit if isinstance(data, (HeightField, RangeImage)) else ""
 
 
-def squared_unit(noun: Noun) -> str:
+def squared_unit(data: Noun) -> str:
     """The unit of time."""
-    if isinstance(noun, RangeImage):
-        return "pixel footprints²" if noun.pace != "length" else f"{noun.unit}²" if noun.unit else "squared length"
-    if isinstance(noun, HeightField) and noun.unit:
-        return f"{noun.unit}²"
-    if isinstance(noun, Image) and np.ndim(noun.spacing[0]) == 0 and noun.spacing == (1.0, 1.0):
+    if isinstance(data, RangeImage):
+        return "pixel footprints²" if data.pace != "length" else f"{data.unit}²" if data.unit else "squared length"
+    if isinstance(data, HeightField) and data.unit:
+        return f"{data.unit}²"
+    if isinstance(data, Image) and np.ndim(data.spacing[0]) == 0 and data.spacing == (1.0, 1.0):
         return "pixels²"
     return "squared length"
 
 
-def contrast_unit(noun: Noun) -> str:
+def contrast_unit(data: Noun) -> str:
     """The unit of the contrast: none where value and length share theirs."""
-    if isinstance(noun, Image):
-        return "pixels per unit" if squared_unit(noun) == "pixels²" else "length per unit"
-    return "length per unit" if isinstance(noun, Mesh) and noun.moves != "points" else ""
-
-
-def given_words(noun: Noun, settings: Settings) -> dict[str, Parameter]:
-    """What the caller has said that no other parameter tells; ``noun`` as it came."""
-    found: dict[str, Parameter] = {}
-    units = {
-        "displacement": value_unit(noun),
-        "dt": squared_unit(noun),
-        "residual": "of sigma",
-        "area_loss": "of the area",
-    }
-    for name in ("method", "residual", "area_loss", "displacement", "dt", "threads"):
-        value = getattr(settings, name)
-        if value is not None:
-            found[name] = Parameter(value if isinstance(value, str) else float(value), units.get(name, ""), "given")
-    for name in ("stepper", "control", "stop"):
-        value = getattr(settings, name)
-        if value not in (None, "auto"):
-            word = value if isinstance(value, str) else getattr(value, "__name__", None) or str(value)
-            found[name] = Parameter(word, "", "given")
-    if settings.search is not None:
-        found["search"] = Parameter("yes" if settings.search else "no", "", "given")
-    if settings.islands is not None:
-        found["islands"] = Parameter(float(settings.islands), "samples", "given")
-    if settings.only is not None:
-        found["only"] = _counted(truth_of(np.asarray(settings.only)), "may move")
-    if settings.speed is not None:
-        speed = float(settings.speed) if np.ndim(settings.speed) == 0 else "one per sample"
-        found["speed"] = Parameter(speed, "", "given", "0 stays, 1 goes freely")
-    if noun.fixed is not None and noun.fixed.any():
-        found["fixed"] = _counted(noun.fixed, "stay")
-    return found
-
-
-def expected_error(trial: Trial, unit: str, along: str = "") -> Parameter:
-    """What a trial is expected to leave; a mean square below zero is told as what it is, no error of zero."""
-    words = f"root mean square error {along or 'to be expected'}"
-    if trial.least[1] <= 0:
-        words = f"estimated below zero: sigma was taken for a little more than it is; {words}"
-    return Parameter(trial.risk, unit, "estimated", words)
-
-
-def _counted(mask: np.ndarray, what: str) -> Parameter:
-    return Parameter(f"{int(mask.sum())} of {mask.size} samples {what}", "", "given")
+    if isinstance(data, Image):
+        return "pixels per unit" if squared_unit(data) == "pixels²" else "length per unit"
+    return "length per unit" if isinstance(data, Mesh) and data.moves != "points" else ""

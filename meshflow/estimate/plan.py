@@ -1,249 +1,147 @@
-"""From words and data to what is run: what was given is held, what was not is estimated, and each says where it came from."""
+"""The plan of a run: typed values, and for each who decided it and why."""
 
-from dataclasses import replace
-from typing import get_args
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from meshflow.errors import InputError
-from meshflow.estimate.grid_plan import along_rays, bare, given_time, limit_of, tuned
-from meshflow.estimate.mesh_plan import moving
-from meshflow.estimate.noise import Noise, noise_growth, noise_of, noise_on
-from meshflow.estimate.parameters import Parameter, Plan, given_words, squared_unit, value_unit
-from meshflow.estimate.quantization import steps_of
-from meshflow.estimate.settings import Settings
-from meshflow.flow.constraints import Limit, trust_of
+from meshflow.estimate.noise import Noise
+from meshflow.estimate.parameters import Origin
+from meshflow.estimate.request import Request
+from meshflow.estimate.risk import Trial
+from meshflow.flow.conservation import Keep
+from meshflow.flow.constraints import Limit
 from meshflow.flow.controls import Until
-from meshflow.flow.methods.motion import MotionName
-from meshflow.flow.mobility import speed_of
-from meshflow.geometry.validation import Array, mask_of
-from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage, data_of
+from meshflow.flow.methods import Method
+from meshflow.flow.methods.beltrami import HeightMethod, Member
+from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.stops import Scale
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import Lift, Mesh, Noun, data_of
 
-__all__ = ["noise_in", "planned"]
-
-# Time at which a run ends that does not come to its stop, in squared sample distances.
-PATIENT = 100.0
-HELD = "no sample may move (only, fixed, speed): nothing was changed"
-# Samples that the noise of a range image is looked for in.
-RAYS_ENOUGH = 80_000
-# Times in which a fidelity pulls back after which a run is at rest.
-AT_REST = 10.0
+__all__ = ["Decided", "Plan", "size_of"]
 
 
-def noise_in(noun: Noun, only: Array | None = None) -> Noise:
-    """The noise of a noun, in the unit of its values; of bare points along their normals."""
-    if isinstance(noun, Mesh):
-        if noun.channels is None or noun.moves == "points":
-            return noise_on(noun.points, noun.faces, noun.normals)
-        return noise_on(noun.channels, noun.faces)
-    assert noun.missing is not None
-    missing = noun.missing if only is None else noun.missing | ~only
-    missing = noun.missing if missing.all() else missing
-    return _noise_along(noun, missing)[0] if isinstance(noun, RangeImage) else noise_of(data_of(noun), missing)
+@dataclass(frozen=True)
+class Decided:
+    """Who decided on a value, and why."""
+
+    origin: Origin = "default"
+    why: str = ""
 
 
-def _noise_along(noun: RangeImage, missing: Array) -> tuple[Noise, RangeImage, str]:
-    """The noise along the rays at the median depth, the image with that of each depth, and how it grows, in words.
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is run.
 
-    Second differences by depth, and at least that of the sensor's steps.
+    :ivar data: as it is run; what may not move is fixed.
+    :ivar request: what the caller asked for.
+    :ivar noise: what was found, or given.
+    :ivar method: with all its numbers.
+    :ivar lift: how the data becomes a surface: contrast, diagonals, boundary.
+    :ivar time: squared length; where the run is ended by steps or stops, its latest end.
+    :ivar decided: who decided, by the name of an option; of what is not named, nobody had to.
+    :ivar trials: of the search, the chosen one first.
+    :ivar idle: why nothing is done; None where something is.
+    :ivar warnings: sentences.
+    :ivar mobility: (n, 1), how fast each sample goes; None: all go freely.
+    :ivar max_change: what no sample leaves, a number or an array of the data's samples, unit of the values; None: no limit.
+    :ivar pull: of the data weights, (n, k), (n, 1) or (1, 1), per time; None: none.
+    :ivar preserve: what a mesh whose points move keeps.
+    :ivar setting: of a mesh whose points move; None of everything else.
     """
-    values, there = noun.along, ~missing
-    known = values[there]
-    steps, growth = steps_of(known), noise_growth(values, missing, enough=RAYS_ENOUGH)
-    quantum = 0.0 if steps is None else float(np.median(steps.at(known[:: max(1, known.size // 10_000)])))
-    if noun.sigma is not None:
-        sigma, how, why = noun.sigma, "given", ""
-    elif growth is None:
-        return Noise(0.0, quantum), noun, ""
-    else:
-        sigma, how = growth.at(values).astype(noun.depth.dtype), "differences"
-        why = f"at the median depth; {growth.a:.3g} + {growth.b:.3g} z + {growth.c:.3g} z²"
-        if steps is not None:
-            least = (steps.at(values) / np.sqrt(12.0)).astype(sigma.dtype)
-            why += ", at least step / sqrt 12" if (least > sigma)[there].mean() > 0.1 else ""
-            sigma = np.maximum(sigma, least)
-    typical = float(np.median(np.broadcast_to(sigma, there.shape)[there]))
-    if typical <= 2.0 * np.finfo(noun.depth.dtype).eps * float(np.abs(known).max()):
-        return Noise(0.0, quantum, how=how), noun, ""  # the rounding of numbers is no noise
-    noun = replace(noun, sigma=np.where(missing, typical, sigma) if np.ndim(sigma) else sigma)
-    return Noise(typical, quantum, (typical,), 0.0, how), noun, why
+
+    data: Noun
+    request: Request
+    noise: Noise
+    method: Method
+    lift: Lift
+    time: float = 0.0
+    decided: Mapping[str, Decided] = field(default_factory=dict)
+    trials: tuple[Trial, ...] = ()
+    idle: str | None = None
+    warnings: tuple[str, ...] = ()
+    mobility: Array | None = None
+    max_change: Any = None
+    pull: Array | None = None
+    preserve: Keep | None = None
+    setting: PointSetting | None = None
+
+    def with_(self, decided: Mapping[str, Decided], **changes: Any) -> "Plan":
+        """With other values, and who decided on them beside those that were decided before."""
+        return replace(self, decided={**self.decided, **decided}, **changes)
+
+    @property
+    def member(self) -> Member:
+        """Exponents, edge indicator and mass, as engines take them."""
+        if isinstance(self.method, HeightMethod):
+            return self.method.member
+        return Member(mass=getattr(self.method, "mass", "barycentric"))
+
+    @property
+    def points(self) -> PointMethod | None:
+        """The method of a mesh whose points move; None of everything else."""
+        return self.method if isinstance(self.method, PointMethod) else None
+
+    @property
+    def twicing(self) -> float:
+        """w of u(t) + w (u(t) - u(2 t))."""
+        return float(self.method.twicing or 0.0) if isinstance(self.method, HeightMethod) else 0.0
+
+    @property
+    def unit(self) -> float:
+        """Units of u for one of the caller's: the mesh engine counts channels times the contrast."""
+        return self.lift.contrast if isinstance(self.data, Mesh) and self.data.moves == "channels" else 1.0
+
+    @property
+    def there(self) -> float:
+        """The share of the samples that are there."""
+        missing = None if isinstance(self.data, Mesh) else self.data.missing
+        return 1.0 if missing is None else float(np.mean(~missing))
+
+    @property
+    def until(self) -> Until:
+        """When to stop."""
+        request = self.request
+        time = None if request.steps is not None and not request.until_time else self.time
+        return Until(time, request.steps, request.stops, scale=self._scale())
+
+    def limit(self, start: Array) -> Limit | None:
+        """What no coordinate leaves.
+
+        :param start: u (n, k) of the flow, before its first step.
+        """
+        if self.max_change is None:
+            return None
+        around = isinstance(self.data, Mesh) and self.data.moves == "points"
+        return Limit.of(start, self.max_change, size_of(self.data)[0], self.unit, around)
+
+    def _scale(self) -> Scale:
+        """What makes the numbers of stops those of u."""
+        shape, n = size_of(self.data)
+        k, unit = int(np.prod(shape)) // n, self.unit
+        each = 1.0 if isinstance(self.data, Mesh) and self.data.moves != "channels" else float(np.sqrt(k))
+        return Scale(self.noise.sigma * self.request.strength * unit * each, self.there, unit, _Seen(shape, unit))
 
 
-def planned(noun: Noun, settings: Settings) -> Plan:
-    """What is run on a noun, as its caller wants it."""
-    words, only = given_words(noun, settings), _mask(noun, settings)
-    if only is not None:
-        assert noun.fixed is not None
-        noun = replace(noun, fixed=noun.fixed | ~only)
-    noun, speed = _slowed(noun, settings)
-    if settings.sigma is not None and isinstance(noun, RangeImage):
-        noun = replace(noun, sigma=float(settings.sigma))
-    _must_be_seen(noun, settings)
-    if isinstance(noun, RangeImage):
-        assert noun.missing is not None
-        unseen = noun.missing if only is None or not only.any() else noun.missing | ~only
-        noise, noun, why = _noise_along(noun, noun.missing if unseen.all() else unseen)
-        noun = noun if settings.islands is None else noun.cleared(settings.islands)
-    else:
-        noise, why = noise_in(noun, only), ""
-    if settings.sigma is not None:
-        noise = replace(noise, sigma=float(settings.sigma), how="given")
-    shape, n = _free(noun)
-    settings = _stepped(noun, settings)
-    if settings.triangles == "clamped":
-        settings = replace(settings, twice=0.0)
-        words |= {
-            "triangles": Parameter("clamped", "", "given"),
-            "twice": Parameter(0.0, "", "default", "it overshoots"),
-        }
-        if settings.boundary is None:
-            words["boundary"] = Parameter("natural", "", "default", "weights of zero and above")
-    if settings.limit is not None:  # what makes no sense is refused now, not after the search
-        Limit.of(np.zeros((n, 1)), settings.limit, shape)
-    if settings.confidence is not None:
-        trust_of(settings.confidence, shape, n, 1.0)
-    if _still(noun):  # nothing to search for
-        member = None if settings.method in get_args(MotionName) else settings.method
-        plan = replace(bare(noun, replace(settings, contrast=None, method=member), noise), idle=HELD)
-    elif isinstance(noun, RangeImage):
-        plan = along_rays(noun, settings, noise, why, speed)
-    elif isinstance(noun, Mesh) and noun.moves != "channels":
-        plan = moving(noun, settings, noise, speed)
-    else:
-        plan = tuned(noun, settings, noise, speed)
-    plan = _stopping(_held(replace(plan, speed=speed), settings), settings)
-    if plan.idle == HELD:
-        words["time"] = Parameter(0.0, squared_unit(noun), "default", "nothing may move")
-    return replace(plan, parameters={**plan.parameters, **words})
+@dataclass(frozen=True)
+class _Seen:
+    """Makes of u the values (h, w), (h, w, k) or (n, k) as the caller knows them, read-only."""
 
+    shape: tuple[int, ...]
+    unit: float
 
-def _must_be_seen(noun: Noun, settings: Settings) -> None:
-    """Refuse words that only a range image knows, or a mesh whose points move."""
-    for word, given in (("islands", settings.islands is not None), ("space", settings.space != "length")):
-        if given and not isinstance(noun, RangeImage):
-            raise InputError(f"{word}: of range images only, got {type(noun).__name__}")
-    if settings.triangles == "clamped" and not isinstance(noun, Mesh):
-        raise InputError(f"triangles: of meshes only, got {type(noun).__name__}")
-    if settings.method == "patches" and isinstance(noun, Mesh):
-        raise InputError("method='patches': of height fields and images, whose samples have patches; got a mesh")
-    ways = {name: getattr(settings, name) is not None for name in ("order", "weights", "evened", "keep")}
-    ways |= {
-        "triangles": settings.triangles not in ("auto", "clamped"),
-        "along": settings.along != "all",
-        "boundary='curve'": settings.boundary == "curve",
-        f"method={settings.method!r}": settings.method in get_args(MotionName),
-    }
-    for word, given in ways.items():
-        if given and not _points(noun):
-            what = "a mesh of which the channels move" if isinstance(noun, Mesh) else type(noun).__name__
-            raise InputError(f"{word}: where the points of a mesh move only, got {what}")
-
-
-def _stepped(noun: Noun, settings: Settings) -> Settings:
-    """With half the step of quantised data where that is the limit.
-
-    :raises InputError: where it is not quantised.
-    """
-    if not isinstance(settings.limit, str):
-        return settings
-    values = data_of(noun)
-    there = np.isfinite(values) if isinstance(noun, Mesh) else np.broadcast_to(~_gone(noun, values.ndim), values.shape)
-    steps = steps_of(values[there])
-    if steps is None:
-        raise InputError(
-            "limit='step': the data is not quantised, there is no step; give a number, or one for each sample"
-        )
-    return replace(settings, limit=steps.at(values) / 2.0)
-
-
-def _gone(noun: HeightField | Image | RangeImage, ndim: int) -> Array:
-    assert noun.missing is not None
-    return noun.missing if ndim == 2 else noun.missing[..., None]
-
-
-def _mask(noun: Noun, settings: Settings) -> Array | None:
-    if settings.only is None:
-        return None
-    assert noun.fixed is not None
-    return mask_of(settings.only, noun.fixed.shape, "only")
-
-
-def _slowed(noun: Noun, settings: Settings) -> tuple[Noun, Array | None]:
-    """The noun with what has no speed fixed, and the speeds (n, 1); None where all go freely."""
-    if settings.speed is None:
-        return noun, None
-    assert noun.fixed is not None
-    speed = speed_of(settings.speed, noun.fixed.shape)
-    return replace(noun, fixed=noun.fixed | (speed == 0)), speed.reshape(-1, 1)
-
-
-def _still(noun: Noun) -> bool:
-    """Whether no sample may move."""
-    assert noun.fixed is not None
-    still = noun.fixed if isinstance(noun, Mesh) or noun.missing is None else noun.fixed | noun.missing
-    return bool(still.all())
-
-
-def _free(noun: Noun) -> tuple[tuple[int, ...], int]:
-    """The shape of the coordinates that move, as the caller knows them, and how many samples they are of."""
-    assert noun.fixed is not None
-    shape = data_of(noun).shape
-    if isinstance(noun, Mesh) and noun.moves == "all":
-        shape = (shape[0], noun.points.shape[1] + shape[1])
-    return shape, noun.fixed.size
-
-
-def _held(plan: Plan, settings: Settings) -> Plan:
-    """With its limit and its fidelity."""
-    noun, parameters = plan.noun, dict(plan.parameters)
-    limit, origin = limit_of(noun, settings, plan.noise)
-    shape, n = _free(noun)
-    unit = plan.unit
-    around = isinstance(noun, Mesh) and noun.moves == "points"
-    if limit is not None:
-        most = float(limit) if np.ndim(limit) == 0 else "one per sample"
-        why = "half the quantum, rounding is the noise" if origin == "estimated" else ""
-        parameters["limit"] = Parameter(most, value_unit(noun), origin, why)
-        plan = replace(plan, limit=lambda start: Limit.of(start, limit, shape, unit, around))
-    if settings.confidence is not None:
-        trust = trust_of(settings.confidence, shape, n, plan.lift.contrast)
-        if isinstance(noun, RangeImage) and noun.stride is not None:
-            trust = trust * noun.stride.reshape(-1, 1) ** 2  # per squared footprint, as time is
-        parameters["confidence"] = Parameter("weights", "", "given", "1 / squared value")
-        if given_time(noun, settings) is None and (trust > 0).any():
-            rest = AT_REST / float(np.median(trust[trust > 0]))
-            parameters["time"] = Parameter(rest, squared_unit(noun), "default", "at rest between smoothness and data")
-        plan = replace(plan, trust=trust)
-    return replace(plan, parameters=parameters)
-
-
-def _stopping(plan: Plan, settings: Settings) -> Plan:
-    """With when to stop."""
-    noun, parameters = plan.noun, dict(plan.parameters)
-    assert plan.noise is not None
-    shape, n = _free(noun)
-    k = int(np.prod(shape)) // n
-    unit = plan.unit
-    sigma = plan.noise.sigma * settings.strength * unit * (np.sqrt(k) if not _points(noun) else 1.0)
-
-    def seen(u: Array) -> Array:
-        """The values (h, w), (h, w, k) or (n, k) of u."""
-        values = np.asarray(u / unit if unit != 1.0 else u).reshape(shape).view()
+    def __call__(self, u: Array) -> Array:
+        values = np.asarray(u / self.unit if self.unit != 1.0 else u).reshape(self.shape).view()
         values.flags.writeable = False
         return values
 
-    stops = settings.stops(sigma, plan.there, unit, seen)
-    time = float(parameters["time"].value)
-    if stops and given_time(noun, settings) is None:
-        time = PATIENT * noun.step**2
-        parameters["time"] = Parameter(time, squared_unit(noun), "default", "at most, where no stop is met")
-    if settings.steps is not None:
-        parameters["steps"] = Parameter(float(settings.steps), "", "given")
-        until = Until(given_time(noun, settings) and time, settings.steps, stops)
-    else:
-        until = Until(time, None, stops)
-    return replace(plan, until=until, parameters=parameters)
 
-
-def _points(noun: Noun) -> bool:
-    return isinstance(noun, Mesh) and noun.moves != "channels"
+def size_of(data: Noun) -> tuple[tuple[int, ...], int]:
+    """The shape of the coordinates that move, as the caller knows them, and how many samples they are of."""
+    values = data_of(data)
+    n = len(data.points) if isinstance(data, Mesh) else int(np.prod(values.shape[:2]))
+    if isinstance(data, Mesh) and data.moves == "all":
+        return (values.shape[0], data.points.shape[1] + values.shape[1]), n
+    return values.shape, n

@@ -1,10 +1,11 @@
 """The choice of member, contrast and time for a noun: a search for the least estimated risk, on tiles where it is large."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from meshflow.estimate.families import Family
 from meshflow.estimate.noise import spread_tiles
 from meshflow.estimate.risk import PROBE, Candidate, Trial, first_of, ranked, refined, risk_curves, searched
 from meshflow.flow.constraints import Limit
@@ -17,66 +18,16 @@ from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Lattice
 from meshflow.surfaces.lift import Lift, Mesh
 
-__all__ = [
-    "CHANNEL_FAMILY",
-    "EDGES",
-    "FAMILY",
-    "MESH_ENOUGH",
-    "MESH_FAMILY",
-    "LOOKED_AT",
-    "METHODS",
-    "RAY_FAMILY",
-    "TIMES",
-    "Search",
-    "candidates",
-    "searched_on_grid",
-    "searched_on_mesh",
-]
+__all__ = ["LOOKED_AT", "MESH_ENOUGH", "TIMES", "Search", "candidates", "searched_on_grid", "searched_on_mesh"]
 
-# Members by name: exponents, patch width, and the contrasts to try, in sample distances over noise.
-METHODS: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
-    "beltrami": ({}, (1.0, 2.0, 4.0)),
-    "graph": ({"gamma": -2.0}, (1.0, 2.0)),
-    "mean-curvature": ({"gamma": -1.0}, (1.0, 2.0, 4.0)),
-    "total-variation": ({"gamma": -1.0}, (8.0, 16.0)),
-    "perona-malik": ({"gamma": -1.0, "sharpness": 2.0}, (0.7, 1.0, 1.5, 2.0, 3.0)),
-    "geman-mcclure": ({"gamma": -1.0, "sharpness": 4.0}, (0.4, 0.7, 1.0)),
-    "heat": ({}, (0.05,)),
-    "patches": ({"patch": 0.7}, (1.0, 2.0, 4.0)),
-}
-# What the search looks at where nobody names a member.
-FAMILY: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
-    ({"patch": 1.5}, (0.4, 3.0)),
-    ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (2.0, 4.0)),
-    ({"gamma": -1.0, "sharpness": 1.5}, (2.0, 5.0)),
-    ({"gamma": -1.0, "sharpness": 2.0}, (1.0, 2.0)),
-    ({"gamma": -1.0, "sharpness": 3.0}, (0.5, 1.35)),
-)
-# The same for several channels, of which members with gamma -1 are stiff: stable steps shorten as edges steepen.
-CHANNEL_FAMILY: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
-    ({}, (1.5, 3.0)),
-    ({"patch": 0.7}, (2.5,)),
-    ({"patch": 1.0}, (3.0,)),
-    ({"patch": 1.5}, (0.4, 3.0)),
-    ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (1.0, 2.0)),
-)
-# Contrasts for a member of the caller's own.
-EDGES = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
 # Times at which the risk is looked at, in squared sample distances: each twice the one two places before it.
 TIMES = tuple(2.0**power * part for power in range(-3, 7) for part in (1.0, 1.5))
 # Samples that the search looks at, on so many tiles by side: all candidates on few of them, the best on more; and how many
 # samples at a cut are not counted.
 FEW, FEW_SIDE = 60_000, 4
 ENOUGH, SIDE, CUT = 270_000, 6, 4
-# The same on meshes, whose rate costs thirty times as much, up to so many vertices and squared sample distances.
-MESH_FAMILY: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
-    ({}, (2.0,)),
-    ({"gamma": -1.0, "sharpness": 1.5}, (2.0, 5.0)),
-    ({"gamma": -1.0, "sharpness": 2.0}, (1.5,)),
-)
+# On meshes, whose rate costs thirty times as much, up to so many vertices and squared sample distances.
 MESH_ENOUGH, LOOKED_AT = 20_000, 16.0
-# The same along rays, where lengths are what they are: contrast 1.
-RAY_FAMILY: tuple[dict[str, float], ...] = ({}, {"gamma": -1.0}, {"gamma": 1.0})
 # Members that are looked at on more samples, each with its best contrast.
 BEST = 3
 # How often the contrast is refined while that lowers the risk.
@@ -225,9 +176,7 @@ def _in_planes(limit: float | Array, lattice: Lattice) -> Array:
     return most.T.reshape(lattice.planes.shape)
 
 
-def candidates(
-    family: Sequence[tuple[dict[str, float], tuple[float, ...]]], unit: float, like: Member, contrast: float | None
-) -> tuple[Candidate, ...]:
+def candidates(family: Family, unit: float, like: Member, contrast: float | None) -> tuple[Candidate, ...]:
     """Members of a family with their contrasts.
 
     :param unit: h / sigma, what contrasts are counted in.

@@ -8,10 +8,10 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.steppers import Embedding, Explicit, Stepper
-from meshflow.flow.stops import Stop
+from meshflow.flow.stops import Scale, Stop
 from meshflow.geometry.validation import Array, positive
 
-__all__ = ["AreaChange", "Control", "Embedded", "Fixed", "Taken", "Until"]
+__all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "Taken", "Until"]
 
 # Steps over which a semi-implicit run is spread where nobody says otherwise: the metric is lagged by a tenth of the way.
 IMPLICIT_STEPS = 10
@@ -25,6 +25,7 @@ class Until:
     """When to stop: at a time (squared length), after a number of steps, at one of the ``stops``, or at what comes first.
 
     :param marks: times on the way that a step shall end at.
+    :param scale: what makes the numbers of the stops those of the run.
 
     :raises InputError: when neither is given, or one is negative.
     """
@@ -33,6 +34,7 @@ class Until:
     steps: int | None = None
     stops: tuple[Stop, ...] = ()
     marks: tuple[float, ...] = ()
+    scale: Scale = Scale()
 
     def __post_init__(self) -> None:
         if self.time is None and self.steps is None:
@@ -108,7 +110,7 @@ class Control(Protocol):
 
 
 @dataclass(frozen=True)
-class Fixed:
+class FixedStep:
     """Steps of one length.
 
     :param dt: squared length. By default the largest stable one; for a stepper without limit, a tenth of the time to go.
@@ -120,7 +122,7 @@ class Fixed:
         if self.dt is not None:
             positive(self.dt, "dt", "squared length")
 
-    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "Fixed":
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "FixedStep":
         """A copy whose dt is settled for this run.
 
         :raises InputError: for a dt beyond the largest stable one, which is named.
@@ -155,7 +157,7 @@ class Fixed:
         """Every step."""
         return True
 
-    def after(self, taken: Taken) -> "Fixed":
+    def after(self, taken: Taken) -> "FixedStep":
         """The same."""
         return self
 
@@ -167,7 +169,7 @@ class AreaChange:
     The first step is the longest, dt; the next are dt times (relative loss of area per dt) / target, between dt / 100 and dt.
 
     :param target: relative loss of area in a step of length dt from which on the full step is taken.
-    :param dt: the longest step, squared length; by default as :class:`Fixed`.
+    :param dt: the longest step, squared length; by default as :class:`FixedStep`.
     """
 
     target: float = 0.01
@@ -181,7 +183,7 @@ class AreaChange:
 
     def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "AreaChange":
         """A copy whose longest step is settled for this run."""
-        return replace(self, dt=Fixed(self.dt).opened(flow, stepper, u, until).dt)
+        return replace(self, dt=FixedStep(self.dt).opened(flow, stepper, u, until).dt)
 
     def length(self, limit: float) -> float:
         """The next step, no longer than what is stable now."""
@@ -228,8 +230,10 @@ class Embedded:
         :raises InputError: for a stepper that does not know its error.
         """
         if not isinstance(stepper, Embedding):
-            raise InputError(f"control: the {stepper.name} stepper does not know its error; take Fixed or AreaChange")
-        dt = Fixed(self.dt).opened(flow, stepper, u, until).dt
+            raise InputError(
+                f"control: the {stepper.name} stepper does not know its error; take FixedStep or AreaChange"
+            )
+        dt = FixedStep(self.dt).opened(flow, stepper, u, until).dt
         assert dt is not None
         return replace(self, dt=dt, least=dt)
 

@@ -10,10 +10,10 @@ import numpy as np
 from meshflow.errors import NotConverged
 from meshflow.flow.constraints import Hold
 from meshflow.flow.contract import Flow
-from meshflow.flow.controls import Control, Embedded, Fixed, Until
+from meshflow.flow.controls import Control, Embedded, FixedStep, Until
 from meshflow.flow.progress import Progress, reporting
 from meshflow.flow.steppers import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
-from meshflow.flow.stops import crossing, unmet
+from meshflow.flow.stops import Course, crossing, unmet
 from meshflow.geometry.validation import Array
 
 __all__ = ["VANISHED", "State", "march"]
@@ -115,7 +115,7 @@ def march(
     shortened; with ``auto``, the implicit stepper takes over where that would take too many steps.
 
     :param stepper: a stepper or its name; :class:`Explicit` by default.
-    :param control: by default :class:`Embedded` for a stepper that knows its error, else :class:`Fixed`.
+    :param control: by default :class:`Embedded` for a stepper that knows its error, else :class:`FixedStep`.
     :param recycle: the memory of a state is used again once the next one has been taken: for callers who ask each one at once.
     :param limit: what no coordinate leaves.
     :raises InputError: for a dt that is not stable at the start.
@@ -123,7 +123,7 @@ def march(
     """
     changes, stepper = stepper == "auto", stepper_for(stepper or Explicit(), flow, until.time)
     state = State(flow.start(), 0.0, 0.0, 0, until.reason(0.0, 0), flow=flow)
-    control = control or (Embedded() if isinstance(stepper, Embedding) else Fixed())
+    control = control or (Embedded() if isinstance(stepper, Embedding) else FixedStep())
     steps = control.opened(flow, stepper, state.u, until)
     yield state
     with reporting(progress, f"{stepper.name} flow") as report:
@@ -133,7 +133,7 @@ def march(
             most = MANY if changes else HOPELESS
             if flow.slivers and np.isfinite(left) and longest * most < left * stepper.rates:
                 stepper = _implicit_instead(changes, state, longest)
-                steps = Fixed().opened(flow, stepper, state.u, Until(time=left))
+                steps = FixedStep().opened(flow, stepper, state.u, Until(time=left))
                 longest = _longest(stepper, state, flow)
             new, steps = _stepped(flow, state, stepper, steps, min(longest, left), left, until, limit)
             new = _gone(flow, _stopped(flow, state, new, until), stepper)
@@ -191,10 +191,11 @@ def _stopped(flow: Flow, old: State, new: State, until: Until) -> State:
     """The new state, or where a stop was met before it; at the end of its time, what it did not come to is said."""
     if not until.stops:
         return new
-    found = crossing(until.stops, flow, (old.u, old.time), (new.u, new.time))
+    course = Course(flow, until.scale)
+    found = crossing(until.stops, course, (old.u, old.time), (new.u, new.time))
     if found is None:
         return (
-            new if new.reason is None else replace(new, reason=new.reason + unmet(until.stops, flow, new.u, new.time))
+            new if new.reason is None else replace(new, reason=new.reason + unmet(until.stops, course, new.u, new.time))
         )
     u, time, words = found
     count = f"{new.step} step{'' if new.step == 1 else 's'}"

@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow, System
-from meshflow.flow.methods.fairing import Weights, generator_of
+from meshflow.flow.low_pass import Weights, generator_of
 from meshflow.flow.wrapper import Around
 from meshflow.geometry.validation import Array
 

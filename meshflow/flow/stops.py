@@ -2,30 +2,72 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
-from meshflow.geometry.validation import Array, positive
+from meshflow.geometry.options import option
+from meshflow.geometry.validation import Array, positive, whole
 
-__all__ = ["AreaLoss", "Displacement", "Residual", "Stop", "When", "crossing", "unmet"]
+__all__ = ["AreaLoss", "Course", "Displacement", "Residual", "Scale", "Steps", "Stop", "When", "crossing", "unmet"]
 
 # How finely the place of a stop within a step is sought, as a share of the step.
 FINELY = 1e-4
 
 
+def _same(values: Array) -> Array:
+    return values
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What makes a caller's numbers those of a run.
+
+    :ivar sigma: the noise as the flow measures it, unit of u, of a sample with all its channels.
+    :ivar there: the share of the samples that are there; those that are not do not move and are not counted.
+    :ivar unit: units of u for one of the caller's.
+    :ivar seen: makes of u (n, k) the values as the caller knows them.
+    """
+
+    sigma: float = 0.0
+    there: float = 1.0
+    unit: float = 1.0
+    seen: Callable[[Array], Array] = _same
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A run that a stop looks at: the flow, and the scale of the caller's numbers."""
+
+    flow: Flow
+    scale: Scale
+
+
 class Stop(Protocol):
     """Something that a run comes to."""
 
-    def excess(self, flow: Flow, u: Array, time: float) -> float:
+    def excess(self, course: Course, u: Array, time: float) -> float:
         """Above or at zero where u is there, below where it is not yet."""
         ...
 
-    def words(self, flow: Flow, u: Array, time: float) -> str:
+    def words(self, course: Course, u: Array, time: float) -> str:
         """What was asked for and how far u has come, as part of a sentence."""
         ...
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A number of steps; then nothing is searched for.
+
+    :param count: zero or more.
+    """
+
+    count: int = option(0, "Stop after this many steps.", flag="steps")
+
+    def __post_init__(self) -> None:
+        whole(self.count, "steps", 0)
 
 
 @dataclass(frozen=True)
@@ -33,29 +75,28 @@ class Residual:
     """The root mean square change has reached a share of the noise; at all of it the flow has smoothed too long.
 
     :param share: of sigma, above 0.
-    :param sigma: the noise as the flow measures it, unit of u, of a sample with all its channels.
-    :param there: the share of the samples that are there; those that are not do not move and are not counted.
     """
 
-    share: float
-    sigma: float
-    there: float = 1.0
+    share: float = option(
+        0.9, "Stop when the rms change is this share of the noise; 0.9 is near the best.", "of the noise", "residual"
+    )
 
     def __post_init__(self) -> None:
         if positive(self.share, "residual", "shares of sigma") > 1:
             raise InputError(f"residual: a share of the noise up to 1 expected, got {self.share}; beyond it data goes")
 
-    def excess(self, flow: Flow, u: Array, time: float) -> float:
+    def excess(self, course: Course, u: Array, time: float) -> float:
         """Share of sigma that has gone, over what was asked for, minus 1."""
-        return self._gone(flow, u) / self.share - 1.0
+        return self._gone(course, u) / self.share - 1.0
 
-    def words(self, flow: Flow, u: Array, time: float) -> str:
+    def words(self, course: Course, u: Array, time: float) -> str:
         """As part of a sentence."""
-        return f"a residual of {self._gone(flow, u):.3g} sigma ({self.share:g} asked for)"
+        return f"a residual of {self._gone(course, u):.3g} sigma ({self.share:g} asked for)"
 
-    def _gone(self, flow: Flow, u: Array) -> float:
-        change = flow.size((1.0, u), (-1.0, flow.start()))[0]
-        return change / np.sqrt(self.there) / self.sigma if self.sigma > 0 else np.inf
+    def _gone(self, course: Course, u: Array) -> float:
+        scale = course.scale
+        change = course.flow.size((1.0, u), (-1.0, course.flow.start()))[0]
+        return change / np.sqrt(scale.there) / scale.sigma if scale.sigma > 0 else np.inf
 
 
 @dataclass(frozen=True)
@@ -65,19 +106,19 @@ class AreaLoss:
     :param share: in (0, 1).
     """
 
-    share: float
+    share: float = option(0.01, "Stop when this share of the area is lost.", "of the area", "area-loss")
 
     def __post_init__(self) -> None:
         if positive(self.share, "area_loss", "shares of the area") >= 1:
             raise InputError(f"area_loss: a share of the area between 0 and 1 expected, got {self.share}")
 
-    def excess(self, flow: Flow, u: Array, time: float) -> float:
+    def excess(self, course: Course, u: Array, time: float) -> float:
         """Share that is lost, over what was asked for, minus 1."""
-        return self._lost(flow, u) / self.share - 1.0
+        return self._lost(course.flow, u) / self.share - 1.0
 
-    def words(self, flow: Flow, u: Array, time: float) -> str:
+    def words(self, course: Course, u: Array, time: float) -> str:
         """As part of a sentence."""
-        return f"an area loss of {self._lost(flow, u):.3g} ({self.share:g} asked for)"
+        return f"an area loss of {self._lost(course.flow, u):.3g} ({self.share:g} asked for)"
 
     def _lost(self, flow: Flow, u: Array) -> float:
         before = flow.area(flow.start())
@@ -86,25 +127,23 @@ class AreaLoss:
 
 @dataclass(frozen=True)
 class Displacement:
-    """A vertex has moved as far as this since the start.
+    """A sample has moved as far as this since the start.
 
-    :param most: unit of u, above 0.
-    :param unit: units of u for one of the caller's, for the words.
+    :param most: unit of the values (of a mesh: of its points), above 0.
     """
 
-    most: float
-    unit: float = 1.0
+    most: float = option(1.0, "Stop when a sample has moved as far as this.", "unit of the values", "displacement")
 
     def __post_init__(self) -> None:
         positive(self.most, "displacement")
 
-    def excess(self, flow: Flow, u: Array, time: float) -> float:
+    def excess(self, course: Course, u: Array, time: float) -> float:
         """Greatest displacement over what was asked for, minus 1."""
-        return self._moved(flow, u) / self.most - 1.0
+        return self._moved(course.flow, u) / (self.most * course.scale.unit) - 1.0
 
-    def words(self, flow: Flow, u: Array, time: float) -> str:
+    def words(self, course: Course, u: Array, time: float) -> str:
         """As part of a sentence."""
-        return f"a displacement of {self._moved(flow, u) / self.unit:.4g} ({self.most / self.unit:g} asked for)"
+        return f"a displacement of {self._moved(course.flow, u) / course.scale.unit:.4g} ({self.most:g} asked for)"
 
     def _moved(self, flow: Flow, u: Array) -> float:
         return flow.size((1.0, u), (-1.0, flow.start()))[1]
@@ -114,20 +153,19 @@ class Displacement:
 class When:
     """A callable of the caller's says so.
 
-    :param asked: (values, time) to a truth value, or to a number that is zero where the run shall end and negative before.
-    :param seen: makes what the caller sees of u.
+    :param asked: (values, time) to a truth value, or to a number that is zero where the run shall end and negative before; the
+        values (h, w), (h, w, k) or (n, k) are read-only.
     """
 
-    asked: Callable[[Any, float], Any]
-    seen: Callable[[Array], Any] = np.asarray
+    asked: Callable[[Array, float], object]
 
     def __post_init__(self) -> None:
         if not callable(self.asked):
             raise InputError(f"stop: a callable (values, time) expected, got {self.asked!r}")
 
-    def excess(self, flow: Flow, u: Array, time: float) -> float:
+    def excess(self, course: Course, u: Array, time: float) -> float:
         """The number, or 1 and -1 for true and false."""
-        said = self.asked(self.seen(u), time)
+        said = self.asked(course.scale.seen(u), time)
         if isinstance(said, (bool, np.bool_)):
             return 1.0 if said else -1.0
         number = np.asarray(said, dtype=np.float64)
@@ -135,13 +173,13 @@ class When:
             raise InputError(f"stop: the callable shall return true, false or a finite number, got {said!r}")
         return float(number)
 
-    def words(self, flow: Flow, u: Array, time: float) -> str:
+    def words(self, course: Course, u: Array, time: float) -> str:
         """As part of a sentence."""
         return f"what {getattr(self.asked, '__name__', 'the callable')} asked for"
 
 
 def crossing(
-    stops: Sequence[Stop], flow: Flow, before: tuple[Array, float], after: tuple[Array, float]
+    stops: Sequence[Stop], course: Course, before: tuple[Array, float], after: tuple[Array, float]
 ) -> tuple[Array, float, str] | None:
     """Where within a step the first stop is met: u on the straight line between its ends, the time, and which it was.
 
@@ -158,7 +196,7 @@ def crossing(
 
     def over(share: float, stop: Stop) -> float:
         u = old if share == 0 else new if share == 1 else blend(share)
-        return stop.excess(flow, u, since + share * (until - since))
+        return stop.excess(course, u, since + share * (until - since))
 
     for stop in stops:
         if over(1.0, stop) < 0:
@@ -172,9 +210,9 @@ def crossing(
         return None
     share, stop = found
     u, time = new if share == 1 else blend(share), since + share * (until - since)
-    return u, time, stop.words(flow, u, time)
+    return u, time, stop.words(course, u, time)
 
 
-def unmet(stops: Sequence[Stop], flow: Flow, u: Array, time: float) -> str:
+def unmet(stops: Sequence[Stop], course: Course, u: Array, time: float) -> str:
     """What a run that ends at its time did not come to, as the end of a sentence; empty where nothing was asked for."""
-    return ", before " + " and ".join(stop.words(flow, u, time) for stop in stops) if stops else ""
+    return ", before " + " and ".join(stop.words(course, u, time) for stop in stops) if stops else ""

@@ -11,8 +11,8 @@ from meshflow.geometry.validation import Array, truth_of
 __all__ = ["MASKS", "PER_SAMPLE", "Found", "as_given", "belong", "looked_up", "must_be_mesh"]
 
 # Words of the front door that hold one number per sample, which may be the name of an array of the thing itself.
-PER_SAMPLE = ("fixed", "only", "speed", "confidence", "limit")
-MASKS = ("fixed", "only")
+PER_SAMPLE = ("fixed", "mask", "mobility", "data_weights", "max_change")
+MASKS = ("fixed", "mask")
 # The array of a name, and the names that there are.
 Found = tuple[Any, Iterable[str]]
 

@@ -98,7 +98,7 @@ class Skin:
         values = truth_of(values) if word in MASKS and values.dtype.kind in "biuf" else values
         order = np.argsort(self.home, kind="stable")
         starts = np.searchsorted(self.home[order], np.arange(len(self.first)))
-        most = np.maximum if word in ("fixed", "confidence") else np.minimum
+        most = np.maximum if word in ("fixed", "data_weights") else np.minimum
         return most.reduceat(values[order], starts, axis=0)
 
     def points_of(self, noun: Mesh) -> Array:

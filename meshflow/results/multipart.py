@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError, NotConverged
+from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.parameters import Parameter
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.multipart import Several
-from meshflow.io.metadata import PER_SAMPLE
 from meshflow.io.objects import Adopted
 from meshflow.results.result import Result, release
 from meshflow.surfaces.lift import Noun, together
@@ -27,12 +27,12 @@ LISTED = 12
 class Results(Mapping[str, Result]):
     """What became of a thing of several parts: a :class:`Result` of each, by its name; ``print`` it to read them all.
 
-    :ivar thing: what came back, of the kind that was given.
+    :ivar data: what came back, of the kind that was given.
     :ivar parts: the results, none of which has anything to do with another.
     :ivar warnings: sentences on the whole; each part has its own.
     """
 
-    thing: Any
+    data: Any
     parts: dict[str, Result]
     warnings: tuple[str, ...] = ()
 
@@ -46,7 +46,7 @@ class Results(Mapping[str, Result]):
         return len(self.parts)
 
     @property
-    def reason(self) -> str:
+    def stopped_because(self) -> str:
         """How many parts there are."""
         return f"{len(self)} parts, each smoothed as if it were alone"
 
@@ -55,28 +55,33 @@ class Results(Mapping[str, Result]):
         """A line for each part."""
         lines = [f"  {name}: {one.summary}" for name, one in list(self.items())[:LISTED]]
         more = [f"  and {len(self) - LISTED} more"] if len(self) > LISTED else []
-        return "\n".join([self.reason, *lines, *more])
+        return "\n".join([self.stopped_because, *lines, *more])
 
     @property
-    def facts(self) -> dict[str, str]:
+    def tags(self) -> dict[str, str]:
         """Parameters of each part, words to words: for the tags of files."""
         told = {
-            f"part {' '.join(name.split())}": "; ".join(f"{word} {value}" for word, value in one.facts.items())
+            f"part {' '.join(name.split())}": "; ".join(f"{word} {value}" for word, value in one.tags.items())
             for name, one in self.items()
         }
         return {"version": self.version, "parts": str(len(self)), **told}
 
-    def words(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """All of it but the data, as JSON has it."""
-        told = {name: one.words() for name, one in self.items()}
-        return {"version": self.version, "ended": self.reason, "parts": told, "warnings": list(self.warnings)}
+        told = {name: one.to_dict() for name, one in self.items()}
+        return {
+            "version": self.version,
+            "stopped_because": self.stopped_because,
+            "parts": told,
+            "warnings": list(self.warnings),
+        }
 
-    def json(self, **options: Any) -> str:
-        """:meth:`words` as JSON text; ``options`` of :func:`json.dumps`."""
-        return json.dumps(self.words(), **options)
+    def to_json(self, **options: Any) -> str:
+        """:meth:`to_dict` as JSON text; ``options`` of :func:`json.dumps`."""
+        return json.dumps(self.to_dict(), **options)
 
     def __str__(self) -> str:
-        lines = [self.reason]
+        lines = [self.stopped_because]
         for name, one in self.items():
             lines.append(f"{name}: {one}")
         return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
@@ -92,17 +97,17 @@ class Results(Mapping[str, Result]):
         return self._before
 
     @property
-    def noun(self) -> Noun:
+    def after(self) -> Noun:
         """The same after it was smoothed."""
-        return self._noun
+        return self._after
 
     @cached_property
     def _before(self) -> Noun:
         return together([one.before for one in self.values()])
 
     @cached_property
-    def _noun(self) -> Noun:
-        return together([one.noun for one in self.values()])
+    def _after(self) -> Noun:
+        return together([one.after for one in self.values()])
 
     @property
     def removed(self) -> Array:
@@ -120,28 +125,25 @@ class Results(Mapping[str, Result]):
         return release()
 
     noise = None
-    trials = ()
-    moments = ()
+    candidates = ()
+    history = ()
     correlation = None
 
 
-def one_by_one(
-    several: Several, words: dict[str, Any], fixed: str | None, smoothed: Callable[[Adopted], Result]
-) -> Results:
-    """A thing of several parts, each as if it were alone.
+def one_by_one(several: Several, constraints: Constraints, smoothed: Callable[[Adopted], Result]) -> Results:
+    """Data of several parts, each as if it were alone.
 
-    :param words: of the caller; ``fixed`` is the name of an array.
+    :param constraints: of the caller, before they are aligned with any part.
     :param smoothed: what is done to a part.
     :raises InputError: for an array of numbers per sample, whose parts nobody has said; and as ``smoothed``, the part named.
     :raises NotConverged: likewise.
     """
-    for word in () if several.whole else PER_SAMPLE:
-        if words.get(word) is not None and np.ndim(words[word]) > 0:
-            raise InputError(f"{word}: of several parts the name of an array in each of them expected, got an array")
+    for word in () if several.whole else constraints.arrays:
+        raise InputError(f"{word}: of several parts the name of an array in each of them expected, got an array")
     found: dict[str, Result] = {}
     for name, part in several.parts:
         try:
             found[name] = smoothed(part)
         except (InputError, NotConverged) as cause:
             raise type(cause)(f"part {name}: {cause}") from cause
-    return Results(several.restore([one.noun for one in found.values()]), found)
+    return Results(several.restore([one.after for one in found.values()]), found)

@@ -1,9 +1,11 @@
 """What a run did, and why: everything that was chosen, with its unit and where it came from."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,14 @@ from meshflow.flow.march import State
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.lift import Mesh, Noun, RangeImage, data_of
 
-__all__ = ["Moment", "Result", "release"]
+__all__ = ["History", "Moment", "Result", "release"]
+
+
+# What a line says of the method, in this order.
+SUMMED = (
+    "method", "order", "weights", "gamma", "sharpness", "patch", "contrast", "crease_contrast", "crease_sharpness",
+    "regularize", "feature_length", "normal_weight",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -37,31 +46,60 @@ class Moment:
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """A smoothed thing and how it came to be; ``print`` it to read it.
+class History:
+    """A run in numbers, an array (m,) of each, from its start to its end.
 
-    :ivar thing: what came back, of the kind that was given.
-    :ivar noun: the same as a noun of meshflow; ``before``: what it was made from.
+    :ivar time: squared length; ``dt`` of the steps that led there.
+    :ivar area: of the surface in the space in which it is measured (values times the contrast), squared length.
+    :ivar change: root mean square change since the start, unit of the values.
+    :ivar largest: largest change of a sample since the start, likewise.
+    """
+
+    time: Array
+    dt: Array
+    area: Array
+    change: Array
+    largest: Array
+
+    @classmethod
+    def of(cls, moments: Sequence[Moment]) -> "History":
+        """The states that were measured, in their order."""
+        return cls(*(np.array([getattr(m, f.name) for m in moments], np.float64) for f in fields(Moment)))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def to_list(self) -> list[dict[str, float]]:
+        """The states one by one, as JSON has them."""
+        return [{f.name: float(getattr(self, f.name)[i]) for f in fields(self)} for i in range(len(self))]
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Smoothed data and how it came to be; ``print`` it to read it.
+
+    :ivar data: what came back, of the kind that was given.
+    :ivar after: the same as a data object of meshflow; ``before``: what it was made from.
     :ivar start: the state before the first step, and ``end``: the last.
-    :ivar parameters: by name, each with its unit and origin.
-    :ivar noise: what was found in the data; None where it was not looked for.
-    :ivar trials: of the search, the chosen one first; empty where nothing was searched for.
-    :ivar moments: the run, from start to end.
-    :ivar reason: why it ended, a sentence.
+    :ivar parameters: by name, each with its value, unit, origin and reason; numbers behave as numbers.
+    :ivar noise: what was found in the data.
+    :ivar candidates: of the search, the chosen one first; empty where nothing was searched for.
+    :ivar history: the run, from start to end.
+    :ivar stopped_because: why it ended, a sentence.
     :ivar warnings: sentences.
     :ivar version: of meshflow.
     """
 
-    thing: Any
-    noun: Noun
+    data: Any
+    after: Noun
     before: Noun
     start: State
     end: State
     parameters: dict[str, Parameter]
-    noise: Noise | None
-    trials: tuple[Trial, ...]
-    moments: tuple[Moment, ...]
-    reason: str
+    noise: Noise
+    candidates: tuple[Trial, ...]
+    history: History
+    stopped_because: str
     warnings: tuple[str, ...]
     version: str
 
@@ -84,16 +122,13 @@ class Result:
             return np.einsum("ij,ij->i", self.removed, np.asarray(self.before.normals))
         if isinstance(self.before, Mesh):
             return self.removed
-        assert self.before.missing is not None
-        return self.removed[~self.before.missing]
+        return self.removed if self.before.missing is None else self.removed[~self.before.missing]
 
     @property
     def left(self) -> float:
         """The noise that is still in what came back, unit of the values, as far as it was white: the flow of a flat grid, the
         heat equation of this time, leaves exp(-4 t) I0(4 t) of it, t in squared sample distances.
         """
-        if self.noise is None:
-            return 0.0
         step = 1.0 if self.parameters["time"].unit.startswith("pixel") else self.before.step
         return self.noise.sigma * float(i0e(4.0 * self.end.time / step**2))
 
@@ -106,13 +141,12 @@ class Result:
 
     @cached_property
     def _removed(self) -> Array:
-        one, two = data_of(self.before).astype(np.float64), data_of(self.noun).astype(np.float64)
+        one, two = data_of(self.before).astype(np.float64), data_of(self.after).astype(np.float64)
         if isinstance(self.before, Mesh):
             return one - two
-        missing = self.before.missing
-        assert missing is not None
-        if isinstance(self.noun, RangeImage) and self.noun.missing is not None:
-            missing = missing | self.noun.missing  # what was dropped was not smoothed
+        missing = np.zeros(one.shape[:2], bool) if self.before.missing is None else self.before.missing
+        if isinstance(self.after, RangeImage) and self.after.missing is not None:
+            missing = missing | self.after.missing  # what was dropped was not smoothed
         gone = missing if one.ndim == 2 else missing[..., None]
         return np.subtract(one, two, where=~gone, out=np.zeros_like(one))
 
@@ -121,8 +155,7 @@ class Result:
         if isinstance(self.before, Mesh) or not self.removed.any():
             return None
         planes = self.removed.reshape(*self.removed.shape[:2], -1)
-        assert self.before.missing is not None
-        there = ~self.before.missing
+        there = np.ones(planes.shape[:2], bool) if self.before.missing is None else ~self.before.missing
         planes = np.where(there[..., None], planes - planes[there].mean(axis=0), 0.0)
         power, found = float(np.mean(planes[there] ** 2)), []
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -135,47 +168,45 @@ class Result:
         return float(np.sqrt(np.mean(np.square(found)))) if found and power > 0 else None
 
     @property
-    def facts(self) -> dict[str, str]:
+    def tags(self) -> dict[str, str]:
         """Parameters as they were used, words to words: for the tags of files."""
         words = {"version": self.version}
         for name, parameter in self.parameters.items():
             value = parameter.value
             words[name] = value if isinstance(value, str) else f"{value:.6g}"
         words |= {"time": f"{self.end.time:.6g}", "steps": str(self.end.step), "stepper": self.end.stepper}
-        return {**words, "ended": self.reason}
+        return {**words, "stopped_because": self.stopped_because}
 
     @property
     def summary(self) -> str:
         """A line: why it ended, what was chosen, what was removed."""
         if self.end.step == 0:
-            return self.reason
+            return self.stopped_because
         p = self.parameters
-        rays = isinstance(self.before, RangeImage)
-        names = ("method", "order", "gamma") if rays else ("method", "order", "gamma", "sharpness", "patch", "contrast")
-        names = [name for name in names if name in p]
-        chosen = ", ".join(f"{name} {_short(p[name].value)}" for name in names)
-        sigma = "" if self.noise is None else f" of noise {self.noise.sigma:.4g}{self._unit}"
+        names = [
+            name for name in SUMMED if name in p and not (isinstance(self.before, RangeImage) and name == "contrast")
+        ]
+        chosen = ", ".join(f"{name.replace('_', ' ')} {_short(p[name].value)}" for name in names)
+        sigma = f" of noise {self.noise.sigma:.4g}{self._unit}"
         chosen = f"{chosen}; " if chosen else ""
-        return f"{self.reason}; {chosen}removed {self._way}rms {self._rms:.4g}{self._unit}{sigma}"
+        return f"{self.stopped_because}; {chosen}removed {self._way}rms {self._rms:.4g}{self._unit}{sigma}"
 
-    def words(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """All of it but the data, as JSON has it."""
         parameters = {
             name: {"value": p.value, "unit": p.unit, "origin": p.origin, **({"why": p.why} if p.why else {})}
             for name, p in self.parameters.items()
         }
-        noise = None
-        if self.noise is not None:
-            noise = {
-                "sigma": self.noise.sigma,
-                "channels": list(self.noise.channels),
-                "quantum": self.noise.quantum,
-                "on_quantum": self.noise.share,
-                "how": self.noise.how,
-            }
+        noise = {
+            "sigma": self.noise.sigma,
+            "channels": list(self.noise.channels),
+            "quantum": self.noise.quantum,
+            "on_quantum": self.noise.share,
+            "how": self.noise.how,
+        }
         return {
             "version": self.version,
-            "ended": self.reason,
+            "stopped_because": self.stopped_because,
             "time": self.end.time,
             "steps": self.end.step,
             "stepper": self.end.stepper,
@@ -186,30 +217,44 @@ class Result:
                 "largest": float(np.abs(self.counted).max()),
                 "correlation": self.correlation,
             },
-            "moments": [vars(moment) for moment in self.moments],
-            "search": [_told(trial, i == 0) for i, trial in enumerate(self.trials)],
+            "history": self.history.to_list(),
+            "candidates": [_told(trial, i == 0) for i, trial in enumerate(self.candidates)],
             "warnings": list(self.warnings),
         }
 
-    def json(self, **options: Any) -> str:
-        """:meth:`words` as JSON text; ``options`` of :func:`json.dumps`."""
-        return json.dumps(self.words(), **options)
+    def to_json(self, **options: Any) -> str:
+        """:meth:`to_dict` as JSON text; ``options`` of :func:`json.dumps`."""
+        return json.dumps(self.to_dict(), **options)
+
+    def report(self, path: str | Path, *, title: str = "", overwrite: bool = False) -> Path:
+        """Write what was done and why: before, after, removed, parameters, risk.
+
+        :param path: ``.html`` or ``.png``.
+        :param title: above it; by default the name of the file.
+        :param overwrite: replace a file that is there.
+        :returns: where it is.
+        :raises FormatError: for another extension, or a file that is there.
+        """
+        from meshflow.view.report import report
+
+        report(self, path, title=title or Path(path).stem, overwrite=overwrite)
+        return Path(path)
 
     def __str__(self) -> str:
-        lines = [f"{self.reason}"]
-        lines += [f"  {name:<11} {parameter}" for name, parameter in self.parameters.items()]
+        lines = [f"{self.stopped_because}"]
+        lines += [f"  {name:<12} {parameter}" for name, parameter in self.parameters.items()]
         correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
         sizes = f"{self._way}rms {self._rms:.6g}{self._unit}, largest {np.abs(self.counted).max():.6g}{self._unit}"
-        lines.append(f"  removed     {sizes}{correlation}")
-        if self.trials:
-            lines.append(f"  searched    {len(self.trials)} members; expected errors (rms), least first:")
-            for trial in sorted(self.trials, key=lambda trial: trial.least[1])[:5]:
+        lines.append(f"  removed      {sizes}{correlation}")
+        if self.candidates:
+            lines.append(f"  searched     {len(self.candidates)} candidates; expected errors (rms), least first:")
+            for trial in sorted(self.candidates, key=lambda trial: trial.least[1])[:5]:
                 words = (
                     f"{k} {v if isinstance(v, str) else format(v, '.4g')}" for k, v in trial.candidate.words.items()
                 )
-                error = f"{trial.risk:.6g}" if trial.least[1] > 0 else "below what can be told"
-                lines.append(f"              {error} at time {trial.least[0]:.4g}: {', '.join(words)}")
-        return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
+                error = f"{trial.risk:.6g}" if trial.least[1] > 0 else "below what can be measured"
+                lines.append(f"               {error} at time {trial.least[0]:.4g}: {', '.join(words)}")
+        return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
 
     @property
     def _unit(self) -> str:

@@ -1,1 +1,57 @@
 """The methods, one in a file: each with its equation and its own options."""
+
+from collections.abc import Callable
+
+from meshflow.errors import InputError
+from meshflow.flow.methods.beltrami import (
+    Beltrami,
+    GemanMcClure,
+    GraphFlow,
+    Heat,
+    HeightMethod,
+    MeanCurvatureDiffusion,
+    Patches,
+    PeronaMalik,
+    TotalVariation,
+)
+from meshflow.flow.methods.curvature import ConformalFlow, CurvatureFlow
+from meshflow.flow.methods.fairing import Fairing
+from meshflow.flow.methods.normal_channels import NormalChannels
+from meshflow.flow.methods.normal_filter import NormalFilter
+from meshflow.flow.methods.points import PointMethod
+from meshflow.flow.methods.principal import PrincipalFlow
+from meshflow.flow.methods.searched import Quick, Search
+from meshflow.geometry.options import refused
+
+__all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", "words_for"]
+
+Method = HeightMethod | PointMethod
+# Those that move values above a base (heights, channels, depths), and those that move the points of a mesh.
+HEIGHT_METHODS: tuple[type[HeightMethod], ...] = (
+    Beltrami, GraphFlow, MeanCurvatureDiffusion, TotalVariation, PeronaMalik, GemanMcClure, Heat, Patches,
+)  # fmt: skip
+POINT_METHODS: tuple[type[PointMethod], ...] = (
+    CurvatureFlow, ConformalFlow, Fairing, NormalFilter, PrincipalFlow, NormalChannels,
+)  # fmt: skip
+METHODS: dict[str, Callable[[], Method]] = {
+    found.word: found for found in (Search, Quick, *HEIGHT_METHODS, *POINT_METHODS)
+}
+
+
+def method_of(given: "str | Method") -> Method:
+    """A method: of a word, its class with its defaults.
+
+    :raises InputError: for an unknown word, and for what is no method.
+    """
+    if isinstance(given, (HeightMethod, PointMethod)):
+        return given
+    if isinstance(given, str):
+        if given in METHODS:
+            return METHODS[given]()
+        raise refused(given, tuple(METHODS), "method")
+    raise InputError(f"method: a word or a method, as PeronaMalik(sharpness=2), expected, got {given!r}")
+
+
+def words_for(points: bool) -> tuple[str, ...]:
+    """The words of the methods that suit points of a mesh, or else values above a base."""
+    return ("search", "quick", *(found.word for found in (POINT_METHODS if points else HEIGHT_METHODS)))

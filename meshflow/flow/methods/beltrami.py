@@ -1,33 +1,31 @@
-"""The member of the family of flows: which exponents, which edge indicator, which mass. Every engine reads it."""
+"""The family of W^q: exponents, edge indicator and mass as engines take them, and the methods of it that have names."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.geometry.options import option
 from meshflow.geometry.validation import Array, number, positive
 
-__all__ = ["Indicator", "Member", "Method"]
+__all__ = [
+    "Beltrami",
+    "GemanMcClure",
+    "GraphFlow",
+    "Heat",
+    "HeightMethod",
+    "Indicator",
+    "Mass",
+    "MeanCurvatureDiffusion",
+    "Member",
+    "Patches",
+    "PeronaMalik",
+    "TotalVariation",
+]
 
 Indicator = Literal["metric", "projection"]
-# Members that have names; meshflow.estimate.search says which they are.
-Method = Literal[
-    "beltrami",
-    "graph",
-    "mean-curvature",
-    "total-variation",
-    "perona-malik",
-    "geman-mcclure",
-    "heat",
-    "patches",
-    "curvature",
-    "conformal",
-    "fairing",
-    "facets",
-    "principal",
-    "normal-channels",
-]
+Mass = Literal["barycentric", "voronoi", "ring"]
 # The widest patch: the taps must fit beside the rows of a grid.
 WIDEST = 6.0
 
@@ -60,7 +58,7 @@ class Member:
     gamma: float = 0.0
     sharpness: float = 1.0
     indicator: Indicator = "metric"
-    mass: Literal["barycentric", "voronoi", "ring"] = "barycentric"
+    mass: Mass = "barycentric"
     floor: float = 0.05
     patch: float = 0.0
 
@@ -97,3 +95,156 @@ class Member:
         if self.patch > 0 and (along_rays or not on_grid):
             where = "along rays" if along_rays else "on a mesh"
             raise InputError(f"patch: {where} samples have no patches, got {self.patch}; height fields and images have")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeightMethod:
+    """A method for values above a base: heights, channels, depths. What is None is found from the data.
+
+    :ivar word: what the command calls it.
+    :ivar gamma: exponent of the edge indicator, see :class:`Member`; ``sharpness`` and ``patch`` likewise.
+    :ivar contrasts: what a search tries, in sample distances over the noise.
+    :ivar ruled: where the time is given, the contrast is taken by rule and not searched for.
+    """
+
+    word: ClassVar[str] = ""
+    contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0)
+    ruled: ClassVar[bool] = False
+
+    contrast: float | None = option(
+        None,
+        "Length per unit of the value: a larger one keeps smaller edges. Default: from the noise.",
+        "length per unit",
+    )
+    twicing: float | None = option(
+        None, "Weight w of twicing, 0 to 1: u(t) + w (u(t) - u(2 t)) gives back what the method took from the data."
+    )
+    indicator: Indicator = option("metric", "How edges are recognized where gamma is not 0.")
+    mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+
+    def __post_init__(self) -> None:
+        if self.contrast is not None:
+            positive(self.contrast, "contrast")
+        if self.twicing is not None and not 0 <= number(self.twicing, "twicing") <= 1:
+            raise InputError(f"twicing: a weight between 0 and 1 expected, got {self.twicing}")
+        _ = self.member
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """gamma, sharpness and patch, those that differ from the paper's (0, 1, 0)."""
+        return {}
+
+    @property
+    def member(self) -> Member:
+        """The exponents, the edge indicator and the mass, as engines take them."""
+        return Member(indicator=self.indicator, mass=self.mass, **self.exponents)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beltrami(HeightMethod):
+    """The family dX/dt = -(edge indicator)^gamma P B, by its exponents; with its defaults Beltrami flow (14)."""
+
+    word: ClassVar[str] = "beltrami"
+    contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
+    ruled: ClassVar[bool] = True
+
+    gamma: float = option(
+        0.0,
+        "Exponent of the edge indicator. 0: Beltrami flow; above 0: edges are kept more; -1: mean curvature diffusion; "
+        "-2: graph flow.",
+    )
+    sharpness: float = option(1.0, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
+    patch: float = option(0.0, "Width of the patches in whose space lengths are measured; grids only.", "samples")
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """gamma, sharpness and patch."""
+        return {"gamma": float(self.gamma), "sharpness": float(self.sharpness), "patch": float(self.patch)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraphFlow(HeightMethod):
+    """The motion of the shape under mean curvature flow, values moving alone (8), (9): gamma = -2."""
+
+    word: ClassVar[str] = "graph"
+    contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0)
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """gamma -2."""
+        return {"gamma": -2.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeanCurvatureDiffusion(HeightMethod):
+    """Mean curvature diffusion [FEF98]: gamma = -1, so that the mean of the values is conserved."""
+
+    word: ClassVar[str] = "mean-curvature"
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """gamma -1."""
+        return {"gamma": -1.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TotalVariation(HeightMethod):
+    """Mean curvature diffusion at a high contrast, near the flow of total variation [ROF92]."""
+
+    word: ClassVar[str] = "total-variation"
+    contrasts: ClassVar[tuple[float, ...]] = (8.0, 16.0)
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """gamma -1."""
+        return {"gamma": -1.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeronaMalik(HeightMethod):
+    """Perona and Malik's diffusion on triangles (1): flux grad / W^q, gamma = -1."""
+
+    word: ClassVar[str] = "perona-malik"
+    contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0)
+
+    sharpness: float = option(2.0, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """gamma -1, and the sharpness."""
+        return {"gamma": -1.0, "sharpness": float(self.sharpness)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GemanMcClure(HeightMethod):
+    """Diffusion with the flux grad / W^4, after Geman and McClure: gamma = -1, sharpness 4."""
+
+    word: ClassVar[str] = "geman-mcclure"
+    contrasts: ClassVar[tuple[float, ...]] = (0.4, 0.7, 1.0)
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """gamma -1, sharpness 4."""
+        return {"gamma": -1.0, "sharpness": 4.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heat(HeightMethod):
+    """Beltrami flow at a contrast so low that it is all but the heat equation."""
+
+    word: ClassVar[str] = "heat"
+    contrasts: ClassVar[tuple[float, ...]] = (0.05,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patches(HeightMethod):
+    """Beltrami flow with lengths measured in the space of patches: every sample carries its neighbourhood. Grids only."""
+
+    word: ClassVar[str] = "patches"
+
+    patch: float = option(0.7, "Width of the patches in whose space lengths are measured; grids only.", "samples")
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """The width of the patches."""
+        return {"patch": float(self.patch)}

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.flow.contract import Flow, System
-from meshflow.flow.methods.fairing import Weights, generator_of
+from meshflow.flow.low_pass import Weights, generator_of
 from meshflow.flow.wrapper import Around
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.validation import Array

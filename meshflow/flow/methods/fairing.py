@@ -1,156 +1,64 @@
-"""A filter of frequencies on a mesh: fairing of any order in one step."""
+"""Fairing: a low-pass filter of any order on a mesh, in one step."""
 
-import cmath
-from dataclasses import dataclass
-from typing import Any, Literal, Protocol, runtime_checkable
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
-import numpy as np
-import scipy.sparse as sparse
-from scipy.fft import dct
-
-from meshflow.errors import InputError, NotConverged
 from meshflow.flow.contract import Flow
-from meshflow.geometry.validation import Array, whole
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.low_pass import LowPass, Weights
+from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.methods.curvature import bordered
+from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.steppers import Stepper, StepperName
+from meshflow.geometry.options import option
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.surface import Surface
 
-__all__ = ["LowPass", "Weights", "filtered", "generator_of", "is_short"]
-
-Weights = Literal["cotangent", "uniform"]
-# What the polynomial may be off by, of a coordinate's deviation from its mean.
-CLOSE = 1e-6
-# The longest polynomial: beyond it slivers ask for factorizations.
-LONGEST = 1024
-
-
-@runtime_checkable
-class Generated(Protocol):
-    """A flow that knows its operator as a matrix."""
-
-    def generator(self, u: Array, weights: Weights) -> Any:
-        """A (n, n) with du/dt = -A u in the metric of u, eigenvalues zero and above; rows of what stays are zero."""
-        ...
+__all__ = ["Fairing"]
 
 
-@dataclass(frozen=True)
-class LowPass:
-    """f(dt A) u with f(x) = 1 / (1 + x^order), A = M^-1 L: what is smoother than the root of dt passes.
+@dataclass(frozen=True, kw_only=True)
+class Fairing(PointMethod):
+    """The filter 1 / (1 + (t A)^order), A = M^-1 L (:class:`LowPass`): order 1 is implicit fairing [DMSB99]."""
 
-    Order 1 is the implicit fairing of [DMSB99], 2 the bi-Laplacian, and the higher the order, the less of what passes is lost:
-    smooth shapes neither shrink nor keep their noise (the pass band of Taubin, Zhang and Golub 1996, but with a response that
-    never overshoots, Butterworth's). A polynomial of Chebyshev, made so that constants stay to rounding.
+    word: ClassVar[str] = "fairing"
+    once: ClassVar[bool] = True
 
-    :param order: 1 to 20.
-    :param weights: ``cotangent``: M^-1 L, planes rest; ``uniform``: the umbrella, 4 / h^2 times the distance from the mean of
-        the neighbours (equal to the other on an equilateral mesh of edges h), which evens the sampling too: it drifts on
-        irregular ones.
-    :raises InputError: for another order or word.
-    """
-
-    order: int = 2
-    weights: Weights = "cotangent"
-    name = "low-pass"
-    rates = 1
+    order: int | None = option(
+        None, "1 is implicit fairing, 2 the bi-Laplacian, 20 all but an ideal low-pass. Fixed choice: 2."
+    )
+    weights: Weights | None = option(
+        None, "cotangent keeps the sampling, uniform evens it too. Fixed choice: cotangent."
+    )
 
     def __post_init__(self) -> None:
-        if whole(self.order, "order", 1) > 20:
-            raise InputError(f"order: a whole number from 1 to 20 expected, got {self.order}")
-        if self.weights not in ("cotangent", "uniform"):
-            raise InputError(f"weights: cotangent or uniform expected, got {self.weights!r}")
+        super().__post_init__()
+        self.low_pass()
 
-    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
-        """The free coordinates (n, k) after a filter of time dt.
+    def filled(self) -> "Fairing":
+        """With the fixed choice for what is open."""
+        return replace(self, order=self.order or 2, weights=self.weights or "cotangent")
 
-        :raises InputError: for a flow that has no matrix of its operator: of a grid, of facets, or with a fidelity.
+    def low_pass(self) -> LowPass:
+        """The filter, with the fixed choice for what is open."""
+        return LowPass(2 if self.order is None else self.order, "cotangent" if self.weights is None else self.weights)
+
+    def engine(self, surface: Surface, setting: PointSetting) -> Flow:
+        """What moves the points (n, 3) of a surface."""
+        inside = replace(surface, boundary="fixed") if setting.curve else surface
+        return bordered(MeshFlow(inside, Member(), False, setting.triangles), inside, setting)
+
+    def stepper(
+        self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
+    ) -> Stepper | StepperName:
+        """The filter itself.
+
+        :raises InputError: for another stepper by name.
         """
-        return filtered(generator_of(flow, u, self.weights), u, dt, self.order)
+        return self.along_which(self.own_stepper(asked, self.low_pass()), faces)
 
-    def largest(self, flow: Flow, u: Array) -> float:
-        """Infinite: a filter of any length is stable."""
-        return np.inf
-
-
-def generator_of(flow: Flow, u: Array, weights: Weights) -> Any:
-    """The operator of a flow at u as a matrix (n, n).
-
-    :raises InputError: for a flow that has none.
-    """
-    if not isinstance(flow, Generated):
-        raise InputError(f"low-pass: the matrix of an operator expected, {type(flow).__name__} has none; take MeshFlow")
-    return flow.generator(u, weights)
-
-
-def filtered(generator: Any, u: Array, time: float, order: int) -> Array:
-    """f(time A) u (n, k), f(x) = 1 / (1 + x^order): a polynomial in A, or where that would be too long, by solving.
-
-    :param generator: A (n, n), eigenvalues zero and above; Gershgorin's circles bound them.
-    :param time: squared length.
-    :raises NotConverged: where a factorization fails.
-    """
-    fastest = np.asarray(np.abs(generator).sum(axis=1)).reshape(-1, 1)
-    top = float(fastest.max())
-    if top == 0 or time == 0:
-        return u.copy()
-    return np.where(fastest > 0, _filtered(generator, u, time, order, top), u)  # what is held keeps its bits
-
-
-def _filtered(generator: Any, u: Array, time: float, order: int, top: float) -> Array:
-    """:func:`filtered`, what is held to rounding.
-
-    :param top: no eigenvalue is above it.
-    """
-    home = u.mean(axis=0)
-    terms = _terms(time * top, order)
-    if terms is None:
-        return home + _solved(generator, u - home, time, order)
-    a = u - home
-    b = (2.0 / top) * (generator @ a) - a
-    change = terms[0] * a + terms[1] * b
-    for term in terms[2:]:
-        a, b = b, (4.0 / top) * (generator @ b) - 2.0 * b - a
-        change += term * b
-    return u + change
-
-
-def is_short(generator: Any, time: float, order: int) -> bool:
-    """Whether a polynomial will do, so that a filter costs a hundred products with A and not factorizations."""
-    return _terms(time * float(np.abs(generator).sum(axis=1).max()), order) is not None
-
-
-def _terms(reach: float, order: int) -> Array | None:
-    """Terms of Chebyshev's series of f(reach (1 + y) / 2) - 1 over y in [-1, 1], zero at y = -1; None for too many."""
-    count = 256
-    while count <= 4 * LONGEST:
-        y = np.cos((np.arange(count) + 0.5) * np.pi / count)
-        terms = np.asarray(dct(1.0 / (1.0 + (0.5 * reach * (1.0 + y)) ** order) - 1.0, type=2)) / count
-        terms[0] *= 0.5
-        left = np.cumsum(np.abs(terms[::-1]))[::-1]
-        enough = int(np.argmax(left < CLOSE)) if (left < CLOSE).any() else count
-        if enough <= min(count // 2, LONGEST):
-            terms = terms[: max(enough, 2)]
-            terms[0] -= float((terms * (-1.0) ** np.arange(len(terms))).sum())
-            return terms
-        count *= 2
-    return None
-
-
-def _solved(generator: Any, u: Array, time: float, order: int) -> Array:
-    """The same by partial fractions: 1 / (1 + x^p) is the sum of -r / p / (x - r) over the roots r of -1, those in pairs twice
-    the real part of one: a factorization for each.
-    """
-    from scipy.sparse.linalg import splu
-
-    n, found = len(u), np.zeros_like(u)
-    for k in range((order + 1) // 2):
-        root = cmath.exp(1j * cmath.pi * (2 * k + 1) / order)
-        single = 2 * k + 1 == order
-        shift = -1.0 if single else root
-        matrix = sparse.csc_matrix(time * generator - shift * sparse.identity(n))
-        try:
-            factor = splu(matrix, permc_spec="MMD_AT_PLUS_A")
-        except RuntimeError as cause:  # SuperLU's word for a singular matrix
-            raise NotConverged(f"low-pass: {cause}; mend the mesh, or take weights='uniform'") from cause
-        right = u.astype(matrix.dtype)
-        part = factor.solve(right)
-        part = part + factor.solve(right - matrix @ part)  # one refinement: slivers cost SuperLU digits
-        part = np.asarray(part * (-shift / order))
-        found += (1.0 if single else 2.0) * np.real(part)
-    return found
+    def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
+        """The coordinates (n, 3) at each of the times, each filtered from the start."""
+        for turn, time in enumerate(times):
+            yield self.low_pass().step(flow, start, time, turn)

@@ -1,54 +1,94 @@
 """Features kept: the normals of the triangles flow, and the points follow them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.flow.contract import System
+from meshflow.flow.contract import Flow, System
 from meshflow.flow.engines.dense import Dense
-from meshflow.flow.methods.fairing import filtered
+from meshflow.flow.low_pass import filtered
+from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.steppers import Explicit, Stepper, StepperName
 from meshflow.geometry import normals as facets
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.laplacians import umbrella_generator
+from meshflow.geometry.options import option
 from meshflow.geometry.validation import Array, number, positive
 from meshflow.surfaces.surface import Axes, Surface
 
-__all__ = ["ROUND", "FacetFlow", "Facets"]
+__all__ = ["ROUND", "FacetFlow", "NormalFilter"]
 
 # One round, in squared edges: normals spread in steps of SWEEP, then points follow them in FOLLOWED sweeps. A round is long, so
 # that the normals of noisy triangles settle before any point has moved.
 ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
 
 
-@dataclass(frozen=True)
-class Facets:
-    """How normals flow.
+@dataclass(frozen=True, kw_only=True)
+class NormalFilter(PointMethod):
+    """The normals of the triangles flow, creases kept, and the points follow them. What is None is found from the data."""
 
-    :param contrast: what a difference of unit normals is multiplied by: what then is above 1 is a crease.
-    :param sharpness: q of the flux, (1 + |contrast dn|^2)^(-q / 2) dn: 2 Perona and Malik, 8 all but cuts.
-    :param evened: squared length; before the first round the sampling is evened by so long a bi-Laplacian filter with uniform
-        weights. For points that err in all directions, whose triangles would fold; it moves points along the surface.
-    """
+    word: ClassVar[str] = "normal-filter"
 
-    contrast: float = 2.0
-    sharpness: float = 8.0
-    evened: float = 0.0
+    crease_contrast: float | None = option(
+        None, "A difference of unit normals times this is a crease where it is above 1. Fixed choice: 2."
+    )
+    crease_sharpness: float | None = option(
+        None,
+        "q of the flux of normals, (1 + |contrast dn|²)^(-q/2) dn: 2 is Perona and Malik, 8 all but cuts. Fixed choice: 8.",
+    )
+    regularize: float | None = option(
+        None,
+        "How far the sampling is evened first, by a bi-Laplacian filter with uniform weights. For noise in all directions; it "
+        "moves points along the surface. Fixed choice: 0.",
+        "squared length",
+    )
 
     def __post_init__(self) -> None:
-        positive(self.contrast, "contrast")
-        positive(self.sharpness, "sharpness")
-        if number(self.evened, "evened") < 0:
-            raise InputError(f"evened: a squared length, zero or more, expected, got {self.evened}")
+        super().__post_init__()
+        for name in ("crease_contrast", "crease_sharpness"):
+            if getattr(self, name) is not None:
+                positive(getattr(self, name), name)
+        if self.regularize is not None and number(self.regularize, "regularize") < 0:
+            raise InputError(f"regularize: a squared length, zero or more, expected, got {self.regularize}")
+
+    def filled(self) -> "NormalFilter":
+        """With the fixed choice for what is open."""
+        return replace(
+            self,
+            crease_contrast=2.0 if self.crease_contrast is None else float(self.crease_contrast),
+            crease_sharpness=8.0 if self.crease_sharpness is None else float(self.crease_sharpness),
+            regularize=0.0 if self.regularize is None else float(self.regularize),
+        )
+
+    def engine(self, surface: Surface, setting: PointSetting) -> Flow:
+        """What moves the points.
+
+        :raises InputError: for clamped triangles, and a border that moves as a curve.
+        """
+        if setting.triangles == "clamped":
+            raise InputError("triangles='clamped': normals flow between facets, without cotangents; leave it out")
+        self.must_hold_border(setting)
+        return FacetFlow(surface, self)
+
+    def stepper(
+        self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
+    ) -> Stepper | StepperName:
+        """Rounds of its own.
+
+        :raises InputError: for another stepper by name.
+        """
+        return self.along_which(self.own_stepper(asked, Explicit()), faces)
 
 
 class FacetFlow(Dense):
     """A flow of the contract: normals of triangles diffuse for a time, edges kept; the points are moved to fit them.
 
-    Planes rest, points move along normals alone (but for ``evened``), volume and creases stay; what is smooth is found where the
-    normals agree. Flow of normals as [Tasdizen et al. 2002], on the triangles themselves.
+    Planes rest, points move along normals alone (but for ``regularize``), volume and creases stay; what is smooth is found
+    where the normals agree. Flow of normals as [Tasdizen et al. 2002], on the triangles themselves.
 
     :param surface: in R^3, all coordinates free.
     :raises InputError: for another surface.
@@ -56,11 +96,11 @@ class FacetFlow(Dense):
 
     slivers = False
 
-    def __init__(self, surface: Surface, how: Facets | None = None) -> None:
+    def __init__(self, surface: Surface, how: NormalFilter | None = None) -> None:
         if not isinstance(surface.free, Axes) or surface.free.columns != (0, 1, 2) or surface.points.shape[1] != 3:
-            raise InputError("facets: normals of triangles are kept where the points of a mesh in R^3 move")
+            raise InputError("normal-filter: normals of triangles are kept where the points of a mesh in R^3 move")
         assert surface.fixed is not None
-        self.surface, self.how = surface, how or Facets()
+        self.surface, self.how = surface, (how or NormalFilter()).filled()
         self.connectivity = connect(surface.sheets, len(surface.points))
         faces = self.connectivity.faces
         self._across = facets.beyond(faces)
@@ -88,15 +128,16 @@ class FacetFlow(Dense):
 
     def _moved(self, u: Array, dt: float, turn: int) -> Array:
         x = np.ascontiguousarray(u, dtype=np.float64)
-        if turn == 0 and self.how.evened > 0:
+        how = self.how
+        if turn == 0 and (how.regularize or 0.0) > 0:
             even = umbrella_generator(self.connectivity, self.step, ~self.held, curve=True)
-            x = filtered(even, x, self.how.evened, 2)  # what is held stays: its rows are zero
+            x = filtered(even, x, how.regularize or 0.0, 2)  # what is held stays: its rows are zero
         faces = self.connectivity.faces
         normals, areas = facets.measured(x, faces)
         weights = facets.conductances(x, faces, self._across)
         sweeps = max(1, round(dt / (SWEEP * self.step**2)))
-        how = self.how
-        normals = facets.spread(normals, areas, weights, self._across, dt / sweeps, how.contrast, how.sharpness, sweeps)
+        contrast, sharpness = how.crease_contrast or 2.0, how.crease_sharpness or 8.0
+        normals = facets.spread(normals, areas, weights, self._across, dt / sweeps, contrast, sharpness, sweeps)
         return facets.followed(x, self.connectivity, normals, self.held, FOLLOWED)
 
     def area(self, u: Array) -> float:
@@ -112,4 +153,4 @@ class FacetFlow(Dense):
 
         :raises InputError: always: the motion of normals has no matrix.
         """
-        raise InputError("facets: normals flow in explicit rounds; leave the stepper out")
+        raise InputError("normal-filter: normals flow in explicit rounds; leave the stepper out")

@@ -1,17 +1,23 @@
 """Mean curvature flow that leaves edges and corners: along the directions in which the surface is bent little."""
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.sheets import Metric
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.methods.beltrami import Mass, Member
+from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.geometry.curvature import directed
 from meshflow.geometry.normals import normals_at
+from meshflow.geometry.options import option
 from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.surface import Surface
 
-__all__ = ["Principal"]
+__all__ = ["Principal", "PrincipalFlow"]
 
 
 class Principal(MeshFlow):
@@ -27,15 +33,15 @@ class Principal(MeshFlow):
     instead of speeds: along these the positions diffuse as they are.
 
     :param surface: in R^3, all coordinates free.
-    :param contrast: 1 / T, a length: what is curved more than its inverse is a feature.
+    :param feature_length: 1 / T, a length: what is curved more than its inverse is a feature.
     :raises InputError: for another surface.
     """
 
-    def __init__(self, surface: Surface, member: Member | None, contrast: float) -> None:
+    def __init__(self, surface: Surface, member: Member | None, feature_length: float) -> None:
         super().__init__(surface, member)
         if not self._every or surface.points.shape[1] != 3:
             raise InputError("principal: directions of curvature are measured where the points of a mesh in R^3 move")
-        self.threshold = 1.0 / positive(contrast, "contrast")
+        self.threshold = 1.0 / positive(feature_length, "feature_length")
 
     def rate(self, u: Array, turn: int = 0) -> Array:
         """du/dt (n, 3), along the normals: what D, as it varies, pushes across the surface is no motion of the shape."""
@@ -47,3 +53,32 @@ class Principal(MeshFlow):
 
     def _drawn(self, metric: Metric, x: Array) -> Array:
         return directed(x, metric.connectivity.faces, self.threshold)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrincipalFlow(PointMethod):
+    """Mean curvature flow along the directions in which the surface is bent little (:class:`Principal`)."""
+
+    word: ClassVar[str] = "principal"
+
+    feature_length: float | None = option(
+        None, "What is curved more than one over this is a feature and is kept. Default: from the noise.", "length"
+    )
+    mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.feature_length is not None:
+            positive(self.feature_length, "feature_length")
+
+    def engine(self, surface: Surface, setting: PointSetting) -> Flow:
+        """What moves the points (n, 3) of a surface.
+
+        :raises InputError: for other triangles than the given ones.
+        """
+        self.must_hold_border(setting)
+        if setting.triangles not in ("auto", "given"):
+            raise InputError(
+                f"triangles={setting.triangles!r}: principal measures directions on the triangles as they are; leave it out"
+            )
+        return Principal(surface, Member(mass=self.mass), self.feature_length or 1.0)

@@ -1,0 +1,195 @@
+"""What a run is held to: samples that stay or move less, a largest change, data weights, a volume."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshflow.errors import InputError
+from meshflow.flow.conservation import Keep
+from meshflow.geometry.options import option
+from meshflow.geometry.validation import whole
+
+__all__ = [
+    "Constraint", "Constraints", "DataWeights", "Fixed", "Mask", "MaxChange", "MinComponent", "Mobility", "PreserveArea",
+    "PreserveVolume",
+]  # fmt: skip
+
+# What is given for each sample: a number for all, an array as the data stores its samples, or the name of an array in the data.
+PerSample = ArrayLike | str
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """Samples that stay as they are, beside those that the data itself fixes."""
+
+    mask: PerSample = option(
+        None, "Mask of the samples that stay, not zero: a raster, picture, .npy, or vertex attribute.", flag="fixed"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Mask:
+    """The samples that may move; all others stay. The noise is looked for among them."""
+
+    mask: PerSample = option(
+        None, "Mask of the samples that may move, not zero: a raster, picture, .npy, or vertex attribute.", flag="mask"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class MaxChange:
+    """No sample leaves its value by more.
+
+    Half the quantum by default where rounding is all the noise that is found, of range images none. Where the points of a mesh
+    move: of their way, whichever the axes; an array (n, 3), of each coordinate.
+    """
+
+    most: PerSample = option(
+        None,
+        "No sample changes by more: a number, a raster or .npy of them, the name of a vertex attribute, or 'step': half the step "
+        "of quantized data. Default: half the quantum where rounding is the noise, else none.",
+        "unit of the values",
+        "max-change",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class DataWeights:
+    """Weights of a fidelity term, 1 / variance: the flow comes to rest between smoothness and data."""
+
+    weights: PerSample = option(
+        None,
+        "Weights of a fidelity term, 1 / variance: a number, a raster or .npy of them, or the name of a vertex attribute.",
+        "1 / squared value",
+        "data-weights",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Mobility:
+    """How fast samples go, from 0 (stays) to 1 (freely): the soft constraints of [DMSB99].
+
+    The search runs as slowly; the noise is looked for as if all went freely.
+    """
+
+    mobility: PerSample = option(
+        None,
+        "How fast samples go, 0 (stays) to 1 (freely): a number, a raster or .npy, or a vertex attribute.",
+        flag="mobility",
+    )
+
+
+@dataclass(frozen=True)
+class PreserveVolume:
+    """A closed mesh whose points move keeps its volume.
+
+    :param by: ``normals``: all free points move by one length along their normals, exact in every step; ``scaling``: about the
+        centroid [DMSB99].
+    """
+
+    by: Literal["normals", "scaling"] = "normals"
+
+    def __post_init__(self) -> None:
+        if self.by not in ("normals", "scaling"):
+            raise InputError(f"PreserveVolume: by normals or scaling expected, got {self.by!r}")
+
+
+@dataclass(frozen=True)
+class PreserveArea:
+    """A mesh whose points move keeps its area, by scaling about the centroid."""
+
+
+@dataclass(frozen=True)
+class MinComponent:
+    """Connected pieces of a range image of fewer samples are dropped."""
+
+    samples: int = option(
+        1, "Drop connected pieces of a range image of fewer samples. Default: none.", "samples", "min-component"
+    )
+
+    def __post_init__(self) -> None:
+        whole(self.samples, "min_component", 1)
+
+
+Constraint = Fixed | Mask | MaxChange | DataWeights | Mobility | PreserveVolume | PreserveArea | MinComponent
+KINDS = (Fixed, Mask, MaxChange, DataWeights, Mobility, PreserveVolume, PreserveArea, MinComponent)
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """All that a run is held to, at most one of each kind; arrays as the data object has its samples.
+
+    :ivar fixed: mask of the samples that stay; ``mask``: of those that may move.
+    :ivar max_change: a number, an array, or ``step``.
+    :ivar data_weights: a number or an array.
+    :ivar mobility: a number or an array.
+    :ivar preserve: of a mesh whose points move.
+    :ivar min_component: of a range image, samples.
+    """
+
+    fixed: Any = field(default=None)
+    mask: Any = field(default=None)
+    max_change: Any = field(default=None)
+    data_weights: Any = field(default=None)
+    mobility: Any = field(default=None)
+    preserve: Keep | None = None
+    min_component: int | None = None
+
+    @classmethod
+    def of(cls, given: "Constraint | Iterable[Constraint]") -> "Constraints":
+        """What a caller gives, one or several.
+
+        :raises InputError: for what is no constraint, and two of one kind.
+        """
+        several = [given] if isinstance(given, KINDS) else list(given) if isinstance(given, Iterable) else [given]
+        found: dict[str, Any] = {}
+        for one in several:
+            if not isinstance(one, KINDS):
+                names = ", ".join(kind.__name__ for kind in KINDS)
+                raise InputError(f"constraints: one of {names} expected, got {one!r}")
+            name, value = _said(one)
+            if name in found:
+                raise InputError(f"constraints: {type(one).__name__} is given twice; combine them")
+            if value is None:
+                raise InputError(f"{type(one).__name__}: a value expected, got nothing")
+            found[name] = value
+        return cls(**found)
+
+    def sampled(self, samples: Callable[[Any, str], Any]) -> "Constraints":
+        """With arrays as the data object has its samples.
+
+        :param samples: makes such an array of an array or the name of one, and the constraint's name.
+        """
+        changed = {}
+        for name in ("fixed", "mask", "max_change", "data_weights", "mobility"):
+            value = getattr(self, name)
+            if value is not None and not (name == "max_change" and isinstance(value, str) and value == "step"):
+                changed[name] = samples(value, name)
+        return replace(self, **changed)
+
+    @property
+    def arrays(self) -> tuple[str, ...]:
+        """The names of those that hold an array of one number for each sample."""
+        return tuple(f.name for f in fields(self) if np.ndim(getattr(self, f.name)) > 0)
+
+
+def _said(one: Constraint) -> tuple[str, Any]:
+    """The name of a constraint among :class:`Constraints`, and its value."""
+    if isinstance(one, Fixed):
+        return "fixed", one.mask
+    if isinstance(one, Mask):
+        return "mask", one.mask
+    if isinstance(one, MaxChange):
+        return "max_change", one.most
+    if isinstance(one, DataWeights):
+        return "data_weights", one.weights
+    if isinstance(one, Mobility):
+        return "mobility", one.mobility
+    if isinstance(one, MinComponent):
+        return "min_component", one.samples
+    if isinstance(one, PreserveArea):
+        return "preserve", "area"
+    return "preserve", "volume" if one.by == "normals" else "scale"

@@ -1,0 +1,306 @@
+"""Values above a base, and depths along rays: method, contrast and time as given, by rule, or of least estimated risk."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from meshflow.estimate.families import CHANNEL_FAMILY, FAMILY, MESH_FAMILY, RAY_FAMILY, Family
+from meshflow.estimate.noise import Noise
+from meshflow.estimate.parameters import Origin
+from meshflow.estimate.plan import Decided, Plan
+from meshflow.estimate.request import Request
+from meshflow.estimate.risk import TWICE, Candidate, Trial
+from meshflow.estimate.search import (
+    LOOKED_AT,
+    MESH_ENOUGH,
+    TIMES,
+    Search,
+    candidates,
+    searched_on_grid,
+    searched_on_mesh,
+)
+from meshflow.flow.methods.beltrami import Beltrami, HeightMethod, Member
+from meshflow.flow.methods.searched import Search as Searched
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.lift import Lift, Mesh, Noun, RangeImage, data_of
+
+__all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "is_rounded", "limit_of", "no_noise", "tuned"]
+
+# Times in squared sample distances where nobody names one, and nothing is searched for: 7.5 for the one member that suits most
+# data, 5 for a member of the caller's (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths
+# over one edge and shrinks little.
+ONE_TIME, GRID_TIME, MESH_TIME = 7.5, 5.0, 0.5
+ONE, ONE_EDGE = {"gamma": -1.0, "sharpness": 1.5}, 3.0
+# Where rounding is the noise it is not independent of the data, and its risk cannot be estimated: one member again. Of widths 0
+# to 3, contrasts 0.5 to 2 and times 1 to 60 it is within 1 % of the best for a Mars terrain in steps of 200 m, a fractal one in
+# steps of 4 m and one in steps of 1 m.
+ROUNDED, ROUNDED_EDGE, ROUNDED_TIME = {"patch": 1.0}, 1.0, 1.5
+# Contrast in sample distances over noise for a member of the caller's, where nothing is searched for: without patch channels 1.5
+# comes within 12 % of the best contrast and time on four of five scenes and 23 % on the fifth (tests/bench_show.py).
+EDGE = 1.5
+# Time along rays, in squared sample distances for each sigma / h: between 0.02 and 2.4 sigma / h the best time of the ray flow on
+# panels, a ball and a box is 10 to 12 times that, for noise that grows with the depth and noise that does not.
+# So much noise is no noise of a camera: no more than RAY_MOST.
+RAY_TIME, RAY_MOST = 10.0, 100.0
+HARM = "data left unchanged: every method was estimated to increase the error"
+
+
+GIVEN = Decided("given")
+
+
+def as_they_are(data: Noun, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
+    """Without a search: contrast 1, or where channels move with the points of a mesh what suits their noise.
+
+    :param mobility: (n, 1), of each sample.
+    """
+    asked, sigma = request.heights, noise.sigma * request.strength
+    if asked.contrast is not None:
+        contrast, how = float(asked.contrast), GIVEN
+    elif isinstance(data, Mesh) and data.moves == "all" and noise.sigma > 0:
+        contrast, how = EDGE * data.step / sigma, Decided("estimated", f"{EDGE:g} h / sigma")
+    else:
+        contrast, how = 1.0, Decided("default", "lengths as they are")
+    plan = _begun(data, request, noise, mobility)
+    return _ruled(plan, contrast, how, MESH_TIME, "half a squared edge")
+
+
+def by_rule(data: Noun, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
+    """Without a search: one method for all data, or the one that is named, with its contrast and time by rule.
+
+    :param mobility: (n, 1), of each sample.
+    """
+    asked, sigma = request.heights, noise.sigma * request.strength
+    plan, rounded = _begun(data, request, noise, mobility), is_rounded(noise)
+    exponents, edge, much = ONE, ONE_EDGE, ONE_TIME
+    if request.named:
+        edge, much = asked.contrasts[(len(asked.contrasts) - 1) // 2], GRID_TIME
+    elif rounded:
+        exponents, edge, much = ({} if isinstance(data, Mesh) else ROUNDED), ROUNDED_EDGE, ROUNDED_TIME
+    if asked.contrast is not None:
+        contrast, how = float(asked.contrast), GIVEN
+    elif sigma > 0:
+        contrast, how = edge * data.step / sigma, Decided("estimated", f"{edge:g} h / sigma")
+    else:
+        contrast, how = 1.0, Decided("default", "no noise found")
+        plan = replace(plan, warnings=(f"{no_noise(noise)}; contrast 1 is taken", *plan.warnings))
+    if not request.named:
+        plan = replace(plan, method=_filled(request, replace(plan.member, **exponents), contrast, 0.0))
+    return _ruled(plan, contrast, how, much, f"{much:g} h²")
+
+
+def tuned(data: Noun, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
+    """Values above a base: method, contrast and time of the least estimated risk, or without a search.
+
+    :param mobility: (n, 1), of each sample.
+    """
+    asked, sigma, timed = request.heights, noise.sigma * request.strength, request.until_time
+    if sigma == 0 and not request.asked:
+        plan = replace(_begun(data, request, noise, mobility), idle=no_noise(noise))
+        return plan.with_({"time": Decided("default", "nothing to remove")})
+    large = isinstance(data, Mesh) and len(data.points) > MESH_ENOUGH
+    # A method by its exponents has a contrast by rule; one of a name, contrasts of its own to choose from.
+    ruled = request.named and (asked.ruled or asked.contrast is not None)
+    known = timed is not None and (ruled or timed == 0)
+    open_ = request.searching and sigma > 0 and request.steps is None
+    if open_ and not (large or known or is_rounded(noise)):
+        found = _searched(_begun(data, request, noise, mobility), sigma)
+        if found is not None:
+            return found
+    return by_rule(data, request, noise, mobility)
+
+
+def _begun(data: Noun, request: Request, noise: Noise, mobility: Array | None) -> Plan:
+    """A plan with what the caller gives, the paper's exponents for what is left open, and nothing chosen yet."""
+    asked = request.heights
+    method: HeightMethod = asked
+    if isinstance(asked, Searched):
+        method = Beltrami(indicator=asked.indicator, mass=asked.mass)
+    boundary = GIVEN if request.boundary else Decided("default", "weights of zero and above" if request.rim else "")
+    origin: Origin = "given" if request.named else "default"
+    decided = {name: Decided(origin) for name in ("method", "gamma", "sharpness", "patch")}
+    lift = Lift(1.0, request.compute.diagonals, request.rim)
+    return Plan(data, request, noise, method, lift, 0.0, {**decided, "boundary": boundary}, mobility=mobility)
+
+
+def _filled(request: Request, member: Member, contrast: float, twicing: float) -> HeightMethod:
+    """The method that is named, or that of the exponents that were found, with its numbers."""
+    asked = request.heights
+    if request.named:
+        return replace(asked, contrast=contrast, twicing=twicing)
+    exponents = {"gamma": member.gamma, "sharpness": member.sharpness, "patch": member.patch}
+    return Beltrami(contrast=contrast, twicing=twicing, indicator=asked.indicator, mass=asked.mass, **exponents)
+
+
+def _ruled(plan: Plan, contrast: float, how: Decided, much: float, words: str) -> Plan:
+    """With a contrast, the time that is given or by rule, and twicing as it is given.
+
+    :param much: the time by rule, squared sample distances; ``words``: the same in words.
+    """
+    request = plan.request
+    time, when = _time(request, much * plan.data.step**2, Decided("default", words))
+    decided = {"contrast": how, "time": when, "twicing": _of_twicing(request)}
+    method = _filled(request, plan.member, contrast, float(request.twicing or 0.0))
+    return plan.with_(decided, method=method, lift=replace(plan.lift, contrast=contrast), time=time)
+
+
+def _time(request: Request, found: float, how: Decided) -> tuple[float, Decided]:
+    """The time that the caller gives, or else the one that was found, and how."""
+    given = request.until_time
+    if given is None:
+        return found, how
+    return float(given), Decided("given", "" if request.scale is None else f"scale {request.scale:g}")
+
+
+def _of_twicing(request: Request) -> Decided:
+    """Who decided on the weight of twicing."""
+    if request.compute.triangles == "clamped":
+        return Decided("default", "it overshoots")
+    return GIVEN if request.twicing is not None else Decided()
+
+
+def _family(data: Noun, request: Request) -> Family:
+    """What the search looks at: exponents, and contrasts in sample distances over the noise."""
+    if request.named:
+        return ((request.heights.exponents, request.heights.contrasts),)
+    if isinstance(data, Mesh):
+        return MESH_FAMILY
+    return CHANNEL_FAMILY if data_of(data).ndim == 3 else FAMILY
+
+
+def _searched(plan: Plan, sigma: float) -> Plan | None:
+    """The method, contrast and time of least estimated risk, of what the caller leaves open; None for a time too long to try."""
+    data, request = plan.data, plan.request
+    asked, end, h2 = request.heights, request.until_time, data.step**2
+    like = Member(indicator=asked.indicator, mass=asked.mass)
+    made = candidates(_family(data, request), data.step / sigma, like, asked.contrast)
+    alone = end is not None or request.weighted or bool(request.stops)
+    twices = (float(request.twicing),) if request.twicing is not None else (0.0,) if alone else TWICE
+    parts = (0.25, 0.5, 1.0, *((2.0,) if max(twices) > 0 else ()))
+    longest = LOOKED_AT if isinstance(data, Mesh) else np.inf
+    times = tuple(t * h2 for t in TIMES if t <= longest) if end is None else tuple(end * part for part in parts)
+    search = Search(made, times, asked.contrast is None, sigma, end, twices, plan.mobility)
+    if isinstance(data, Mesh):
+        trials = searched_on_mesh(data, plan.lift, search)
+    else:
+        limit, free = limit_of(data, request, plan.noise)[0], request.boundary is None
+        lattice = data.gridded(plan.lift)
+        trials, found = searched_on_grid(lattice, search, limit, request.compute.threads, free)
+        if found.boundary != lattice.boundary:
+            lift = replace(plan.lift, boundary=found.boundary)
+            plan = plan.with_({"boundary": Decided("estimated")}, lift=lift)
+    return _chosen(plan, trials, sigma, len(twices) > 1) if trials else None
+
+
+def _chosen(plan: Plan, trials: tuple[Trial, ...], sigma: float, many: bool) -> Plan:
+    """With the best of the trials.
+
+    :param many: several weights of twicing were looked at.
+    """
+    request, best = plan.request, trials[0].candidate
+    where = "least estimated risk"
+    contrast = GIVEN
+    if request.heights.contrast is None:
+        contrast = Decided("estimated", f"{best.contrast * sigma / plan.data.step:.3g} h / sigma, {where}")
+    twicing = Decided("estimated") if many else _of_twicing(request)
+    time, when = _time(request, trials[0].least[0], Decided("estimated", where))
+    decided = {"contrast": contrast, "twicing": twicing, "time": when, **_exponents_found(request)}
+    idle = HARM if request.until_time is None and time == 0 else None
+    method = _filled(request, best.member, best.contrast, best.twice)
+    lift = replace(plan.lift, contrast=best.contrast)
+    return plan.with_(decided, method=method, lift=lift, time=time, trials=trials, idle=idle)
+
+
+def _exponents_found(request: Request) -> dict[str, Decided]:
+    """Who decided on the exponents of a search."""
+    if request.named:
+        return {}
+    return {name: Decided("estimated") for name in ("method", "gamma", "sharpness", "patch")}
+
+
+def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobility: Array | None = None) -> Plan:
+    """A range image with its noise: gamma 0 and a time by rule, or with a search both of least estimated risk.
+
+    :param why: how the noise grows, in words.
+    :param mobility: (n, 1), of each sample.
+    """
+    asked = request.heights
+    contrast = 1.0 if asked.contrast is None else float(asked.contrast)
+    plan = _begun(data, request, noise, mobility)
+    twicing = float(request.twicing or 0.0)
+    decided = {
+        "contrast": GIVEN if asked.contrast is not None else Decided("default", "lengths as they are"),
+        "twicing": _of_twicing(request),
+    }
+    method = _filled(request, plan.member, contrast, twicing)
+    plan = plan.with_(decided, method=method, lift=replace(plan.lift, contrast=contrast))
+    if noise.sigma == 0 or data.sigma is None:
+        time, when = _time(request, 0.0, Decided("default", "no noise was found"))
+        return plan.with_({"time": when}, time=time, idle=None if request.asked else no_noise(noise))
+    plan = plan.with_({"noise": Decided("given" if noise.how == "given" else "estimated", why)})
+    there = (data.footprint > 0) if data.missing is None else ~data.missing & (data.footprint > 0)
+    sigma = np.broadcast_to(data.sigma, there.shape) * request.strength
+    if request.insisting and request.steps is None:
+        return _searched_along(plan, data, np.where(there, sigma, noise.sigma))
+    return _timed_along(plan, data, sigma[there] / data.footprint[there], data.footprint[there])
+
+
+def _timed_along(plan: Plan, data: RangeImage, ratio: Array, footprint: Array) -> Plan:
+    """With the time that is given, or in proportion to the noise.
+
+    :param ratio: sigma over the width of a pixel, of the samples that are there; ``footprint``: that width.
+    """
+    request, noise = plan.request, plan.noise
+    width = footprint if data.pace == "length" else 1.0
+    much, most = RAY_TIME * float(np.median(ratio * width**2)), RAY_MOST * data.step**2
+    if much > most and request.until_time is None:
+        words = f"noise of {float(np.median(ratio)):.3g} pixel widths: time is held at {RAY_MOST:g} squared footprints"
+        words += "; are all depths in one unit, and the camera in pixels?"
+        plan = replace(plan, warnings=(*plan.warnings, words))
+    time, when = _time(request, min(much, most), Decided("estimated", f"{RAY_TIME:g} sigma / h"))
+    own = (
+        noise.how == "given" and np.ndim(data.sigma if data.sigma is not None else 0.0) > 0 and data.pace == "footprint"
+    )
+    if own and request.until_time is None and request.steps is None and not request.stops:
+        how = Decided("estimated", "in proportion to sigma / h of each sample")
+        plan = plan.with_({"pace": how}, data=replace(data, pace="noise"))
+    return plan.with_({"time": when}, time=time)
+
+
+def _searched_along(plan: Plan, data: RangeImage, sigma: np.ndarray) -> Plan:
+    """With gamma and time of least estimated risk.
+
+    :param sigma: (h, w), a number everywhere.
+    """
+    request, end = plan.request, plan.request.until_time
+    exponents = ({},) if request.named else RAY_FAMILY
+    made = tuple(Candidate(replace(plan.member, **part), 1.0) for part in exponents)
+    times = tuple(t * data.step**2 for t in TIMES) if end is None else (end / 4, end / 2, end)
+    search = Search(made, times, False, sigma, end, (plan.twicing,), plan.mobility)
+    trials = searched_on_grid(data.gridded(plan.lift), search, None, request.compute.threads)[0]
+    time, when = _time(request, trials[0].least[0], Decided("estimated", "least estimated risk"))
+    method = _filled(request, trials[0].candidate.member, plan.lift.contrast, plan.twicing)
+    idle = HARM if end is None and time == 0 else None
+    decided = {"time": when, **_exponents_found(request)}
+    return plan.with_(decided, method=method, time=time, trials=trials, idle=idle)
+
+
+def no_noise(noise: Noise) -> str:
+    """Why nothing is done where there is nothing to remove."""
+    if noise.how == "nothing":
+        return "too few samples to tell noise from data: nothing was changed"
+    return "no noise was found: nothing to remove, nothing was changed"
+
+
+def limit_of(data: Noun, request: Request, noise: Noise) -> tuple[Any, Origin]:
+    """What no sample leaves, unit of the values, None for no limit, and where that came from."""
+    if request.constraints.max_change is not None:
+        return request.constraints.max_change, "given"
+    if isinstance(data, (Mesh, RangeImage)):
+        return None, "default"
+    return (noise.quantum / 2.0, "estimated") if is_rounded(noise) else (None, "default")
+
+
+def is_rounded(noise: Noise) -> bool:
+    """Whether rounding is all the noise there is."""
+    return 0 < noise.sigma <= 1.01 * noise.quantum / np.sqrt(12.0)

@@ -1,0 +1,237 @@
+"""From a request and data to what is run: what was given is held, what was not is found, and each says where it came from."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.estimate.heights import along_rays, as_they_are, limit_of, tuned
+from meshflow.estimate.noise import Noise, noise_growth, noise_of, noise_on
+from meshflow.estimate.plan import Decided, Plan, size_of
+from meshflow.estimate.points import moving
+from meshflow.estimate.quantization import steps_of
+from meshflow.estimate.request import Request
+from meshflow.flow.constraints import Limit, trust_of
+from meshflow.flow.methods import words_for
+from meshflow.flow.methods.beltrami import Patches
+from meshflow.flow.methods.points import PointMethod
+from meshflow.flow.mobility import speed_of
+from meshflow.geometry.validation import Array, mask_of
+from meshflow.surfaces.lift import Mesh, Noun, RangeImage, data_of
+
+__all__ = ["noise_in", "plan"]
+
+# Time at which a run ends that does not come to its stop, in squared sample distances.
+PATIENT = 100.0
+HELD = "no sample may move (Fixed, Mask, Mobility): nothing was changed"
+# Samples that the noise of a range image is looked for in.
+RAYS_ENOUGH = 80_000
+# Times in which data weights pull back after which a run is at rest.
+AT_REST = 10.0
+
+
+def noise_in(data: Noun, mask: Array | None = None) -> Noise:
+    """The noise of the data, in the unit of its values; of bare points along their normals.
+
+    :param mask: (h, w), the samples that it is looked for in; None: in all.
+    """
+    if isinstance(data, Mesh):
+        if data.channels is None or data.moves == "points":
+            return noise_on(data.points, data.faces, data.normals)
+        return noise_on(data.channels, data.faces)
+    unseen = _unseen(data.missing, mask, data_of(data).shape[:2])
+    return _noise_along(data, unseen)[0] if isinstance(data, RangeImage) else noise_of(data_of(data), unseen)
+
+
+def plan(data: Noun, request: Request) -> Plan:
+    """What is run on data of any kind.
+
+    :raises InputError: for what the kind of data does not know, and constraints that do not fit it.
+    """
+    _must_suit(data, request)
+    data, request, mobility = _constrained(data, request)
+    mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
+    data, noise, why = _with_noise(data, request, mask)
+    if isinstance(data, RangeImage) and request.constraints.min_component is not None:
+        data = data.cleared(request.constraints.min_component)
+    request = _stepped(data, request)
+    _must_fit(data, request)
+    if _still(data):  # nothing to search for
+        plain = replace(request, method=None if isinstance(request.method, PointMethod) else request.method)
+        found = replace(as_they_are(data, plain, noise), idle=HELD, time=0.0)
+        found = found.with_({"time": Decided("default", "nothing may move")})
+    elif isinstance(data, RangeImage):
+        found = along_rays(data, request, noise, why, mobility)
+    elif isinstance(data, Mesh) and data.moves != "channels":
+        found = moving(data, request, noise, mobility)
+    else:
+        found = tuned(data, request, noise, mobility)
+    return _ended(_held(replace(found, mobility=mobility)))
+
+
+def _unseen(missing: Array | None, mask: Array | None, shape: tuple[int, ...]) -> Array:
+    """The samples (h, w) in which noise is not looked for: missing, or outside of the mask where anything is inside."""
+    gone = np.zeros(shape, bool) if missing is None else missing
+    unseen = gone if mask is None else gone | ~mask
+    return gone if unseen.all() else unseen
+
+
+def _constrained(data: Noun, request: Request) -> tuple[Noun, Request, Array | None]:
+    """The data with what may not move fixed; masks as booleans; the mobility (n, 1), None where all go freely."""
+    held = request.constraints
+    fixed = np.zeros(_samples(data), bool) if data.fixed is None else data.fixed
+    if held.fixed is not None:
+        fixed = fixed | mask_of(held.fixed, fixed.shape, "fixed")
+    if held.mask is not None:
+        held = replace(held, mask=mask_of(held.mask, fixed.shape, "mask"))
+        fixed = fixed | ~held.mask
+    mobility = None
+    if held.mobility is not None:
+        mobility = speed_of(held.mobility, fixed.shape)
+        fixed = fixed | (mobility == 0)
+    return (
+        replace(data, fixed=fixed), replace(request, constraints=held), None if mobility is None else mobility.reshape(-1, 1)
+    )  # fmt: skip
+
+
+def _samples(data: Noun) -> tuple[int, ...]:
+    """(h, w), or (n,) of a mesh."""
+    return data.points.shape[:1] if isinstance(data, Mesh) else data_of(data).shape[:2]
+
+
+def _with_noise(data: Noun, request: Request, mask: Array | None) -> tuple[Noun, Noise, str]:
+    """The data with the noise of each depth, the noise, and how it grows, in words."""
+    if isinstance(data, RangeImage):
+        if request.noise is not None:
+            data = replace(data, sigma=float(request.noise))
+        inside = None if mask is None or not mask.any() else mask
+        noise, data, why = _noise_along(data, _unseen(data.missing, inside, data.depth.shape))
+    else:
+        noise, why = noise_in(data, mask), ""
+    if request.noise is not None:
+        noise = replace(noise, sigma=float(request.noise), how="given")
+    return data, noise, why
+
+
+def _noise_along(data: RangeImage, missing: Array) -> tuple[Noise, RangeImage, str]:
+    """The noise along the rays at the median depth, the image with that of each depth, and how it grows, in words.
+
+    Second differences by depth, and at least that of the sensor's steps.
+    """
+    values, there = data.along, ~missing
+    known = values[there]
+    steps, growth = steps_of(known), noise_growth(values, missing, enough=RAYS_ENOUGH)
+    quantum = 0.0 if steps is None else float(np.median(steps.at(known[:: max(1, known.size // 10_000)])))
+    if data.sigma is not None:
+        sigma, how, why = data.sigma, "given", ""
+    elif growth is None:
+        return Noise(0.0, quantum), data, ""
+    else:
+        sigma, how = growth.at(values).astype(data.depth.dtype), "differences"
+        why = f"at the median depth; {growth.a:.3g} + {growth.b:.3g} z + {growth.c:.3g} z²"
+        if steps is not None:
+            least = (steps.at(values) / np.sqrt(12.0)).astype(sigma.dtype)
+            why += ", at least step / sqrt 12" if (least > sigma)[there].mean() > 0.1 else ""
+            sigma = np.maximum(sigma, least)
+    typical = float(np.median(np.broadcast_to(sigma, there.shape)[there]))
+    if typical <= 2.0 * np.finfo(data.depth.dtype).eps * float(np.abs(known).max()):
+        return Noise(0.0, quantum, how=how), data, ""  # the rounding of numbers is no noise
+    data = replace(data, sigma=np.where(missing, typical, sigma) if np.ndim(sigma) else sigma)
+    return Noise(typical, quantum, (typical,), 0.0, how), data, why
+
+
+def _must_suit(data: Noun, request: Request) -> None:
+    """Refuse what this kind of data does not know.
+
+    :raises InputError: naming what would suit.
+    """
+    kind = type(data).__name__
+    for word, given in (
+        ("MinComponent", request.constraints.min_component is not None),
+        ("domain", request.domain != "length"),
+    ):
+        if given and not isinstance(data, RangeImage):
+            raise InputError(f"{word}: of range images only, got {kind}")
+    if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
+        raise InputError(f"triangles: of meshes only, got {kind}")
+    if isinstance(request.method, Patches) and isinstance(data, Mesh):
+        raise InputError("method='patches': of height fields and images, whose samples have patches; got a mesh")
+    if isinstance(data, Mesh) and data.moves != "channels":
+        return
+    ways = {
+        "PreserveVolume and PreserveArea": request.constraints.preserve is not None,
+        "triangles": request.compute.triangles not in ("auto", "clamped"),
+        "along": getattr(request.method, "along", "all") != "all",
+        "boundary='curve'": request.boundary == "curve",
+        f"method={getattr(request.method, 'word', '')!r}": isinstance(request.method, PointMethod),
+    }
+    for word, given in ways.items():
+        if given:
+            what = "a mesh of which the channels move" if isinstance(data, Mesh) else kind
+            suits = f"; methods here are {', '.join(words_for(points=False))}" if word.startswith("method") else ""
+            raise InputError(f"{word}: where the points of a mesh move only, got {what}{suits}")
+
+
+def _must_fit(data: Noun, request: Request) -> None:
+    """Refuse numbers that make no sense now, not after the search."""
+    (shape, n), held = size_of(data), request.constraints
+    if held.max_change is not None:
+        Limit.of(np.zeros((n, 1)), held.max_change, shape)
+    if held.data_weights is not None:
+        trust_of(held.data_weights, shape, n, 1.0)
+
+
+def _stepped(data: Noun, request: Request) -> Request:
+    """With half the step of quantized data where that is the largest change.
+
+    :raises InputError: where it is not quantized.
+    """
+    if not isinstance(request.constraints.max_change, str):
+        return request
+    values = data_of(data)
+    there = np.isfinite(values)
+    if not isinstance(data, Mesh) and data.missing is not None:
+        gone = data.missing if values.ndim == 2 else data.missing[..., None]
+        there = np.broadcast_to(~gone, values.shape)
+    steps = steps_of(values[there])
+    if steps is None:
+        raise InputError(
+            "max_change='step': the data is not quantized, there is no step; give a number, or one for each sample"
+        )
+    return replace(request, constraints=replace(request.constraints, max_change=steps.at(values) / 2.0))
+
+
+def _still(data: Noun) -> bool:
+    """Whether no sample may move."""
+    if data.fixed is None:
+        return False
+    still = data.fixed if isinstance(data, Mesh) or data.missing is None else data.fixed | data.missing
+    return bool(still.all())
+
+
+def _held(found: Plan) -> Plan:
+    """With its largest change and its data weights."""
+    data, request = found.data, found.request
+    limit, origin = limit_of(data, request, found.noise)
+    if limit is not None:
+        why = "half the quantum, rounding is the noise" if origin == "estimated" else ""
+        found = found.with_({"max_change": Decided(origin, why)}, max_change=limit)
+    if request.constraints.data_weights is None:
+        return found
+    shape, n = size_of(data)
+    pull = trust_of(request.constraints.data_weights, shape, n, found.lift.contrast)
+    if isinstance(data, RangeImage) and data.stride is not None:
+        pull = pull * data.stride.reshape(-1, 1) ** 2  # per squared footprint, as time is
+    found = replace(found, pull=pull)
+    if request.until_time is None and (pull > 0).any():
+        rest = AT_REST / float(np.median(pull[pull > 0]))
+        found = found.with_({"time": Decided("default", "at rest between smoothness and data")}, time=rest)
+    return found
+
+
+def _ended(found: Plan) -> Plan:
+    """With the latest end of a run that is to come to a stop."""
+    if not found.request.stops or found.request.until_time is not None:
+        return found
+    why = Decided("default", "at most, where no stop is met")
+    return found.with_({"time": why}, time=PATIENT * found.data.step**2)

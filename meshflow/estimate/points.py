@@ -1,0 +1,255 @@
+"""How the points of a mesh move, and how long: as given, by rule, or of least estimated risk."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.estimate.heights import HARM, as_they_are, no_noise
+from meshflow.estimate.noise import Noise
+from meshflow.estimate.parameters import Origin
+from meshflow.estimate.plan import Decided, Plan
+from meshflow.estimate.point_search import Tried, candidates, searched
+from meshflow.estimate.request import Request
+from meshflow.flow.conservation import Keep
+from meshflow.flow.methods.curvature import ConformalFlow, CurvatureFlow
+from meshflow.flow.methods.fairing import Fairing
+from meshflow.flow.methods.normal_channels import NormalChannels
+from meshflow.flow.methods.normal_filter import NormalFilter
+from meshflow.flow.methods.points import Along, PointMethod, PointSetting
+from meshflow.flow.methods.principal import PrincipalFlow
+from meshflow.flow.methods.searched import Search
+from meshflow.geometry.connectivity import boundary_edges
+from meshflow.geometry.delaunay import is_thin
+from meshflow.geometry.operator import cotangents, total_area
+from meshflow.geometry.options import options_of
+from meshflow.geometry.validation import Array
+from meshflow.geometry.volume import is_closed, volume
+from meshflow.surfaces.lift import Lift, Mesh
+
+__all__ = ["moving"]
+
+# The one choice where no search is wanted, and its time in squared edges.
+FIXED, FAIRED = NormalFilter().filled(), Fairing().filled()
+FIXED_TIME = {NormalFilter.word: 100.0, Fairing.word: 1.0}
+# The one order of a fairing by which no value leaves its range, weights of zero and above.
+RANGED = 1
+# Vertices below which what differs from neighbour to neighbour may well be the shape.
+FEW = 100
+# Weight of normal channels in edges; the threshold of principal directions, (BENT + BENDS sigma / h) / h, which of cubes and
+# cylinders with noise of 0.03 to 0.3 edges is the best within a fifth; and times in squared edges.
+CHANNELS, BENT, BENDS, LONGER = 8.0, 0.05, 0.3, {NormalChannels.word: 5.0, PrincipalFlow.word: 5.0}
+# The volume of a closed mesh, over its area to the power 3/2, below which it holds none.
+HOLLOW = 1e-6
+GIVEN = Decided("given")
+
+
+def moving(data: Mesh, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
+    """How the points of a mesh move, and how long: as given, by rule, or of least estimated risk.
+
+    :param mobility: (n, 1), of each vertex.
+    :raises InputError: for what such a mesh does not know.
+    """
+    method = request.method
+    whole = data.moves == "points" and data.points.shape[1] == 3
+    if isinstance(method, PointMethod) and type(method) is not CurvatureFlow and not whole:
+        raise InputError(
+            f"method={method.word!r}: of points in R^3 that move alone, got moves={data.moves!r} in R^{data.points.shape[1]}"
+        )
+    shaping = isinstance(method, (NormalFilter, Fairing))
+    if shaping or (whole and _open(request)):
+        return _shaped(data, request, noise, mobility)
+    return _curved(data, request, noise, mobility)
+
+
+def _open(request: Request) -> bool:
+    """Whether the caller leaves the method open, and asks for nothing that the curvature flow alone knows."""
+    if isinstance(request.method, PointMethod) or request.named:
+        return False
+    plain, asked = Search(), request.heights
+    told = any(getattr(asked, name) != getattr(plain, name) for name in ("contrast", "twicing", "indicator", "mass"))
+    return not (told or request.asked or request.compute.stepping)
+
+
+def _along(request: Request) -> Along:
+    """In which directions points move."""
+    method = request.method
+    return method.along if isinstance(method, (PointMethod, Search)) else "all"
+
+
+def _setting(request: Request) -> PointSetting:
+    return PointSetting(request.compute.triangles, request.boundary == "curve")
+
+
+def _curved(data: Mesh, request: Request, noise: Noise, mobility: Array | None) -> Plan:
+    """A flow by mean curvature, with the length or the weight of one that keeps features."""
+    named = request.method if isinstance(request.method, PointMethod) else None
+    method = named or CurvatureFlow(along=_along(request), mass=request.heights.mass)
+    method, told = _featured(data, request, noise, method)
+    origin: Origin = "default" if named is None else "given"
+    setting = _setting(request)
+    plan = as_they_are(data, request, noise, mobility)
+    decided = {"method": Decided(origin), **_options_given(named), **told, **_of_triangles(data, request, method)}
+    if setting.curve:
+        decided["boundary"] = GIVEN
+    if method.word in LONGER and request.until_time is None:
+        much = LONGER[method.word]
+        plan = replace(plan, time=much * data.step**2)
+        decided["time"] = Decided("default", f"{much:g} squared edges")
+    if request.named:
+        words = f"method {request.heights.word}"
+        useless = f"{words}: no effect where points move; this was mean curvature flow, method curvature"
+        plan = replace(plan, warnings=(*plan.warnings, useless))
+    preserve = request.constraints.preserve or _preserved(data, request, method)
+    decided["preserve"] = GIVEN if request.constraints.preserve else Decided()
+    return plan.with_(decided, method=method, setting=setting, preserve=preserve)
+
+
+def _options_given(method: PointMethod | None) -> dict[str, Decided]:
+    """The options that the caller has set."""
+    if method is None:
+        return {}
+    plain = type(method)()
+    return {o.name: GIVEN for o in options_of(type(method)) if getattr(method, o.name) != getattr(plain, o.name)}
+
+
+def _featured(
+    data: Mesh, request: Request, noise: Noise, method: PointMethod
+) -> tuple[PointMethod, dict[str, Decided]]:
+    """A method that keeps features, with the length or the weight by which it knows them."""
+    if isinstance(method, NormalChannels) and method.normal_weight is None:
+        return replace(method, normal_weight=CHANNELS * data.step), {
+            "normal_weight": Decided("default", f"{CHANNELS:g} edges")
+        }
+    if isinstance(method, PrincipalFlow) and method.feature_length is None:
+        edges = 1.0 / (BENT + BENDS * noise.sigma * request.strength / data.step)
+        why = f"{edges:.3g} edges, h / ({BENT:g} + {BENDS:g} sigma / h)"
+        return replace(method, feature_length=edges * data.step), {"feature_length": Decided("estimated", why)}
+    return method, {}
+
+
+def _preserved(data: Mesh, request: Request, method: PointMethod) -> Keep | None:
+    """What is preserved where nobody says: of a conformal flow the volume by scaling, of an open mesh the area, where all points
+    are free; the volume of normal channels, which shrink balls.
+    """
+    fixed = data.fixed is not None and bool(data.fixed.any())
+    filled = (
+        is_closed(data.faces)
+        and data.points.shape[1] == 3
+        and abs(volume(data.points, data.faces)) > HOLLOW * total_area(data.points, data.faces) ** 1.5
+    )
+    if isinstance(method, ConformalFlow):
+        free = method.along == "all" and request.constraints.mobility is None and not fixed
+        rim = request.boundary == "fixed" and len(boundary_edges(data.faces)) > 0
+        # Noise is area that is not there without it: where the area is kept, what is noisy swells.
+        return ("scale" if filled else "area") if free and not rim else None
+    return "volume" if isinstance(method, NormalChannels) and filled else None
+
+
+def _of_triangles(data: Mesh, request: Request, method: PointMethod) -> dict[str, Decided]:
+    """Who decided whose cotangents are taken."""
+    if request.compute.triangles != "auto":
+        return {"triangles": GIVEN}
+    if not isinstance(method, PrincipalFlow) and is_thin(cotangents(data.points.astype(np.float64), data.faces)[0]):
+        return {"triangles": Decided("estimated", "intrinsic: some triangles are all but flat")}
+    return {}
+
+
+def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) -> Plan:
+    """The normal filter or a fairing."""
+    if request.weighted:
+        raise InputError(
+            "data weights pull at the curvature flow of a mesh only; give method='curvature', or Fixed and MaxChange"
+        )
+    ways, setting, timed = _ways(data, request), _setting(request), request.until_time
+    lift = Lift(1.0, request.compute.diagonals, request.rim)
+    preserve, asked = (
+        request.constraints.preserve,
+        timed is not None or request.steps is not None or bool(request.stops),
+    )
+    plan = Plan(
+        data, request, noise, ways[0], lift, 0.0, mobility=mobility, preserve=preserve, setting=setting,
+        decided=_of_shaped(request, noise),
+    )  # fmt: skip
+    time, when = (0.0, Decided()) if timed is None else (float(timed), GIVEN)
+    found = False
+    if noise.sigma == 0 and not asked:
+        return plan.with_({"time": Decided("default", "nothing to remove")}, idle=no_noise(noise))
+    settled = len(ways) == 1 and timed is not None  # nothing is open
+    if noise.sigma > 0 and request.searching and request.steps is None and not request.stops and not settled:
+        trials = searched(data, lift, Tried(ways, setting, noise.sigma * request.strength, timed, mobility))
+        if trials:
+            if timed is None:
+                time, when = trials[0].least[0], Decided("estimated", "least estimated risk")
+            idle, found = HARM if time == 0 else None, True
+            plan = plan.with_(
+                _options_found(request, trials[0].candidate), method=trials[0].candidate, trials=trials, idle=idle
+            )
+    if not found and timed is None:
+        much = FIXED_TIME[plan.method.word]
+        time, when = much * data.step**2, Decided("default", f"{much:g} squared edges")
+    if found and timed is None and time > 0 and noise.how != "given" and len(data.points) < FEW:
+        few = f"noise and method were found from {len(data.points)} vertices, whose shape looks like noise"
+        plan = replace(plan, warnings=(*plan.warnings, f"{few}: give the noise, or a time"))
+    return plan.with_({"time": when}, time=time)
+
+
+def _of_shaped(request: Request, noise: Noise) -> dict[str, Decided]:
+    """Who decided on what stands before any search."""
+    how = {"given": "", "nothing": "too few samples"}.get(noise.how, f"from {noise.how}, along the normals")
+    named = request.method if isinstance(request.method, PointMethod) else None
+    found = {
+        "noise": Decided("given" if noise.how == "given" else "estimated", how),
+        "boundary": GIVEN
+        if request.boundary
+        else Decided("default", "weights of zero and above" if request.rim else ""),
+        "method": GIVEN if named else Decided(),
+        "triangles": GIVEN if request.compute.triangles != "auto" else Decided(),
+        "preserve": GIVEN if request.constraints.preserve else Decided(),
+        **_options_given(named),
+    }
+    if named is None and request.compute.triangles == "clamped":
+        found["order"] = Decided("default", "no value leaves its range")
+    return found
+
+
+def _options_found(request: Request, method: PointMethod) -> dict[str, Decided]:
+    """The options that a search has found."""
+    named = request.method if isinstance(request.method, PointMethod) else None
+    given = _options_given(named)
+    found = {o.name: Decided("estimated") for o in options_of(type(method)) if o.name not in given}
+    return {**found, "method": GIVEN if named else Decided("estimated")}
+
+
+def _ways(data: Mesh, request: Request) -> tuple[PointMethod, ...]:
+    """The methods that the caller leaves open; the first is the one where nothing is searched for."""
+    named = request.method if isinstance(request.method, PointMethod) else None
+    clamped, along = request.compute.triangles == "clamped", _along(request)
+    ranged = named is None and clamped
+    fairing = isinstance(named, Fairing) or (named is None and (request.boundary == "curve" or clamped))
+    made: list[PointMethod] = []
+    for way in (FAIRED if fairing else FIXED, *candidates(data.step)):
+        if fairing != isinstance(way, Fairing) and (fairing or named is not None):
+            continue
+        if isinstance(way, NormalFilter):
+            made.append(_normal_filter(way, named if isinstance(named, NormalFilter) else NormalFilter(along=along)))
+        elif isinstance(way, Fairing):
+            made.append(_fairing(way, named if isinstance(named, Fairing) else Fairing(along=along), ranged))
+    return tuple(dict.fromkeys(made))
+
+
+def _normal_filter(way: NormalFilter, asked: NormalFilter) -> NormalFilter:
+    """A way, with the options that are given."""
+    names = ("crease_contrast", "crease_sharpness", "regularize")
+    given = {name: float(getattr(asked, name)) for name in names if getattr(asked, name) is not None}
+    if asked.along == "normals":
+        given["regularize"] = 0.0
+    return replace(way, along=asked.along, **given)
+
+
+def _fairing(way: Fairing, asked: Fairing, ranged: bool) -> Fairing:
+    """A way, with the options that are given; ``ranged``: the one by which no value leaves its range."""
+    if ranged:
+        return replace(way, order=RANGED, weights="cotangent", along=asked.along)
+    order, weights = asked.order or way.order, asked.weights or way.weights
+    return replace(way, order=order, weights=weights, along=asked.along)

@@ -1,0 +1,184 @@
+"""What a caller asks for: typed parts, each checked when it is made; what is left out is found from the data."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from meshflow.errors import InputError
+from meshflow.estimate.constraints import Constraint, Constraints
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Method, method_of
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.searched import Quick, Search
+from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps, Stop, When
+from meshflow.geometry.options import option
+from meshflow.geometry.validation import Array, number, positive
+from meshflow.surfaces.surface import Boundary
+
+__all__ = ["BoundaryWord", "Domain", "Request", "Stopping"]
+
+Domain = Literal["length", "disparity"]
+BoundaryWord = Boundary | Literal["curve"]
+Stopping = Steps | Residual | AreaLoss | Displacement | When | Callable[[Array, float], object]
+BOUNDARIES, DOMAINS = ("natural", "linear", "fixed", "curve"), ("length", "disparity")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Request:
+    """What shall be run, as far as the caller says.
+
+    :raises InputError: for options that exclude each other or make no sense.
+    """
+
+    method: Method | None = None
+    time: float | None = option(
+        None,
+        "How far, in squared length: m² of a terrain, pixels² of an image, pixel footprints² of a range image. Default: from the "
+        "data.",
+        "squared length",
+    )
+    scale: float | None = option(
+        None,
+        "Instead of time: the standard deviation of the Gaussian that the flow equals on flat data; time = scale²/2.",
+        "length",
+    )
+    strength: float = option(1.0, "More or less of it: the noise times this is what is removed.")
+    noise: float | None = option(None, "Standard deviation of the noise. Default: estimated.", "unit of the values")
+    steps: int | None = None
+    stops: tuple[Stop, ...] = ()
+    constraints: Constraints = Constraints()
+    boundary: BoundaryWord | None = option(
+        None,
+        "linear: tilted planes rest at borders and holes; natural: no flux; fixed: borders stay; curve: those of a mesh move by "
+        "their own curvature. Default: natural for images, else linear.",
+    )
+    domain: Domain = option(
+        "length", "disparity: inverse depths are smoothed, where the noise of stereo and structured light is even."
+    )
+    compute: Compute = Compute()
+
+    def __post_init__(self) -> None:
+        if self.time is not None and self.scale is not None:
+            raise InputError(f"time {self.time} and scale {self.scale}: one of them expected; time is scale^2 / 2")
+        for name in ("time", "scale"):
+            value = getattr(self, name)
+            if value is not None and (isinstance(value, bool) or number(value, name) < 0):
+                raise InputError(f"{name}: a finite number, zero or more, expected, got {value}")
+        positive(self.strength, "strength")
+        if self.noise is not None:
+            positive(self.noise, "noise")
+        if self.boundary not in (None, *BOUNDARIES):
+            raise InputError(f"boundary: {', '.join(BOUNDARIES)} expected, got {self.boundary!r}")
+        if self.domain not in DOMAINS:
+            raise InputError(f"domain: {' or '.join(DOMAINS)} expected, got {self.domain!r}")
+        if not isinstance(self.compute, Compute):
+            raise InputError(f"compute: a Compute expected, got {self.compute!r}")
+        if self.heights.twicing and (self.steps is not None or self.weighted or self.stops):
+            raise InputError(
+                f"twicing {self.heights.twicing}: a time is doubled; leave out steps, data weights and stops"
+            )
+        if self.compute.triangles == "clamped":
+            self._must_keep_range()
+
+    @classmethod
+    def of(
+        cls,
+        method: Method | str | None = None,
+        stop: "Stopping | Iterable[Stopping]" = (),
+        constraints: "Constraint | Iterable[Constraint]" = (),
+        **numbers: object,
+    ) -> "Request":
+        """A request in the words of :func:`meshflow.smooth`.
+
+        :param numbers: the other fields, by name.
+        :raises InputError: for unknown words, and what makes no sense.
+        """
+        steps, stops = _stops(stop)
+        chosen = None if method is None else method_of(method)
+        return cls(method=chosen, steps=steps, stops=stops, constraints=Constraints.of(constraints), **numbers)  # type: ignore[arg-type]
+
+    @property
+    def until_time(self) -> float | None:
+        """The time asked for, squared length."""
+        return self.scale**2 / 2 if self.scale is not None else self.time
+
+    @property
+    def heights(self) -> HeightMethod:
+        """The options of a method for values above a base; those of a search where none is named."""
+        return self.method if isinstance(self.method, HeightMethod) else Search()
+
+    @property
+    def twicing(self) -> float | None:
+        """The weight of twicing that is given; zero where no value may leave its range."""
+        return 0.0 if self.compute.triangles == "clamped" else self.heights.twicing
+
+    @property
+    def named(self) -> bool:
+        """Whether the caller names a method for values above a base."""
+        return isinstance(self.method, HeightMethod) and not isinstance(self.method, Search)
+
+    @property
+    def searching(self) -> bool:
+        """Whether what is open may be searched for."""
+        return self.compute.search is not False and not isinstance(self.method, Quick)
+
+    @property
+    def insisting(self) -> bool:
+        """Whether a search is asked for where it is not what is done by default."""
+        return self.compute.search is True or type(self.method) is Search
+
+    @property
+    def weighted(self) -> bool:
+        """Whether there are data weights."""
+        return self.constraints.data_weights is not None
+
+    @property
+    def asked(self) -> bool:
+        """Whether something is to be run even where no noise is found."""
+        return self.until_time is not None or self.steps is not None or self.weighted or bool(self.stops)
+
+    @property
+    def rim(self) -> Boundary | None:
+        """The boundary as the operator of a surface knows it: one that moves as a curve is held by that."""
+        if self.compute.triangles == "clamped" and self.boundary is None:
+            return "natural"  # that of the plane has weights below zero
+        return "fixed" if self.boundary == "curve" else self.boundary
+
+    def _must_keep_range(self) -> None:
+        """Refuse what would leave the range that clamped weights keep."""
+        mass = getattr(self.method, "mass", "barycentric")
+        if self.boundary == "linear" or mass == "voronoi":
+            raise InputError(
+                f"triangles='clamped': boundary natural or fixed and mass barycentric or ring expected, got "
+                f"{self.boundary or 'natural'} and {mass}, which have weights below zero"
+            )
+        if self.heights.twicing:
+            raise InputError(
+                f"triangles='clamped': twicing {self.heights.twicing} leaves the range of the values; leave it out"
+            )
+
+
+def _stops(given: object) -> tuple[int | None, tuple[Stop, ...]]:
+    """The number of steps, and the stops, of what a caller gives: one or several.
+
+    :raises InputError: for what is no stop, and two of one kind.
+    """
+    several = list(given) if isinstance(given, (tuple, list)) else [given]
+    steps: int | None = None
+    found: list[Stop] = []
+    for one in several:
+        if isinstance(one, Steps):
+            if steps is not None:
+                raise InputError("stop: Steps is given twice")
+            steps = int(one.count)
+        elif isinstance(one, (Residual, AreaLoss, Displacement, When)):
+            if any(type(one) is type(other) and not isinstance(one, When) for other in found):
+                raise InputError(f"stop: {type(one).__name__} is given twice")
+            found.append(one)
+        elif callable(one) and not isinstance(one, type):
+            found.append(When(one))
+        else:
+            raise InputError(
+                f"stop: Steps, Residual, AreaLoss, Displacement, or a callable (values, time) expected, got {one!r}"
+            )
+    return steps, tuple(found)

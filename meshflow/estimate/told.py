@@ -1,0 +1,145 @@
+"""A plan as parameters: each with its value, unit, origin and reason. They are made from the plan, never the plan from them."""
+
+import numpy as np
+
+from meshflow.estimate.parameters import Parameter, contrast_unit, squared_unit, value_unit
+from meshflow.estimate.plan import Decided, Plan
+from meshflow.estimate.risk import Trial
+from meshflow.flow.controls import AreaChange, Embedded, FixedStep
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.stops import AreaLoss, Displacement, Residual, When
+from meshflow.geometry.options import options_of
+from meshflow.geometry.validation import truth_of
+from meshflow.surfaces.lift import Mesh, RangeImage
+
+__all__ = ["parameters_of"]
+
+
+def parameters_of(plan: Plan) -> dict[str, Parameter]:
+    """What is run, in numbers and words, in reading order."""
+    time = {"time": _decided(plan, "time", plan.time, squared_unit(plan.data))}
+    return {
+        **_of_noise(plan),
+        **_of_method(plan),
+        **time,
+        **_of_search(plan),
+        **_of_constraints(plan),
+        **_of_request(plan),
+    }
+
+
+def _decided(plan: Plan, name: str, value: float | str, unit: str = "") -> Parameter:
+    decided = plan.decided.get(name, Decided())
+    return Parameter(value, unit, decided.origin, decided.why)
+
+
+def _of_noise(plan: Plan) -> dict[str, Parameter]:
+    how = {"given": "", "nothing": "too few samples"}.get(plan.noise.how, f"from {plan.noise.how}")
+    why = plan.decided["noise"].why if "noise" in plan.decided else how
+    unit, strength = value_unit(plan.data), plan.request.strength
+    found = {"noise": Parameter(plan.noise.sigma, unit, "given" if plan.noise.how == "given" else "estimated", why)}
+    if plan.points is None:
+        found["quantum"] = Parameter(plan.noise.quantum, unit, "estimated")
+    return {**found, "strength": Parameter(strength, "", "default" if strength == 1.0 else "given")}
+
+
+def _of_method(plan: Plan) -> dict[str, Parameter]:
+    """The method and its options, and what of the surface it was told."""
+    method, found = plan.method, {"method": _decided(plan, "method", plan.method.word)}
+    if isinstance(method, HeightMethod):
+        member = plan.member
+        for name, unit in (("gamma", ""), ("sharpness", ""), ("patch", "samples")):
+            found[name] = _decided(plan, name, float(getattr(member, name)), unit)
+    units = {"contrast": contrast_unit(plan.data), "regularize": squared_unit(plan.data)}
+    for option in options_of(type(method)):
+        value = getattr(method, option.name)
+        if value is None or (option.name == "along" and value == "all"):
+            continue
+        unit = units.get(option.name, option.unit)
+        found.setdefault(
+            option.name, _decided(plan, option.name, value if isinstance(value, str) else float(value), unit)
+        )
+    curve = plan.setting is not None and plan.setting.curve
+    found["boundary"] = _decided(plan, "boundary", "curve" if curve else plan.lift.boundary or plan.data.boundary)
+    if not isinstance(plan.data, Mesh):
+        found["diagonals"] = Parameter(plan.lift.diagonals)
+    if plan.setting is not None:
+        thin = plan.decided.get("triangles", Decided()).origin == "estimated"
+        own = "delaunay" if thin else "given" if plan.setting.triangles == "auto" else plan.setting.triangles
+        found["triangles"] = _decided(plan, "triangles", own)
+    elif isinstance(plan.data, Mesh):
+        found["triangles"] = _decided(plan, "triangles", plan.request.compute.triangles)
+    if isinstance(plan.data, RangeImage):
+        found["pace"] = _decided(plan, "pace", plan.data.pace)
+    return found
+
+
+def _of_search(plan: Plan) -> dict[str, Parameter]:
+    """The expected error of what was chosen."""
+    if not plan.trials:
+        return {}
+    along = "along the normals" if plan.points is not None else ""
+    return {"risk": _expected(plan.trials[0], value_unit(plan.data), along)}
+
+
+def _expected(trial: Trial, unit: str, along: str) -> Parameter:
+    """What a trial is expected to leave; a mean square below zero is told as what it is, no error of zero."""
+    words = f"root mean square error {along or 'to be expected'}"
+    if trial.least[1] <= 0:
+        words = f"below what can be measured; {words}"
+    return Parameter(trial.risk, unit, "estimated", words)
+
+
+def _of_constraints(plan: Plan) -> dict[str, Parameter]:
+    """What the run is held to."""
+    asked, found = plan.request.constraints, {}
+    if plan.max_change is not None:
+        most = float(plan.max_change) if np.ndim(plan.max_change) == 0 else "one per sample"
+        found["max_change"] = _decided(plan, "max_change", most, value_unit(plan.data))
+    if plan.pull is not None:
+        found["data_weights"] = Parameter("weights", "", "given", "1 / squared value")
+    if asked.mask is not None:
+        found["mask"] = _counted(truth_of(np.asarray(asked.mask)), "may move")
+    if asked.mobility is not None:
+        mobility = float(asked.mobility) if np.ndim(asked.mobility) == 0 else "one per sample"
+        found["mobility"] = Parameter(mobility, "", "given", "0 stays, 1 goes freely")
+    fixed = plan.data.fixed
+    if asked.mask is None and asked.mobility is None and fixed is not None and fixed.any():
+        found["fixed"] = _counted(fixed, "stay")
+    if plan.preserve is not None:
+        found["preserve"] = _decided(plan, "preserve", plan.preserve)
+    if asked.min_component is not None:
+        found["min_component"] = Parameter(float(asked.min_component), "samples", "given")
+    return found
+
+
+def _of_request(plan: Plan) -> dict[str, Parameter]:
+    """What the caller said that nothing else tells."""
+    request, compute, found = plan.request, plan.request.compute, {}
+    if request.steps is not None:
+        found["steps"] = Parameter(float(request.steps), "", "given")
+    for stop in request.stops:
+        if isinstance(stop, Residual):
+            found["residual"] = Parameter(stop.share, "of sigma", "given")
+        elif isinstance(stop, AreaLoss):
+            found["area_loss"] = Parameter(stop.share, "of the area", "given")
+        elif isinstance(stop, Displacement):
+            found["displacement"] = Parameter(stop.most, value_unit(plan.data), "given")
+        elif isinstance(stop, When):
+            found["stop"] = Parameter(getattr(stop.asked, "__name__", "a callable"), "", "given")
+    if compute.dt is not None:
+        found["dt"] = Parameter(compute.dt, squared_unit(plan.data), "given")
+    if compute.threads is not None:
+        found["threads"] = Parameter(float(compute.threads), "", "given")
+    if compute.stepper != "auto":
+        word = compute.stepper if isinstance(compute.stepper, str) else compute.stepper.name
+        found["stepper"] = Parameter(word, "", "given")
+    if isinstance(compute.control, (FixedStep, AreaChange, Embedded)):
+        found["control"] = Parameter(str(compute.control), "", "given")
+    if compute.search is not None:
+        found["search"] = Parameter("yes" if compute.search else "no", "", "given")
+    return found
+
+
+def _counted(mask: np.ndarray, what: str) -> Parameter:
+    return Parameter(f"{int(mask.sum())} of {mask.size} samples {what}", "", "given")

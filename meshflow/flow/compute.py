@@ -1,0 +1,66 @@
+"""How a flow is computed: how time is stepped, on which triangles, by how many threads."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.flow.controls import AreaChange, Embedded, FixedStep
+from meshflow.flow.steppers import Stepper, StepperName, stepper_word
+from meshflow.geometry.delaunay import Triangles
+from meshflow.geometry.options import option
+from meshflow.geometry.validation import positive, whole
+from meshflow.surfaces.triangles import Diagonals, triangulations
+
+__all__ = ["Compute"]
+
+TRIANGLES = ("auto", "given", "delaunay", "clamped")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compute:
+    """How a flow is computed.
+
+    :raises InputError: for unknown words, and options that exclude each other.
+    """
+
+    stepper: Stepper | StepperName = option("auto", "How time is stepped.")
+    dt: float | None = option(None, "Length of a step. Default: what suits the stepper.", "squared length")
+    control: FixedStep | AreaChange | Embedded | None = option(
+        None, "What controls the steps, instead of dt.", flag="-"
+    )
+    threads: int | None = option(None, "Threads. Default: one for each core.")
+    diagonals: Diagonals = option("alternate", "How the cells of a grid become triangles.")
+    triangles: Triangles = option(
+        "auto",
+        "Whose cotangents, on a mesh: its own, those of its intrinsic Delaunay triangulation, or clamped to weights of zero and "
+        "above, so that no value leaves its range.",
+    )
+    search: bool | None = option(
+        None, "Search for what is not given; without, it is taken by rule. Default: yes, but for depth."
+    )
+
+    def __post_init__(self) -> None:
+        if self.dt is not None and self.control is not None:
+            raise InputError(f"dt {self.dt} and control {self.control}: one of them expected; give dt to the control")
+        if self.dt is not None:
+            positive(self.dt, "dt")
+        if self.threads is not None:
+            whole(self.threads, "threads", 1)
+        if self.control is not None and not isinstance(self.control, (FixedStep, AreaChange, Embedded)):
+            raise InputError(f"control: FixedStep, AreaChange or Embedded expected, got {self.control!r}")
+        if self.triangles not in TRIANGLES:
+            raise InputError(f"triangles: {', '.join(TRIANGLES)} expected, got {self.triangles!r}")
+        if self.search is not None and not isinstance(self.search, (bool, np.bool_)):
+            raise InputError(f"search: true or false expected, got {self.search!r}")
+        triangulations(self.diagonals)
+        stepper_word(self.stepper)
+        if self.triangles == "clamped" and self.stepper == "super-time":
+            raise InputError(
+                "triangles='clamped': stepper explicit or semi-implicit expected, got 'super-time', which may overshoot"
+            )
+
+    @property
+    def stepping(self) -> bool:
+        """Whether the caller says how time is stepped."""
+        return self.stepper != "auto" or self.dt is not None or self.control is not None

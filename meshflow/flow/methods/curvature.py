@@ -1,0 +1,69 @@
+"""Mean curvature flow of a mesh, and the same with the stiffness of the start."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from meshflow.flow.conservation import AlongNormals
+from meshflow.flow.contract import Flow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.beltrami import Mass, Member
+from meshflow.flow.methods.border_curve import Bordered
+from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.steppers import Stepper, StepperName, stepper_for
+from meshflow.geometry.options import option
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.surface import Surface
+
+__all__ = ["ConformalFlow", "CurvatureFlow", "bordered"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvatureFlow(PointMethod):
+    """Mean curvature flow [DMSB99], dx/dt = -M^-1 L x: it smooths, and shrinks what it smooths."""
+
+    word: ClassVar[str] = "curvature"
+
+    mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.member
+
+    @property
+    def member(self) -> Member:
+        """The mass, as engines take it."""
+        return Member(mass=self.mass)
+
+    def engine(self, surface: Surface, setting: PointSetting) -> Flow:
+        """What moves the points (n, 3) of a surface."""
+        inside = replace(surface, boundary="fixed") if setting.curve else surface
+        return bordered(MeshFlow(inside, self.member, False, setting.triangles), inside, setting)
+
+    def stepper(
+        self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
+    ) -> Stepper | StepperName:
+        """As asked; nothing is preferred."""
+        return asked if self.along == "all" else AlongNormals(stepper_for(asked, flow, time), faces)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConformalFlow(CurvatureFlow):
+    """Mean curvature flow with the stiffness of the start (Kazhdan, Solomon, Ben-Chen 2012): for large times."""
+
+    word: ClassVar[str] = "conformal"
+
+    def engine(self, surface: Surface, setting: PointSetting) -> Flow:
+        """What moves the points (n, 3) of a surface."""
+        inside = replace(surface, boundary="fixed") if setting.curve else surface
+        return bordered(MeshFlow(inside, self.member, True, setting.triangles), inside, setting)
+
+    def stepper(
+        self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
+    ) -> Stepper | StepperName:
+        """Implicit where nothing is asked for."""
+        return PointMethod.stepper(self, asked, flow, time, faces)
+
+
+def bordered(flow: Flow, inside: Surface, setting: PointSetting) -> Flow:
+    """A flow whose border moves as a curve, where that is asked for."""
+    return Bordered(flow, inside) if setting.curve else flow

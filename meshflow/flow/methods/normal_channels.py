@@ -1,0 +1,34 @@
+"""Curvature flow with lengths measured in (x, weight n): faces are smoothed, creases stay."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from meshflow.flow.contract import Flow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods.beltrami import Mass, Member
+from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.geometry.options import option
+from meshflow.geometry.validation import positive
+from meshflow.surfaces.surface import Surface
+
+__all__ = ["NormalChannels"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NormalChannels(PointMethod):
+    """Mean curvature flow of the surface (x, normal_weight n), of which the points x move (DESIGN, section 2)."""
+
+    word: ClassVar[str] = "normal-channels"
+
+    normal_weight: float | None = option(None, "Factor on the unit normals. Default: 8 mean edges.", "length")
+    mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.normal_weight is not None:
+            positive(self.normal_weight, "normal_weight")
+
+    def engine(self, surface: Surface, setting: PointSetting) -> Flow:
+        """What moves the points (n, 3) of a surface."""
+        self.must_hold_border(setting)
+        return MeshFlow(surface, Member(mass=self.mass), False, setting.triangles, self.normal_weight or 1.0)

@@ -1,0 +1,105 @@
+"""What the methods share that move the points of a mesh, all three coordinates free."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Literal
+
+from meshflow.errors import InputError
+from meshflow.flow.conservation import AlongNormals
+from meshflow.flow.contract import Flow
+from meshflow.flow.steppers import SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.geometry.delaunay import Triangles
+from meshflow.geometry.options import option
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.surface import Surface
+
+__all__ = ["Along", "PointMethod", "PointSetting"]
+
+Along = Literal["all", "normals"]
+
+
+@dataclass(frozen=True)
+class PointSetting:
+    """What a method of points is told beside its own options.
+
+    :ivar triangles: whose cotangents are taken.
+    :ivar curve: the border moves as a curve in space.
+    """
+
+    triangles: Triangles = "auto"
+    curve: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointMethod:
+    """A method that moves the points of a mesh.
+
+    :ivar word: what the command calls it.
+    :ivar once: it reaches its time in one step.
+    """
+
+    word: ClassVar[str] = ""
+    once: ClassVar[bool] = False
+
+    along: Along = option("all", "Points move in all directions, or along their normals alone.")
+
+    def __post_init__(self) -> None:
+        if self.along not in ("all", "normals"):
+            raise InputError(f"along: all or normals expected, got {self.along!r}")
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """Names of options to numbers and words, in reading order; those that are open are left out."""
+        own = [f.name for f in fields(self) if f.name not in ("along", "mass")]
+        chosen = {name: getattr(self, name) for name in own}
+        return {"method": self.word, **{name: value for name, value in chosen.items() if value is not None}}
+
+    def filled(self) -> "PointMethod":
+        """With the fixed choice for what is open."""
+        return self
+
+    def engine(self, surface: Surface, setting: PointSetting) -> Flow:
+        """What moves the points (n, 3) of a surface."""
+        raise NotImplementedError
+
+    def stepper(
+        self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
+    ) -> Stepper | StepperName:
+        """The stepper, of a caller who may have asked for one: an implicit one, since metrics are stiff.
+
+        :param faces: (m, 3), for motion along normals.
+        """
+        asked = SemiImplicit() if asked == "auto" else asked
+        return asked if self.along == "all" else AlongNormals(stepper_for(asked, flow, time), faces)
+
+    def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
+        """The coordinates (n, 3) at each of the times, squared length, one by one."""
+        u, since = start, 0.0
+        for turn, time in enumerate(times):
+            u = flow.advance(u, time - since, turn)
+            since = time
+            yield u
+
+    def must_hold_border(self, setting: PointSetting) -> None:
+        """Refuse a border that moves as a curve.
+
+        :raises InputError: where it is asked for.
+        """
+        if setting.curve:
+            raise InputError(
+                f"boundary='curve': of method curvature, conformal and fairing, got method={self.word!r}; "
+                "take one of them, or boundary='fixed'"
+            )
+
+    def own_stepper(self, asked: Stepper | StepperName, own: Stepper) -> Stepper:
+        """A stepper of the method's own.
+
+        :raises InputError: where another one is asked for by name.
+        """
+        if isinstance(asked, str) and asked not in ("auto", own.name):
+            raise InputError(f"stepper: {self.word} steps in its own way, got {asked!r}; leave it out")
+        return own if isinstance(asked, str) else asked
+
+    def along_which(self, stepper: Stepper, faces: Array) -> Stepper:
+        """The stepper, held to the normals where that is asked for."""
+        return stepper if self.along == "all" else AlongNormals(stepper, faces)

@@ -1,0 +1,26 @@
+"""No method by name: the one of least estimated risk, or one fixed choice for all data."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.points import Along
+from meshflow.geometry.options import option
+
+__all__ = ["Quick", "Search"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search(HeightMethod):
+    """The method of least estimated risk, of those that suit the data; options that are given here are held."""
+
+    word: ClassVar[str] = "search"
+
+    along: Along = option("all", "Points move in all directions, or along their normals alone.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quick(Search):
+    """One fixed choice for all data, without a search."""
+
+    word: ClassVar[str] = "quick"

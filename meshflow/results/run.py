@@ -1,0 +1,211 @@
+"""A plan is run: engine, wrappers, stepper, stops; what came of it, and the states on the way."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from meshflow.estimate.plan import Plan
+from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.request import Request
+from meshflow.estimate.told import parameters_of
+from meshflow.flow.conservation import Kept, free_of
+from meshflow.flow.constraints import Both, Faithful, Hold
+from meshflow.flow.contract import Flow
+from meshflow.flow.controls import Control, FixedStep, Until
+from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.march import VANISHED, State, march
+from meshflow.flow.mobility import slowed
+from meshflow.flow.progress import Progress
+from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.geometry.validation import Array, whole
+from meshflow.results.result import History, Moment, Result, release
+from meshflow.surfaces.lift import Mesh, Noun, RangeImage
+
+__all__ = ["run", "states"]
+
+# Samples without a triangle that are worth a word: more than so many, and more than this share.
+ALONE, ALONE_SHARE = 10, 1e-3
+
+
+def run(data: Noun, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
+    """Smooth a data object as a caller asks; a new one comes back, with what was done and why.
+
+    :param record: measure the surface after each step; where false the history holds the start and the end, and where None
+        nothing: for callers who want what comes back and no more, nor is a warning looked for.
+    :raises InputError: for what cannot be smoothed, or does not suit the data.
+    :raises NotConverged: when a solver or a run fails.
+    """
+    plan = planned(data, request)
+    engine = _engine(plan)
+    start, end, moments = _run(_steered(engine, plan), plan, progress, record)
+    done, warnings = plan.data, plan.warnings
+    if plan.idle is None:
+        done = _lowered(plan, engine, end.u)
+        warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
+    if isinstance(engine, GridFlow):
+        engine.release()
+        warnings += _alone(engine, plan) if record is not None else ()
+    done = replace(done, fixed=data.fixed)
+    if isinstance(done, RangeImage) and isinstance(data, RangeImage):
+        done = replace(done, sigma=data.sigma, pace=data.pace)
+    return Result(
+        data=done,
+        after=done,
+        before=data,
+        start=start,
+        end=end,
+        parameters=parameters_of(plan),
+        noise=plan.noise,
+        candidates=plan.trials,
+        history=History.of(moments),
+        stopped_because=end.reason or "",
+        warnings=warnings,
+        version=release(),
+    )
+
+
+def states(data: Noun, request: Request, count: int, progress: Progress = None) -> Iterator[tuple[float, Noun]]:
+    """States of the data on its way, and the times of each: the start, the end, and others between them.
+
+    Times grow with the square, so that the widths of the Gaussians that they equal on flat data grow evenly. It is the flow
+    itself: without the twicing that :func:`run` may end in.
+
+    :param count: how many states, two or more; fewer come where the run has fewer steps.
+    :raises InputError: as :func:`run`, and for a count below two.
+    """
+    whole(count, "count", 2)
+    plan = planned(data, request)
+    engine = _engine(plan)
+    flow = _steered(engine, plan)
+    yield 0.0, plan.data
+    until = plan.until
+    time = until.time
+    if plan.idle is not None or time == 0.0:
+        return
+    shares = [(k / (count - 1)) ** 2 for k in range(1, count)]
+    stepper, control = _stepping(flow, plan)
+    limit = _hold(plan, flow)
+    if until.stops:  # when they will be met is known afterwards
+        *_, end = march(flow, until, stepper, control, progress, recycle=True, limit=limit)
+        until, time = Until(time=end.time), end.time
+    if plan.points is not None and plan.points.once and time is not None:  # each state is one step from the start
+        for mark in (share * time for share in shares):
+            *_, state = march(flow, Until(time=mark), stepper, FixedStep(mark), limit=limit)
+            yield state.time, _lowered(plan, engine, state.u)
+        return
+    marks = () if time is None else tuple(share * time for share in shares)
+    steps = frozenset() if until.steps is None else {round(share * until.steps) for share in shares}
+    for state in march(flow, replace(until, marks=marks), stepper, control, progress, limit=limit):
+        met = any(abs(state.time - mark) <= 1e-9 * mark for mark in marks) or state.step in steps
+        if state.step > 0 and (met or state.reason is not None):
+            yield state.time, _lowered(plan, engine, state.u)
+
+
+def _engine(plan: Plan) -> Flow:
+    """What moves the data."""
+    if not isinstance(plan.data, Mesh):
+        return GridFlow(plan.data.gridded(plan.lift), plan.member, plan.request.compute.threads)
+    surface = plan.data.lifted(plan.lift)
+    if plan.points is not None and plan.setting is not None:
+        return plan.points.engine(surface, plan.setting)
+    clamped = plan.request.compute.triangles == "clamped"
+    return MeshFlow(surface, plan.member, triangles="clamped" if clamped else "given")
+
+
+def _steered(engine: Flow, plan: Plan) -> Flow:
+    """The engine with the mobility and the data weights of a plan."""
+    flow = slowed(engine, plan.mobility)
+    return flow if plan.pull is None else Faithful(flow, plan.pull)
+
+
+def _lowered(plan: Plan, engine: Flow, u: Array) -> Noun:
+    """The data with the coordinates u (n, k)."""
+    if isinstance(plan.data, Mesh):
+        return plan.data.lowered(u, plan.lift)
+    if not isinstance(engine, GridFlow):
+        raise TypeError(f"a grid is moved by GridFlow, got {type(engine).__name__}")
+    return plan.data.holding(engine.planes(u))
+
+
+def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
+    """A word on samples that have no triangle, where they are more than a few."""
+    if plan.idle is not None or not (isinstance(plan.data, RangeImage) or engine.lattice.missing.any()):
+        return ()
+    lone, size = engine.lattice.lone, int((~engine.lattice.missing).sum())
+    if lone <= max(ALONE, ALONE_SHARE * size):
+        return ()
+    cut = ", cut off by discontinuities or by missing samples" if isinstance(plan.data, RangeImage) else ""
+    return (f"{lone} of {size} samples have no triangle{cut}: they stay as they are",)
+
+
+def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tuple[State, State, tuple[Moment, ...]]:
+    """From the start to the end; the first state, the last, and what was measured."""
+    begin = State(flow.start(), 0.0, 0.0, 0, plan.idle, flow=flow)
+    if plan.idle is not None:
+        return begin, begin, () if record is None else (_moment(begin, plan),)
+    until, kept = plan.until, None
+    time, twicing = until.time, plan.twicing
+    if twicing > 0 and time is not None:
+        until = replace(until, time=2.0 * time, marks=(time,))
+    stepper, control = _stepping(flow, plan)
+    limit = _hold(plan, flow)
+    moments, state = [], begin
+    for state in march(flow, until, stepper, control, progress, recycle=True, limit=limit):
+        if record or (record is not None and state.step == 0):
+            moments.append(_moment(state, plan))
+        if twicing > 0 and kept is None and time is not None and state.time >= time * (1.0 - 1e-12):
+            kept = state.u.copy(order="K")
+    end = state
+    if kept is not None and time is not None:
+        u = kept + kept.dtype.type(twicing) * (kept - end.u)
+        u = u if limit is None else limit.hold(u)
+        words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
+        end = State(u, time, 0.0, end.step, words, end.stepper, flow=flow)
+    if end.step > 0 and record is not None and (kept is not None or not record):
+        moments.append(_moment(end, plan))
+    return begin, end, tuple(moments)
+
+
+def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | None]:
+    """How time is stepped, and what controls the steps."""
+    compute, time = plan.request.compute, plan.until.time
+    control: Control | None = compute.control or (None if compute.dt is None else FixedStep(compute.dt))
+    stepper = _stepper(flow, plan)
+    if plan.points is not None and isinstance(plan.data, Mesh):
+        stepper = plan.points.stepper(stepper, flow, time, plan.data.faces)
+        control = FixedStep(time) if plan.points.once and control is None and time else control
+    return stepper, control
+
+
+def _stepper(flow: Flow, plan: Plan) -> Stepper | StepperName:
+    """The stepper that is asked for, or the one that keeps a range: super-time steps would overshoot."""
+    compute = plan.request.compute
+    once = plan.points is not None and plan.points.once
+    if compute.triangles != "clamped" or compute.stepper != "auto" or once:
+        return compute.stepper
+    suits = "semi-implicit" if plan.points is not None else stepper_for("auto", flow, plan.until.time)
+    return suits if isinstance(suits, Explicit) else SemiImplicit()
+
+
+def _hold(plan: Plan, flow: Flow) -> Hold | None:
+    """What every step is held to."""
+    limit = plan.limit(flow.start())
+    if plan.preserve is None or not isinstance(plan.data, Mesh):
+        return limit
+    fixed = np.zeros(len(plan.data.points), bool) if plan.data.fixed is None else plan.data.fixed
+    free = free_of(plan.data.faces, fixed, plan.mobility, rim=plan.lift.boundary == "fixed")
+    kept = Kept(plan.preserve, plan.data.faces, flow.start(), free)
+    return kept if limit is None else Both(kept, limit)
+
+
+def _moment(state: State, plan: Plan) -> Moment:
+    """A state in numbers."""
+    flow = state.flow
+    change, largest = (0.0, 0.0)
+    if state.step > 0 and flow is not None:
+        change, largest = flow.size((1.0, state.u), (-1.0, flow.start()))
+    return Moment(
+        state.time, state.dt, state.area, float(change / np.sqrt(plan.there) / plan.unit), largest / plan.unit
+    )
