@@ -6,7 +6,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-import shapes
+from helpers import shapes
 
 import meshflow
 from meshflow.estimate.parameters import expected_error
