@@ -284,6 +284,7 @@ def build(compiler: Compiler | None, level: str, to: Path, objects: Path, saniti
             "the kernels of meshflow need a C++20 compiler, and none was found: CXX is not set, no g++, clang++, c++ or cl "
             "on the path compiles for this machine, and the package ziglang is not installed. Do: pip install ziglang"
         )
+    to, objects = to.resolve(), objects.resolve()
     extra, todo, parts = flags(sanitized), [], []
     objects.mkdir(parents=True, exist_ok=True)
     for source in sources():

@@ -84,6 +84,7 @@ class _Integer(Parameter):
     types, letter = (ctypes.c_int64,), "vq"
 
     def check(self, value: Any, call: Call) -> None:
+        """An integer of 64 bits."""
         try:
             number = operator.index(value)
         except TypeError as cause:
@@ -97,6 +98,7 @@ class _Size(_Integer):
     is_size = True
 
     def check(self, value: Any, call: Call) -> None:
+        """The same, which arrays are compared with."""
         super().check(value, call)
         if call.passed[self.name][0] < 0:
             raise ValueError(f"{call.kernel}: {self.name}: a size of 0 or more expected, got {value}")
@@ -107,6 +109,7 @@ class _Real(Parameter):
     types, letter = (ctypes.c_double,), "vd"
 
     def check(self, value: Any, call: Call) -> None:
+        """A number, as float64."""
         try:
             call.passed[self.name] = (float(value),)
         except (TypeError, ValueError) as cause:
@@ -117,6 +120,7 @@ class _Threads(Parameter):
     types, letter = (ctypes.c_int32,), "vi"
 
     def check(self, value: Any, call: Call) -> None:
+        """How many threads; None: as many as the process may use."""
         if value is None:
             call.passed[self.name] = (min(default_threads(), THREADS),)
             return
@@ -135,6 +139,7 @@ class _Stop(Parameter):
     types, letter = (ctypes.c_void_p,), "ri"
 
     def check(self, value: Any, call: Call) -> None:
+        """The address of its flag, or none."""
         if value is not None and not isinstance(value, Stop):
             raise TypeError(f"{call.kernel}: {self.name}: a Stop or None expected, got {value!r}")
         call.passed[self.name] = (value.address if value is not None else None,)
@@ -147,11 +152,13 @@ class _Struct(Parameter):
         self.kind = kind
 
     def check(self, value: Any, call: Call) -> None:
+        """The address of the options."""
         if not isinstance(value, self.kind):
             raise TypeError(f"{call.kernel}: {self.name}: {self.kind.__name__} expected, got {type(value).__name__}")
         call.passed[self.name] = (ctypes.addressof(value),)
 
     def check_layout(self, lib: ctypes.CDLL) -> None:
+        """Compare the members of the options."""
         compare_layout(self.kind, lib)
 
 
