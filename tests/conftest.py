@@ -1,4 +1,4 @@
-"""Tests import their neighbours (naive, shapes) by name, from wherever pytest was started.
+"""Tests import `naive`, `helpers` and `peers` by name, from wherever pytest was started.
 
 Compiled code is kept apart for each state of the sources: numba looks at the file of a loop, not at the formulas it calls.
 """
@@ -17,9 +17,8 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 if "NUMBA_CACHE_DIR" not in os.environ:
-    rooms = (
-        Path(__file__).parents[1] / "meshflow" / room for room in ("geometry", "grid")
-    )  # what is compiled is there
+    # What is compiled is in these rooms.
+    rooms = (Path(__file__).parents[1] / "meshflow" / room for room in ("geometry", "flow"))
     sources = sorted(path for room in rooms for path in room.rglob("*.py"))
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
     os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / f"meshflow-numba-{digest}")

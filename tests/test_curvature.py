@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import sphere, square, tube
-from test_facets import along_normals
+from helpers.shapes import along_normals, sphere, square, tube
 
 from meshflow.errors import InputError
 from meshflow.evaluate.mesh_quality import mesh_quality

@@ -3,7 +3,7 @@
 import naive
 import numpy as np
 import pytest
-import shapes
+from helpers import shapes
 
 from meshflow.flow.controls import Fixed, Until
 from meshflow.flow.engines.mesh import MeshFlow

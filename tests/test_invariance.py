@@ -1,7 +1,7 @@
 """Turning, shifting, scaling, relabelling and permuting change nothing else."""
 
 import numpy as np
-import shapes
+from helpers import shapes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from meshfiles import again, cube_obj, ply, whole
+from helpers.mesh_files import again, cube_obj, ply, whole
 from trimesh.exchange.stl import export_stl_ascii
 
 from meshflow.errors import FormatError

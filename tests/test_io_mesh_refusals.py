@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyvista
 import trimesh
-from meshfiles import ply
+from helpers.mesh_files import ply
 from PIL import Image as Picture
 
 from meshflow.errors import FormatError, InputError

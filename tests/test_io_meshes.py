@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyvista
 import trimesh
-from meshfiles import again, cube_obj, moved, whole
+from helpers.mesh_files import again, cube_obj, moved, whole
 
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
-from rasterfiles import UP, UTM, heights, make, same, turned_by
+from helpers.raster_files import UP, UTM, heights, make, same, turned_by
 from rasterio.enums import ColorInterp
 
 from meshflow.errors import FormatError, InputError

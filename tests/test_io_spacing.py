@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from rasterfiles import UTM, heights, make, same, turned_by
+from helpers.raster_files import UTM, heights, make, same, turned_by
 from rasterio.control import GroundControlPoint
 from rasterio.crs import CRS
 from rasterio.transform import Affine, from_origin

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 import scipy.sparse as sparse
-import shapes
+from helpers import shapes
 
 from meshflow.errors import InputError, NotConverged
 from meshflow.flow.controls import AreaChange, Fixed, Until

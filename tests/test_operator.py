@@ -5,8 +5,8 @@ from pathlib import Path
 import igl
 import numpy as np
 import pytest
-import shapes
 import trimesh
+from helpers import shapes
 
 from meshflow.errors import InputError
 from meshflow.geometry import operator

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import shapes
 import trimesh
+from helpers import shapes
 
 import meshflow
 from meshflow.errors import InputError

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_io_depths import CAMERA, SHARED, counts, make, stored
+from helpers.depth_files import CAMERA, SHARED, counts, make, stored
 from typer.testing import CliRunner
 
 from meshflow.cli.commands import app

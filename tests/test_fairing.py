@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import sphere, square
+from helpers.shapes import sphere, square
 
 from meshflow.errors import InputError
 from meshflow.flow.engines.mesh import MeshFlow

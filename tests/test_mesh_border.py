@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from meshflow.flow.methods.motion import Motion
+from helpers.shapes import sphere, square
 from scipy.linalg import expm
 from scipy.spatial import Delaunay
-from shapes import sphere, square
 
 from meshflow.errors import InputError
 from meshflow.flow.engines.mesh import MeshFlow

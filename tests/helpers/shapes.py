@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
+from meshflow.geometry import normals
+
 
 def outward(points, faces):
     """Faces turned so that normals point away from the centre."""
@@ -72,3 +74,9 @@ def soup(n=40, m=80, d=3, seed=0):
     faces = rng.integers(0, n, (3 * m, 3))
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)][:m]
     return rng.normal(size=(n, d)), faces
+
+
+def along_normals(points, faces, share, seed=0):
+    """The points with Gaussian noise along their normals, share mean edges strong."""
+    noise = share * normals.mean_edge(points, faces) * np.random.default_rng(seed).normal(size=(len(points), 1))
+    return points + noise * normals.normals_at(points, faces)

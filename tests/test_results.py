@@ -5,9 +5,8 @@ import sys
 
 import numpy as np
 import pytest
+from helpers.shapes import along_normals, sphere
 from PIL import Image as Picture
-from shapes import sphere
-from test_facets import along_normals
 
 import meshflow
 from meshflow.errors import FormatError

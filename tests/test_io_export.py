@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_cameras import ALL, CAMERAS, H, W
+from helpers.cameras import ALL, CAMERAS, H, W
 
 import meshflow
 from meshflow.errors import InputError

@@ -1,13 +1,11 @@
 """Depth images: metres in between, the numbers of the camera at both ends. meshflow.io.formats.depth_images, cameras."""
 
 import json
-import warnings
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
+from helpers.depth_files import CAMERA, SHARED, counts, make, stored
 
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
@@ -16,37 +14,10 @@ from meshflow.io.formats.cameras import camera_for
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import RangeImage
 
-SHARED = Path(__file__).parents[2] / "shared" / "data"
 ICL = SHARED / "range" / "icl_livingroom_pairs"
-CAMERA = Pinhole(525, 520, 3.5, 2.5)
 PLAIN = {"fx": 525, "fy": 520, "cx": 3.5, "cy": 2.5}
 ROWS = {"width": 8, "height": 6, "intrinsic_matrix": [[525, 0, 3.5], [0, 520, 2.5], [0, 0, 1]]}
 OPEN3D = {"width": 8, "height": 6, "intrinsic_matrix": [525, 0, 0, 0, 520, 0, 3.5, 2.5, 1]}
-
-
-def counts():
-    raw = (1000 + np.arange(48).reshape(6, 8) * 7).astype("uint16")
-    raw[0, 0], raw[1, 1], raw[5, 7] = 0, 65535, 65534
-    return raw
-
-
-def make(path, raw, **profile):
-    with warnings.catch_warnings(), rasterio.Env(GDAL_PAM_ENABLED=False):
-        warnings.simplefilter("ignore")
-        raw = raw if raw.ndim == 3 else raw[None]
-        count, height, width = raw.shape
-        driver = {".png": "PNG", ".tif": "GTiff"}[path.suffix]
-        size = {"count": count, "height": height, "width": width, "dtype": raw.dtype}
-        with rasterio.open(path, "w", driver=driver, **size, **profile) as target:
-            target.write(raw)
-    return path
-
-
-def stored(path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with rasterio.open(path) as source:
-            return source.read(1), source.nodata
 
 
 def said(tmp_path, words):

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from shapes import sphere, square
-from test_facets import along_normals
+from helpers.shapes import along_normals, sphere, square
 
 from meshflow.errors import InputError
 from meshflow.evaluate.metrics import area, volume

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyvista
 import trimesh
-from test_several import BALL, FACES, FRAME, NOISY, ball, scene
+from helpers.scenes import BALL, FACES, FRAME, NOISY, ball, scene
 from typer.testing import CliRunner
 
 import meshflow.viewer.session

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-import shapes
 import trimesh
+from helpers import shapes
 from scipy.spatial import cKDTree
 
 from meshflow.errors import InputError

@@ -6,8 +6,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-import shapes
-from meshflow.flow.methods.motion import MotionName
+from helpers import shapes
 
 import meshflow
 from meshflow.estimate.parameters import expected_error

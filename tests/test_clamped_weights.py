@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import sphere
+from helpers.shapes import sphere
 
 from meshflow.errors import InputError
 from meshflow.flow.engines.mesh import MeshFlow

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import sphere, square
+from helpers.shapes import along_normals, sphere, square
 
 from meshflow.errors import InputError
 from meshflow.evaluate.metrics import normal_angle, volume
@@ -17,11 +17,6 @@ from meshflow.synthetic.shapes import cube
 
 MADE = cube(12)
 CUBE, SIDES = MADE.points, MADE.faces
-
-
-def along_normals(points, faces, share, seed=0):
-    noise = share * mean_edge(points, faces) * np.random.default_rng(seed).normal(size=(len(points), 1))
-    return points + noise * facets.normals_at(points, faces)
 
 
 def test_without_triangles_there_are_no_normals_and_no_edges():

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import pyvista
 import trimesh
-from meshfiles import ply
-from shapes import sphere
-from test_facets import along_normals
+from helpers.mesh_files import ply
+from helpers.shapes import along_normals, sphere
 
 import meshflow
 from meshflow.errors import InputError

@@ -3,7 +3,7 @@
 import igl
 import numpy as np
 import pytest
-from shapes import soup, sphere, square
+from helpers.shapes import soup, sphere, square
 
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import shapes
+from helpers import shapes
 
 import meshflow
 from meshflow.errors import InputError

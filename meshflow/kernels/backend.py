@@ -1,0 +1,131 @@
+"""What pip calls to build this package: setuptools, with the kernels compiled and the wheel named for any Python.
+
+It is setuptools' own backend but for this: ``ziglang`` is asked for where no C++ compiler is there, the library is compiled when
+the modules are copied, a wheel is tagged py3-none and by the system that the library runs on, and a source distribution holds
+the C++ files. An editable install compiles into the source tree, as the first use of a kernel would.
+"""
+
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from setuptools.build_meta import (
+    build_editable,
+    build_sdist,
+    build_wheel,
+    get_requires_for_build_sdist,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
+from setuptools.build_meta import get_requires_for_build_editable as _required_if_editable
+from setuptools.build_meta import get_requires_for_build_wheel as _required
+from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
+
+from meshflow.kernels import compiler, library
+
+__all__ = [
+    "BuildLibrary",
+    "NamedForAnyPython",
+    "WithSources",
+    "build_editable",
+    "build_sdist",
+    "build_wheel",
+    "get_requires_for_build_editable",
+    "get_requires_for_build_sdist",
+    "get_requires_for_build_wheel",
+    "prepare_metadata_for_build_editable",
+    "prepare_metadata_for_build_wheel",
+]
+
+PLACE = Path("meshflow", "kernels")
+
+
+def get_requires_for_build_wheel(config_settings: dict[str, Any] | None = None) -> list[str]:
+    """What is needed beside setuptools: the package that brings a compiler, where there is none."""
+    return [*_required(config_settings), *_compiler_needed()]
+
+
+def get_requires_for_build_editable(config_settings: dict[str, Any] | None = None) -> list[str]:
+    """What is needed beside setuptools, for an editable install."""
+    return [*_required_if_editable(config_settings), *_compiler_needed()]
+
+
+def _compiler_needed() -> list[str]:
+    return [] if compiler.found() else ["ziglang"]
+
+
+class BuildLibrary(build_py):
+    """Copies the modules, and compiles the kernels beside them."""
+
+    def run(self) -> None:
+        """Copy, and compile for every instruction set of the target."""
+        super().run()
+        target = compiler.Target.wanted()
+        if self.editable_mode:
+            library.loaded()
+            return
+        place = Path(self.build_lib, PLACE, "_lib")
+        shutil.rmtree(place, ignore_errors=True)  # of an earlier build, for another machine perhaps
+        place.mkdir(parents=True)
+        objects = Path(self.get_finalized_command("build").build_temp, "kernels")  # pyright: ignore[reportAttributeAccessIssue]
+        for level in target.instruction_sets:
+            compiler.build(compiler.found(), level, place / f"meshflow-{level}{target.suffix}", objects)
+
+    def get_outputs(self, include_bytecode: bool = True) -> list[str]:
+        """Every file that is installed."""
+        target = compiler.Target.wanted()
+        made = [
+            Path(self.build_lib, PLACE, "_lib", f"meshflow-{level}{target.suffix}") for level in target.instruction_sets
+        ]
+        return [*super().get_outputs(include_bytecode), *[str(path) for path in made if path.exists()]]
+
+
+class NamedForAnyPython(bdist_wheel):
+    """A wheel with a library in it that knows nothing of Python."""
+
+    def finalize_options(self) -> None:
+        """It is for one kind of machine: its files go where those of such packages go."""
+        self.distribution.has_ext_modules = _yes
+        super().finalize_options()
+        self.root_is_pure = False
+
+    def get_tag(self) -> tuple[str, str, str]:
+        """Any Python 3, no interface of Python, and the system that the library runs on."""
+        made = compiler.found()
+        platform = super().get_tag()[2]
+        if made and made.kind == "zig":
+            platform = made.target.tag
+        elif sys.platform == "linux":
+            platform = _tag_of_linux(self.bdist_dir or "", platform)
+        return "py3", "none", platform
+
+
+def _yes() -> bool:
+    return True
+
+
+def _tag_of_linux(place: str, otherwise: str) -> str:
+    """The tag for a library that this system's compiler has made: by the newest symbols of the C library that it asks for."""
+    needed = {
+        tuple(int(number) for number in version.split(b"."))
+        for path in Path(place).rglob("meshflow-*.so")
+        for version in re.findall(rb"\0GLIBC_(\d+\.\d+)", path.read_bytes())
+    }
+    target = compiler.Target.here()
+    if not needed or target.system != "linux":
+        return otherwise
+    major, minor = max((2, 17), *[version[:2] for version in needed])
+    return f"manylinux_{major}_{minor}_{target.machine}"
+
+
+class WithSources(sdist):
+    """A source distribution with the C++ files in it."""
+
+    def add_defaults(self) -> None:
+        """What setuptools finds, and the kernels."""
+        super().add_defaults()
+        self.filelist.extend([str(path) for ending in ("*.h", "*.cpp") for path in sorted(PLACE.glob(ending))])

@@ -1,0 +1,311 @@
+"""The C++ compiler that is there, and how it makes the library of kernels. Standard library only: it runs while building.
+
+Every ``*.cpp`` beside this file is compiled once for each instruction set, and linked without a C++ runtime into one library for
+each instruction set: a function that both had in common could otherwise be taken from the wrong one.
+"""
+
+import hashlib
+import importlib.util
+import os
+import platform
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+__all__ = ["BuildError", "Compiler", "Target", "build", "found", "sources"]
+
+HERE = Path(__file__).parent
+# Asked before it is known what the machine can do, or slow by nature: compiled for any machine of its kind.
+FOR_ANY = ("machine.cpp", "team.cpp")
+WARNINGS = ("-Wall", "-Wextra")
+FLAGS = (
+    "-std=c++20",
+    "-O3",
+    "-fvisibility=hidden",
+    "-fno-exceptions",
+    "-fno-rtti",
+    "-fno-threadsafe-statics",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-ffp-contract=off",  # products fused with sums would differ between tilings and instruction sets
+)
+SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-fno-omit-frame-pointer", "-g", "-O1")
+MSVC_FLAGS = ("/nologo", "/std:c++20", "/O2", "/fp:precise", "/GR-", "/GS-", "/W3", "/Zc:preprocessor", "/MD")
+# Systems by their name in a target: what zig calls them, the tag of their wheels, the end of a library's name.
+SYSTEMS = {
+    "linux": ("linux-gnu.2.17", "manylinux_2_17_{machine}.manylinux2014_{machine}", ".so"),
+    "musl": ("linux-musl", "musllinux_1_2_{machine}", ".so"),
+    "macos": ("macos.11.0", "macosx_11_0_{machine}", ".dylib"),
+    "windows": ("windows-gnu", "win_{machine}", ".dll"),
+}
+NAMES = {"AMD64": "x86_64", "x64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}
+TAGS = {("macos", "aarch64"): "arm64", ("windows", "x86_64"): "amd64", ("windows", "aarch64"): "arm64"}
+
+
+class BuildError(RuntimeError):
+    """The kernels could not be compiled: which compiler was tried, and what it said."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A machine that the library is for.
+
+    :ivar machine: "x86_64", "aarch64", ...
+    :ivar system: "linux", "musl", "macos" or "windows".
+    """
+
+    machine: str
+    system: str
+
+    @classmethod
+    def here(cls) -> "Target":
+        """This machine."""
+        name = platform.machine()
+        if sys.platform == "linux":
+            system = "linux" if platform.libc_ver()[0] == "glibc" else "musl"
+        else:
+            system = {"darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
+        return cls(NAMES.get(name, name), system)
+
+    @classmethod
+    def wanted(cls) -> "Target":
+        """What ``MESHFLOW_TARGET`` names, "aarch64-linux" for example; this machine without it.
+
+        :raises BuildError: for a system that is not known.
+        """
+        text = os.environ.get("MESHFLOW_TARGET", "")
+        if not text:
+            return cls.here()
+        machine, _, system = text.partition("-")
+        if system not in SYSTEMS:
+            known = ", ".join(f"{machine or 'x86_64'}-{name}" for name in SYSTEMS)
+            raise BuildError(f"MESHFLOW_TARGET={text!r}: a machine and a system expected, as in {known}")
+        return cls(machine, system)
+
+    @property
+    def instruction_sets(self) -> tuple[str, ...]:
+        """What the kernels are compiled for, the fastest first: levels of x86-64, or what every machine of the kind has."""
+        return ("v3", "v2") if self.machine == "x86_64" else ("baseline",)
+
+    @property
+    def suffix(self) -> str:
+        """The end of a library's name."""
+        return SYSTEMS[self.system][2] if self.system in SYSTEMS else ".so"
+
+    @property
+    def tag(self) -> str:
+        """The platform tag of a wheel whose library zig has made."""
+        return SYSTEMS[self.system][1].format(machine=TAGS.get((self.system, self.machine), self.machine))
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C++ compiler, and the words that it wants.
+
+    :ivar command: how it is called.
+    :ivar target: what it compiles for.
+    """
+
+    command: tuple[str, ...]
+    target: Target
+
+    @cached_property
+    def kind(self) -> str:
+        """ "gnu" (GCC, Clang), "zig" or "msvc"."""
+        names = [Path(word).name.lower().removesuffix(".exe") for word in self.command]
+        if "ziglang" in names or "zig" in names:
+            return "zig"
+        return "msvc" if names[-1] in ("cl", "clang-cl") else "gnu"
+
+    def compile(self, source: Path, to: Path, level: str, extra: Sequence[str] = ()) -> list[str]:
+        """The command that makes an object of a source, for an instruction set ("" for any machine of its kind).
+
+        :param extra: further flags.
+        """
+        digit = level[1:] if level.startswith("v") else "0"
+        any_machine = source.name in FOR_ANY
+        if self.kind == "msvc":
+            faster = [] if any_machine or digit != "3" else ["/arch:AVX2"]
+            return [
+                *self.command,
+                *MSVC_FLAGS,
+                *faster,
+                f"/DMESHFLOW_LEVEL={digit}",
+                *extra,
+                "/c",
+                str(source),
+                f"/Fo{to}",
+            ]
+        machine: list[str] = []
+        if self.kind == "zig":
+            # ReleaseFast's checks are zig's own; without this its C++ would trap where C++ leaves things open.
+            machine = ["-target", self._zig_target, "-fno-sanitize=undefined"]
+        if digit != "0" and not any_machine:
+            machine.append(
+                f"-march=x86{'_' if self.kind == 'zig' else '-'}64{'_' if self.kind == 'zig' else '-'}v{digit}"
+            )
+        if self.target.system != "windows":
+            machine.append("-fPIC")
+        flags = [*FLAGS, *WARNINGS, *machine, f"-DMESHFLOW_LEVEL={digit}", *extra]
+        return [*self.command, *flags, "-c", str(source), "-o", str(to)]
+
+    def link(self, objects: Sequence[Path], to: Path, extra: Sequence[str] = ()) -> list[str]:
+        """The command that makes a library of objects: by the C compiler, so that a C++ runtime is missed if it is needed."""
+        names = [str(o) for o in objects]
+        if self.kind == "msvc":
+            return [*self.command, "/nologo", "/LD", *names, f"/Fe{to}", *extra]
+        command = [_c_of(word) for word in self.command]
+        flags = ["-shared"]
+        if self.kind == "zig":
+            flags += ["-target", self._zig_target]
+        if self.target.system in ("linux", "musl"):
+            flags += ["-lm", "-lpthread", "-Wl,--as-needed"]
+            flags += [] if any("sanitize" in word for word in extra) else ["-Wl,-z,defs", "-s"]
+        elif self.target.system == "windows" and self.kind == "zig":
+            flags += ["-s"]
+        return [*command, *names, *flags, *extra, "-o", str(to)]
+
+    @property
+    def _zig_target(self) -> str:
+        system = SYSTEMS[self.target.system][0] if self.target.system in SYSTEMS else self.target.system
+        return f"{self.target.machine}-{system}"
+
+    def works(self) -> str:
+        """Empty where it makes a library of what the kernels are made of; else what it said."""
+        with tempfile.TemporaryDirectory() as place:
+            source = Path(place, "trial.cpp")
+            source.write_text(
+                '#include <atomic>\n#include <cmath>\n#include <cstdint>\nextern "C" double f(double x) '
+                "{ if constexpr (requires { x; }) return std::sqrt(x); }\n"
+            )
+            try:
+                level = self.target.instruction_sets[0]
+                _run(self.compile(source, Path(place, "trial.o"), level))
+                _run(self.link([Path(place, "trial.o")], Path(place, "trial" + self.target.suffix)))
+            except BuildError as failed:
+                return str(failed)
+        return ""
+
+
+def _c_of(word: str) -> str:
+    """The C compiler that belongs to a C++ compiler's name; any other word as it is."""
+    folder, name = os.path.split(word)
+    name = re.sub(r"\bc\+\+", "cc", re.sub(r"clang\+\+", "clang", re.sub(r"\bg\+\+", "gcc", name)))
+    return os.path.join(folder, name) if name else word
+
+
+def _run(command: Sequence[str], cwd: Path | None = None) -> None:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", cwd=cwd)
+    except OSError as cause:
+        raise BuildError(f"the C++ compiler could not be run: {shlex.join(command)}\n{cause}") from cause
+    if done.returncode:
+        raise BuildError(
+            f"the kernels could not be compiled (exit {done.returncode}): {shlex.join(command)}\n{done.stdout}{done.stderr}"
+        )
+
+
+def _zig() -> tuple[str, ...] | None:
+    return (sys.executable, "-m", "ziglang", "c++") if importlib.util.find_spec("ziglang") else None
+
+
+def found() -> Compiler | None:
+    """The compiler that shall be used: of ``CXX``; else one on the path that works; else zig's of the package ``ziglang``.
+
+    One that the environment names is not tried: where it fails, that is said, and no other one taken. For another machine
+    (``MESHFLOW_TARGET``) it is zig's.
+
+    :return: None where there is none: the package ``ziglang`` brings one.
+    """
+    target, zig = Target.wanted(), _zig()
+    named = shlex.split(os.environ.get("CXX", ""), posix=os.name != "nt")
+    if named:
+        return Compiler(tuple(named), target)
+    if target == Target.here():
+        names = ("cl", "clang++", "g++") if os.name == "nt" else ("g++", "clang++", "c++")
+        for name in names:
+            path = shutil.which(name)
+            if path and not (compiler := Compiler((path,), target)).works():
+                return compiler
+    return Compiler(zig, target) if zig else None
+
+
+def sources() -> list[Path]:
+    """The C++ files beside this one, by name; none in a package that was installed from a wheel."""
+    return sorted(HERE.glob("*.cpp"))
+
+
+def _texts(source: Path) -> dict[str, bytes]:
+    """A source and every header of ours that it includes, by name."""
+    texts, left = {}, [source]
+    while left:
+        path = left.pop()
+        if path.name not in texts and path.exists():
+            texts[path.name] = path.read_bytes()
+            left += [
+                HERE / name for name in re.findall(r'^\s*#\s*include\s+"([^"]+)"', texts[path.name].decode(), re.M)
+            ]
+    return texts
+
+
+def digest(source: Path, *words: object) -> str:
+    """What an object is made of, in 16 letters: the source, its headers, the flags, and these words."""
+    made = hashlib.sha256(repr((FLAGS, FOR_ANY, *words)).encode())
+    for name, text in sorted(_texts(source).items()):
+        made.update(name.encode() + text)
+    return made.hexdigest()[:16]
+
+
+def flags(sanitized: bool) -> tuple[str, ...]:
+    """Flags beyond the usual ones: of ``CXXFLAGS``, and of a library that checks its memory."""
+    return (*shlex.split(os.environ.get("CXXFLAGS", "")), *(SANITIZED if sanitized else ()))
+
+
+def build(compiler: Compiler | None, level: str, to: Path, objects: Path, sanitized: bool = False) -> None:
+    """Compile the kernels for one instruction set, as many files at once as there are processors.
+
+    :param compiler: see :func:`found`.
+    :param level: the instruction set, one of the target's.
+    :param to: the library.
+    :param objects: a folder of objects, which are made anew where a source of theirs has changed.
+    :param sanitized: with checks of addresses and of undefined behaviour.
+    :raises BuildError: without a compiler, or with what it said.
+    """
+    if compiler is None:
+        raise BuildError(
+            "the kernels of meshflow need a C++20 compiler, and none was found: CXX is not set, no g++, clang++, c++ or cl "
+            "on the path compiles for this machine, and the package ziglang is not installed. Do: pip install ziglang"
+        )
+    to, objects = to.resolve(), objects.resolve()
+    extra, todo, parts = flags(sanitized), [], []
+    objects.mkdir(parents=True, exist_ok=True)
+    for source in sources():
+        part = objects / f"{source.stem}-{digest(source, compiler, level, extra)}.o"
+        parts.append(part)
+        if part.exists():
+            os.utime(part)  # in use: see library.swept
+        else:
+            todo.append((source, part))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for made in [pool.submit(_compiled, compiler, source, part, level, extra) for source, part in todo]:
+            made.result()
+    with tempfile.TemporaryDirectory(dir=to.parent) as place:
+        linked = Path(place, to.name)
+        _run(compiler.link(parts, linked, SANITIZED if sanitized else ()), Path(place))
+        os.replace(linked, to)
+
+
+def _compiled(compiler: Compiler, source: Path, part: Path, level: str, extra: Sequence[str]) -> None:
+    with tempfile.TemporaryDirectory(dir=part.parent) as place:
+        made = Path(place, part.name)
+        _run(compiler.compile(source, made, level, extra))
+        os.replace(made, part)

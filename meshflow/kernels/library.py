@@ -1,0 +1,152 @@
+"""The library of kernels: the one for the instruction set of this machine, loaded once; how many threads it uses.
+
+In a source tree it is compiled when it is first loaded, and again when a source has changed, into ``_lib`` beside the sources.
+An installed package holds it and never compiles.
+"""
+
+import ctypes
+import hashlib
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from meshflow.kernels import compiler
+
+__all__ = ["Environment", "KernelsMissing", "default_threads", "environment", "library", "loaded"]
+
+PLACE = Path(__file__).parent / "_lib"
+KEPT = 86400.0  # seconds after which an object or a library of other sources is taken away, when another one is made
+
+
+class KernelsMissing(ImportError):
+    """The compiled loops are not there, or not for this machine: the message says what is missing."""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What the kernels run with.
+
+    :ivar instruction_set: "v3" or "v2" of x86-64; "baseline" elsewhere.
+    :ivar compiler: what compiled them.
+    :ivar threads: how many threads are used where the caller names none.
+    :ivar path: the library.
+    """
+
+    instruction_set: str
+    compiler: str
+    threads: int
+    path: Path
+
+
+def environment() -> Environment:
+    """The instruction set in use, the compiler that made the kernels, and the threads by default."""
+    lib, level, path = loaded()
+    lib.machine_compiler.restype = ctypes.c_char_p
+    return Environment(level, lib.machine_compiler().decode(), default_threads(), path)
+
+
+def default_threads() -> int:
+    """How many threads kernels use where the caller names none: ``MESHFLOW_NUM_THREADS``, or the processors of this process.
+
+    :raises ValueError: where the variable is no positive number.
+    """
+    text = os.environ.get("MESHFLOW_NUM_THREADS", "")
+    if text:
+        if not text.isdecimal() or int(text) < 1:
+            raise ValueError(f"MESHFLOW_NUM_THREADS={text!r}: a number of threads expected, 1 or more")
+        return int(text)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def library() -> ctypes.CDLL:
+    """The library for this machine."""
+    return loaded()[0]
+
+
+@cache
+def loaded() -> tuple[ctypes.CDLL, str, Path]:
+    """The library for this machine, its instruction set, and its file.
+
+    :raises KernelsMissing: where the machine has none of the instruction sets, or ``MESHFLOW_ISA`` names one that is not there.
+    :raises compiler.BuildError: in a source tree, where it cannot be compiled.
+    """
+    levels = compiler.Target.here().instruction_sets
+    forced = os.environ.get("MESHFLOW_ISA", "")
+    if forced and forced not in levels:
+        raise KernelsMissing(f"MESHFLOW_ISA={forced!r}: one of {', '.join(levels)} expected on this kind of machine")
+    lacking = []
+    for level in [forced] if forced else levels:
+        lib, path = opened(level)
+        if not (missing := lib.machine_missing().decode()):
+            return lib, level, path
+        lacking.append(f"{level} needs {missing}")
+    raise KernelsMissing(
+        f"this machine cannot run the kernels of meshflow, it lacks what they need: {'; '.join(lacking)}"
+    )
+
+
+@cache
+def opened(level: str) -> tuple[ctypes.CDLL, Path]:
+    """The library for one instruction set, and its file: nothing of it but ``machine_missing`` may be called yet.
+
+    :raises KernelsMissing: where it is not there, or the system does not load it.
+    """
+    path = _built(level) if compiler.sources() else PLACE / f"meshflow-{level}{compiler.Target.here().suffix}"
+    try:
+        lib = ctypes.CDLL(str(path))
+    except OSError as cause:
+        raise KernelsMissing(f"the kernels of meshflow cannot be loaded ({cause}): install the package anew") from cause
+    lib.machine_missing.restype = ctypes.c_char_p
+    return lib, path
+
+
+def _built(level: str) -> Path:
+    """The library of a source tree for one instruction set, compiled where it is not there or a source has changed."""
+    sanitized = os.environ.get("MESHFLOW_SANITIZE", "") == "1"
+    words = (level, os.environ.get("CXX", ""), compiler.flags(sanitized))
+    made = hashlib.sha256("".join(compiler.digest(source, *words) for source in compiler.sources()).encode())
+    path = PLACE / f"meshflow-{level}-{made.hexdigest()[:16]}{compiler.Target.here().suffix}"
+    if not path.exists():
+        PLACE.mkdir(exist_ok=True)
+        with _alone(PLACE / "lock"):
+            if not path.exists():
+                compiler.build(compiler.found(), level, path, PLACE / "objects", sanitized)
+                swept()
+    return path
+
+
+def swept() -> None:
+    """Take away what was compiled of other sources, more than a day ago; a file that is in use elsewhere stays."""
+    for path in [*PLACE.glob("meshflow-*"), *PLACE.glob("objects/*")]:
+        try:
+            if path.is_file() and path.stat().st_mtime < time.time() - KEPT:
+                path.unlink()
+        except OSError:
+            continue
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """One process at a time; a lock is gone when its process is."""
+    with path.open("a+b") as file:
+        if os.name == "nt":
+            import msvcrt
+
+            file.seek(0)
+            while True:
+                try:
+                    msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+                    break
+                except OSError:  # it gives up after ten seconds
+                    continue
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield

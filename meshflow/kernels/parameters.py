@@ -1,0 +1,197 @@
+"""What the parameters of a kernel may be: arrays that are read or written, sizes, numbers, options, threads, a way to stop."""
+
+import ctypes
+import operator
+from typing import Any, ClassVar
+
+from meshflow.kernels.arguments import Array, ArrayParameter, Call, Parameter
+from meshflow.kernels.library import default_threads
+
+__all__ = [
+    "Array",
+    "Call",
+    "Parameter",
+    "Stop",
+    "Struct",
+    "integer",
+    "read",
+    "real",
+    "size",
+    "stop",
+    "struct",
+    "threads",
+    "write",
+]
+
+THREADS = 1024
+LARGEST = 2**63
+
+
+class Stop:
+    """What a caller's other thread sets to stop a kernel: no part of its work begins after that."""
+
+    def __init__(self) -> None:
+        self._flag = ctypes.c_int32(0)
+
+    def set(self) -> None:
+        """Stop what was given this."""
+        self._flag.value = 1
+
+    def is_set(self) -> bool:
+        """Whether it shall stop."""
+        return self._flag.value != 0
+
+    @property
+    def address(self) -> int:
+        """Where the flag stands in memory."""
+        return ctypes.addressof(self._flag)
+
+
+class Struct(ctypes.Structure):
+    """Options of a kernel, as a struct of C++ of the same name, whose ``MESHFLOW_LAYOUT`` names the same members."""
+
+
+def read(
+    dtype: Any, *shape: str | int, optional: bool = False, strided: bool = False, below: str = ""
+) -> ArrayParameter:
+    """An array that is read, in C order; const A* in C++.
+
+    :param dtype: "T" for the kernel's number type, float32 or float64, one for all of its arrays; else a dtype.
+    :param shape: the length of each axis: a number, or a name that stands for one length in the whole call, or "n+1".
+    :param optional: None may come, a null pointer.
+    :param strided: rows may stand apart: each is contiguous. The steps along all axes but the last are handed over after the
+        pointer, as i64, in samples.
+    :param below: for int32 and int64: all numbers must be indices, 0 or more and below this size (one pass over the array).
+    """
+    return ArrayParameter(dtype, shape, written=False, optional=optional, strided=strided, over="", below=below)
+
+
+def write(
+    dtype: Any, *shape: str | int, optional: bool = False, strided: bool = False, over: str = ""
+) -> ArrayParameter:
+    """An array that is written, or read and written; A* in C++. It shares no memory with any other one.
+
+    :param dtype: as in :func:`read`.
+    :param shape: as in :func:`read`.
+    :param optional: as in :func:`read`.
+    :param strided: as in :func:`read`.
+    :param over: the name of an array that this may be the same as: it is then written over.
+    """
+    return ArrayParameter(dtype, shape, written=True, optional=optional, strided=strided, over=over, below="")
+
+
+class _Integer(Parameter):
+    types, letter = (ctypes.c_int64,), "vq"
+
+    def check(self, value: Any, call: Call) -> None:
+        """An integer of 64 bits."""
+        try:
+            number = operator.index(value)
+        except TypeError as cause:
+            raise TypeError(f"{call.kernel}: {self.name}: an integer expected, got {value!r}") from cause
+        if not -LARGEST <= number < LARGEST:
+            raise ValueError(f"{call.kernel}: {self.name}: an integer of 64 bits expected, got {number}")
+        call.passed[self.name] = (number,)
+
+
+class _Size(_Integer):
+    is_size = True
+
+    def check(self, value: Any, call: Call) -> None:
+        """The same, which arrays are compared with."""
+        super().check(value, call)
+        if call.passed[self.name][0] < 0:
+            raise ValueError(f"{call.kernel}: {self.name}: a size of 0 or more expected, got {value}")
+        call.sizes[self.name] = call.passed[self.name][0]
+
+
+class _Real(Parameter):
+    types, letter = (ctypes.c_double,), "vd"
+
+    def check(self, value: Any, call: Call) -> None:
+        """A number, as float64."""
+        try:
+            call.passed[self.name] = (float(value),)
+        except (TypeError, ValueError) as cause:
+            raise TypeError(f"{call.kernel}: {self.name}: a number expected, got {value!r}") from cause
+
+
+class _Threads(Parameter):
+    types, letter = (ctypes.c_int32,), "vi"
+
+    def check(self, value: Any, call: Call) -> None:
+        """How many threads; None: as many as the process may use."""
+        if value is None:
+            call.passed[self.name] = (min(default_threads(), THREADS),)
+            return
+        try:
+            number = operator.index(value)
+        except TypeError as cause:
+            raise TypeError(
+                f"{call.kernel}: {self.name}: a number of threads expected, or None, got {value!r}"
+            ) from cause
+        if not 1 <= number <= THREADS:
+            raise ValueError(f"{call.kernel}: {self.name}: 1 to {THREADS} threads expected, got {number}")
+        call.passed[self.name] = (number,)
+
+
+class _Stop(Parameter):
+    types, letter = (ctypes.c_void_p,), "ri"
+
+    def check(self, value: Any, call: Call) -> None:
+        """The address of its flag, or none."""
+        if value is not None and not isinstance(value, Stop):
+            raise TypeError(f"{call.kernel}: {self.name}: a Stop or None expected, got {value!r}")
+        call.passed[self.name] = (value.address if value is not None else None,)
+
+
+class _Struct(Parameter):
+    types, letter = (ctypes.c_void_p,), "rx"
+
+    def __init__(self, kind: type[Struct]) -> None:
+        self.kind = kind
+
+    def check(self, value: Any, call: Call) -> None:
+        """The address of the options."""
+        if not isinstance(value, self.kind):
+            raise TypeError(f"{call.kernel}: {self.name}: {self.kind.__name__} expected, got {type(value).__name__}")
+        call.passed[self.name] = (ctypes.addressof(value),)
+
+    def check_layout(self, lib: ctypes.CDLL) -> None:
+        """Compare the members of the options."""
+        compare_layout(self.kind, lib)
+
+
+class _Layout(ctypes.Structure):
+    _fields_: ClassVar = [("members", ctypes.c_char_p), ("at", ctypes.POINTER(ctypes.c_int64))]
+
+
+def compare_layout(kind: type[Struct], lib: ctypes.CDLL) -> None:
+    """Whether a struct has the same members at the same places in Python and in the library.
+
+    :raises TypeError: where it has not, with both.
+    """
+    ask = getattr(lib, f"layout_{kind.__name__}")
+    ask.restype = _Layout
+    found: _Layout = ask()
+    members = found.members.decode().split(", ")
+    compiled = [found.at[i] for i in range(2 * len(members) + 1)]
+    fields = [getattr(kind, name) for name, *_ in kind._fields_]
+    declared = [ctypes.sizeof(kind), *[number for field in fields for number in (field.offset, field.size)]]
+    if [name for name, *_ in kind._fields_] != members or declared != compiled:
+        raise TypeError(
+            f"{kind.__name__}: declared with {[name for name, *_ in kind._fields_]}, size, offsets and sizes {declared}; "
+            f"compiled with {members}, {compiled}"
+        )
+
+
+def struct(kind: type[Struct]) -> Parameter:
+    """Options in a struct, const S* in C++; its layout is compared with the compiled one."""
+    return _Struct(kind)
+
+
+integer: Parameter = _Integer()
+size: Parameter = _Size()
+real: Parameter = _Real()
+threads: Parameter = _Threads()
+stop: Parameter = _Stop()

@@ -1,0 +1,1 @@
+"""What several test files need: shapes, small files, cameras. No test file imports another."""
