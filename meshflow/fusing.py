@@ -1,6 +1,6 @@
 """Depth frames of a view that stays, as one weighted problem."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -9,18 +9,20 @@ import numpy as np
 from meshflow.errors import InputError, NothingThere
 from meshflow.estimate.frames import Averaged, averaged
 from meshflow.estimate.parameters import Parameter
+from meshflow.estimate.request import Request
+from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import Array
 from meshflow.io.objects import Adopted, adopt
 from meshflow.results.result import Result
-from meshflow.smoothing import Metadata, smooth
+from meshflow.smoothing import Metadata, smooth_object
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["fuse"]
+__all__ = ["fuse", "fuse_frames"]
 
 SPREAD = "spread of the frames"
 
 
-def fuse(frames: Iterable[Any], *, result: bool = False, **options: Any) -> Any:
+def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = None, **options: Any) -> Any:
     """Smooth the mean of depth frames of a view that stays, each pixel by how far it can be trusted.
 
     Data is the mean of each pixel over the frames that have it; its noise is the spread of those over the root of their number,
@@ -30,24 +32,33 @@ def fuse(frames: Iterable[Any], *, result: bool = False, **options: Any) -> Any:
         of open3d; the result is of the kind of the first. A generator is read one by one. A frame without a single depth, and
         None in its place, is left out, and the :class:`Result` says so.
     :param result: return a :class:`Result`.
+    :param progress: as of :func:`smooth`.
     :param options: of :func:`smooth`.
     :raises InputError: for fewer than two frames that have depths, other sizes, or things that are no depths.
     """
-    hints = {name: options.pop(name) for name in list(options) if name in Metadata.__annotations__}
-    seen = _Seen(frames, hints)
+    metadata = {name: options.pop(name) for name in list(options) if name in Metadata.__annotations__}
+    back, found = fuse_frames(frames, Request.of(**options), progress, metadata=metadata)
+    return found if result else back
+
+
+def fuse_frames(
+    frames: Iterable[Any], request: Request, progress: Progress = None, *, metadata: Mapping[str, Any] | None = None
+) -> tuple[Any, Result]:
+    """:func:`fuse` for a request that is made: the smoothed depths, and what was done."""
+    seen = _Seen(frames, dict(metadata or {}))
     one = averaged(seen)
     told, first = seen.first
     gone = one.count == 0
     sigma = np.where(gone, 1.0, np.maximum(one.sigma, np.finfo(np.float32).tiny))
     depth = np.where(gone, 0.0, one.mean).astype(first.depth.dtype)
     still = bool((one.sigma[~gone] == 0).all())
-    noun = replace(first, depth=depth, missing=gone, sigma=None if still else sigma)
-    found: Result = smooth(noun, result=True, **options)
+    mean = replace(first, depth=depth, missing=gone, sigma=None if still else sigma)
+    _, found = smooth_object(mean, request, progress)
+    if not isinstance(found, Result):
+        raise InputError("frames: depth images expected, each of one view")
     back = told.restore(replace(found.after, sigma=first.sigma))
-    if not result:
-        return back
-    spread = not still and options.get("noise") is None
-    return _told(replace(found, data=back, warnings=(*seen.warnings, *told.notes, *found.warnings)), one, spread)
+    spread = not still and request.noise is None
+    return back, _told(replace(found, data=back, warnings=(*seen.warnings, *told.notes, *found.warnings)), one, spread)
 
 
 @dataclass(eq=False)
@@ -58,7 +69,7 @@ class _Seen:
     """
 
     frames: Iterable[Any]
-    hints: dict[str, Any]
+    metadata: dict[str, Any]
     taken: tuple[Adopted, RangeImage] | None = None
     empty: list[int] = field(default_factory=list)
 
@@ -89,7 +100,7 @@ class _Seen:
         return self.taken
 
     def _depths(self, frame: Any) -> tuple[Adopted, RangeImage]:
-        taken = adopt(frame, **{**({} if isinstance(frame, RangeImage) else {"kind": "depth"}), **self.hints})
+        taken = adopt(frame, **{**({} if isinstance(frame, RangeImage) else {"kind": "depth"}), **self.metadata})
         if not isinstance(taken.noun, RangeImage):
             raise InputError(f"frames: depth images expected, got {type(frame).__name__}")
         return taken, taken.noun

@@ -1,28 +1,30 @@
-"""Words to one call: ``meshflow smooth | info | fuse | compare | show | film | compare-flows``."""
+"""The commands: ``meshflow smooth | info | fuse | methods | options | compare | show | film | view | compare-flows``."""
 
 import json as notation
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import typer
 
 from meshflow.cli import looking
-from meshflow.cli import options as words
+from meshflow.cli.asking import asked
 from meshflow.cli.console import err, out, said, table, tell_of_compiling
-from meshflow.cli.inputs import HELD, INPUTS, frame, opened, per_sample
-from meshflow.cli.inputs import limit as limit_of
+from meshflow.cli.environment import environment
+from meshflow.cli.flags import FLOW, Given, command, only
+from meshflow.cli.inputs import frame, opened, per_sample, plain_sample
 from meshflow.cli.looking import must_be_drawable, pictured
+from meshflow.cli.options import READING, flags
+from meshflow.cli.tables import methods_table, options_table
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.estimate.settings import Settings
 from meshflow.evaluate.facts import describe
-from meshflow.fusing import fuse as fused
+from meshflow.fusing import fuse_frames as fused
 from meshflow.io.files import Document, writable, write
 from meshflow.results.multipart import Results
-from meshflow.results.result import Result
-from meshflow.smoothing import noise, smooth_document
+from meshflow.results.result import Result, release
+from meshflow.smoothing import noise_facts, smooth_object
 from meshflow.view.report import report as drawn_report
 from meshflow.view.report import writable as reportable
 
@@ -38,192 +40,132 @@ app = typer.Typer(
 UsageError: Any = typer.BadParameter.__base__
 # What typer exits with on Ctrl-C, as shells do.
 INTERRUPTED = 130
+# What most need stands first in the help.
+TEN = ("method", "time", "scale", "strength", "noise")
+SAYING = ("picture", "report", "overwrite", "quiet", "verbose", "json")
 
 
-@app.command()
-def smooth(
-    source: words.In,
-    target: words.Out,
-    time: words.Time = None,
-    scale: words.Scale = None,
-    steps: words.Steps = None,
-    strength: words.Strength = 1.0,
-    method: words.MethodOption = None,
-    gamma: words.Gamma = None,
-    sharpness: words.Sharpness = None,
-    patch: words.Patch = None,
-    contrast: words.Contrast = None,
-    order: words.Order = None,
-    weights: words.WeightsOption = None,
-    evened: words.Evened = None,
-    along: words.AlongOption = "all",
-    triangles: words.TrianglesOption = "auto",
-    twice: words.Twice = None,
-    sigma: words.Sigma = None,
-    search: words.Search = None,
-    boundary: words.BoundaryOption = None,
-    diagonals: words.DiagonalsOption = "alternate",
-    indicator: words.IndicatorOption = "metric",
-    mass: words.MassOption = "barycentric",
-    stepper: words.StepperOption = "auto",
-    dt: words.Dt = None,
-    threads: words.Threads = None,
-    residual: words.Residual = None,
-    area_loss: words.AreaLoss = None,
-    displacement: words.Displacement = None,
-    limit: words.Limit = None,
-    confidence: words.Confidence = None,
-    only: words.Only = None,
-    speed: words.SpeedOption = None,
-    fixed: words.FixedMask = None,
-    keep: words.KeepOption = None,
-    islands: words.Islands = None,
-    space: words.SpaceOption = "length",
-    kind: words.KindOption = None,
-    camera: words.Camera = None,
-    depth_scale: words.DepthScale = None,
-    measure: words.MeasureOption = None,
-    band: words.Band = None,
-    nodata: words.Nodata = None,
-    spacing: words.Spacing = None,
-    channels: words.Channels = None,
-    moves: words.MovesOption = None,
-    pace: words.PaceOption = None,
-    viewpoint: words.Viewpoint = None,
-    picture: words.Picture = None,
-    report: words.Report = None,
-    dtype: words.Dtype = None,
-    overwrite: words.Overwrite = False,
-    quiet: words.Quiet = False,
-    verbose: words.Verbose = False,
-    json: words.Json = False,
+@app.callback(invoke_without_command=True)
+def about(
+    version: bool = typer.Option(False, "--version", help="The version, and nothing else."),
 ) -> None:
-    """Smooth IN and write the same kind of thing to OUT; what is not given is estimated from the data."""
-    _smoothed(**locals())
+    """Smooth meshes, elevation models, range images and images along their free directions, edges kept."""
+    if version:
+        out.print(release(), highlight=False)
+        raise typer.Exit
 
 
-def _smoothed(
-    source: Path,
-    target: Path,
-    picture: Path | None,
-    report: Path | None,
-    dtype: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    json: bool,
-    **given: Any,
-) -> None:
-    """The command ``smooth``, with its options by name."""
-    document = opened(source, **{name: given.pop(name) for name in INPUTS})
-    held = {word: per_sample(document, word, given.pop(word)) for word in HELD}
-    fixed = held.pop("fixed")
-    Settings(**given, **held)  # what makes no sense is refused before the target is looked at
-    _must_be_writable(document, target, picture, report, overwrite)
-    if fixed is not None:
-        document = document.holding(replace(document.noun, fixed=fixed))
-    shown = None if quiet else True
+@command(
+    app,
+    "smooth",
+    (
+        *flags("source", "target"),
+        *only(FLOW, *TEN),
+        *flags("kind", "camera", "picture", "report", "overwrite"),
+        *(flag for flag in FLOW if flag.name not in TEN),
+        *flags(*READING[2:], "moves", "pace", "dtype", *SAYING[3:]),
+    ),
+)
+def smooth(given: Given) -> None:
+    """Smooth IN and write the same kind of data to OUT; what is not given is estimated from the data."""
+    source, target = given["source"], given["target"]
+    quiet, overwrite = given["quiet"], given["overwrite"]
+    document = opened(source, {name: given[name] for name in (*READING, "moves", "pace")})
+    request = asked(given, partial(per_sample, document))
+    _must_be_writable(document, target, given["picture"], given["report"], overwrite)
     tell_of_compiling(quiet)
-    done, result = smooth_document(document, {**given, **held}, shown, record=json or report is not None)
-    tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
-    options = {**({"dtype": dtype} if dtype else {}), **_left(document, target, result)}
+    record = given["json"] or given["report"] is not None
+    done, result = smooth_object(document, request, None if quiet else True, record=record)
+    tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
+    options = {**({"dtype": given["dtype"]} if given["dtype"] else {}), **_left(document, target, result)}
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **options)
-    notes += _warned(document, result)
+    notes += tuple(word for word in _warned(document, result) if word not in notes)
     if not quiet:
-        said(f"{source} → {target}: {f'{chr(10)}{result}' if verbose else result.summary}", notes)
-    if picture is not None:
-        drawn = pictured(document, done, picture, f"{source.name}, {result.reason}", overwrite)
+        said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
+    title = f"{source.name}, {result.stopped_because}"
+    notes += _shown(given, result, pictured_as=(document, done, title), name=source.name)
+    if given["json"]:
+        told = {"in": str(source), "out": str(target), **result.to_dict(), "notes": list(notes)}
+        out.print_json(notation.dumps(told))
+
+
+def _shown(
+    given: Given, result: Result | Results, pictured_as: tuple[Document, Document, str], name: str
+) -> tuple[str, ...]:
+    """The picture and the report that are asked for; what is to be said of them."""
+    notes: tuple[str, ...] = ()
+    quiet, overwrite = given["quiet"], given["overwrite"]
+    if given["picture"] is not None:
+        before, after, title = pictured_as
+        drawn = pictured(before, after, given["picture"], title, overwrite)
         notes += drawn
         said("", () if quiet else drawn)
-    if report is not None:
-        notes += _reported(result, report, source.name, overwrite, quiet)
-    if json:
-        out.print_json(notation.dumps({"in": str(source), "out": str(target), **result.words(), "notes": list(notes)}))
+    if given["report"] is not None:
+        notes += _reported(result, given["report"], name, overwrite, quiet)
+    return notes
 
 
-@app.command()
-def info(
-    source: words.In,
-    kind: words.KindOption = None,
-    camera: words.Camera = None,
-    depth_scale: words.DepthScale = None,
-    measure: words.MeasureOption = None,
-    band: words.Band = None,
-    nodata: words.Nodata = None,
-    spacing: words.Spacing = None,
-    channels: words.Channels = None,
-    viewpoint: words.Viewpoint = None,
-    json: words.Json = False,
-) -> None:
+@command(app, "info", (*flags("source", source=None), *flags(*READING, "json", "environment")))
+def info(given: Given) -> None:
     """Say what IN is: size, spacing, missing samples, noise, area, quality of its triangles."""
-    document = opened(source, kind, camera, depth_scale, measure, band, nodata, spacing, channels, viewpoint=viewpoint)
-    facts = {"file": str(source), **describe(document.noun), **noise(document.noun)}
-    table(facts, json, document.notes)
+    if given["environment"]:
+        table(environment(), given["json"], ())
+        return
+    if given["source"] is None:
+        raise InputError("info: a file expected, or --environment")
+    document = opened(given["source"], {name: given[name] for name in READING})
+    facts = {"file": str(given["source"]), **describe(document.noun), **noise_facts(document.noun)}
+    table(facts, given["json"], document.notes)
 
 
-@app.command()
-def fuse(
-    sources: words.Frames,
-    target: words.Fused,
-    camera: words.Camera = None,
-    depth_scale: words.DepthScale = None,
-    measure: words.MeasureOption = None,
-    strength: words.Strength = 1.0,
-    time: words.Time = None,
-    gamma: words.Gamma = None,
-    search: words.Search = None,
-    space: words.SpaceOption = "length",
-    limit: words.Limit = None,
-    islands: words.Islands = None,
-    threads: words.Threads = None,
-    picture: words.Picture = None,
-    report: words.Report = None,
-    overwrite: words.Overwrite = False,
-    quiet: words.Quiet = False,
-    verbose: words.Verbose = False,
-    json: words.Json = False,
-) -> None:
-    """Smooth the mean of depth frames of a view that stays, each pixel by how far it can be trusted, and write it to OUT."""
-    _fused(**locals())
+@command(app, "methods", flags("json", "markdown"))
+def methods(given: Given) -> None:
+    """List the methods: what each moves, its options, and what it is."""
+    methods_table(given["json"], given["markdown"])
 
 
-def _fused(
-    sources: list[Path],
-    target: Path,
-    picture: Path | None,
-    report: Path | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    json: bool,
-    limit: str | None,
-    **given: Any,
-) -> None:
-    """The command ``fuse``, with its options by name."""
-    reading = {name: given.pop(name) for name in ("camera", "depth_scale", "measure")}
-    first = next((found for path in sources if (found := frame(path, **reading)) is not None), None)
+@command(app, "options", flags("json", "markdown"))
+def options(given: Given) -> None:
+    """List the options of a flow: type, unit, meaning, default, and what has them."""
+    options_table(given["json"], given["markdown"])
+
+
+FUSED = (
+    "strength", "time", "method", "gamma", "sharpness", "contrast", "noise", "search", "domain", "max_change",
+    "min_component", "threads",
+)  # fmt: skip
+
+
+@command(
+    app,
+    "fuse",
+    (*flags("frames_in", "fused", "camera", "depth_scale", "measure"), *only(FLOW, *FUSED), *flags(*SAYING)),
+)
+def fuse(given: Given) -> None:
+    """Smooth the mean of depth frames of a view that stays, each pixel by how far it can be trusted, and write it."""
+    sources, target, overwrite, quiet = given["frames_in"], given["fused"], given["overwrite"], given["quiet"]
+    reading = {name: given[name] for name in ("camera", "depth_scale", "measure")}
+    request = asked(given, plain_sample)
+    first = next((found for path in sources if (found := frame(path, reading)) is not None), None)
     if first is None:
         raise InputError(f"fuse: depths expected, got {len(sources)} frames without a single one")
-    _must_be_writable(first, target, picture, report, overwrite)
-    nouns = (None if seen is None else seen.noun for seen in (frame(path, **reading) for path in sources))
+    _must_be_writable(first, target, given["picture"], given["report"], overwrite)
+    images = (None if seen is None else seen.noun for seen in (frame(path, reading) for path in sources))
     tell_of_compiling(quiet)
-    result = fused(nouns, full=True, limit=limit_of(limit), **given)
-    before, done = first.holding(result.before), first.holding(result.thing)
-    tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
+    back, result = fused(images, request, None)
+    before, done = first.holding(result.before), first.holding(back)
+    tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
     written = write(done, target, overwrite=overwrite, tags=tags, **_left(first, target, result))
     notes = (*first.notes, *written, *result.warnings)
     many = f"{len(sources)} frames"
     if not quiet:
         seen = result.parameters["frames"]
-        said(f"{many} → {target}: {f'{chr(10)}{result}' if verbose else f'{result.summary}; {seen.why}'}", notes)
-    if picture is not None:
-        drawn = pictured(before, done, picture, f"{many}, {result.reason}", overwrite)
-        notes += drawn
-        said("", () if quiet else drawn)
-    if report is not None:
-        notes += _reported(result, report, many, overwrite, quiet)
-    if json:
-        told = {"in": [str(path) for path in sources], "out": str(target), **result.words(), "notes": list(notes)}
+        said(
+            f"{many} → {target}: {f'{chr(10)}{result}' if given['verbose'] else f'{result.summary}; {seen.why}'}", notes
+        )
+    notes += _shown(given, result, pictured_as=(before, done, f"{many}, {result.stopped_because}"), name=many)
+    if given["json"]:
+        told = {"in": [str(path) for path in sources], "out": str(target), **result.to_dict(), "notes": list(notes)}
         out.print_json(notation.dumps(told))
 
 
@@ -239,7 +181,7 @@ def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
     if isinstance(result, Mapping):
         each = ((name, _warned(document, one)) for name, one in result.items())
         return (*result.warnings, *(f"{name}: {word}" for name, words in each for word in words))
-    moves = document.kind == "mesh" and getattr(result.noun, "moves", "") == "points"
+    moves = document.kind == "mesh" and getattr(result.after, "moves", "") == "points"
     if not moves or result.end.area > 0.8 * result.start.area:  # the area of points and channels is of both
         return result.warnings
     lost = 1 - result.end.area / result.start.area
@@ -263,11 +205,7 @@ def _must_be_writable(
         reportable(report, overwrite)
 
 
-app.command()(looking.compare)
-app.command()(looking.show)
-app.command()(looking.film)
-app.command()(looking.view)
-app.command("compare-flows")(looking.compare_flows)
+looking.add_to(app)
 
 
 def main() -> None:

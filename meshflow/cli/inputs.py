@@ -5,49 +5,24 @@ from typing import Any
 
 import numpy as np
 
-from meshflow.cli import options as words
+from meshflow.cli.flags import Given
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
 from meshflow.surfaces.lift import Mesh, data_of
 
-__all__ = ["HELD", "INPUTS", "frame", "limit", "mask", "opened", "per_sample", "samples"]
+__all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "samples"]
 
 
-def opened(
-    path: Path,
-    kind: words.Kind | None,
-    camera: str | None,
-    depth_scale: float | None,
-    measure: words.Measure | None,
-    band: int | None,
-    nodata: float | None,
-    spacing: float | None,
-    channels: str | None,
-    moves: words.Moves | None = None,
-    pace: words.Pace | None = None,
-    viewpoint: tuple[float, float, float] | None = None,
-) -> Document:
+def opened(path: Path, given: Given) -> Document:
     """Read a file with the options that were given, and no others."""
-    given = {
-        "camera": camera,
-        "depth_scale": depth_scale,
-        "measure": measure,
-        "band": band,
-        "nodata": nodata,
-        "spacing": spacing,
-        "channels": channels,
-        "moves": moves,
-        "pace": pace,
-        "viewpoint": viewpoint,
-    }
-    return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})
+    return read(path, **{name: value for name, value in given.items() if value is not None})
 
 
-def frame(path: Path, camera: str | None, depth_scale: float | None, measure: words.Measure | None) -> Document | None:
+def frame(path: Path, given: Given) -> Document | None:
     """Read one of several depth images; None where not a single depth is there."""
     try:
-        return opened(path, "depth", camera, depth_scale, measure, None, None, None, None)
+        return opened(path, {"kind": "depth", **given})
     except NothingThere:
         return None
 
@@ -58,13 +33,6 @@ def samples(path: Path | None) -> Array | None:
         return None
     column = _column(path)
     return data_of(read(path).noun) if column is None else column
-
-
-def limit(word: str | None) -> float | Array | str | None:
-    """A number, the samples of a file, or ``step``."""
-    if word is None or word == "step":
-        return word
-    return float(word) if _is_number(word) else samples(Path(word))
 
 
 def mask(path: Path | None) -> Array | None:
@@ -95,20 +63,27 @@ def _column(path: Path) -> Array | None:
     return values if values.ndim == 1 and values.dtype.kind in "biuf" else None
 
 
-def per_sample(document: Document, word: str, given: str | None) -> Any:
+def per_sample(document: Document, word: str, given: str) -> Any:
     """What an option says of each sample: of a file of numbers, or of an attribute of the mesh by its name.
 
     :raises InputError: for what is neither.
     """
-    if given is None or (word in NUMBERS and _is_number(given)) or (word == "limit" and given == "step"):
-        return limit(given)
-    if Path(given).is_file():
-        numbers = (mask if word in ("only", "fixed") else samples)(Path(given))
-        return document.samples(numbers, word)
+    if (word in NUMBERS and _is_number(given)) or (word == "max_change" and given == "step") or Path(given).is_file():
+        return plain_sample(word, given)
     try:
-        return document.samples(given, word)
+        document.samples(given, word)
     except InputError as cause:
         raise InputError(f"{cause}; nor is there a file {given}") from cause
+    return given
+
+
+def plain_sample(word: str, given: str) -> Any:
+    """What an option says of each sample, of data without names: a number, ``step``, or the numbers of a file."""
+    if word == "max_change" and given == "step":
+        return given
+    if word in NUMBERS and _is_number(given):
+        return float(given)
+    return (mask if word in ("mask", "fixed") else samples)(Path(given))
 
 
 def _is_number(word: str) -> bool:
@@ -119,19 +94,5 @@ def _is_number(word: str) -> bool:
     return True
 
 
-INPUTS = (
-    "kind",
-    "camera",
-    "depth_scale",
-    "measure",
-    "band",
-    "nodata",
-    "spacing",
-    "channels",
-    "moves",
-    "pace",
-    "viewpoint",
-)
 # Words of which one number is said of all samples.
-NUMBERS = ("limit", "confidence", "speed")
-HELD = ("limit", "confidence", "only", "speed", "fixed")
+NUMBERS = ("max_change", "data_weights", "mobility")

@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 from rich.text import Text
 
-from meshflow.cli import options as words
+from meshflow.cli.asking import asked, words_of
 from meshflow.cli.console import out, said, table, tell_of_compiling
-from meshflow.cli.inputs import INPUTS, opened, per_sample
+from meshflow.cli.flags import FLOW, Given, command, only
+from meshflow.cli.inputs import opened, per_sample, plain_sample
+from meshflow.cli.options import COMPARED, DRAWING, READING, flags
 from meshflow.errors import InputError
 from meshflow.evaluate.flows import compare_flows as compared
 from meshflow.evaluate.metrics import compare as measured
@@ -29,66 +32,27 @@ from meshflow.viewer.filming import film as filmed
 from meshflow.viewer.session import Saving
 from meshflow.viewer.session import view as viewed
 
-__all__ = ["compare", "compare_flows", "film", "must_be_drawable", "pictured", "show", "view"]
+__all__ = ["add_to", "compare", "compare_flows", "film", "must_be_drawable", "pictured", "show", "view"]
+
+COMPARING = "Colour stands for: what was removed; or before and after for their curvature, edges, ..."
+FILMING = "Colour stands for: what was removed so far, curvature, edges, ... Default: nothing."
 
 
-# How a film's flow may be told.
-FLOW = ("time", "scale", "steps", "strength", "method", "gamma", "sharpness", "patch", "contrast", "search", "keep")
-# What a file is, as every command that reads one may be told.
-READ = tuple(name for name in INPUTS if name not in ("moves", "pace"))
+# How the flow of a film may be told.
+FILMED = (
+    "time", "scale", "strength", "noise", "method", "gamma", "sharpness", "patch", "contrast", "order", "weights", "search",
+    "preserve",
+)  # fmt: skip
 
 
-def compare(
-    one: words.In,
-    other: words.Other,
-    kind: words.KindOption = None,
-    camera: words.Camera = None,
-    depth_scale: words.DepthScale = None,
-    measure: words.MeasureOption = None,
-    band: words.Band = None,
-    nodata: words.Nodata = None,
-    spacing: words.Spacing = None,
-    channels: words.Channels = None,
-    viewpoint: words.Viewpoint = None,
-    picture: words.Picture = None,
-    window: words.Window = False,
-    quantity: words.ComparedOption = "removed",
-    arrange: words.Arrange = "beside",
-    at: words.At = 0.5,
-    contrast: words.SeenContrast = 1.0,
-    azimuth: words.Azimuth = 315.0,
-    altitude: words.Altitude = 30.0,
-    exaggeration: words.Exaggeration = None,
-    up: words.Up = None,
-    seen: words.Seen = None,
-    colours: words.Colours = None,
-    own_colours: words.OwnColours = False,
-    size: words.Size = (1600, 1200),
-    title: words.Title = None,
-    overwrite: words.Overwrite = False,
-    json: words.Json = False,
-) -> None:
+def compare(given: Given) -> None:
     """Compare IN with OTHER: differences, normals, area, volume; and draw them, as a picture or in a window."""
-    _compared(**locals())
-
-
-def _compared(
-    one: Path,
-    other: Path,
-    picture: Path | None,
-    window: bool,
-    title: str | None,
-    overwrite: bool,
-    json: bool,
-    **given: Any,
-) -> None:
-    """The command ``compare``, with its options by name."""
+    one, other, picture, overwrite = given["source"], given["other"], given["picture"], given["overwrite"]
     if picture is not None:
         must_be_free(picture, overwrite)
-    reading = {name: given.pop(name) for name in READ}
-    first, second = (opened(path, **reading) for path in (one, other))
+    first, second = (opened(path, _some(given, READING)) for path in (one, other))
     if first.kind != second.kind and {first.kind, second.kind} <= {"image", "terrain"}:
-        what = f"compare: two things of one kind expected, got {first.kind} and {second.kind}"
+        what = f"compare: data of one kind expected, got {first.kind} and {second.kind}"
         raise InputError(f"{what}; give --camera if they are depth images, or --kind")
     facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
     notes = first.notes + second.notes
@@ -96,12 +60,16 @@ def _compared(
     if ridden is not None:
         facts[f"rms difference of {ridden.name}"] = ridden.rms
         notes += (ridden.told,)
-    for path in (*((picture,) if picture is not None else ()), *((None,) if window else ())):
-        told = draw_pair(
-            first, second, path, title=_titled(title, f"{one.name} and {other.name}"), overwrite=overwrite, **given
-        ).notes
+    look = {**_some(given, DRAWING), "title": _titled(given["title"], f"{one.name} and {other.name}")}
+    how = {**_some(given, ("quantity", "arrange", "at")), "contrast": given["seen_contrast"]}
+    for path in (*((picture,) if picture is not None else ()), *((None,) if given["window"] else ())):
+        told = draw_pair(first, second, path, overwrite=overwrite, **how, **look).notes
         notes += (*(note for note in told if note not in notes), *(() if path is None else (f"picture: {path}",)))
-    table(facts, json, notes)
+    table(facts, given["json"], notes)
+
+
+def _some(given: Given, names: tuple[str, ...]) -> Given:
+    return {name: given[name] for name in names}
 
 
 def _ridden(first: Document, second: Document) -> Riding | None:
@@ -110,201 +78,63 @@ def _ridden(first: Document, second: Document) -> Riding | None:
     return riding(first, second, one, other) if isinstance(one, Mesh) and isinstance(other, Mesh) else None
 
 
-def show(
-    source: words.In,
-    picture: words.Shown = None,
-    kind: words.KindOption = None,
-    camera: words.Camera = None,
-    depth_scale: words.DepthScale = None,
-    measure: words.MeasureOption = None,
-    band: words.Band = None,
-    nodata: words.Nodata = None,
-    spacing: words.Spacing = None,
-    channels: words.Channels = None,
-    viewpoint: words.Viewpoint = None,
-    fixed: words.FixedMask = None,
-    quantity: words.QuantityOption = None,
-    contrast: words.SeenContrast = 1.0,
-    azimuth: words.Azimuth = 315.0,
-    altitude: words.Altitude = 30.0,
-    exaggeration: words.Exaggeration = None,
-    up: words.Up = None,
-    seen: words.Seen = None,
-    colours: words.Colours = None,
-    own_colours: words.OwnColours = False,
-    size: words.Size = (1600, 1200),
-    title: words.Title = None,
-    overwrite: words.Overwrite = False,
-    quiet: words.Quiet = False,
-) -> None:
+def show(given: Given) -> None:
     """Show IN, plain or in the colours of its curvature, edges, triangles or samples, as a picture or in a window."""
-    _shown(**locals())
-
-
-def _shown(
-    source: Path,
-    picture: Path | None,
-    fixed: str | None,
-    title: str | None,
-    overwrite: bool,
-    quiet: bool,
-    **given: Any,
-) -> None:
-    """The command ``show``, with its options by name."""
+    source, picture, overwrite = given["source"], given["shown"], given["overwrite"]
     must_be_drawable(picture, overwrite)
-    document = opened(source, **{name: given.pop(name) for name in READ})
-    if fixed is not None:
-        document = document.holding(replace(document.noun, fixed=per_sample(document, "fixed", fixed)))
-    told = draw_one(document, picture, title=_titled(title, source.name), overwrite=overwrite, **given)
+    document = opened(source, _some(given, READING))
+    if given["fixed"] is not None:
+        fixed = document.samples(per_sample(document, "fixed", given["fixed"]), "fixed")
+        document = document.holding(replace(document.noun, fixed=fixed))
+    look = {**_some(given, DRAWING), "title": _titled(given["title"], source.name)}
+    how = {"quantity": given["quantity"], "contrast": given["seen_contrast"]}
+    told = draw_one(document, picture, overwrite=overwrite, **how, **look)
     notes = (*told.notes, *(() if picture is None else (f"picture: {picture}",)))
-    said("", () if quiet else notes)
+    said("", () if given["quiet"] else notes)
 
 
-def film(
-    source: words.In,
-    target: words.Film,
-    time: words.Time = None,
-    scale: words.Scale = None,
-    steps: words.Steps = None,
-    strength: words.Strength = 1.0,
-    method: words.MethodOption = None,
-    gamma: words.Gamma = None,
-    sharpness: words.Sharpness = None,
-    patch: words.Patch = None,
-    contrast: words.Contrast = None,
-    search: words.Search = None,
-    keep: words.KeepOption = None,
-    kind: words.KindOption = None,
-    camera: words.Camera = None,
-    depth_scale: words.DepthScale = None,
-    measure: words.MeasureOption = None,
-    band: words.Band = None,
-    nodata: words.Nodata = None,
-    spacing: words.Spacing = None,
-    channels: words.Channels = None,
-    viewpoint: words.Viewpoint = None,
-    frames: words.States = 48,
-    rate: words.Rate = 12.0,
-    turn: words.Turn = 0.0,
-    quantity: words.FilmedOption = None,
-    azimuth: words.Azimuth = 315.0,
-    altitude: words.Altitude = 30.0,
-    exaggeration: words.Exaggeration = None,
-    up: words.Up = None,
-    seen: words.Seen = None,
-    colours: words.Colours = None,
-    own_colours: words.OwnColours = False,
-    size: words.Size = (960, 720),
-    title: words.Title = None,
-    overwrite: words.Overwrite = False,
-    quiet: words.Quiet = False,
-) -> None:
+def film(given: Given) -> None:
     """Film IN while it is smoothed, to FILM: .mp4 or .gif; what is not given is estimated, as in smooth."""
-    _filmed(**locals())
-
-
-def _filmed(
-    source: Path, target: Path, frames: int, title: str | None, overwrite: bool, quiet: bool, **given: Any
-) -> None:
-    """The command ``film``, with its options by name."""
+    source, target, overwrite, quiet = given["source"], given["filmed"], given["overwrite"], given["quiet"]
     filmable(target, overwrite)
-    document = opened(source, **{name: given.pop(name) for name in READ})
-    settings = {name: given.pop(name) for name in FLOW}
+    document = opened(source, _some(given, READING))
+    request = asked(given, plain_sample)
     tell_of_compiling(quiet)
+    look = {**_some(given, DRAWING), "title": _titled(given["title"], source.name)}
+    how = {**_some(given, ("rate", "turn", "quantity")), "count": given["frames"]}
     told = filmed(
-        document,
-        target,
-        count=frames,
-        overwrite=overwrite,
-        settings=settings,
-        progress=None if quiet else True,
-        title=_titled(title, source.name),
-        **given,
+        document, target, request=request, overwrite=overwrite, progress=None if quiet else True, **how, **look
     )
     said("", () if quiet else (*told.notes, f"film: {target}"))
 
 
-def view(
-    source: words.In,
-    target: words.SavedAs = None,
-    web: words.Web = False,
-    host: words.Host = "127.0.0.1",
-    port: words.Port = 0,
-    browser: words.Browser = True,
-    export: words.Export = None,
-    time: words.Time = None,
-    scale: words.Scale = None,
-    strength: words.Strength = 1.0,
-    method: words.MethodOption = None,
-    gamma: words.Gamma = None,
-    sharpness: words.Sharpness = None,
-    patch: words.Patch = None,
-    contrast: words.Contrast = None,
-    search: words.Search = None,
-    keep: words.KeepOption = None,
-    kind: words.KindOption = None,
-    camera: words.Camera = None,
-    depth_scale: words.DepthScale = None,
-    measure: words.MeasureOption = None,
-    band: words.Band = None,
-    nodata: words.Nodata = None,
-    spacing: words.Spacing = None,
-    channels: words.Channels = None,
-    viewpoint: words.Viewpoint = None,
-    frames: words.States = 32,
-    memory: words.Memory = 1024,
-    azimuth: words.Azimuth = 315.0,
-    altitude: words.Altitude = 30.0,
-    exaggeration: words.Exaggeration = None,
-    up: words.Up = None,
-    seen: words.Seen = None,
-    colours: words.Colours = None,
-    own_colours: words.OwnColours = False,
-    size: words.Size = (1280, 900),
-    title: words.Title = None,
-    overwrite: words.Overwrite = False,
-    quiet: words.Quiet = False,
-) -> None:
+def view(given: Given) -> None:
     """View IN through the time of its flow: a slider over its states, knobs for what can be turned, in a window or a browser."""
-    _viewed(**locals())
-
-
-def _viewed(
-    source: Path,
-    target: Path | None,
-    web: bool,
-    export: Path | None,
-    title: str | None,
-    overwrite: bool,
-    quiet: bool,
-    **given: Any,
-) -> None:
-    """The command ``view``, with its options by name."""
-    reading = {name: given.pop(name) for name in READ}
-    document = opened(source, **reading)
-    target = source.with_name(f"{source.stem}_smooth{source.suffix}") if target is None else target
-    settings = {name: given.pop(name) for name in FLOW if name in given}
+    source, export, overwrite, quiet = given["source"], given["export"], given["overwrite"], given["quiet"]
+    reading = _some(given, READING)
+    document = opened(source, reading)
+    target = given["saved_as"] or source.with_name(f"{source.stem}_smooth{source.suffix}")
+    request = asked(given, plain_sample)
     tell_of_compiling(quiet)
-    address = Address(given.pop("host"), given.pop("port"), given.pop("browser"))
+    look: Given = {**_some(given, DRAWING), "title": _titled(given["title"], source.name)}
     told = viewed(
         document,
-        way="page" if export is not None else "browser" if web else "window",
+        way="page" if export is not None else "browser" if given["web"] else "window",
         page=export,
         overwrite=overwrite,
-        address=address,
-        saving=Saving(str(source), target, overwrite, _spoken(reading)),
-        count=given.pop("frames"),
-        memory=given.pop("memory") << 20,
-        settings=settings,
+        address=Address(given["host"], given["port"], given["browser"]),
+        saving=Saving(str(source), target, overwrite, _spoken(reading), words_of),
+        count=given["frames"],
+        memory=given["memory"] << 20,
+        request=request,
         progress=None if quiet else True,
         said=lambda sentence: said(sentence, ()),
-        title=_titled(title, source.name),
-        **given,
+        **look,
     )
     said("", () if quiet else told)
 
 
-def _spoken(reading: dict[str, Any]) -> tuple[str, ...]:
+def _spoken(reading: Given) -> tuple[str, ...]:
     """The options with which a file was read, as words of a command line."""
     found: list[str] = []
     for name, value in reading.items():
@@ -317,32 +147,22 @@ def _titled(title: str | None, default: str) -> str:
     return default if title is None else title
 
 
-def compare_flows(
-    source: words.Depths,
-    camera: words.Camera = None,
-    truth: words.Truth = None,
-    depth_scale: words.DepthScale = None,
-    truth_scale: words.TruthScale = None,
-    jump: words.Jump = 0.05,
-    time: words.FlowTime = 5.0,
-    boundary: words.RimOption = "linear",
-    picture: words.Panels = None,
-    overwrite: words.Overwrite = False,
-    json: words.Json = False,
-) -> None:
+def compare_flows(given: Given) -> None:
     """Compare 3D flow, flow along normals, graph flow of z and ray flow on a depth image, at matched smoothing."""
-    must_be_drawable(picture, overwrite)
-    depths, cam, notes = _depths(source, camera, depth_scale)
+    source, camera, picture = given["source"], given["camera"], given["picture"]
+    must_be_drawable(picture, given["overwrite"])
+    depths, cam, notes = _depths(source, camera, given["depth_scale"])
     true, more = None, ()
-    if truth is not None:
-        true, _, more = _depths(truth, camera, truth_scale)
+    if given["truth"] is not None:
+        true, _, more = _depths(given["truth"], camera, given["truth_scale"])
     tell_of_compiling()
-    found = compared(depths, cam, true, time=time, jump=jump, boundary=boundary)
+    found = compared(depths, cam, true, time=given["flow_time"], jump=given["jump"], boundary=given["rim"])
     notes += more
     if picture is not None:
         title = f"{source.name}: four flows, each until it is as smooth as the ray flow"
-        notes += (*draw_flows(found.panels(), picture, title=title, overwrite=overwrite).notes, f"picture: {picture}")
-    if json:
+        drawn = draw_flows(found.panels(), picture, title=title, overwrite=given["overwrite"]).notes
+        notes += (*drawn, f"picture: {picture}")
+    if given["json"]:
         out.print_json(notation.dumps({"in": str(source), **found.as_dict(), "notes": list(notes)}))
         return
     out.print(Text(str(found)), soft_wrap=True)
@@ -356,10 +176,48 @@ def _depths(path: Path, camera: str | None, depth_scale: float | None) -> tuple[
     """
     if camera is None:
         raise InputError("compare-flows: rays are those of a camera; give --camera")
-    document = opened(path, "depth", camera, depth_scale, None, None, None, None, None)
-    noun = document.noun
-    assert isinstance(noun, RangeImage)
-    return np.where(np.asarray(noun.missing), np.nan, noun.depth), noun.camera, document.notes
+    document = opened(path, {"kind": "depth", "camera": camera, "depth_scale": depth_scale})
+    image = document.noun
+    if not isinstance(image, RangeImage):
+        raise InputError(f"{path}: a depth image expected, got {type(image).__name__}")
+    depths = image.depth if image.missing is None else np.where(image.missing, np.nan, image.depth)
+    return depths, image.camera, document.notes
+
+
+def add_to(app: typer.Typer) -> None:
+    """Make commands of these functions."""
+    drawn = flags(*DRAWING, "overwrite")
+    command(
+        app,
+        "compare",
+        (
+            *flags("source", "other", *READING, "picture", "window"),
+            *(replace(flag, kind=COMPARED, default="removed", help=COMPARING) for flag in flags("quantity")),
+            *flags("arrange", "at", "seen_contrast"), *drawn, *flags("json"),
+        ),
+    )(compare)  # fmt: skip
+    shown = (*flags("source", "shown", *READING), *only(FLOW, "fixed"), *flags("quantity", "seen_contrast"))
+    command(app, "show", (*shown, *drawn, *flags("quiet")))(show)
+    command(
+        app,
+        "film",
+        (
+            *flags("source", "filmed"), *only(FLOW, *FILMED[:5], "steps", *FILMED[5:]),
+            *flags(*READING, "frames", "rate", "turn"),
+            *(replace(flag, kind=COMPARED | None, help=FILMING) for flag in flags("quantity")),
+            *flags(*DRAWING, "overwrite", "quiet", size=(960, 720)),
+        ),
+    )(film)  # fmt: skip
+    command(
+        app,
+        "view",
+        (
+            *flags("source", "saved_as", "web", "host", "port", "browser", "export"), *only(FLOW, *FILMED),
+            *flags(*READING, "frames", "memory", frames=32), *flags(*DRAWING, "overwrite", "quiet", size=(1280, 900)),
+        ),
+    )(view)  # fmt: skip
+    compared_ = ("source", "camera", "truth", "depth_scale", "truth_scale", "jump", "flow_time", "rim", "picture")
+    command(app, "compare-flows", flags(*compared_, "overwrite", "json"))(compare_flows)
 
 
 def must_be_drawable(picture: Path | None, overwrite: bool) -> None:

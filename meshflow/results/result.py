@@ -155,7 +155,8 @@ class Result:
         if isinstance(self.before, Mesh) or not self.removed.any():
             return None
         planes = self.removed.reshape(*self.removed.shape[:2], -1)
-        there = np.ones(planes.shape[:2], bool) if self.before.missing is None else ~self.before.missing
+        missing = self.before.missing
+        there = np.ones((planes.shape[0], planes.shape[1]), bool) if missing is None else ~missing
         planes = np.where(there[..., None], planes - planes[there].mean(axis=0), 0.0)
         power, found = float(np.mean(planes[there] ** 2)), []
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):

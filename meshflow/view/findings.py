@@ -36,8 +36,8 @@ class Named(Protocol):
 class Run(Protocol):
     """What is asked of a result: :class:`meshflow.results.result.Result` is one, and this room does not know that one.
 
-    ``noise`` has sigma, channels, quantum and how, or is None; of ``trials``, the chosen one first, times and risks are taken,
-    of ``moments`` time, area, change and largest; ``parts`` are runs by name, of which this is the whole, and mostly empty;
+    ``noise`` has sigma, channels, quantum and how, or is None; of ``candidates``, the chosen one first, times and risks are
+    taken, of ``history`` the arrays time, area, change and largest; ``parts`` are runs by name, and mostly empty;
     ``removed`` is an array, ``correlation`` a number or None (both cached
     properties there, which to a type checker are no properties).
     """
@@ -45,21 +45,21 @@ class Run(Protocol):
     @property
     def before(self) -> Noun: ...  # noqa: D102
     @property
-    def noun(self) -> Noun: ...  # noqa: D102
+    def after(self) -> Noun: ...  # noqa: D102
     @property
     def parameters(self) -> Mapping[str, Named]: ...  # noqa: D102
     @property
     def noise(self) -> Any: ...  # noqa: D102
     @property
-    def trials(self) -> Sequence[Any]: ...  # noqa: D102
+    def candidates(self) -> Sequence[Any]: ...  # noqa: D102
     @property
-    def moments(self) -> Sequence[Any]: ...  # noqa: D102
+    def history(self) -> Any: ...  # noqa: D102
     @property
     def removed(self) -> Any: ...  # noqa: D102
     @property
     def correlation(self) -> Any: ...  # noqa: D102
     @property
-    def reason(self) -> str: ...  # noqa: D102
+    def stopped_because(self) -> str: ...  # noqa: D102
     @property
     def warnings(self) -> Sequence[str]: ...  # noqa: D102
     @property
@@ -114,7 +114,7 @@ def found(run: Run, title: str) -> Findings:
     """All that a report of this run shows."""
     unit = run.before.unit if isinstance(run.before, (HeightField, RangeImage)) else ""
     before, channel = _shown(run.before)
-    pair = paired(before, _shown(run.noun)[0], unit)
+    pair = paired(before, _shown(run.after)[0], unit)
     scale = pair.removed if channel is None else replace(pair.removed, what=f"{channel}, {pair.removed.what}")
     panels, foot, notes = _panels(pair, scale)
     told = () if channel is None else (f"pictures: {channel}, of {_channels(run.before)}",)
@@ -178,20 +178,17 @@ def _charts(run: Run, pair: Pair, unit: str) -> tuple[Chart, ...]:
     if samples.any():
         charts.append(histogram(samples, sigma, unit))
     time = run.parameters["time"].unit if "time" in run.parameters else ""
-    moments = run.moments
-    if len(moments) > 1:
-        times, areas, changes, largest = (
-            np.array([float(getattr(moment, name)) for moment in moments])
-            for name in ("time", "area", "change", "largest")
-        )
+    went = run.history
+    if len(went) > 1:
+        times, areas, changes, largest = went.time, went.area, went.change, went.largest
         charts.append(course("area", {"area": areas}, times, (time, "squared length")))
         # A change is counted over all channels of a sample together, the noise over each.
         k = samples.shape[-1] if samples.ndim == 2 else 1
         level = (sigma * np.sqrt(k), f"σ{f' √{k}' if k > 1 else ''} = {sigma * np.sqrt(k):.4g}")
         charts.append(course("change", {"rms": changes, "largest": largest}, times, (time, unit), level))
-    if run.trials:
-        curves = tuple(Curve(tuple(trial.times), tuple(trial.risks)) for trial in run.trials)
-        charts.append(risks(curves, float(moments[-1].time), (time, unit)))
+    if run.candidates:
+        curves = tuple(Curve(tuple(trial.times), tuple(trial.risks)) for trial in run.candidates)
+        charts.append(risks(curves, float(went.time[-1]), (time, unit)))
     return tuple(charts)
 
 
@@ -216,9 +213,9 @@ def _facts(run: Run, pair: Pair, unit: str) -> tuple[tuple[str, str], ...]:
     removed = f"rms {rms:.4g}{after}, largest {most:.4g}{after}{each}" if most > 0 else "nothing was removed"
     if run.correlation is not None:
         removed += f"; correlation with its neighbours {run.correlation:.3f} (0: white noise, 1: all structure)"
-    facts = [("ended", run.reason)]
+    facts = [("ended", run.stopped_because)]
     if run.parts:
-        facts += [(name, f"{one.reason}; noise {_noise(one.noise, after)}") for name, one in run.parts.items()]
+        facts += [(name, f"{one.stopped_because}; noise {_noise(one.noise, after)}") for name, one in run.parts.items()]
         facts += [("warning", f"{name}: {word}") for name, one in run.parts.items() for word in one.warnings]
     else:
         facts.append(("noise found", _noise(run.noise, after)))

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from meshflow.estimate.parameters import squared_unit
-from meshflow.estimate.settings import Settings
+from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress
-from meshflow.smoothing import flowing
+from meshflow.results.run import states as flowing
 from meshflow.view.appearance import flowing_together, taken
 from meshflow.view.film import filmable, filmed
 from meshflow.view.look import Looks, looking
@@ -31,7 +31,7 @@ def film(
     contrast: float = 1.0,
     how: How | None = None,
     overwrite: bool = False,
-    settings: Settings | dict[str, Any] | None = None,
+    request: Request | None = None,
     progress: Progress = None,
     **look: Unpack[Looks],
 ) -> Pictured:
@@ -48,7 +48,7 @@ def film(
     :param contrast: length per unit of the values, for ``edges``.
     :param how: as in :func:`meshflow.view.compare`.
     :param overwrite: replace a file that is there.
-    :param settings: of the flow, :class:`meshflow.Settings` or its fields by name; what is not given is estimated.
+    :param request: of the flow, as ``Request.of(method=..., time=...)``; what is not given is estimated.
     :param progress: as in :func:`meshflow.smooth`.
     :param look: the fields of :class:`meshflow.view.Look`.
     :raises InputError: for what cannot be smoothed or drawn.
@@ -60,8 +60,7 @@ def film(
     seen, target = looking(**looks), filmable(path, overwrite)
     noun, notes = taken(thing, seen.own_colours)
     notes += flowing_together(thing)
-    chosen = settings if isinstance(settings, Settings) else Settings(**(settings or {}))
-    states = flowing(noun, chosen, count, progress)
+    states = flowing(noun, request or Request(), count, progress)
     unit = squared_unit(noun)
     told = filmed(
         states,

@@ -1,8 +1,8 @@
 """From a thing to its flow through time, to look at and to choose from."""
 
 import shlex
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Unpack, get_args
 from weakref import ref
@@ -10,14 +10,18 @@ from weakref import ref
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.parameters import Plan, squared_unit
-from meshflow.estimate.plan import planned
-from meshflow.estimate.settings import Settings
-from meshflow.flow.methods.motion import MotionName
+from meshflow.estimate.parameters import Parameter, squared_unit
+from meshflow.estimate.plan import Plan
+from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.request import Request
+from meshflow.estimate.told import parameters_of
+from meshflow.flow.methods import POINT_METHODS, method_of
+from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
 from meshflow.flow.progress import Progress
 from meshflow.io.files import Document, write
 from meshflow.results.result import Result
-from meshflow.smoothing import flowing, smooth_noun
+from meshflow.results.run import run
+from meshflow.results.run import states as flowing
 from meshflow.surfaces.lift import Mesh, Noun
 from meshflow.view.appearance import flowing_together, taken
 from meshflow.view.look import Look, Looks, looking
@@ -31,8 +35,6 @@ __all__ = ["Desk", "Knob", "Saving", "Session", "Way", "view"]
 
 Way = Literal["window", "browser", "page"]
 
-# What a plan has chosen that a caller can say.
-SAID = ("method", "gamma", "sharpness", "patch", "contrast", "order", "weights", "evened")
 # Knobs: least, greatest, whether they grow by factors; relative to where they stand where they grow.
 KNOBS = {
     "scale": (0.25, 4.0, True),
@@ -41,22 +43,18 @@ KNOBS = {
     "patch": (0.0, 3.0, False),
     "contrast": (0.1, 10.0, True),
     "order": (1.0, 20.0, False),
+    "crease_contrast": (0.1, 10.0, True),
+    "crease_sharpness": (1.0, 16.0, False),
+    "normal_weight": (0.1, 10.0, True),
+    "feature_length": (0.1, 10.0, True),
 }
-# What the ways of points of a mesh listen to, and what of that are knobs.
-WAYS = {
-    "facets": ("contrast", "sharpness", "evened"),
-    "fairing": ("order", "weights"),
-    "normal-channels": ("contrast",),
-    "principal": ("contrast",),
-}
-LISTENED = {"facets": ("scale", "contrast", "sharpness"), "fairing": ("scale", "order")}
 
 
 @dataclass(frozen=True)
 class Knob:
     """A number that can be turned.
 
-    :ivar name: a field of :class:`meshflow.Settings`.
+    :ivar name: an option of the method, or ``scale``.
     :ivar value: where it stands.
     :ivar unit: of it; may be empty.
     :ivar grows: by factors, not by steps.
@@ -75,37 +73,35 @@ class Session:
     """A thing, the flow that was chosen for it, and what can be turned.
 
     :ivar noun: as it came.
-    :ivar settings: the flow, with the numbers that were estimated.
+    :ivar request: the flow, with the numbers that were estimated.
     :ivar knobs: what can be turned.
     :ivar sigma: the noise, unit of the values; 0 where none was found.
     """
 
     noun: Noun
-    settings: Settings
+    request: Request
     knobs: tuple[Knob, ...]
     sigma: float
     count: int = 32
     memory: int = MEMORY
 
     @classmethod
-    def begun(cls, noun: Noun, settings: Settings, count: int = 32, memory: int = MEMORY) -> "Session":
+    def begun(cls, noun: Noun, request: Request, count: int = 32, memory: int = MEMORY) -> "Session":
         """Estimate what is not given.
 
         :param count: how many states are shown.
         :param memory: bytes of states that are kept.
         :raises InputError: for what cannot be smoothed, or has nothing to be smoothed, and for stops: the slider is one.
         """
-        if settings.stopping or settings.steps is not None:
+        if request.stops or request.steps is not None:
             raise InputError("view: the slider says when to stop; leave out steps, residual, area_loss, displacement")
-        plan = planned(noun, settings)
-        time = plan.until.time
+        plan = planned(noun, request)
         if plan.idle is not None:
             raise InputError(f"view: nothing to look at, {plan.idle}")
-        if not time:
+        if not plan.time:
             raise InputError("view: a time of 0 shows one state; give a time or a scale")
-        settled = _settled(settings, plan, time)
-        sigma = 0.0 if plan.noise is None else plan.noise.sigma
-        return cls(noun, settled, _knobs(noun, settled, plan), sigma, count, memory)
+        settled = _settled(plan)
+        return cls(noun, settled, _knobs(settled, parameters_of(plan)), plan.noise.sigma, count, memory)
 
     def turned(self, **values: float | str) -> "Session":
         """With other numbers; knobs stay in their ranges.
@@ -117,46 +113,43 @@ class Session:
         if strange:
             raise InputError(f"{', '.join(sorted(strange))}: no such knob; there are {', '.join(sorted(there))}")
         changed: dict[str, Any] = dict(values)
-        if "method" in changed and changed["method"] != self.settings.method:
-            kept = {"method": changed.pop("method"), "scale": changed.pop("scale", self.settings.scale)}
-            fresh = replace(self.settings, **{**dict.fromkeys(SAID, None), **kept})
+        word = changed.pop("method", self.word)
+        scale = float(changed.pop("scale", self.request.scale or 0.0))
+        if word != self.word:
+            fresh = replace(self.request, method=method_of(str(word)), scale=scale)
             return Session.begun(self.noun, fresh, self.count, self.memory)
         if "order" in changed:
             changed["order"] = round(float(changed["order"]))
-        settings = replace(self.settings, **changed)
-        knobs = tuple(replace(knob, value=float(changed.get(knob.name, knob.value))) for knob in self.knobs)
-        return replace(self, settings=settings, knobs=knobs)
+        method = self.request.method
+        if method is not None and changed:
+            method = replace(method, **changed)
+        knobs = tuple(replace(knob, value=float(values.get(knob.name, knob.value))) for knob in self.knobs)
+        return replace(self, request=replace(self.request, method=method, scale=scale), knobs=knobs)
+
+    @property
+    def word(self) -> str:
+        """The method's."""
+        return "" if self.request.method is None else self.request.method.word
 
     def run(self, progress: Progress = None) -> Timeline:
         """All states of it.
 
         :param progress: as in :func:`meshflow.smooth`; what it raises ends the run.
         """
-        states = flowing(self.noun, self.settings, self.count, progress)
+        states = flowing(self.noun, self.request, self.count, progress)
         return recorded(states, self.at, self.sigma, squared_unit(self.noun), self.memory)
 
     def at(self, time: float) -> Noun:
-        """The state at a time, as :meth:`command` has it."""
-        return self.result(time).noun
+        """The state at a time, as a command line has it."""
+        return self.result(time).after
 
     def result(self, time: float) -> Result:
-        """The run to a time, as :meth:`command` has it."""
-        return smooth_noun(self.noun, replace(self.settings, scale=None, time=time), record=None)
+        """The run to a time, as a command line has it."""
+        return run(self.noun, self.to(time), record=None)
 
-    def command(self, source: str, target: str, time: float, more: tuple[str, ...] = ()) -> str:
-        """The command line that makes the state at a time.
-
-        :param more: words on how the file is to be read.
-        """
-        words = ["meshflow", "smooth", source, target, *more, "--time", f"{time!r}"]
-        default = Settings()
-        for field in fields(Settings):
-            value = getattr(self.settings, field.name)
-            if field.name in ("time", "scale", "search") or value is None or value is getattr(default, field.name):
-                continue
-            if isinstance(value, str | int | float) and value != getattr(default, field.name):
-                words += [f"--{field.name.replace('_', '-')}", str(value)]
-        return shlex.join(words)
+    def to(self, time: float) -> Request:
+        """The flow that ends at a time."""
+        return replace(self.request, scale=None, time=time)
 
 
 class Turned(Exception):  # noqa: N818 - no error: a knob was turned, and nobody waits for this run any more
@@ -171,12 +164,14 @@ class Saving:
     :param target: where a state is saved.
     :param overwrite: in place of a file that is there.
     :param read_as: words of the command line on how the source is read.
+    :param words: makes the words of the command line of a request.
     """
 
     source: str = "IN"
     target: Path | None = None
     overwrite: bool = False
     read_as: tuple[str, ...] = ()
+    words: Callable[[Request], list[str]] | None = None
 
 
 class Desk:
@@ -193,8 +188,8 @@ class Desk:
         """Knobs as a page wants them; of points of a mesh the method, too."""
         found: list[dict[str, Any]] = []
         if _moves(self.session.noun):
-            method = self.session.settings.method
-            found.append({"name": "method", "label": "method", "value": method, "items": list(get_args(MotionName))})
+            words = [found.word for found in POINT_METHODS]
+            found.append({"name": "method", "label": "method", "value": self.session.word, "items": words})
         for knob in self.session.knobs:
             unit = f" ({knob.unit})" if knob.unit else ""
             step = (knob.high - knob.low) / 200 if knob.name != "order" else 1.0
@@ -206,10 +201,7 @@ class Desk:
         """The states with these values; None where ``gone`` said to leave it."""
         there = {knob.name: float(values[knob.name]) for knob in self.session.knobs if knob.name in values}
         method = values.get("method")
-        if method not in (None, self.session.settings.method):
-            session = self.session.turned(method=method)
-        else:
-            session = self.session.turned(**there)
+        session = self.session.turned(**(there if method in (None, self.session.word) else {"method": str(method)}))
 
         def told(now: float, total: float) -> None:
             if gone(now / total if total else 1.0):
@@ -230,7 +222,9 @@ class Desk:
     def command(self, time: float) -> str:
         """The command line that makes the state at a time."""
         saving = self._saving
-        return self.session.command(saving.source, str(saving.target or "OUT"), time, saving.read_as)
+        request = self.session.to(time)
+        words = [] if saving.words is None else saving.words(request)
+        return shlex.join(["meshflow", "smooth", saving.source, str(saving.target or "OUT"), *saving.read_as, *words])
 
     def save(self, time: float) -> str:
         """Write the state that :meth:`command` makes; where to.
@@ -241,8 +235,8 @@ class Desk:
         if target is None or not isinstance(self._thing, Document):
             raise InputError("save: states of a file are saved; read one, or run the command that is shown")
         result = self.session.result(time)
-        tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
-        write(self._thing.holding(result.noun), target, overwrite=self._saving.overwrite, tags=tags)
+        tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
+        write(self._thing.holding(result.after), target, overwrite=self._saving.overwrite, tags=tags)
         return f"written: {target}"
 
 
@@ -256,7 +250,7 @@ def view(
     saving: Saving | None = None,
     count: int = 32,
     memory: int = MEMORY,
-    settings: Settings | dict[str, Any] | None = None,
+    request: Request | None = None,
     progress: Progress = None,
     said: Callable[[str], None] = lambda sentence: None,
     **look: Unpack[Looks],
@@ -271,7 +265,7 @@ def view(
     :param saving: what a state that is chosen is called; of a Document only.
     :param count: how many states.
     :param memory: bytes of states that are kept; others are computed again.
-    :param settings: of the flow, :class:`meshflow.Settings` or its fields by name; what is not given is estimated.
+    :param request: of the flow, as ``Request.of(method=..., time=...)``; what is not given is estimated.
     :param progress: of the first run, as in :func:`meshflow.smooth`.
     :param said: called with a sentence, as soon as there is one: where the page is.
     :param look: the fields of :class:`meshflow.view.Look`.
@@ -287,8 +281,7 @@ def view(
         exportable(page, overwrite)
     noun, notes = taken(thing, seen.own_colours)
     notes += flowing_together(thing)
-    chosen = settings if isinstance(settings, Settings) else Settings(**(settings or {}))
-    desk = Desk(Session.begun(noun, chosen, count, memory), thing, saving or Saving())
+    desk = Desk(Session.begun(noun, request or Request(), count, memory), thing, saving or Saving())
     timeline = desk.session.run(progress)
     if page is not None:
         return (*notes, *exported(timeline, page, seen, desk.command, overwrite=overwrite), f"page: {page}")
@@ -314,27 +307,24 @@ def _moves(noun: Noun) -> bool:
     return isinstance(noun, Mesh) and noun.moves != "channels"
 
 
-def _settled(settings: Settings, plan: Plan, time: float) -> Settings:
-    """With what was estimated, as if it had been given; a method by name is one of points, else its numbers."""
-    method = plan.parameters["method"].value if "method" in plan.parameters else None
-    ways = get_args(MotionName)
-    names = WAYS.get(str(method), ()) if method in ways else SAID[1:]
-    chosen: dict[str, Any] = {name: plan.parameters[name].value for name in names if name in plan.parameters}
-    if "order" in chosen:
-        chosen["order"] = round(float(chosen["order"]))
-    chosen["method"] = method if method in ways else None
-    return replace(settings, **chosen, time=None, scale=float(np.sqrt(2.0 * time)), twice=0.0)
+def _settled(plan: Plan) -> Request:
+    """The request with what was estimated, as if it had been given."""
+    method = plan.method
+    if isinstance(method, HeightMethod):
+        exponents = {"gamma": plan.member.gamma, "sharpness": plan.member.sharpness, "patch": plan.member.patch}
+        plain = Beltrami(indicator=method.indicator, mass=method.mass, contrast=method.contrast, twicing=0.0)
+        method = replace(plain, **exponents)
+    return replace(plan.request, method=method, time=None, scale=float(np.sqrt(2.0 * plan.time)))
 
 
-def _knobs(noun: Noun, settings: Settings, plan: Plan) -> tuple[Knob, ...]:
-    names = LISTENED.get(settings.method or "", ("scale",)) if _moves(noun) else tuple(KNOBS)
+def _knobs(request: Request, parameters: Mapping[str, Parameter]) -> tuple[Knob, ...]:
+    """What can be turned: the scale, and the numbers of the method."""
     found = []
-    for name in names:
-        value = getattr(settings, name)
+    for name, (low, high, grows) in KNOBS.items():
+        value = request.scale if name == "scale" else getattr(request.method, name, None)
         if value is None:
             continue
-        low, high, grows = KNOBS[name]
         low, high = (low * value, high * value) if grows else (min(low, value), max(high, value))
-        unit = "" if name == "scale" or name not in plan.parameters else plan.parameters[name].unit
+        unit = "" if name == "scale" or name not in parameters else parameters[name].unit
         found.append(Knob(name, float(value), float(low), float(high), unit, grows))
     return tuple(found)

@@ -1,0 +1,109 @@
+"""From the flags of a command to a request."""
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+from meshflow.cli.flags import FLOW, Given
+from meshflow.errors import InputError
+from meshflow.estimate.constraints import (
+    Constraint,
+    DataWeights,
+    Fixed,
+    Mask,
+    MaxChange,
+    MinComponent,
+    Mobility,
+    PreserveArea,
+    PreserveVolume,
+)
+from meshflow.estimate.request import Request
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import METHODS, Method, Search
+from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
+from meshflow.geometry.options import options_of, refused
+
+__all__ = ["asked", "words_of"]
+
+STOPS: dict[str, Callable[[Any], Any]] = {
+    "steps": Steps, "residual": Residual, "area_loss": AreaLoss, "displacement": Displacement,
+}  # fmt: skip
+CONSTRAINTS: dict[str, Callable[[Any], Constraint]] = {
+    "fixed": Fixed, "mask": Mask, "max_change": MaxChange, "data_weights": DataWeights, "mobility": Mobility,
+    "min_component": MinComponent,
+}  # fmt: skip
+PRESERVED: dict[str, Constraint] = {
+    "volume": PreserveVolume(), "scaling": PreserveVolume(by="scaling"), "area": PreserveArea(),
+}  # fmt: skip
+
+
+def asked(given: Given, per_sample: Callable[[str, str], Any]) -> Request:
+    """The request of what was given; the flags of a flow are taken out of it.
+
+    :param per_sample: makes the numbers of a flag that holds one for each sample: of its name and what was given.
+    :raises InputError: for options that exclude each other, or that the method does not have.
+    """
+    told = {flag.name: given.pop(flag.name, None) for flag in FLOW}
+    stops = [made(told[name]) for name, made in STOPS.items() if told[name] is not None]
+    constraints = []
+    for name, made in CONSTRAINTS.items():
+        if told[name] is not None:
+            value = told[name] if name == "min_component" else per_sample(name, told[name])
+            constraints.append(made(value))
+    if told["preserve"] is not None:
+        constraints.append(PRESERVED[told["preserve"]])
+    compute = Compute(**_of(Compute, told))
+    numbers = {name: value for name, value in _of(Request, told).items() if name != "method"}
+    return Request.of(_method(told), stops, constraints, compute=compute, **numbers)
+
+
+def _of(kind: type, told: Given) -> Given:
+    """What was given of the options of a class."""
+    return {o.name: told[o.name] for o in options_of(kind) if told.get(o.name) is not None}
+
+
+def _method(told: Given) -> Method | None:
+    """The method that is named, with its options; without a name, the first that has all the options that are given.
+
+    :raises InputError: for an unknown word, and an option that the method does not have.
+    """
+    names = {o.name for kind in METHODS.values() if isinstance(kind, type) for o in options_of(kind)}
+    options = {name: told[name] for name in sorted(names) if told.get(name) is not None}
+    word = told["method"]
+    if word is None:
+        if not options:
+            return None
+        for kind in METHODS.values():
+            if isinstance(kind, type) and set(options) <= {o.name for o in options_of(kind)}:
+                return kind(**options)
+        raise InputError(f"{', '.join(_flag(name) for name in options)}: no method has all of these options")
+    if word not in METHODS:
+        raise refused(word, tuple(METHODS), "method")
+    kind = METHODS[word]
+    known = {f.name for f in fields(kind)} if isinstance(kind, type) else set()  # type: ignore[arg-type]
+    for name in options:
+        if name not in known:
+            having = [w for w, k in METHODS.items() if isinstance(k, type) and name in {o.name for o in options_of(k)}]
+            raise InputError(f"{_flag(name)}: no option of method {word}; {', '.join(having)} have it")
+    return kind(**options)
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def words_of(request: Request) -> list[str]:
+    """The words of the command line that ask for what a request asks, but for its arrays and callables."""
+    words: list[str] = []
+    method = request.method
+    for kind, part in ((Request, request), (Compute, request.compute), (type(method), method)):
+        if part is None:
+            continue
+        if part is method and method is not None and type(method) is not Search:
+            words += ["--method", method.word]
+        for option in options_of(kind):
+            value = getattr(part, option.name)
+            if option.has_flag and value != option.default and isinstance(value, (str, int, float)):
+                words += [_flag(option.name)] if value is True else [_flag(option.name), str(value)]
+    preserve = request.constraints.preserve
+    return [*words, "--preserve", "scaling" if preserve == "scale" else preserve] if preserve else words
