@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
 import meshflow
+from meshflow.flow.methods import Beltrami
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 
@@ -35,7 +36,9 @@ def main() -> tuple[float, float]:
     for time in (25.0, 50.0, 100.0, 200.0):  # m^2; the samples are 10 m apart
         *_, end = meshflow.march(flow, meshflow.Until(time=time))
         back = LinearNDInterpolator(end.u[used, :2], end.u[used, 2])(surface.points[:, :2]).reshape(truth.shape)
-        graph, beltrami = (meshflow.smooth(terrain, time=time, gamma=g, contrast=1.0).z for g in (-2.0, 0.0))
+        graph, beltrami = (
+            meshflow.smooth(terrain, method=Beltrami(gamma=g, contrast=1.0), time=time).z for g in (-2.0, 0.0)
+        )
         errors.append([rms(z, truth, there) for z in (back, graph, beltrami)])
         print(f"{time:4.0f} m²: {errors[-1][0]:.3f} | {errors[-1][1]:.3f} | {errors[-1][2]:.3f} m")
     space, _, heights = np.min(errors, axis=0)

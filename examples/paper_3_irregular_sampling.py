@@ -13,6 +13,8 @@ import numpy as np
 
 import meshflow
 import meshflow.view
+from meshflow.estimate.constraints import PreserveVolume
+from meshflow.flow.methods import Fairing
 from meshflow.surfaces.lift import Mesh
 from meshflow.synthetic.samples import irregular_mesh
 
@@ -30,7 +32,9 @@ def main(picture: Path | None = None) -> float:
     noisy, clean = Mesh(sample.noisy, sample.faces), Mesh(sample.truth, sample.faces)
 
     uniform, cotangent = (
-        meshflow.smooth(noisy, method="fairing", order=1, weights=weights, time=2.0 * noisy.step**2, keep="volume")
+        meshflow.smooth(
+            noisy, method=Fairing(order=1, weights=weights), time=2.0 * noisy.step**2, constraints=PreserveVolume()
+        )
         for weights in ("uniform", "cotangent")
     )
 

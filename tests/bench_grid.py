@@ -24,6 +24,7 @@ from meshflow.flow.controls import Fixed, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
+from meshflow.flow.methods import Beltrami
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit
 from meshflow.surfaces.camera import Pinhole
@@ -265,7 +266,7 @@ def _skimage(z):
 
 def ours(z):
     """The fixed member for 7.5 h², nothing given but that: the noise is found as well."""
-    return meshflow.smooth(z, gamma=-1.0, sharpness=1.5, time=7.5)
+    return meshflow.smooth(z, method=Beltrami(gamma=-1.0, sharpness=1.5), time=7.5)
 
 
 def test_the_whole_job_beside_what_a_user_would_take():

@@ -27,6 +27,7 @@ import meshflow
 from meshflow import Pinhole, RangeImage
 from meshflow.errors import MissingPackage
 from meshflow.evaluate.range_quality import REACH, range_quality
+from meshflow.flow.stops import Steps
 from meshflow.surfaces.visibility import Sight
 from meshflow.synthetic.samples import CAMERA, SCENE
 from meshflow.synthetic.sensors import StructuredLight, TimeOfFlight, observe
@@ -166,7 +167,9 @@ def our_peer(case):
     """Ours at its best, as a peer with a grid: time in multiples of the default, gamma, pace."""
     whiles = {
         z.tobytes(): float(
-            meshflow.denoise(RangeImage(z.astype(np.float32), case.camera), steps=1).parameters["time"].value
+            meshflow.smooth(RangeImage(z.astype(np.float32), case.camera), stop=Steps(1), result=True)
+            .parameters["time"]
+            .value
         )
         for z in case.noisy
     }

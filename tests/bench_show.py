@@ -13,8 +13,11 @@ import trimesh
 
 import meshflow
 from meshflow import view
+from meshflow.estimate.request import Request
 from meshflow.evaluate import metrics
-from meshflow.smoothing import Settings, noise, smooth_noun
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Beltrami
+from meshflow.smoothing import noise, smooth_noun
 from meshflow.synthetic import shapes
 from meshflow.synthetic.scenes import fractal_terrain
 
@@ -29,8 +32,8 @@ def rms(error):
 def test_mola_quantised_to_200_m():
     coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
     truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z.astype(float)
-    default = smooth_noun(coarse, Settings())
-    known = smooth_noun(coarse, Settings(gamma=0, contrast=coarse.step / 115, time=coarse.step**2))
+    default = smooth_noun(coarse, Request.of())
+    known = smooth_noun(coarse, Request.of(method=Beltrami(gamma=0, contrast=coarse.step / 115), time=coarse.step**2))
     print(f"\nMOLA, 200 m steps: rms to the unquantised truth {rms(coarse.z - truth):.1f} m before")
     for name, run in (("by default", default), ("gamma 0, contrast h / 115 m, time 1 h²", known)):
         print(f"  {name}: {rms(run.noun.z - truth):.1f} m after {run.end.step} steps")
@@ -66,12 +69,14 @@ def test_default_contrast_and_time_against_the_best_of_a_grid():
 
         runs = {
             (c, t): error(
-                smooth_noun(noun, Settings(gamma=0, contrast=c * noun.step / found, time=t * noun.step**2)).noun
+                smooth_noun(
+                    noun, Request.of(method=Beltrami(gamma=0, contrast=c * noun.step / found), time=t * noun.step**2)
+                ).noun
             )
             for c in (0.5, 1.0, 1.5, 2.0, 3.0)
             for t in (1, 2, 3, 5, 8)
         }
-        best, default = min(runs, key=runs.__getitem__), error(smooth_noun(noun, Settings()).noun)
+        best, default = min(runs, key=runs.__getitem__), error(smooth_noun(noun, Request.of()).noun)
         print(f"  {name:21} {error(noun):8.3f} {default:8.3f} {runs[best]:8.3f} at contrast {best[0]}, time {best[1]}")
         assert default < error(noun)
 
@@ -79,7 +84,7 @@ def test_default_contrast_and_time_against_the_best_of_a_grid():
 def test_saint_helens_keeps_its_ragged_mask(tmp_path):
     path = SHARED / "dem/SainteHelens.dem"
     document = meshflow.read(path)
-    run = smooth_noun(document.noun, Settings())
+    run = smooth_noun(document.noun, Request.of())
     meshflow.write(document.holding(run.noun), tmp_path / "out.tif")
     with rasterio.open(path) as before, rasterio.open(tmp_path / "out.tif") as after:
         same = np.array_equal(before.read_masks(1), after.read_masks(1))
@@ -97,7 +102,7 @@ def test_horse_with_noise_of_a_quarter_of_its_edges():
     points = clean.points.astype(float)
     normals = trimesh.Trimesh(points, clean.faces, process=False).vertex_normals
     noisy = points + 0.25 * clean.step * np.random.default_rng(0).normal(size=(len(points), 1)) * normals
-    run = smooth_noun(meshflow.Mesh(noisy, clean.faces), Settings())
+    run = smooth_noun(meshflow.Mesh(noisy, clean.faces), Request.of())
     print(
         "\nHorse, noise of a quarter of its mean edge along the normals; distance to the points that it came from, normals:"
     )
@@ -200,7 +205,9 @@ def test_frames_per_second_of_the_slider_through_time(size):
 
     noun = meshflow.HeightField(fractal_terrain(size) + np.random.default_rng(1).normal(size=(size, size)))
     begun = time.perf_counter()
-    session = Session.begun(noun, Settings(gamma=0.0, contrast=2.0, time=8.0, search=False), count=16)
+    session = Session.begun(
+        noun, Request.of(method=Beltrami(gamma=0.0, contrast=2.0), time=8.0, compute=Compute(search=False)), count=16
+    )
     timeline = session.run()
     states = time.perf_counter() - begun
     begun = time.perf_counter()

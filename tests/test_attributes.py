@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from meshflow.flow.stops import Steps
 from meshflow.io.files import read, write
 from meshflow.smoothing import smooth
 
@@ -52,7 +53,9 @@ def test_attributes_of_real_files_come_back_as_they_were(path, tmp_path):
     document = read(path)
     step = document.noun.step
     shaken = document.noun.points + 0.05 * step * np.random.default_rng(0).normal(size=document.noun.points.shape)
-    noun = smooth(document.holding(type(document.noun)(shaken, document.noun.faces)).noun, method="curvature", steps=2)
+    noun = smooth(
+        document.holding(type(document.noun)(shaken, document.noun.faces)).noun, method="curvature", stop=Steps(2)
+    )
     target = tmp_path / path.name
     write(document.holding(noun), target)
     before, after = parts(path), parts(target)

@@ -7,14 +7,16 @@ import pytest
 from helpers.shapes import sphere
 
 from meshflow.errors import InputError
+from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import VANISHED
+from meshflow.flow.methods import Fairing
 from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry.connectivity import connect, shared_sides
 from meshflow.geometry.delaunay import clamped
 from meshflow.geometry.operator import cotangents, fill_stiffness, stiffness
 from meshflow.io.files import read
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Surface
 
 
@@ -79,14 +81,17 @@ def test_weights_that_are_above_zero_stay_as_they_are():
 def test_points_stay_in_the_box_that_they_came_in():
     rng = np.random.default_rng(0)
     points = POINTS + 0.1 * rng.normal(size=POINTS.shape)
-    result = denoise((points, FACES), triangles="clamped", time=3.0)
+    result = smooth((points, FACES), time=3.0, compute=Compute(triangles="clamped"), result=True)
     found = result.thing[0]
     assert (found >= points.min(axis=0) - 1e-9).all()
     assert (found <= points.max(axis=0) + 1e-9).all()
     words = {name: result.parameters[name].value for name in ("triangles", "boundary", "twice")}
     assert words == {"triangles": "clamped", "boundary": "natural", "twice": 0.0}
     assert (
-        np.abs(smooth((points, FACES), triangles="clamped", method="fairing", order=1, time=1.0)[0] - points).max() > 0
+        np.abs(
+            smooth((points, FACES), method=Fairing(order=1), time=1.0, compute=Compute(triangles="clamped"))[0] - points
+        ).max()
+        > 0
     )
 
 
@@ -109,7 +114,7 @@ def test_lone_triangles_shrink_inside_the_range_and_no_system_of_nothing_is_left
 def test_with_nothing_else_given_the_time_is_searched_for_and_the_range_kept():
     ball, faces = sphere(600)
     points = ball + 0.03 * np.random.default_rng(1).normal(size=ball.shape)
-    result = denoise((points, faces), triangles="clamped")
+    result = smooth((points, faces), compute=Compute(triangles="clamped"), result=True)
     words = {name: result.parameters[name].value for name in ("method", "order", "triangles")}
     assert words == {"method": "fairing", "order": 1, "triangles": "clamped"}
     assert result.parameters["time"].origin == "estimated"
@@ -120,7 +125,7 @@ def test_with_nothing_else_given_the_time_is_searched_for_and_the_range_kept():
     def off(x):
         return np.sqrt(np.mean(np.einsum("ij,ij->i", x - ball, ball) ** 2))
 
-    fixed_time = smooth((points, faces), triangles="clamped", method="curvature")[0]
+    fixed_time = smooth((points, faces), method="curvature", compute=Compute(triangles="clamped"))[0]
     assert off(found) < 0.85 * min(off(points), off(fixed_time))
 
 
@@ -129,7 +134,7 @@ def test_what_leaves_the_range_is_refused():
         with pytest.raises(InputError, match="triangles='clamped'"):
             smooth((POINTS, FACES), channels=VALUES, triangles="clamped", **words)
     with pytest.raises(InputError, match="triangles: of meshes only, got HeightField"):
-        smooth(np.eye(4), triangles="clamped")
+        smooth(np.eye(4), compute=Compute(triangles="clamped"))
     with pytest.raises(InputError, match="'linear', which leaves the range"):
         MeshFlow(Surface(POINTS, (FACES,), boundary="linear"), triangles="clamped")
     with pytest.raises(InputError, match="'voronoi', which asks for all angles"):
@@ -142,7 +147,13 @@ def test_triangles_that_clamping_makes_segments_vanish_and_break_nothing(stepper
     rng = np.random.default_rng(3)
     points = rng.normal(size=(60, 3, 3)).reshape(-1, 3)
     faces = np.arange(180).reshape(60, 3)
-    result = denoise((points, faces), method="curvature", triangles="clamped", time=10.0, stepper=stepper)
+    result = smooth(
+        (points, faces),
+        method="curvature",
+        time=10.0,
+        compute=Compute(stepper=stepper, triangles="clamped"),
+        result=True,
+    )
     found = result.thing[0]
     assert np.isfinite(found).all()
     assert VANISHED in result.reason
@@ -157,4 +168,6 @@ def test_triangles_that_clamping_makes_segments_vanish_and_break_nothing(stepper
 @pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/data is not there")
 @pytest.mark.parametrize("name", sorted(p.name for p in (SHARED / "meshes" / "messy").glob("*")))
 def test_what_is_messy_is_smoothed_with_clamped_weights(name):
-    assert np.isfinite(smooth(read(SHARED / "meshes" / "messy" / name).noun, triangles="clamped").points).all()
+    assert np.isfinite(
+        smooth(read(SHARED / "meshes" / "messy" / name).noun, compute=Compute(triangles="clamped")).points
+    ).all()

@@ -9,14 +9,16 @@ from helpers.shapes import along_normals, sphere, square, tube
 from meshflow.errors import InputError
 from meshflow.evaluate.mesh_quality import mesh_quality
 from meshflow.evaluate.metrics import normal_angle, volume
+from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods import PrincipalFlow
 from meshflow.flow.methods.principal import Principal
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import curvatures, directed, directions
 from meshflow.geometry.normals import mean_edge, normals_at
 from meshflow.geometry.operator import cotangents, curvature_normal, fill_stiffness, gather_mass
 from meshflow.io.files import read
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Surface
 from meshflow.synthetic import shapes
 
@@ -108,7 +110,7 @@ def test_a_noisy_cylinder_loses_its_noise_and_keeps_its_radius(level, stepper):
 def test_the_flow_along_directions_clears_a_noisy_cube_and_keeps_its_creases(level):
     shape = shapes.cube(20)
     noisy = shape.noisy("nrm", level, 7)
-    found = denoise((noisy, shape.faces), method="principal")
+    found = smooth((noisy, shape.faces), method="principal", result=True)
     before, after = mesh_quality(noisy, shape), mesh_quality(found.noun.points, shape)
     plain = mesh_quality(smooth((noisy, shape.faces), method="curvature", time=5 * shape.edge**2)[0], shape)
     assert after.normal_error < 0.12 * before.normal_error
@@ -130,13 +132,13 @@ def test_corners_of_a_cube_stay_and_its_edges_hardly_move():
 
 
 def test_the_threshold_follows_from_the_noise_and_says_so():
-    result = denoise((along_normals(BALL, FACES, 0.1), FACES), method="principal")
+    result = smooth((along_normals(BALL, FACES, 0.1), FACES), method="principal", result=True)
     assert "h / (0.05 + 0.3 sigma / h)" in result.parameters["contrast"].why
     assert result.parameters["time"].why == "5 squared edges"
     with pytest.raises(InputError, match="contrast: a positive"):
-        smooth((BALL, FACES), method="principal", contrast=-1.0)
+        smooth((BALL, FACES), method=PrincipalFlow(feature_length=-1.0))
     with pytest.raises(InputError, match="principal measures directions on the triangles as they are"):
-        smooth((BALL, FACES), method="principal", triangles="delaunay")
+        smooth((BALL, FACES), method="principal", compute=Compute(triangles="delaunay"))
 
 
 @pytest.mark.shared
@@ -152,7 +154,7 @@ def test_normal_channels_keep_the_creases_of_a_cube_and_its_volume(kind):
     shape = shapes.cube(20)
     noisy = shape.noisy(kind, 0.2, 7)
     before = mesh_quality(noisy, shape)
-    result = denoise((noisy, shape.faces), method="normal-channels")
+    result = smooth((noisy, shape.faces), method="normal-channels", result=True)
     after = mesh_quality(result.noun.points, shape)
     assert after.normal_error < 0.15 * before.normal_error
     assert after.flipped == 0
@@ -167,7 +169,7 @@ def test_normal_channels_shrink_a_sphere_where_its_volume_is_not_kept():
     points = sphere(600)[0]
     faces = sphere(600)[1]
     open_ball = faces[points[faces].mean(axis=1)[:, 2] < 0.8]
-    result = denoise((points, open_ball), method="normal-channels")
+    result = smooth((points, open_ball), method="normal-channels", result=True)
     assert "keep" not in result.parameters
     assert np.linalg.norm(result.noun.points, axis=1).mean() < 0.995
     kept = smooth((points, faces), method="normal-channels")[0]
@@ -183,7 +185,7 @@ def test_planes_rest_in_normal_channels_and_a_length_of_zero_is_refused():
             with pytest.raises(InputError, match="contrast: a positive"):
                 smooth((points, faces), method=method, contrast=contrast)
     with pytest.raises(InputError, match="where the points of a mesh move only"):
-        smooth((points, faces), channels=points[:, 0], method="normal-channels")
+        smooth((points, faces), method="normal-channels", channels=points[:, 0])
 
 
 def test_lengths_in_normals_are_those_of_a_surface_in_six_dimensions():

@@ -7,6 +7,7 @@ from helpers.shapes import sphere, square
 from meshflow.errors import InputError
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.low_pass import LowPass
+from meshflow.flow.methods import Fairing
 from meshflow.flow.methods import fairing as lowpass
 from meshflow.flow.methods.normal_filter import FacetFlow
 from meshflow.flow.steppers import SemiImplicit
@@ -80,7 +81,7 @@ def test_fixed_vertices_stay_and_isolated_ones_too():
 def test_a_ball_shrinks_the_less_the_higher_the_order():
     # Of a unit sphere the coordinates are eigenfunctions of eigenvalue 2: the radius becomes 1 / (1 + (2 t)^p).
     for order in (1, 2, 4):
-        found = smooth((BALL, FACES), method="fairing", order=order, weights="cotangent", time=0.1)[0]
+        found = smooth((BALL, FACES), method=Fairing(order=order, weights="cotangent"), time=0.1)[0]
         assert np.linalg.norm(found, axis=1).mean() == pytest.approx(1 / (1 + 0.2**order), rel=0.01)
 
 

@@ -16,8 +16,10 @@ from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
+from meshflow.flow.methods import Search
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
+from meshflow.flow.stops import Steps
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
@@ -120,7 +122,7 @@ def test_slopes_too_steep_for_single_precision_are_measured_in_double():
     z = (1e25 * RNG.normal(size=(12, 12))).astype(np.float32)
     flow = GridFlow(HeightField(z).gridded(Lift()))
     assert flow.dtype == np.float64
-    smoothed = meshflow.smooth(z, contrast=1e-25)
+    smoothed = meshflow.smooth(z, method=Search(contrast=1e-25))
     assert smoothed.dtype == np.float32
     assert np.isfinite(smoothed).all()
     assert np.ptp(smoothed) < np.ptp(z)
@@ -164,7 +166,7 @@ def test_a_single_island_stays():
     z = np.full((7, 9), np.nan)
     z[3, 4] = 5.0
     z[0:2, 0:2] = [[0.0, 1.0], [2.0, 4.0]]
-    smoothed = meshflow.smooth(z, contrast=1.0)
+    smoothed = meshflow.smooth(z, method=Search(contrast=1.0))
     assert smoothed[3, 4] == 5.0
     assert (np.isnan(smoothed) == np.isnan(z)).all()
 
@@ -197,16 +199,16 @@ def test_grids_without_a_triangle_are_refused(make, words):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_the_order_of_the_callers_memory_changes_nothing_and_it_keeps_its_bytes(dtype):
     z = RNG.normal(size=(30, 41)).astype(dtype)
-    truth = meshflow.smooth(z, contrast=0.7)
+    truth = meshflow.smooth(z, method=Search(contrast=0.7))
     wide = np.zeros((60, 123), dtype)
     wide[::2, ::3] = z
     frozen = z.copy()
     frozen.flags.writeable = False
     for same in (np.asfortranarray(z), wide[::2, ::3], frozen, z.astype(z.dtype.newbyteorder()), z[::-1][::-1]):
         before = same.tobytes()
-        assert meshflow.smooth(same, contrast=0.7).tobytes() == truth.tobytes()
+        assert meshflow.smooth(same, method=Search(contrast=0.7)).tobytes() == truth.tobytes()
         assert same.tobytes() == before
-    still = meshflow.smooth(z, steps=0)
+    still = meshflow.smooth(z, stop=Steps(0))
     assert still.tobytes() == z.tobytes()
     assert not np.shares_memory(still, z)
     still[:] = 0  # and may be written to

@@ -11,8 +11,10 @@ from helpers.scenes import BALL, FACES, FRAME, NOISY, ball, scene
 
 import meshflow
 from meshflow.errors import InputError, MissingPackage
+from meshflow.estimate.constraints import Fixed, Mask, PreserveVolume
+from meshflow.flow.compute import Compute
 from meshflow.io.adapters.multipart import several
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 
 WORDS = {"method": "curvature", "steps": 2}
 
@@ -34,10 +36,12 @@ def test_parts_of_a_scene_are_smoothed_as_if_each_were_alone():
 
 
 def test_a_part_is_not_changed_by_what_is_beside_it():
-    by_default = smooth(ball(), search=False)
+    by_default = smooth(ball(), compute=Compute(search=False))
     two = trimesh.Scene({"a": ball(), "b": trimesh.creation.box([30, 30, 30]).subdivide()})
-    assert np.array_equal(smooth(two, search=False).geometry["a"].vertices, by_default.vertices)
-    volumes = smooth(trimesh.Scene({"a": ball(), "b": ball(3)}), method="curvature", time=0.01, keep="volume")
+    assert np.array_equal(smooth(two, compute=Compute(search=False)).geometry["a"].vertices, by_default.vertices)
+    volumes = smooth(
+        trimesh.Scene({"a": ball(), "b": ball(3)}), method="curvature", time=0.01, constraints=PreserveVolume()
+    )
     for name, first in (("a", ball()), ("b", ball(3))):
         assert volumes.geometry[name].volume == pytest.approx(first.volume, rel=1e-10)
 
@@ -49,7 +53,7 @@ def test_a_region_of_a_scene_is_named_in_each_part():
     assert (held[~half] != NOISY[~half]).any(axis=1).all()
     with pytest.raises(InputError, match=r"part left: only='hlf': no such array; there are half"):
         smooth(scene(), only="hlf", **WORDS)
-    channels = smooth(scene(), channels="colors", time=0.01, search=False)
+    channels = smooth(scene(), time=0.01, compute=Compute(search=False), channels="colors")
     assert np.array_equal(channels.geometry["left"].vertices, NOISY)
     assert (channels.geometry["left"].visual.vertex_colors != ball().visual.vertex_colors).any()
 
@@ -75,9 +79,9 @@ def test_blocks_are_smoothed_one_by_one_and_stay_where_they_were():
 
 def test_what_is_of_one_thing_is_refused_for_several():
     with pytest.raises(InputError, match="only: of several parts the name"):
-        smooth(scene(), only=np.ones(600, bool))
+        smooth(scene(), constraints=Mask(np.ones(600, bool)))
     with pytest.raises(InputError, match="fixed: of several parts the name"):
-        smooth(scene(), fixed=np.ones(600, bool))
+        smooth(scene(), constraints=Fixed(np.ones(600, bool)))
     with pytest.raises(InputError, match=r"trimesh.Scene: no triangles in it; a mesh expected"):
         smooth(trimesh.Scene([trimesh.PointCloud(np.eye(3))]))
     assert several(ball()) is None
@@ -114,12 +118,12 @@ def test_a_mesh_of_meshio_comes_back_with_all_that_it_had():
     assert np.array_equal(after.point_sets["corner"], [0])
     assert np.array_equal(after.field_data["wall"], [1, 2])
     assert after.point_data["Normals"].dtype == np.float32
-    warm = smooth(before, channels="heat", time=0.2, search=False)
+    warm = smooth(before, time=0.2, compute=Compute(search=False), channels="heat")
     assert np.array_equal(warm.points, before.points)
     assert warm.point_data["heat"].dtype == np.int16
-    still = smooth(before, method="curvature", time=0.02, fixed="heat")
+    still = smooth(before, method="curvature", time=0.02, constraints=Fixed("heat"))
     assert (still.points != before.points).any(axis=1).tolist() == [True] + [False] * 7
-    result = denoise(before, method="curvature", time=0.02)
+    result = smooth(before, method="curvature", time=0.02, result=True)
     assert any("1 quadrilaterals" in word for word in result.warnings)
 
 

@@ -13,8 +13,10 @@ from typer.testing import CliRunner
 import meshflow.viewer.session
 from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError
+from meshflow.estimate.constraints import Fixed, Mask
+from meshflow.flow.stops import Steps
 from meshflow.io.files import read, write
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 from meshflow.view.appearance import flowing_together
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
@@ -133,23 +135,23 @@ def test_arrays_per_vertex_of_a_file_are_cut_into_its_parts(tmp_path):
     run("smooth", path, tmp_path / "out.glb", "--fixed", tmp_path / "held.npy", *WAY)
     after = read(tmp_path / "out.glb").noun
     assert np.array_equal(after.points[:300], document.noun.points[:300])
-    results = denoise(document, fixed=held, method="curvature", steps=2)
+    results = smooth(document, method="curvature", stop=Steps(2), constraints=Fixed(held), result=True)
     assert results["a"].reason.startswith("no sample may move")
     assert (after.points[300:] != document.noun.points[300:]).any(axis=1).all()
-    python = smooth(document, fixed=held, method="curvature", steps=2)
+    python = smooth(document, method="curvature", stop=Steps(2), constraints=Fixed(held))
     assert np.allclose(python.noun.points, after.points, atol=1e-5)
     with pytest.raises(InputError, match="one number per vertex of the file, 600, expected, got 300"):
-        smooth(document, only=held[:300])
+        smooth(document, constraints=Mask(held[:300]))
 
 
 def test_what_was_read_is_smoothed_and_written_in_python(tmp_path):
     path = glb(tmp_path / "in.glb", ("a", ball()), ("b", BOX))
     document = read(path)
-    write(smooth(document, method="curvature", steps=2), tmp_path / "python.glb")
+    write(smooth(document, method="curvature", stop=Steps(2)), tmp_path / "python.glb")
     run("smooth", path, tmp_path / "shell.glb", *WAY)
     assert np.array_equal(read(tmp_path / "python.glb").noun.points, read(tmp_path / "shell.glb").noun.points)
     one = read(glb(tmp_path / "one.glb", ("a", ball())))
-    done = smooth(one, method="curvature", steps=2)
+    done = smooth(one, method="curvature", stop=Steps(2))
     assert type(done) is type(one)
     assert not np.array_equal(done.noun.points, one.noun.points)
     with pytest.raises(InputError, match=r"a file already says channels; read it with them"):
@@ -158,15 +160,17 @@ def test_what_was_read_is_smoothed_and_written_in_python(tmp_path):
 
 def test_a_scene_told_in_full_has_a_result_for_each_part():
     before = scene()
-    results = denoise(before, method="curvature", steps=2)
-    alone = denoise(ball(), method="curvature", steps=2)
+    results = smooth(before, method="curvature", stop=Steps(2), result=True)
+    alone = smooth(ball(), method="curvature", stop=Steps(2), result=True)
     assert isinstance(results, meshflow.Results)
     assert list(results) == ["left", "right"]
     assert np.array_equal(results.thing.geometry["left"].vertices, alone.thing.vertices)
     assert results["left"].parameters == alone.parameters
     assert str(alone) in str(results)
-    assert json.loads(results.json())["parts"]["left"] == json.loads(alone.json())
-    assert np.array_equal(smooth(before, full=True, method="curvature", steps=2)["left"].noun.points, alone.noun.points)
+    assert json.loads(results.to_json())["parts"]["left"] == json.loads(alone.to_json())
+    assert np.array_equal(
+        smooth(before, method="curvature", stop=Steps(2), result=True)["left"].noun.points, alone.noun.points
+    )
     assert len(results.noun.points) == 600
 
 
@@ -174,7 +178,7 @@ def test_the_same_name_twice_is_told_apart():
     blocks = pyvista.MultiBlock([pyvista.PolyData.from_regular_faces(NOISY, FACES)] * 2)
     blocks.set_block_name(0, "it")
     blocks.set_block_name(1, "it")
-    assert list(denoise(blocks, method="curvature", steps=1)) == ["it", "it (2)"]
+    assert list(smooth(blocks, method="curvature", stop=Steps(1), result=True)) == ["it", "it (2)"]
 
 
 def test_a_refusal_names_its_part(tmp_path):
@@ -210,12 +214,12 @@ def test_solids_of_a_real_file_are_parts(tmp_path):
     path = SHARED / "meshes" / "messy" / "multibody.stl"
     document = read(path)
     assert [name for name, _ in document.sections] == ["bodyB", "bodyA"]
-    results = denoise(document, method="curvature", steps=3)
+    results = smooth(document, method="curvature", stop=Steps(3), result=True)
     for name, rows in document.sections:
         at = np.full(len(document.noun.points), -1)
         at[rows] = np.arange(len(rows))
         faces = at[document.noun.faces]
-        alone = smooth((document.noun.points[rows], faces[(faces >= 0).all(axis=1)]), method="curvature", steps=3)
+        alone = smooth((document.noun.points[rows], faces[(faces >= 0).all(axis=1)]), method="curvature", stop=Steps(3))
         assert np.array_equal(results[name].noun.points, alone[0])
     write(results.thing, tmp_path / "out.stl")
     assert [name for name, _ in read(tmp_path / "out.stl").sections] == ["bodyB", "bodyA"]

@@ -8,7 +8,7 @@ import pytest
 
 from meshflow.errors import InputError
 from meshflow.io.objects import adopt
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
 
 open3d = pytest.importorskip("open3d")
@@ -88,7 +88,7 @@ def test_units_come_from_the_hint_or_the_convention():
     assert adopt(LEGACY.Image(COUNTS), camera=CAMERA, depth_scale=5000).noun.depth[9, 9] == pytest.approx(
         COUNTS[9, 9] / 5000
     )
-    result = denoise(LEGACY.Image(COUNTS), camera=CAMERA, time=1.0)
+    result = smooth(LEGACY.Image(COUNTS), time=1.0, camera=CAMERA, result=True)
     assert "depths of 1000 units per metre are taken" in " ".join(result.warnings)
     big = LEGACY.Image(np.full((480, 640), 5000, np.uint16))
     assert adopt(big, camera="tum").noun.depth[0, 0] == 1.0

@@ -7,10 +7,11 @@ from scipy.linalg import expm
 from scipy.spatial import Delaunay
 
 from meshflow.errors import InputError
+from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.methods.border_curve import Bordered
 from meshflow.geometry.connectivity import connect
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Surface
 
 BORDERS = ("curve", "natural", "fixed", "linear")
@@ -92,15 +93,15 @@ def test_a_noisy_border_becomes_smooth_where_a_natural_one_gives_way():
         radii = np.linalg.norm(x[rim], axis=1)
         return radii.std(), radii.mean()
 
-    free, curve = (smooth((noisy, faces), method="curvature", boundary=b, time=0.004)[0] for b in ("natural", "curve"))
-    linear = smooth((noisy, faces), method="curvature", boundary="linear", time=0.004)[0]
+    free, curve = (smooth((noisy, faces), method="curvature", time=0.004, boundary=b)[0] for b in ("natural", "curve"))
+    linear = smooth((noisy, faces), method="curvature", time=0.004, boundary="linear")[0]
     # What a curve of these points keeps of white noise: exp(-t A) of a round one, up to what the noise adds to its lengths.
     kept = np.abs(expm(-0.004 * drawn(points[rim, 0] + 1j * points[rim, 1])) @ z).std()
     assert kept / rough(noisy)[0] == pytest.approx(0.365, abs=1e-3)
     assert rough(curve)[0] == pytest.approx(kept, rel=0.04)
     assert rough(linear)[0] == pytest.approx(rough(noisy)[0], rel=1e-6)  # a flat sheet rests, outline and all
     assert rough(free)[1] < rough(curve)[1] < rough(noisy)[1]
-    faired = smooth((noisy, faces), method="fairing", boundary="curve", time=0.004, search=False)[0]
+    faired = smooth((noisy, faces), method="fairing", time=0.004, boundary="curve", compute=Compute(search=False))[0]
     # A filter is linear: 1 / (1 + (t A)^2) of the curve as it came.
     filtered = np.linalg.solve(np.eye(120) + np.linalg.matrix_power(0.004 * drawn(z), 2), z)
     assert rough(faired)[0] == pytest.approx(np.abs(filtered).std(), rel=1e-6)
@@ -147,21 +148,25 @@ def test_holes_stay_holes(boundary, way):
 def test_borders_that_are_no_manifold_stay_finite(boundary, make, stepper):
     points, faces = make()
     shaken = points + 0.02 * np.random.default_rng(4).normal(size=points.shape)
-    found = smooth((shaken, faces), method="curvature", boundary=boundary, stepper=stepper, time=0.02)[0]
+    found = smooth((shaken, faces), method="curvature", time=0.02, boundary=boundary, compute=Compute(stepper=stepper))[
+        0
+    ]
     assert np.isfinite(found).all()
     assert np.abs(found - shaken).max() < 0.5
-    flat = smooth((points, faces), method="curvature", boundary="linear", stepper=stepper, time=0.02)[0]
+    flat = smooth((points, faces), method="curvature", time=0.02, boundary="linear", compute=Compute(stepper=stepper))[
+        0
+    ]
     if make is bow_tie:
         assert np.abs(flat - points).max() < 1e-12  # planes rest, touched in a vertex or not
 
 
 def test_where_no_curve_passes_the_border_stays():
     points, faces = bow_tie()
-    found = smooth((points, faces), method="curvature", boundary="curve", time=0.02)[0]
+    found = smooth((points, faces), method="curvature", time=0.02, boundary="curve")[0]
     assert np.array_equal(found[0], points[0])
     assert (np.abs(found - points).max(axis=1)[1:] > 0).sum() >= 6
     points, faces = book()
-    found = smooth((points, faces), method="curvature", boundary="curve", time=0.02)[0]
+    found = smooth((points, faces), method="curvature", time=0.02, boundary="curve")[0]
     assert np.array_equal(
         found[:2], points[:2]
     )  # three edges of the border meet in each end of the edge of three triangles
@@ -171,10 +176,13 @@ def test_where_no_curve_passes_the_border_stays():
 def test_the_default_with_such_a_border_is_a_fairing_and_says_curve():
     points, faces, _ = disc()
     noisy = points + 0.01 * np.random.default_rng(5).normal(size=points.shape)
-    result = denoise((noisy, faces), boundary="curve")
+    result = smooth((noisy, faces), boundary="curve", result=True)
     assert result.parameters["method"].value == "fairing"
     assert result.parameters["boundary"].value == "curve"
-    assert denoise((noisy, faces), boundary="curve", method="curvature").parameters["boundary"].value == "curve"
+    assert (
+        smooth((noisy, faces), method="curvature", boundary="curve", result=True).parameters["boundary"].value
+        == "curve"
+    )
 
 
 def test_a_curve_is_refused_where_there_is_none():
@@ -182,12 +190,12 @@ def test_a_curve_is_refused_where_there_is_none():
     points, faces, rim = disc()
     for call in (
         lambda: smooth(z, boundary="curve"),
-        lambda: smooth((points, faces), channels=rim * 1.0, boundary="curve"),
+        lambda: smooth((points, faces), boundary="curve", channels=rim * 1.0),
     ):
         with pytest.raises(InputError, match="boundary='curve': where the points of a mesh move only"):
             call()
     with pytest.raises(InputError, match="got method='facets'"):
-        smooth((points, faces), method="facets", boundary="curve")
+        smooth((points, faces), method="normal-filter", boundary="curve")
     for method in ("facets", "principal", "normal-channels"):
         with pytest.raises(InputError, match=f"got method='{method}'"):
             Motion(method, curve=True)

@@ -8,13 +8,15 @@ import trimesh
 from helpers.shapes import along_normals, sphere, square
 
 from meshflow.errors import InputError
+from meshflow.estimate.constraints import Fixed, PreserveArea, PreserveVolume
 from meshflow.evaluate.metrics import area, volume
+from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.normals import normals_at
 from meshflow.io.files import read
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Surface
 
 BALL, FACES, *_ = sphere(600)
@@ -62,7 +64,7 @@ def test_motion_along_normals_slides_nowhere(way):
 
 def test_the_conformalised_flow_of_what_is_like_a_sphere_ends_at_one():
     points = BALL * [1.0, 0.8, 0.6]
-    found = smooth((points, FACES), method="conformal", time=3.0, dt=0.05)[0]
+    found = smooth((points, FACES), method="conformal", time=3.0, compute=Compute(dt=0.05))[0]
     # The sphere of least squares: |x|^2 = 2 c . x + (r^2 - c^2).
     middle = np.linalg.lstsq(np.column_stack([2 * found, np.ones(len(found))]), (found**2).sum(axis=1))[0][:3]
     radii = np.linalg.norm(found - middle, axis=1)
@@ -82,7 +84,7 @@ def test_flat_irregular_meshes_rest_in_every_flow(way):
 @pytest.mark.skipif(not MESHES.exists(), reason="no ../shared/data/meshes")
 def test_what_would_only_lose_by_it_is_left_alone_and_says_so():
     horse = read(MESHES / "irregular" / "horse.vtp").noun
-    result = denoise(horse)
+    result = smooth(horse, result=True)
     assert np.array_equal(result.noun.points, horse.points)
     assert "more harm than the noise" in result.reason
 
@@ -90,18 +92,22 @@ def test_what_would_only_lose_by_it_is_left_alone_and_says_so():
 def test_thin_triangles_ask_for_others_and_the_result_says_so():
     points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-7, 0], [0.5, 1, 0.3], [0.5, -1, 0.3]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 3], [1, 0, 4]])
-    result = denoise((points, faces), method="curvature", time=0.01)
+    result = smooth((points, faces), method="curvature", time=0.01, result=True)
     assert result.parameters["triangles"].value == "delaunay"
     assert np.isfinite(result.noun.points).all()
-    assert denoise((NOISY, FACES), method="curvature", time=0.01).parameters["triangles"].value == "given"
+    assert smooth((NOISY, FACES), method="curvature", time=0.01, result=True).parameters["triangles"].value == "given"
 
 
 def test_an_open_mesh_has_no_volume_to_keep():
     points, faces, _ = square(50)
     with pytest.raises(InputError, match="the mesh is open"):
-        smooth((points, faces), method="curvature", keep="volume")
+        smooth((points, faces), method="curvature", constraints=PreserveVolume())
     with pytest.raises(InputError, match="are fixed or slowed; leave it out, or take keep='volume'"):
-        smooth((NOISY, FACES), method="curvature", keep="scale", fixed=np.arange(len(NOISY)) == 0)
+        smooth(
+            (NOISY, FACES),
+            method="curvature",
+            constraints=[Fixed(np.arange(len(NOISY)) == 0), PreserveVolume(by="scaling")],
+        )
 
 
 BAD = [
@@ -171,11 +177,11 @@ def test_a_border_that_is_fixed_stays_whatever_is_kept():
     assert np.array_equal(after[rim], points[rim])
     assert not np.array_equal(after[~rim], points[~rim])
     with pytest.raises(InputError, match="keep='area': all points are scaled"):
-        smooth((points, faces), method="fairing", boundary="fixed", keep="area")
+        smooth((points, faces), method="fairing", boundary="fixed", constraints=PreserveArea())
 
 
 def test_noise_that_was_found_from_very_few_vertices_is_warned_of():
     coarse, fine = trimesh.creation.box().subdivide(), trimesh.creation.icosphere(3)
-    assert "from 26 vertices" in denoise(coarse).warnings[0]
-    assert denoise(coarse, time=0.01, method="facets").warnings == ()
-    assert not any("vertices, whose shape" in warning for warning in denoise(fine).warnings)
+    assert "from 26 vertices" in smooth(coarse, result=True).warnings[0]
+    assert smooth(coarse, method="normal-filter", time=0.01, result=True).warnings == ()
+    assert not any("vertices, whose shape" in warning for warning in smooth(fine, result=True).warnings)

@@ -13,13 +13,16 @@ from helpers.shapes import along_normals, sphere
 
 import meshflow
 from meshflow.errors import InputError
+from meshflow.estimate.constraints import Fixed, Mask, Mobility, PreserveVolume
+from meshflow.flow.compute import Compute
 from meshflow.flow.constraints import Faithful, trust_of
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.low_pass import LowPass
+from meshflow.flow.methods import Fairing
 from meshflow.flow.mobility import Slowed
 from meshflow.flow.steppers import SemiImplicit
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh
 
 BALL, FACES = sphere(400)
@@ -107,7 +110,7 @@ def test_a_grid_goes_slower_where_it_is_told_to_with_a_fidelity_too():
 
 def test_the_volume_is_kept_by_what_is_free_to_go():
     speed = np.linspace(0.0, 1.0, len(NOISY))
-    found = smooth((NOISY, FACES), method="curvature", keep="volume", speed=speed)[0]
+    found = smooth((NOISY, FACES), method="curvature", constraints=[Mobility(speed), PreserveVolume()])[0]
     assert np.array_equal(found[0], NOISY[0])
     assert meshflow.evaluate.metrics.volume(found, FACES) == pytest.approx(
         meshflow.evaluate.metrics.volume(NOISY, FACES), rel=1e-10
@@ -131,7 +134,7 @@ def test_the_risk_of_a_search_counts_what_is_held_back():
     truth = 3 * np.sin(rows / 9) + 3 * np.cos(columns / 7)
     noisy = truth + rng.normal(size=truth.shape)
     speed = np.where(columns < 160, 0.01, 1.0)
-    free, held = denoise(noisy), denoise(noisy, speed=speed)
+    free, held = smooth(noisy, result=True), smooth(noisy, constraints=Mobility(speed), result=True)
     for result in (free, held):
         error = np.sqrt(np.mean((result.thing - truth) ** 2))
         assert result.parameters["risk"].value == pytest.approx(error, rel=0.1)
@@ -149,7 +152,12 @@ def test_the_risk_of_a_mesh_counts_what_is_held_back():
         )
         assert held.parameters["risk"].value > 2 * free.parameters["risk"].value + 0.005, way
     one, half = (
-        denoise((noisy, faces), method="fairing", weights="uniform", order=2, speed=np.full(2000, s))
+        smooth(
+            (noisy, faces),
+            method=Fairing(order=2, weights="uniform"),
+            constraints=Mobility(np.full(2000, s)),
+            result=True,
+        )
         for s in (1.0, 0.5)
     )
     assert half.parameters["time"].value == pytest.approx(2 * one.parameters["time"].value, rel=0.15)
@@ -177,7 +185,7 @@ BAD = [
 @pytest.mark.parametrize(("speed", "said"), BAD, ids=[said for _, said in BAD])
 def test_speeds_that_make_no_sense_are_refused(speed, said):
     with pytest.raises(InputError, match=said):
-        smooth((NOISY, FACES), speed=speed)
+        smooth((NOISY, FACES), constraints=Mobility(speed))
 
 
 def test_one_speed_for_all_is_the_same_flow_for_as_much_less_time():
@@ -185,7 +193,10 @@ def test_one_speed_for_all_is_the_same_flow_for_as_much_less_time():
         half = smooth(thing, speed=0.5, time=0.002, stepper="explicit", dt=0.0002, **words)
         short = smooth(thing, time=0.001, stepper="explicit", dt=0.0001, **words)
         assert np.allclose(half[0], short[0], atol=1e-12)
-    assert denoise((NOISY, FACES), speed=0.5, method="curvature").parameters["speed"].value == 0.5
+    assert (
+        smooth((NOISY, FACES), method="curvature", constraints=Mobility(0.5), result=True).parameters["speed"].value
+        == 0.5
+    )
 
 
 def test_a_mask_is_what_is_not_zero_however_it_is_given():
@@ -201,7 +212,7 @@ def test_a_mask_is_what_is_not_zero_however_it_is_given():
             only = np.where(half, 0.0, 1.0)
             assert np.array_equal(smooth((NOISY, FACES), only=only, **words)[0], expected)
     with pytest.raises(InputError, match="only: a mask of booleans, or of numbers, expected, got dtype <U1"):
-        smooth((NOISY, FACES), only=np.full(400, "a"))
+        smooth((NOISY, FACES), constraints=Mask(np.full(400, "a")))
 
 
 def test_a_low_pass_of_a_slowed_grid_has_no_matrix():
@@ -229,7 +240,7 @@ def test_a_region_is_named_by_an_array_of_the_object(which):
         moved = points(smooth(thing, method="curvature", **words)) != points(thing)
         assert not moved[half].any()
         assert moved[~half].any(axis=1).all()
-    moved = points(smooth(thing, method="curvature", only="half")) != points(thing)
+    moved = points(smooth(thing, method="curvature", constraints=Mask("half"))) != points(thing)
     assert not moved[~half].any()
     for words, said in (
         ({"only": "hlf"}, "only='hlf': no such array; there are half, how, flow"),
@@ -246,17 +257,17 @@ def test_a_region_of_an_image_is_named_by_an_array_of_the_object():
     image.point_data["z"] = Z.ravel()
     image.point_data["still"] = (np.arange(480) < 100).astype(int)
     image.set_active_scalars("z")
-    found = smooth(image, fixed="still", time=1.0, search=False)
+    found = smooth(image, time=1.0, constraints=Fixed("still"), compute=Compute(search=False))
     moved = np.asarray(found.point_data["z"]) != Z.ravel()
     assert not moved[:100].any()
     assert moved[100:].mean() > 0.9
     with pytest.raises(InputError, match="there are z, still"):
-        smooth(image, fixed="stil")
+        smooth(image, constraints=Fixed("stil"))
 
 
 def test_a_thing_without_names_refuses_one():
     with pytest.raises(InputError, match="only: an array expected, got 'region'"):
-        smooth(Z, only="region")
+        smooth(Z, constraints=Mask("region"))
 
 
 def test_joined_vertices_are_held_if_one_of_them_is():

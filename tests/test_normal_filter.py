@@ -11,7 +11,7 @@ from meshflow.flow.march import march
 from meshflow.flow.methods.normal_filter import FacetFlow, Facets
 from meshflow.geometry import normals as facets
 from meshflow.geometry.normals import mean_edge
-from meshflow.smoothing import denoise, smooth
+from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Axes, Surface
 from meshflow.synthetic.shapes import cube
 
@@ -115,10 +115,10 @@ def test_what_facets_are_told_is_checked():
 
 
 def test_the_result_names_the_way_and_its_origin():
-    result = denoise((along_normals(CUBE, SIDES, 0.3), SIDES))
+    result = smooth((along_normals(CUBE, SIDES, 0.3), SIDES), result=True)
     assert result.parameters["method"].value == "facets"
     assert result.parameters["method"].origin == "estimated"
     assert result.noise.sigma == pytest.approx(0.3 * mean_edge(CUBE, SIDES), rel=0.15)
     assert {"risk", "time", "contrast", "sharpness", "evened"} <= set(result.parameters)
     assert "facets" in str(result)
-    assert len(result.words()["search"]) == len(result.trials) >= 5
+    assert len(result.words()["search"]) == len(result.candidates) >= 5

@@ -5,8 +5,11 @@ import pytest
 
 import meshflow
 from meshflow.errors import InputError
+from meshflow.estimate.constraints import DataWeights, MaxChange, MinComponent
 from meshflow.estimate.frames import averaged
 from meshflow.estimate.quantization import steps_of
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Search
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.discontinuities import cuts_by_noise, islands
 from meshflow.surfaces.lift import RangeImage
@@ -33,7 +36,7 @@ def wall(sigma, seed=0, shape=(60, 80)):
 @pytest.mark.parametrize("part", [0.05, 0.3, 1.0])
 def test_time_is_ten_times_the_noise_in_footprints(part):
     truth, noisy, camera = wall(part * 2.0 / 100.0)
-    found = meshflow.denoise(RangeImage(noisy, camera)).parameters
+    found = meshflow.smooth(RangeImage(noisy, camera), result=True).parameters
     assert found["time"].value == pytest.approx(10 * part * 2.0 / np.median(truth), rel=0.2)
     assert (found["time"].origin, found["time"].unit) == ("estimated", "pixel footprints²")
     assert found["sigma"].value == pytest.approx(part * 2.0 / 100.0, rel=0.2)
@@ -42,25 +45,27 @@ def test_time_is_ten_times_the_noise_in_footprints(part):
 def test_a_clean_range_image_is_left_alone():
     truth, _, camera = wall(0.0)
     flat = np.full_like(truth, 2.0)
-    found = meshflow.denoise(RangeImage(flat, camera))
+    found = meshflow.smooth(RangeImage(flat, camera), result=True)
     assert "no noise was found" in found.reason
     np.testing.assert_array_equal(found.thing.depth, flat)
 
 
 def test_strength_multiplies_the_time():
     _, noisy, camera = wall(0.01)
-    one, two = (meshflow.denoise(RangeImage(noisy, camera), strength=s).parameters["time"].value for s in (1.0, 2.0))
+    one, two = (
+        meshflow.smooth(RangeImage(noisy, camera), strength=s, result=True).parameters["time"].value for s in (1.0, 2.0)
+    )
     assert two == pytest.approx(2 * one)
 
 
 def test_a_search_of_least_risk_smooths_the_scene_and_tells_its_curve():
     image = RangeImage(SCENE.noisy, SMALL)
-    found = meshflow.denoise(image, search=True)
-    assert len(found.trials) == 3
+    found = meshflow.smooth(image, compute=Compute(search=True), result=True)
+    assert len(found.candidates) == 3
     assert found.parameters["gamma"].origin == "estimated"
     assert rms(found.thing.depth) < 0.5 * rms(SCENE.noisy)
     # The risk is told in the root mean square of the noise, and is near what the truth says, jumps and all.
-    assert found.trials[0].risk == pytest.approx(rms(found.thing.depth), rel=0.5)
+    assert found.candidates[0].risk == pytest.approx(rms(found.thing.depth), rel=0.5)
 
 
 def test_noise_of_each_sample_sets_its_time():
@@ -68,7 +73,7 @@ def test_noise_of_each_sample_sets_its_time():
     truth, _, camera = wall(0.0)
     sigma = 0.01 * rng.choice([0.25, 1.0, 4.0], size=truth.shape)
     noisy = truth + sigma * rng.normal(size=truth.shape)
-    known = meshflow.denoise(RangeImage(noisy, camera, sigma=sigma))
+    known = meshflow.smooth(RangeImage(noisy, camera, sigma=sigma), result=True)
     alike = meshflow.smooth(RangeImage(noisy, camera), time=known.parameters["time"].value)
     assert known.parameters["pace"].value == "noise"
     assert np.std(known.thing.depth - truth) < 0.8 * np.std(alike.depth - truth)
@@ -76,9 +81,9 @@ def test_noise_of_each_sample_sets_its_time():
 
 def test_inverse_depth_of_a_wall_rests_and_keeps_the_units_of_the_depth():
     truth, noisy, camera = wall(0.01)
-    still = meshflow.smooth(RangeImage(truth, camera), space="disparity", time=20.0, contrast=100.0)
+    still = meshflow.smooth(RangeImage(truth, camera), method=Search(contrast=100.0), time=20.0, domain="disparity")
     np.testing.assert_allclose(still.depth, truth, rtol=1e-12)
-    found = meshflow.denoise(RangeImage(noisy, camera), space="disparity")
+    found = meshflow.smooth(RangeImage(noisy, camera), domain="disparity", result=True)
     assert np.std(found.thing.depth - truth) < 0.3 * np.std(noisy - truth)
     assert found.parameters["sigma"].unit == "1 / depth"
     assert found.parameters["space"].value == "disparity"
@@ -86,14 +91,14 @@ def test_inverse_depth_of_a_wall_rests_and_keeps_the_units_of_the_depth():
 
 def test_inverse_depth_suits_the_noise_of_structured_light():
     image = RangeImage(SCENE.noisy, SMALL)
-    assert rms(meshflow.smooth(image, space="disparity").depth) < rms(meshflow.smooth(image).depth)
+    assert rms(meshflow.smooth(image, domain="disparity").depth) < rms(meshflow.smooth(image).depth)
 
 
 def test_inverse_depth_is_of_pinholes():
     camera = Spherical((-20.0, 20.0), (10.0, -10.0))
     image = RangeImage(np.full((8, 9), 2.0), camera)
     with pytest.raises(InputError, match="pinhole without distortion"):
-        meshflow.smooth(image, space="disparity", time=1.0)
+        meshflow.smooth(image, time=1.0, domain="disparity")
 
 
 @pytest.mark.parametrize(("word", "value"), [("space", "disparity"), ("islands", 5)])
@@ -135,13 +140,13 @@ def test_islands_are_dropped_on_request_only():
     missing[13:15, 13:15] = False
     image = RangeImage(noisy, camera, missing)
     np.testing.assert_array_equal(meshflow.smooth(image).missing, missing)
-    found = meshflow.denoise(image, islands=5)
+    found = meshflow.smooth(image, constraints=MinComponent(5), result=True)
     assert found.thing.missing[10:20, 10:20].all()
     assert (found.thing.depth[13:15, 13:15] == 0).all()
     assert found.removed[13:15, 13:15].max() == 0
     assert int(found.thing.missing.sum()) == 100
     with pytest.raises(InputError, match="fewer than 100000"):
-        meshflow.smooth(image, islands=100_000)
+        meshflow.smooth(image, constraints=MinComponent(100_000))
 
 
 def test_islands_hang_together_by_edges_that_are_not_cut():
@@ -162,12 +167,12 @@ def test_the_steps_of_a_disparity_grow_with_the_square_of_the_depth():
 def test_a_limit_of_half_the_step_holds_at_each_depth():
     truth, _, camera = wall(0.0)
     depth = 100.0 / np.rint(100.0 / truth * 8) * 8
-    smoothed = meshflow.smooth(RangeImage(depth, camera), limit="step", time=20.0).depth
+    smoothed = meshflow.smooth(RangeImage(depth, camera), time=20.0, constraints=MaxChange("step")).depth
     half = steps_of(depth.ravel()).at(depth) / 2
     assert np.abs(smoothed - depth).max() > 0
     assert (np.abs(smoothed - depth) <= half * (1 + 1e-9)).all()
     with pytest.raises(InputError, match="not quantised"):
-        meshflow.smooth(RangeImage(wall(0.01)[1], camera), limit="step")
+        meshflow.smooth(RangeImage(wall(0.01)[1], camera), constraints=MaxChange("step"))
 
 
 def test_frames_are_one_weighted_problem():
@@ -202,7 +207,7 @@ def test_confidence_holds_pixels_where_they_are():
     _, noisy, camera = wall(0.01)
     confidence = np.zeros(noisy.shape)
     confidence[20:40] = 1e6
-    smoothed = meshflow.smooth(RangeImage(noisy, camera), time=10.0, confidence=confidence).depth
+    smoothed = meshflow.smooth(RangeImage(noisy, camera), time=10.0, constraints=DataWeights(confidence)).depth
     assert np.abs(smoothed - noisy)[20:40].max() < 1e-3 < np.abs(smoothed - noisy)[:20].max()
 
 

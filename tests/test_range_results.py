@@ -8,6 +8,8 @@ from typer.testing import CliRunner
 import meshflow
 from meshflow import Pinhole, RangeImage
 from meshflow.cli.commands import app
+from meshflow.estimate.constraints import MaxChange
+from meshflow.flow.compute import Compute
 from meshflow.io.files import read
 
 CAMERA = Pinhole(60.0, 60.0, 23.5, 19.5)
@@ -22,30 +24,30 @@ def test_depths_of_a_file_are_metres_and_the_result_says_so(tmp_path):
     for name in ("a.npy", "a.png"):
         noun = read(tmp_path / name, camera=CAMERA).noun
         assert noun.unit == "m"
-        result = meshflow.denoise(noun, limit=0.02)
+        result = meshflow.smooth(noun, constraints=MaxChange(0.02), result=True)
         units = {key: result.parameters[key].unit for key in ("sigma", "quantum", "limit", "time")}
         assert units == {"sigma": "m", "quantum": "m", "limit": "m", "time": "pixel footprints²"}
         assert result.thing.unit == "m"
         assert " m of noise 0.0" in result.summary
         assert " m, largest " in str(result)
-    assert meshflow.denoise(noun, search=True).parameters["risk"].unit == "m"
-    assert meshflow.denoise(DEPTH, camera=CAMERA).parameters["sigma"].unit == ""  # nobody has said which
+    assert meshflow.smooth(noun, compute=Compute(search=True), result=True).parameters["risk"].unit == "m"
+    assert meshflow.smooth(DEPTH, camera=CAMERA, result=True).parameters["sigma"].unit == ""  # nobody has said which
 
 
 def test_in_inverse_depth_the_noise_beside_what_was_removed_is_one_of_depths():
-    result = meshflow.denoise(RangeImage(DEPTH, CAMERA, unit="m"), space="disparity")
+    result = meshflow.smooth(RangeImage(DEPTH, CAMERA, unit="m"), domain="disparity", result=True)
     assert {result.parameters[name].unit for name in ("sigma", "quantum", "risk")} == {"1/m"}
     assert result.parameters["contrast"].unit == "pixels per 1/m"
     assert result.noise.sigma == pytest.approx(0.01, rel=0.15)
     assert result.summary.endswith(f"m of noise {result.noise.sigma:.4g} m")
-    given = meshflow.denoise(RangeImage(DEPTH, CAMERA), space="disparity", sigma=0.002)
+    given = meshflow.smooth(RangeImage(DEPTH, CAMERA), noise=0.002, domain="disparity", result=True)
     assert given.noise.sigma == pytest.approx(0.002 * np.median(DEPTH) ** 2, rel=0.01)
     assert given.parameters["sigma"].unit == "1 / depth"
 
 
 def test_a_given_noise_of_each_pixel_counts_in_inverse_depth_too():
     sigma = 0.004 * DEPTH**2
-    result = meshflow.denoise(RangeImage(DEPTH, CAMERA, sigma=sigma), space="disparity")
+    result = meshflow.smooth(RangeImage(DEPTH, CAMERA, sigma=sigma), domain="disparity", result=True)
     assert result.parameters["sigma"].value == pytest.approx(0.004)
     assert result.parameters["sigma"].origin == "given"
 
@@ -53,7 +55,7 @@ def test_a_given_noise_of_each_pixel_counts_in_inverse_depth_too():
 def test_the_noise_that_is_left_is_what_the_flow_leaves_of_white_noise():
     truth = np.full((120, 160), 2.0)
     noisy = truth + 0.004 * np.random.default_rng(1).normal(size=truth.shape)
-    result = meshflow.denoise(RangeImage(noisy, Pinhole(200.0, 200.0, 79.5, 59.5)), time=5.0)
+    result = meshflow.smooth(RangeImage(noisy, Pinhole(200.0, 200.0, 79.5, 59.5)), time=5.0, result=True)
     inner = np.s_[10:-10, 10:-10]
     assert result.left == pytest.approx(np.std((result.thing.depth - truth)[inner]), rel=0.15)
 
@@ -62,13 +64,13 @@ def test_samples_without_a_triangle_are_counted_where_they_are_more_than_a_few()
     depth = DEPTH.copy()
     depth[1:-1:4, 1:-1:4] += 1.0  # each of these alone
     alone = depth[1:-1:4, 1:-1:4].size
-    result = meshflow.denoise(RangeImage(depth, CAMERA))
+    result = meshflow.smooth(RangeImage(depth, CAMERA), result=True)
     (words,) = result.warnings
     assert words.startswith(f"{alone} of {depth.size} samples have no triangle, cut off by jumps")
     np.testing.assert_array_equal(result.thing.depth[1:-1:4, 1:-1:4], depth[1:-1:4, 1:-1:4])
     depth = DEPTH.copy()
     depth[1:9:4, 1:9:4] += 1.0
-    assert meshflow.denoise(RangeImage(depth, CAMERA)).warnings == ()
+    assert meshflow.smooth(RangeImage(depth, CAMERA), result=True).warnings == ()
 
 
 def test_a_depth_picture_beside_its_result_asks_for_the_camera(tmp_path):

@@ -11,8 +11,10 @@ from PIL import Image as Picture
 import meshflow
 from meshflow.errors import FormatError
 from meshflow.evaluate.metrics import compare
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Fairing
 from meshflow.geometry.normals import normals_at
-from meshflow.smoothing import denoise
+from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import Mesh, RangeImage
 from meshflow.view.findings import found
@@ -22,7 +24,9 @@ NOISY = along_normals(BALL, FACES, 0.2)
 
 
 def test_what_was_removed_of_points_is_one_number_wherever_it_is_said():
-    result = denoise((NOISY, FACES), method="fairing", weights="uniform", order=2, search=False)
+    result = smooth(
+        (NOISY, FACES), method=Fairing(order=2, weights="uniform"), compute=Compute(search=False), result=True
+    )
     along = np.einsum("ij,ij->i", NOISY - result.noun.points, normals_at(NOISY, FACES))
     rms = float(np.sqrt(np.mean(along**2)))
     assert np.sqrt(np.mean(np.sum(result.removed**2, axis=1))) > 1.05 * rms  # what slides is not counted
@@ -34,36 +38,36 @@ def test_what_was_removed_of_points_is_one_number_wherever_it_is_said():
     told = compare(result.before, result.noun).words()
     assert told["rms along the normals"] == pytest.approx(rms)
     assert told["rms difference"] > 1.05 * rms
-    facts = dict(found(result, "").facts)
+    facts = dict(found(result, "").tags)
     assert facts["removed"].startswith(f"rms {rms:.4g}, largest")
     assert facts["removed"].endswith("along the normals")
 
 
 def test_what_channels_lost_is_counted_by_channel():
     noun = Mesh(BALL, FACES, channels=np.random.default_rng(0).normal(size=(400, 2)))
-    result = denoise(noun, time=0.01, search=False)
+    result = smooth(noun, time=0.01, compute=Compute(search=False), result=True)
     assert np.array_equal(result.counted, result.removed)
     assert "; removed rms" in result.summary
     assert "rms along the normals" not in compare(result.before, result.noun).words()
 
 
 def test_a_summary_names_what_had_an_effect():
-    result = denoise((NOISY, FACES), time=0.01)
+    result = smooth((NOISY, FACES), time=0.01, result=True)
     for name in ("gamma", "sharpness", "patch", "contrast", "indicator"):
         assert name not in result.parameters
     assert "method curvature; removed" in result.summary
     depth = 2 + 0.01 * np.random.default_rng(1).normal(size=(20, 20))
-    summary = denoise(RangeImage(depth, Pinhole(50, 50, 10, 10))).summary
+    summary = smooth(RangeImage(depth, Pinhole(50, 50, 10, 10)), result=True).summary
     assert "gamma" in summary
     assert not any(word in summary for word in ("sharpness", "patch", "contrast"))
-    both = denoise((NOISY, FACES), channels=BALL, moves="all", time=0.01)
+    both = smooth((NOISY, FACES), time=0.01, channels=BALL, moves="all", result=True)
     assert "contrast" in both.parameters
 
 
 @pytest.mark.parametrize("words", [{"method": "heat"}, {"gamma": -1.0}, {"sharpness": 2.0}, {"method": "perona-malik"}])
 def test_members_of_grids_say_that_they_have_no_effect_on_points(words):
     result = denoise((NOISY, FACES), time=0.01, **words)
-    plain = denoise((NOISY, FACES), time=0.01)
+    plain = smooth((NOISY, FACES), time=0.01, result=True)
     (warning,) = [warning for warning in result.warnings if "no effect where points move" in warning]
     assert str(next(iter(words.values() if "method" in words else words))) in warning
     assert np.array_equal(result.noun.points, plain.noun.points)

@@ -9,11 +9,15 @@ import pytest
 from helpers import shapes
 
 import meshflow
+from meshflow.estimate.constraints import Mask, MaxChange
 from meshflow.estimate.parameters import expected_error
 from meshflow.estimate.risk import TWICE, Candidate, Trial, risk_curves
 from meshflow.estimate.search import METHODS, _tiled
+from meshflow.flow.compute import Compute
 from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.methods import Beltrami, PeronaMalik
 from meshflow.flow.methods.beltrami import Member, Method
+from meshflow.flow.stops import Residual, Steps
 from meshflow.surfaces.lift import HeightField, Lift
 from meshflow.synthetic.scenes import mesas, ramps
 
@@ -38,11 +42,15 @@ def test_the_estimated_risk_is_the_error_that_is_made(member):
     curves = risk_curves(pair, probe, 2.0, times, np.ones(z.size, bool), (0.0, 1.0), patient=True)
     for i, time in tuple(enumerate(times))[::2]:
         smoothed = meshflow.smooth(
-            z, gamma=member.gamma, sharpness=member.sharpness, patch=member.patch, contrast=0.8, time=time
+            z,
+            method=Beltrami(gamma=member.gamma, sharpness=member.sharpness, patch=member.patch, contrast=0.8),
+            time=time,
         )
         assert curves[0.0][i + 1] == pytest.approx(rms(smoothed - truth) ** 2, abs=0.25)
     again = meshflow.smooth(
-        z, gamma=member.gamma, sharpness=member.sharpness, patch=member.patch, contrast=0.8, time=2.0, twice=1.0
+        z,
+        method=Beltrami(gamma=member.gamma, sharpness=member.sharpness, patch=member.patch, contrast=0.8, twicing=1.0),
+        time=2.0,
     )
     assert curves[1.0][7] == pytest.approx(rms(again - truth) ** 2, abs=0.25)
 
@@ -101,22 +109,22 @@ def test_tiles_keep_the_samples_their_spacing_and_their_holes():
 
 def test_what_is_given_is_held_and_what_is_not_is_found():
     _, z = noisy(n=64)
-    result = meshflow.denoise(z, gamma=0)
+    result = meshflow.smooth(z, method=Beltrami(gamma=0), result=True)
     p = result.parameters
     assert (p["gamma"].value, p["gamma"].origin) == (0, "given")
     assert (p["sharpness"].value, p["patch"].value) == (1, 0)
     assert p["time"].origin == p["contrast"].origin == "estimated"
-    result = meshflow.denoise(z, time=3.0)
+    result = meshflow.smooth(z, time=3.0, result=True)
     assert (result.end.time, result.parameters["time"].origin) == (3.0, "given")
     assert result.parameters["gamma"].origin == "estimated"
-    assert {trial.times for trial in result.trials} == {(3.0,)}
-    result = meshflow.denoise(z, method="perona-malik", contrast=0.7)
+    assert {trial.times for trial in result.candidates} == {(3.0,)}
+    result = meshflow.smooth(z, method=PeronaMalik(contrast=0.7), result=True)
     assert result.parameters["sharpness"].value == 2
-    assert {trial.candidate.contrast for trial in result.trials} == {0.7}
-    result = meshflow.denoise(z, search=False)
-    assert not result.trials
+    assert {trial.candidate.contrast for trial in result.candidates} == {0.7}
+    result = meshflow.smooth(z, compute=Compute(search=False), result=True)
+    assert not result.candidates
     assert (result.end.time, result.parameters["time"].why) == (7.5, "7.5 h²")
-    assert meshflow.denoise(z, steps=2).end.step == 2
+    assert meshflow.smooth(z, stop=Steps(2), result=True).end.step == 2
 
 
 def test_every_name_of_a_member_is_one_and_runs():
@@ -137,7 +145,7 @@ def test_more_strength_smooths_more():
 def test_a_search_does_not_depend_on_the_units():
     _, z = noisy(n=96)
     near = meshflow.smooth(z, boundary="linear")
-    far = meshflow.smooth(1000 * z, spacing=30.0, boundary="linear")
+    far = meshflow.smooth(1000 * z, boundary="linear", spacing=30.0)
     assert rms(far / 1000 - near) < 1e-6 * rms(z - near)
 
 
@@ -153,19 +161,19 @@ def test_twicing_gives_back_what_the_flow_would_still_take():
 def test_without_noise_nothing_changes_and_it_says_so():
     blocks = np.random.default_rng(0).integers(0, 9, (6, 6)) * 12.0
     for z in (np.full((40, 40), 3.5), np.kron(blocks, np.ones((16, 16))), np.array([[1.0, 2.0], [3.0, 5.0]])):
-        result = meshflow.denoise(z)
+        result = meshflow.smooth(z, result=True)
         assert np.array_equal(result.thing, z)
         assert "nothing was changed" in result.reason
         assert result.end.step == 0
         assert not result.removed.any()
         assert "nothing was changed" in str(result)
-    result = meshflow.denoise(np.full((40, 40), 3.5), time=1.0)
+    result = meshflow.smooth(np.full((40, 40), 3.5), time=1.0, result=True)
     assert any("no noise was found" in warning for warning in result.warnings)
 
 
 def test_data_that_is_all_noise_becomes_flat():
     z = np.random.default_rng(0).normal(size=(128, 128))
-    result = meshflow.denoise(z)
+    result = meshflow.smooth(z, result=True)
     assert result.thing.std() < 0.1
     assert result.correlation < 0.03
 
@@ -174,17 +182,17 @@ def test_channels_of_a_mesh_tune_themselves():
     points, faces = shapes.sphere(1000, shake=0.1)
     truth = np.sign(points[:, 2:]) * 5.0
     noisy_channels = truth + np.random.default_rng(1).normal(size=truth.shape)
-    result = meshflow.denoise((points, faces), channels=noisy_channels)
+    result = meshflow.smooth((points, faces), channels=noisy_channels, result=True)
     smoothed = result.thing[2]
-    assert result.trials
+    assert result.candidates
     assert rms(smoothed - truth) < 0.4
 
 
 def test_a_result_tells_every_parameter_with_unit_and_origin():
     _, z = noisy(n=64)
     z[3:9, 10:20] = np.nan
-    result = meshflow.denoise(z)
-    told = json.loads(result.json())
+    result = meshflow.smooth(z, result=True)
+    told = json.loads(result.to_json())
     assert set(told["parameters"]) >= {
         "sigma",
         "gamma",
@@ -210,8 +218,8 @@ def test_a_result_tells_every_parameter_with_unit_and_origin():
 
 def test_the_correlation_of_what_was_removed_tells_structure_from_noise():
     truth, z = noisy(n=128)
-    assert meshflow.denoise(z, boundary="linear").correlation < 0.1
-    blurred = meshflow.denoise(z, method="heat", time=40.0)
+    assert meshflow.smooth(z, boundary="linear", result=True).correlation < 0.1
+    blurred = meshflow.smooth(z, method="heat", time=40.0, result=True)
     assert blurred.correlation > 0.3
 
 
@@ -219,12 +227,12 @@ def test_every_number_has_the_unit_of_the_data_and_what_was_given_is_listed():
     z = np.add.outer(np.arange(32.0), np.zeros(32)) + np.random.default_rng(0).normal(size=(32, 32))
     still = np.zeros(z.shape, bool)
     still[0, :3] = True
-    told = meshflow.denoise(
+    told = meshflow.smooth(
         meshflow.HeightField(z, 10.0, unit="m", fixed=still),
         method="perona-malik",
-        limit=3.0,
-        only=~still,
-        residual=0.9,
+        stop=Residual(0.9),
+        constraints=[Mask(~still), MaxChange(3.0)],
+        result=True,
     ).parameters
     assert {name: told[name].unit for name in ("sigma", "quantum", "limit", "time")} == {
         "sigma": "m", "quantum": "m", "limit": "m", "time": "m²",
@@ -237,6 +245,6 @@ def test_every_number_has_the_unit_of_the_data_and_what_was_given_is_listed():
 
 def test_where_nothing_may_move_the_reason_says_so():
     z = np.random.default_rng(0).normal(size=(16, 16))
-    found = meshflow.denoise(z, only=np.zeros(z.shape, bool))
+    found = meshflow.smooth(z, constraints=Mask(np.zeros(z.shape, bool)), result=True)
     assert "no sample may move" in found.reason
     np.testing.assert_array_equal(found.thing, z)

@@ -10,7 +10,11 @@ from helpers import shapes
 import meshflow
 from meshflow.errors import InputError
 from meshflow.estimate.noise import noise_of, noise_on
-from meshflow.smoothing import Settings, smooth_noun
+from meshflow.estimate.request import Request
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Beltrami, Search
+from meshflow.flow.stops import Steps
+from meshflow.smoothing import smooth_noun
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 shared = pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")
@@ -34,7 +38,9 @@ def test_with_no_parameter_at_all_noise_goes_and_a_cliff_stays():
 def test_scale_is_the_standard_deviation_of_the_equal_gaussian():
     bump = np.zeros((61, 61))
     bump[30, 30] = 1.0
-    smoothed = meshflow.smooth(bump, scale=3.0, contrast=1e-6, boundary="natural", diagonals="both")
+    smoothed = meshflow.smooth(
+        bump, method=Search(contrast=1e-6), scale=3.0, boundary="natural", compute=Compute(diagonals="both")
+    )
     x = np.arange(61) - 30
     for axis in (0, 1):
         assert np.sqrt((smoothed.sum(axis=1 - axis) * x**2).sum()) == pytest.approx(3.0, rel=0.01)
@@ -82,13 +88,18 @@ def test_options_go_to_the_part_that_they_steer():
     _, z = noisy_plane()
     noun = meshflow.HeightField(z)
     outcome = smooth_noun(
-        noun, Settings(time=1.0, gamma=1.0, contrast=2.0, stepper=meshflow.SemiImplicit("cg"), dt=0.25)
+        noun,
+        Request.of(
+            method=Beltrami(gamma=1.0, contrast=2.0),
+            time=1.0,
+            compute=Compute(stepper=meshflow.SemiImplicit("cg"), dt=0.25),
+        ),
     )
     assert outcome.end.step == 4
-    assert outcome.facts["stepper"] == "semi-implicit"
-    assert outcome.facts["gamma"] == "1"
-    assert outcome.facts["contrast"] == "2"
-    assert outcome.facts["ended"] == "reached time 1 in 4 steps"
+    assert outcome.tags["stepper"] == "semi-implicit"
+    assert outcome.tags["gamma"] == "1"
+    assert outcome.tags["contrast"] == "2"
+    assert outcome.tags["ended"] == "reached time 1 in 4 steps"
     assert outcome.end.area < outcome.start.area
 
 
@@ -123,14 +134,20 @@ def test_the_quantum_of_quantised_data_is_found_and_its_rounding_counts_as_noise
         (lambda z: meshflow.smooth(z, time=-1), "time: a finite number, zero or more"),
         (lambda z: meshflow.smooth(z, scale=-1), "scale: a finite number, zero or more"),
         (lambda z: meshflow.smooth(z, time=1, scale=1), "one of them expected"),
-        (lambda z: meshflow.smooth(z, dt=-0.1), "dt: a positive"),
-        (lambda z: meshflow.smooth(z, dt=9.0, stepper="explicit"), "the largest stable step is"),
-        (lambda z: meshflow.smooth(z, contrast=0), "contrast: a positive"),
-        (lambda z: meshflow.smooth(z, gamma=np.inf), "gamma: a finite number"),
-        (lambda z: meshflow.smooth(z, threads=0), "threads: a whole number, 1 or more, expected, got 0"),
-        (lambda z: meshflow.smooth(z, threads=1.5), "threads: a whole number"),
-        (lambda z: meshflow.smooth(z, stepper="leapfrog"), "auto, explicit, semi-implicit, super-time expected"),
-        (lambda z: meshflow.smooth(z, dt=0.1, control=meshflow.AreaChange()), "one of them expected"),
+        (lambda z: meshflow.smooth(z, compute=Compute(dt=-0.1)), "dt: a positive"),
+        (lambda z: meshflow.smooth(z, compute=Compute(stepper="explicit", dt=9.0)), "the largest stable step is"),
+        (lambda z: meshflow.smooth(z, method=Search(contrast=0)), "contrast: a positive"),
+        (lambda z: meshflow.smooth(z, method=Beltrami(gamma=np.inf)), "gamma: a finite number"),
+        (
+            lambda z: meshflow.smooth(z, compute=Compute(threads=0)),
+            "threads: a whole number, 1 or more, expected, got 0",
+        ),
+        (lambda z: meshflow.smooth(z, compute=Compute(threads=1.5)), "threads: a whole number"),
+        (
+            lambda z: meshflow.smooth(z, compute=Compute(stepper="leapfrog")),
+            "auto, explicit, semi-implicit, super-time expected",
+        ),
+        (lambda z: meshflow.smooth(z, compute=Compute(dt=0.1, control=meshflow.AreaChange())), "one of them expected"),
         (lambda z: meshflow.smooth(z[0]), "2 or 3 dimensions|2 dimensions"),
         (lambda z: meshflow.smooth(z * 1j), "real numbers expected"),
         (lambda z: meshflow.smooth(object()), "expected a numpy array"),
@@ -150,7 +167,10 @@ def test_every_messy_mesh_gives_a_finite_result(path):
     noun = meshflow.read(path).noun
     for stepper in ("explicit", "semi-implicit"):
         outcome = smooth_noun(
-            noun, Settings(steps=3, stepper=stepper, dt=None if stepper == "explicit" else noun.step**2)
+            noun,
+            Request.of(
+                stop=Steps(3), compute=Compute(stepper=stepper, dt=None if stepper == "explicit" else noun.step**2)
+            ),
         )
         assert np.isfinite(outcome.noun.points).all()
         assert np.array_equal(outcome.noun.faces, noun.faces)
@@ -161,7 +181,7 @@ def test_every_messy_mesh_gives_a_finite_result(path):
 @shared
 def test_the_horse_with_its_slivers_is_smoothed_in_one_call():
     noun = meshflow.read(SHARED / "meshes/irregular/horse.vtp").noun
-    outcome = smooth_noun(noun, Settings(method="curvature"))
+    outcome = smooth_noun(noun, Request.of(method="curvature"))
     assert np.isfinite(outcome.noun.points).all()
     assert outcome.end.area < outcome.start.area
     assert np.abs(outcome.noun.points - noun.points).max() < 20 * noun.step
@@ -172,7 +192,7 @@ def test_the_horse_with_its_slivers_is_smoothed_in_one_call():
 def test_quantisation_of_a_real_terrain_is_reduced_against_the_truth():
     coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
     truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z
-    smoothed = smooth_noun(coarse, Settings(contrast=coarse.step / 115, time=coarse.step**2)).noun.z
+    smoothed = smooth_noun(coarse, Request.of(method=Search(contrast=coarse.step / 115), time=coarse.step**2)).noun.z
     before, after = (np.sqrt(np.mean((z.astype(float) - truth) ** 2)) for z in (coarse.z, smoothed))
     assert before == pytest.approx(57.3, abs=0.1)
     assert after < 40, f"rms to the unquantised truth {before:.1f} m before, {after:.1f} m after"
@@ -182,7 +202,7 @@ def test_quantisation_of_a_real_terrain_is_reduced_against_the_truth():
 @shared
 def test_a_ragged_mask_of_missing_samples_is_the_same_afterwards():
     before = meshflow.read(SHARED / "dem/SainteHelens.dem").noun
-    after = smooth_noun(before, Settings(steps=5)).noun
+    after = smooth_noun(before, Request.of(stop=Steps(5))).noun
     assert before.missing.sum() == 4151
     assert np.array_equal(after.missing, before.missing)
     assert np.isfinite(after.z[~before.missing]).all()

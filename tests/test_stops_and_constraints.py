@@ -6,6 +6,10 @@ from helpers import shapes
 
 import meshflow
 from meshflow.errors import InputError
+from meshflow.estimate.constraints import DataWeights, Fixed, Mask, MaxChange
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Beltrami
+from meshflow.flow.stops import AreaLoss, Displacement, Residual
 
 
 def noisy(n=64, sigma=2.0, seed=0):
@@ -22,7 +26,14 @@ def rms(a):
 @pytest.mark.parametrize("stepper", ["explicit", "super-time"])
 def test_a_residual_is_a_share_of_the_noise_and_no_more(share, stepper):
     _, z = noisy()
-    result = meshflow.denoise(z, gamma=0, contrast=0.7, sigma=2.0, residual=share, stepper=stepper)
+    result = meshflow.smooth(
+        z,
+        method=Beltrami(gamma=0, contrast=0.7),
+        noise=2.0,
+        stop=Residual(share),
+        compute=Compute(stepper=stepper),
+        result=True,
+    )
     assert rms(result.thing - z) == pytest.approx(share * 2.0, rel=1e-3)
     assert f"came to a residual of {share:.3g} sigma" in result.reason
     assert result.end.time < 100
@@ -31,36 +42,45 @@ def test_a_residual_is_a_share_of_the_noise_and_no_more(share, stepper):
 def test_a_residual_counts_the_samples_that_are_there():
     _, z = noisy()
     z[20:40, 10:60] = np.nan
-    smoothed = meshflow.smooth(z, gamma=0, contrast=0.7, sigma=2.0, residual=0.8)
+    smoothed = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), noise=2.0, stop=Residual(0.8))
     assert np.sqrt(np.nanmean((smoothed - z) ** 2)) == pytest.approx(1.6, rel=1e-3)
 
 
 def test_a_residual_of_several_channels_counts_them_alike():
     rng = np.random.default_rng(1)
     z = np.zeros((40, 40, 3)) + 2 * rng.normal(size=(40, 40, 3))
-    smoothed = meshflow.smooth(z, gamma=0, contrast=0.7, sigma=2.0, residual=0.8)
+    smoothed = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), noise=2.0, stop=Residual(0.8))
     assert rms(smoothed - z) == pytest.approx(1.6, rel=1e-3)
 
 
 def test_the_largest_displacement_and_the_area_stop_where_they_were_asked_to():
     _, z = noisy()
-    moved = meshflow.smooth(z, gamma=0, contrast=0.7, displacement=3.0)
+    moved = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), stop=Displacement(3.0))
     assert np.abs(moved - z).max() == pytest.approx(3.0, rel=1e-3)
-    result = meshflow.denoise(z, gamma=0, contrast=0.7, area_loss=0.2)
-    areas = [moment.area for moment in result.moments]
+    result = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), stop=AreaLoss(0.2), result=True)
+    areas = [moment.area for moment in result.history]
     assert areas[-1] / areas[0] == pytest.approx(0.8, rel=1e-3)
 
 
 def test_the_first_of_several_stops_counts():
     _, z = noisy()
-    result = meshflow.denoise(z, gamma=0, contrast=0.7, sigma=2.0, residual=0.9, displacement=1.0, time=50)
+    result = meshflow.smooth(
+        z,
+        method=Beltrami(gamma=0, contrast=0.7),
+        time=50,
+        noise=2.0,
+        stop=[Residual(0.9), Displacement(1.0)],
+        result=True,
+    )
     assert "displacement of 1 " in result.reason
     assert rms(result.thing - z) < 0.9 * 2.0
 
 
 def test_a_callable_sees_the_values_and_stops_the_run():
     _, z = noisy()
-    smoothed = meshflow.smooth(z, gamma=0, contrast=0.7, stop=lambda values, time: z.std() - 0.1 - values.std())
+    smoothed = meshflow.smooth(
+        z, method=Beltrami(gamma=0, contrast=0.7), stop=lambda values, time: z.std() - 0.1 - values.std()
+    )
     assert smoothed.std() == pytest.approx(z.std() - 0.1, abs=1e-4)
     seen = []
 
@@ -68,7 +88,7 @@ def test_a_callable_sees_the_values_and_stops_the_run():
         seen.append((values.shape, time))
         return bool(time > 1.0)
 
-    result = meshflow.denoise(z, gamma=0, contrast=0.7, stop=enough)
+    result = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), stop=enough, result=True)
     assert result.end.time == pytest.approx(1.0, abs=0.01)
     assert {shape for shape, _ in seen} == {z.shape}
     with pytest.raises(InputError, match="shall return true, false or a finite number"):
@@ -77,7 +97,7 @@ def test_a_callable_sees_the_values_and_stops_the_run():
 
 def test_a_stop_that_is_never_met_ends_at_the_time_with_the_reason():
     _, z = noisy()
-    result = meshflow.denoise(z, gamma=0, contrast=0.7, displacement=1e6, time=2.0)
+    result = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), time=2.0, stop=Displacement(1e6), result=True)
     assert result.end.time == pytest.approx(2.0)
     assert "before a displacement of" in result.reason
     assert "(1e+06 asked for)" in result.reason
@@ -87,13 +107,31 @@ def test_a_stop_that_is_never_met_ends_at_the_time_with_the_reason():
 def test_no_sample_leaves_its_limit(stepper):
     _, z = noisy()
     most = np.where(np.arange(64) < 32, 0.5, 2.0) * np.ones_like(z)
-    result = meshflow.denoise(z, gamma=0, contrast=0.7, time=8.0, limit=most, stepper=stepper)
+    result = meshflow.smooth(
+        z,
+        method=Beltrami(gamma=0, contrast=0.7),
+        time=8.0,
+        constraints=MaxChange(most),
+        compute=Compute(stepper=stepper),
+        result=True,
+    )
     away = np.abs(result.thing - z) - most
     assert away.max() <= 1e-12
     assert (away > -1e-12).any(), "the limit was never reached: the test proves nothing"
-    assert np.array_equal(meshflow.smooth(z, gamma=0, contrast=0.7, time=8.0, limit=0.0), z)
-    free = meshflow.smooth(z, gamma=0, contrast=0.7, time=8.0, stepper=stepper)
-    assert np.array_equal(meshflow.smooth(z, gamma=0, contrast=0.7, time=8.0, stepper=stepper, limit=np.inf), free)
+    assert np.array_equal(
+        meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), time=8.0, constraints=MaxChange(0.0)), z
+    )
+    free = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), time=8.0, compute=Compute(stepper=stepper))
+    assert np.array_equal(
+        meshflow.smooth(
+            z,
+            method=Beltrami(gamma=0, contrast=0.7),
+            time=8.0,
+            constraints=MaxChange(np.inf),
+            compute=Compute(stepper=stepper),
+        ),
+        free,
+    )
 
 
 @pytest.mark.parametrize("moves", ["points", "channels", "all"])
@@ -106,18 +144,18 @@ def test_what_moves_of_a_mesh_is_held_and_stopped_alike(moves):
     change = np.concatenate([after - points, warm - heat], axis=1)[np.isfinite(most)]
     assert 0.005 < np.abs(change).max() <= 0.0101
     result = meshflow.denoise((points, faces), displacement=0.004, **options)
-    assert result.moments[-1].largest == pytest.approx(0.004, rel=1e-3)
+    assert result.history[-1].largest == pytest.approx(0.004, rel=1e-3)
     seen = []
     meshflow.smooth((points, faces), stop=lambda values, time: bool(seen.append(values.shape)), **options)
     assert set(seen) == {(len(points), {"points": 3, "channels": 2, "all": 5}[moves])}
     trusted = meshflow.denoise((points, faces), confidence=1e6, **options)
-    assert trusted.moments[-1].largest < 1e-2
+    assert trusted.history[-1].largest < 1e-2
 
 
 def test_rounded_data_stay_consistent_with_what_was_recorded():
     truth, _ = noisy(sigma=0)
     z = np.round(truth / 4) * 4
-    result = meshflow.denoise(z)
+    result = meshflow.smooth(z, result=True)
     assert np.abs(result.thing - z).max() <= 2.0
     assert result.parameters["limit"].value == 2.0
     assert result.parameters["limit"].origin == "estimated"
@@ -126,15 +164,15 @@ def test_rounded_data_stay_consistent_with_what_was_recorded():
 
 def test_a_fidelity_comes_to_rest_and_trusted_samples_stay_nearer():
     _, z = noisy()
-    long = meshflow.smooth(z, gamma=-1, contrast=0.7, confidence=0.25, time=400.0)
-    longer = meshflow.smooth(z, gamma=-1, contrast=0.7, confidence=0.25, time=800.0)
+    long = meshflow.smooth(z, method=Beltrami(gamma=-1, contrast=0.7), time=400.0, constraints=DataWeights(0.25))
+    longer = meshflow.smooth(z, method=Beltrami(gamma=-1, contrast=0.7), time=800.0, constraints=DataWeights(0.25))
     assert rms(longer - long) < 5e-3 * rms(long - z), "it has not come to rest"
     weights = np.where(np.arange(64) < 32, 4.0, 0.01) * np.ones_like(z)
-    result = meshflow.denoise(z, gamma=-1, contrast=0.7, confidence=weights)
+    result = meshflow.smooth(z, method=Beltrami(gamma=-1, contrast=0.7), constraints=DataWeights(weights), result=True)
     change = np.abs(result.thing - z)
     assert change[:, :28].mean() < 0.4 * change[:, 36:].mean()
-    assert np.array_equal(meshflow.smooth(z, gamma=0, contrast=0.7, time=3.0, confidence=0.0),
-                          meshflow.smooth(z, gamma=0, contrast=0.7, time=3.0))  # fmt: skip
+    assert np.array_equal(meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), time=3.0, constraints=DataWeights(0.0)),
+                          meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), time=3.0))  # fmt: skip
 
 
 def test_the_rest_is_where_smoothness_and_data_pull_alike():
@@ -156,10 +194,10 @@ def test_what_lies_outside_of_only_and_inside_of_fixed_keeps_its_bits():
     _, z = noisy()
     only = np.zeros(z.shape, bool)
     only[10:30, 20:50] = True
-    smoothed = meshflow.smooth(z, only=only, time=2.0)
+    smoothed = meshflow.smooth(z, time=2.0, constraints=Mask(only))
     assert np.array_equal(smoothed[~only], z[~only])
     assert rms((smoothed - z)[only]) > 0.5
-    fixed = meshflow.smooth(z, fixed=only, time=2.0)
+    fixed = meshflow.smooth(z, time=2.0, constraints=Fixed(only))
     assert np.array_equal(fixed[only], z[only])
 
 
@@ -207,17 +245,19 @@ def test_what_makes_no_sense_is_refused_by_name(options, words):
 def test_the_limit_of_points_is_of_their_way_whichever_the_axes():
     points, faces = shapes.sphere(600, shake=0.1)
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
-    straight = meshflow.smooth((points, faces), time=0.05, limit=0.01)[0]
-    turned = meshflow.smooth((points @ turn.T, faces), time=0.05, limit=0.01)[0] @ turn
+    straight = meshflow.smooth((points, faces), time=0.05, constraints=MaxChange(0.01))[0]
+    turned = meshflow.smooth((points @ turn.T, faces), time=0.05, constraints=MaxChange(0.01))[0] @ turn
     way = np.linalg.norm(straight - points, axis=1)
     assert way.max() == pytest.approx(0.01, rel=1e-9)
     assert np.abs(straight - turned).max() < 1e-9
-    box = meshflow.smooth((points, faces), time=0.05, limit=np.full(points.shape, 0.01))[0]
+    box = meshflow.smooth((points, faces), time=0.05, constraints=MaxChange(np.full(points.shape, 0.01)))[0]
     assert np.abs(box - points).max() <= 0.01 + 1e-12
     assert np.linalg.norm(box - points, axis=1).max() > 0.0101
 
 
 def test_a_surface_that_vanishes_is_told():
     points, faces = shapes.sphere(300)
-    result = meshflow.denoise((points, faces), method="curvature", time=2.0, stepper="semi-implicit", dt=0.02)
+    result = meshflow.smooth(
+        (points, faces), method="curvature", time=2.0, compute=Compute(stepper="semi-implicit", dt=0.02), result=True
+    )
     assert any("the surface has vanished" in warning for warning in result.warnings)

@@ -5,10 +5,12 @@ import pytest
 
 import meshflow
 from meshflow.errors import InputError
+from meshflow.flow.compute import Compute
 from meshflow.flow.controls import AreaChange, Embedded, Fixed, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
+from meshflow.flow.methods import Search
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime, stepper_for
 from meshflow.flow.super_time import reach, schedule, stages
@@ -149,9 +151,11 @@ def test_the_area_may_choose_the_step_as_well():
 
 def test_the_front_door_takes_it_by_name_and_says_so():
     z = np.random.default_rng(4).normal(size=(20, 20))
-    by_name = meshflow.smooth(z, stepper="super-time", contrast=1.0)
-    assert np.array_equal(by_name, meshflow.smooth(z, contrast=1.0))
-    second = meshflow.smooth(z, stepper=meshflow.SuperTime(order=2), dt=0.1, contrast=1.0)
+    by_name = meshflow.smooth(z, method=Search(contrast=1.0), compute=Compute(stepper="super-time"))
+    assert np.array_equal(by_name, meshflow.smooth(z, method=Search(contrast=1.0)))
+    second = meshflow.smooth(
+        z, method=Search(contrast=1.0), compute=Compute(stepper=meshflow.SuperTime(order=2), dt=0.1)
+    )
     assert 0 < np.std(second - by_name) < 0.04
 
 
@@ -164,7 +168,7 @@ def test_the_front_door_takes_it_by_name_and_says_so():
         (lambda: Embedded(tolerance=0), "tolerance: a positive"),
         (lambda: Embedded(dt=-1), "dt: a positive"),
         (
-            lambda: meshflow.smooth(np.eye(5), stepper=SemiImplicit(), control=Embedded(), time=1.0),
+            lambda: meshflow.smooth(np.eye(5), time=1.0, compute=Compute(stepper=SemiImplicit(), control=Embedded())),
             "does not know its error",
         ),
     ],

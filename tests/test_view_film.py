@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from meshflow.estimate.settings import Settings
 from PIL import Image as Pillow
 
 from meshflow import film
 from meshflow.errors import FormatError, InputError, MissingPackage
+from meshflow.estimate.request import Request
+from meshflow.flow.compute import Compute
+from meshflow.flow.stops import Residual, Steps
 from meshflow.smoothing import flowing, smooth_noun
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
@@ -17,7 +19,7 @@ from meshflow.view.look import terrain_view
 
 SIZE = (320, 240)
 ROUGH = HeightField(np.random.default_rng(0).normal(size=(40, 50)) + 5.0 * (np.arange(50) > 25), unit="m")
-GIVEN = Settings(time=2.0, method="beltrami")
+GIVEN = Request.of(method="beltrami", time=2.0)
 
 
 @pytest.fixture(autouse=True)
@@ -41,14 +43,21 @@ def test_states_begin_with_the_thing_and_end_with_what_smoothing_gives():
     np.testing.assert_allclose(times, 2.0 * (np.arange(5) / 4) ** 2)
     np.testing.assert_array_equal(nouns[0].z, ROUGH.z)
     np.testing.assert_allclose(nouns[-1].z, smooth_noun(ROUGH, GIVEN).noun.z, atol=0.03)  # other steps
-    steps = [noun.z for _, noun in flowing(ROUGH, Settings(steps=8, dt=0.1, stepper="explicit", method="heat"), 3)]
+    steps = [
+        noun.z
+        for _, noun in flowing(
+            ROUGH, Request.of(method="heat", stop=Steps(8), compute=Compute(stepper="explicit", dt=0.1)), 3
+        )
+    ]
     assert len(steps) == 3
-    ended = smooth_noun(ROUGH, Settings(steps=8, dt=0.1, stepper="explicit", method="heat")).noun.z
+    ended = smooth_noun(
+        ROUGH, Request.of(method="heat", stop=Steps(8), compute=Compute(stepper="explicit", dt=0.1))
+    ).noun.z
     np.testing.assert_array_equal(steps[-1], ended)
 
 
 def test_a_stop_is_where_the_states_end():
-    settings = Settings(method="heat", residual=0.5)
+    settings = Request.of(method="heat", stop=Residual(0.5))
     *_, (time, last) = flowing(ROUGH, settings, 4)
     ended = smooth_noun(ROUGH, settings)
     assert time == pytest.approx(ended.end.time)
@@ -60,7 +69,7 @@ def test_what_takes_one_step_is_stepped_afresh_for_each_state():
     mesh = Mesh(
         sphere.points * (1 + 0.02 * np.random.default_rng(0).normal(size=(len(sphere.points), 1))), sphere.faces
     )
-    settings = Settings(method="fairing", time=0.01)
+    settings = Request.of(method="fairing", time=0.01)
     states = list(flowing(mesh, settings, 4))
     assert [time for time, _ in states] == pytest.approx([0.0, 0.01 / 9, 0.04 / 9, 0.01])
     np.testing.assert_allclose(states[-1][1].points, smooth_noun(mesh, settings).noun.points, atol=1e-9)

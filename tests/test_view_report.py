@@ -8,6 +8,7 @@ import pytest
 
 import meshflow
 from meshflow.errors import FormatError, MissingPackage
+from meshflow.flow.compute import Compute
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.view import charts, findings
@@ -48,22 +49,22 @@ NOUNS = {"height field": terrain, "colour": colours, "range image": depths}
 
 @pytest.fixture(scope="module", params=NOUNS)
 def result(request):
-    return meshflow.denoise(NOUNS[request.param]())
+    return meshflow.smooth(NOUNS[request.param](), result=True)
 
 
 @pytest.fixture(scope="module")
 def smoothed():
-    return meshflow.denoise(terrain())
+    return meshflow.smooth(terrain(), result=True)
 
 
 @pytest.fixture(scope="module")
 def mesh():
-    return meshflow.denoise(patch_of_mesh())
+    return meshflow.smooth(patch_of_mesh(), result=True)
 
 
 @pytest.fixture(scope="module")
 def idle():
-    return meshflow.denoise(np.full((64, 64), 3.0))
+    return meshflow.smooth(np.full((64, 64), 3.0), result=True)
 
 
 def html(result, folder, **options):
@@ -158,7 +159,7 @@ def test_an_idle_result_has_a_report_too(idle, tmp_path):
 def test_without_a_search_there_is_no_panel_of_it(smoothed):
     titles = [chart.title for chart in found(smoothed, "").charts]
     assert "what the search expected" in titles
-    plain = meshflow.denoise(terrain(), search=False)
+    plain = meshflow.smooth(terrain(), compute=Compute(search=False), result=True)
     assert [chart.title for chart in found(plain, "").charts] == titles[:3]
 
 
@@ -168,9 +169,9 @@ def test_the_chosen_member_is_the_strong_line_of_the_search(smoothed):
     axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
     chart.draw(axes)
     lines = {line.get_label(): line for line in axes.lines}
-    np.testing.assert_array_equal(lines["chosen"].get_ydata(), smoothed.trials[0].risks)
-    np.testing.assert_array_equal(lines["chosen"].get_xdata(), smoothed.trials[0].times)
-    assert len(axes.lines) == len(smoothed.trials) + 1, "one line for each member, one for the time"
+    np.testing.assert_array_equal(lines["chosen"].get_ydata(), smoothed.candidates[0].risks)
+    np.testing.assert_array_equal(lines["chosen"].get_xdata(), smoothed.candidates[0].times)
+    assert len(axes.lines) == len(smoothed.candidates) + 1, "one line for each member, one for the time"
 
 
 def test_the_histogram_is_a_density_beside_that_of_the_noise():
@@ -185,7 +186,7 @@ def test_the_histogram_is_a_density_beside_that_of_the_noise():
 
 def test_of_channels_that_are_no_colours_the_first_is_shown_and_the_report_says_so(tmp_path):
     values = np.concatenate([colours().values, colours().values[..., :2]], axis=2)
-    five = meshflow.denoise(Image(values), search=False)
+    five = meshflow.smooth(Image(values), compute=Compute(search=False), result=True)
     told = report(five, tmp_path / "a.html")
     assert told.notes == ("pictures: channel 1, of 5",)
     assert told.notes[0] in told.path.read_text()

@@ -86,7 +86,7 @@ def test_a_page_that_is_exported_opens_offline_and_its_slider_moves_the_picture(
 SERVER = """
     import sys
     from pathlib import Path
-    from meshflow.estimate.settings import Settings
+    from meshflow.estimate.request import Request
     from meshflow.viewer.controls import Address
     from meshflow.viewer.session import Saving, view
     import meshflow

@@ -5,9 +5,11 @@ from threading import Event
 
 import numpy as np
 import pytest
-from meshflow.estimate.settings import Settings
 
 from meshflow.errors import InputError
+from meshflow.estimate.request import Request
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Beltrami
 from meshflow.surfaces.lift import HeightField, Mesh
 from meshflow.synthetic.shapes import sphere
 from meshflow.view.look import Look
@@ -17,7 +19,9 @@ from meshflow.viewer.session import Desk, Saving, Session
 from meshflow.viewer.timeline import Timeline, recorded
 from meshflow.viewer.worker import Background
 
-QUICK = Settings(gamma=0.0, sharpness=1.0, patch=0.0, contrast=2.0, time=4.0, search=False)
+QUICK = Request.of(
+    method=Beltrami(gamma=0.0, sharpness=1.0, patch=0.0, contrast=2.0), time=4.0, compute=Compute(search=False)
+)
 SIZE = (800, 600)
 
 
@@ -108,7 +112,7 @@ def test_a_knob_that_is_turned_leaves_the_run_that_it_makes_useless(opened):
     assert like(column(window), "#2b6cb0")[: int(0.62 * SIZE[1])].any(), "no bar tells how far it is"
     window.turn("scale", 5.0)
     until(window, lambda: not window._work.kind)
-    assert window.timeline.moments[-1].time == pytest.approx(12.5)
+    assert window.timeline.history[-1].time == pytest.approx(12.5)
     window.save()
     until(window, lambda: not window._work.kind)
     assert "states of a file are saved" in window.message
@@ -116,7 +120,7 @@ def test_a_knob_that_is_turned_leaves_the_run_that_it_makes_useless(opened):
 
 @pytest.mark.needs_gl
 def test_the_method_knob_of_a_mesh_begins_another_run_and_brings_its_own_knobs(opened):
-    window = opened(ball(), Settings(method="fairing", scale=0.2), count=4)
+    window = opened(ball(), Request.of(method="fairing", scale=0.2), count=4)
     assert set(window.column.knobs) == {"method", "scale", "order"}
     before = window.timeline
     choice = window.column.knobs["method"]
@@ -140,7 +144,7 @@ def test_a_state_that_was_let_go_is_computed_while_the_window_goes_on(opened):
         assert ready.wait(60)
         return whole.at(2)
 
-    window.timeline = Timeline(whole.moments, "", {0: whole.at(0), 5: whole.at(5)}, again)
+    window.timeline = Timeline(whole.history, "", {0: whole.at(0), 5: whole.at(5)}, again)
     seen = window.screen.picture()[:, 300:]
     window.move(2)  # were it computed here, this would wait for ever
     assert (window.screen.picture()[:, 300:] == seen).mean() > 0.99  # but for the slider

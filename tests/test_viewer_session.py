@@ -5,18 +5,22 @@ import shlex
 import numpy as np
 import pytest
 import trimesh
-from meshflow.estimate.settings import Settings
 
 import meshflow
 from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError
+from meshflow.estimate.request import Request
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Beltrami
 from meshflow.surfaces.lift import HeightField, Mesh
 from meshflow.synthetic.shapes import sphere
 from meshflow.viewer.curves import curves, told
 from meshflow.viewer.session import Desk, Saving, Session, view
 from meshflow.viewer.timeline import recorded
 
-QUICK = Settings(gamma=0.0, sharpness=1.0, patch=0.0, contrast=2.0, time=4.0, search=False)
+QUICK = Request.of(
+    method=Beltrami(gamma=0.0, sharpness=1.0, patch=0.0, contrast=2.0), time=4.0, compute=Compute(search=False)
+)
 
 
 def hills(size=24, seed=1):
@@ -34,12 +38,12 @@ def test_states_begin_at_the_start_and_their_area_falls():
     timeline = Session.begun(hills(), QUICK, count=6).run()
     assert len(timeline) == 6
     assert np.array_equal(timeline.at(0).z, hills().z)
-    assert timeline.moments[0].change == 0
-    areas, changes = ([getattr(m, name) for m in timeline.moments] for name in ("area", "change"))
+    assert timeline.history[0].change == 0
+    areas, changes = ([getattr(m, name) for m in timeline.history] for name in ("area", "change"))
     assert areas[0] == 1.0
     assert all(np.diff(areas) < 0)
     assert all(np.diff(changes) > 0)
-    assert timeline.moments[-1].time == pytest.approx(4.0)
+    assert timeline.history[-1].time == pytest.approx(4.0)
 
 
 def test_beyond_the_memory_states_are_let_go_and_computed_again():
@@ -48,7 +52,7 @@ def test_beyond_the_memory_states_are_let_go_and_computed_again():
     assert whole.kept == tuple(range(9))
     assert len(few.kept) <= 3
     assert {0, 8} <= set(few.kept)
-    assert few.moments == whole.moments
+    assert few.history == whole.history
     gone = next(k for k in range(9) if k not in few.kept)
     # It takes the steps of a run that ends there, not those of one that goes on.
     assert np.abs(few.at(gone).z - whole.at(gone).z).max() < 0.05
@@ -71,11 +75,11 @@ def test_the_command_line_makes_the_state_that_is_saved_to_the_last_bit(tmp_path
     else:
         trimesh.Trimesh(ball().points, ball().faces, process=False).export(source)
     document = meshflow.read(source)
-    settings = QUICK if kind.endswith("npy") else Settings(method="fairing", time=0.01)
+    settings = QUICK if kind.endswith("npy") else Request.of(method="fairing", time=0.01)
     desk = Desk(Session.begun(document.noun, settings, count=5), document, Saving(str(source), target))
     timeline = desk.run({}, lambda share: False)
     desk.shown(timeline)
-    moment = timeline.moments[3]
+    moment = timeline.history[3]
     assert "written" in desk.save(moment.time)
     again = tmp_path / f"again{kind[-4:]}"
     words = shlex.split(desk.command(moment.time).replace(str(target), str(again)))
@@ -91,8 +95,8 @@ def test_a_knob_that_is_turned_changes_the_flow_and_only_it():
     session = Session.begun(hills(), QUICK, count=4)
     assert {knob.name for knob in session.knobs} == {"scale", "gamma", "sharpness", "patch", "contrast"}
     far = session.turned(scale=4.0)
-    assert far.run().moments[-1].time == pytest.approx(8.0)
-    assert session.run().moments[-1].time == pytest.approx(4.0)
+    assert far.run().history[-1].time == pytest.approx(8.0)
+    assert session.run().history[-1].time == pytest.approx(4.0)
     steeper = session.turned(gamma=2.0).run().at(3).z
     assert not np.array_equal(steeper, session.run().at(3).z)
     with pytest.raises(InputError, match="order: no such knob; there are contrast, gamma"):
@@ -100,14 +104,14 @@ def test_a_knob_that_is_turned_changes_the_flow_and_only_it():
 
 
 def test_points_of_a_mesh_may_change_their_method():
-    session = Session.begun(ball(), Settings(method="fairing", scale=0.2), count=4)
+    session = Session.begun(ball(), Request.of(method="fairing", scale=0.2), count=4)
     desk = Desk(session, ball(), Saving())
     names = {control["name"]: control for control in desk.controls()}
     assert set(names) == {"method", "scale", "order"}
     timeline = desk.run({"method": "curvature", "scale": 0.2, "order": 2.0}, lambda share: False)
     desk.shown(timeline)
     assert desk.session.settings.method == "curvature"
-    assert timeline.moments[-1].area < 1.0
+    assert timeline.history[-1].area < 1.0
 
 
 @pytest.mark.parametrize("given", [{}, {"method": "fairing"}])
