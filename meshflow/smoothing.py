@@ -77,7 +77,6 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
         done = _lowered(plan, engine, end.u)
         warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
     if isinstance(engine, GridFlow):
-        engine.release()
         warnings += _alone(engine, plan) if record is not None else ()
     done = replace(
         done, fixed=noun.fixed, **({"sigma": noun.sigma, "pace": noun.pace} if isinstance(noun, RangeImage) else {})
@@ -169,7 +168,7 @@ def _run(
     flow: Flow, plan: Plan, settings: Settings, progress: Progress, record: bool | None
 ) -> tuple[State, State, tuple[Moment, ...]]:
     """From the start to the end; the first state, the last, and what was measured."""
-    begin = State(flow.start(), 0.0, 0.0, 0, plan.idle, flow=flow)
+    begin = State(flow, flow.start(), reason=plan.idle)
     if plan.idle is not None:
         return begin, begin, () if record is None else (_moment(begin, plan),)
     until, time, kept = plan.until, plan.until.time, None
@@ -189,7 +188,7 @@ def _run(
         u = kept + kept.dtype.type(plan.twice) * (kept - end.u)
         u = u if limit is None else limit.hold(u)
         words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
-        end = State(u, time, 0.0, end.step, words, end.stepper, flow=flow)
+        end = State(flow, u, time, 0.0, end.step, words, end.stepper)
     if end.step > 0 and record is not None and (kept is not None or not record):
         moments.append(_moment(end, plan))
     return begin, end, tuple(moments)
@@ -265,7 +264,6 @@ def _held(plan: Plan, flow: Flow) -> Hold | None:
 
 def _moment(state: State, plan: Plan) -> Moment:
     """A state in numbers."""
-    assert state.flow is not None
     flow = state.flow
     change, largest = (0.0, 0.0) if state.step == 0 else flow.size((1.0, state.u), (-1.0, flow.start()))
     return Moment(

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 from meshflow.errors import InputError
+from meshflow.flow.blend import euler
 from meshflow.flow.conservation import AlongNormals
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
@@ -118,10 +119,10 @@ class Motion:
     def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Any:
         """The coordinates at each of the times, one by one: a fairing from its start, anything else going on."""
         u, since = start, 0.0
-        for turn, time in enumerate(times):
+        for count, time in enumerate(times):
             if self.once:
-                u = LowPass(self.order, self.weights).step(flow, start, time, turn)
+                u = LowPass(self.order, self.weights).step(flow, start, time, count)
             else:
-                u = flow.advance(u, time - since, turn)
+                u = flow.rate(u, count, euler(time - since))
             since = time
             yield u
