@@ -20,6 +20,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import meshflow
+from meshflow.flow.blend import euler
 from meshflow.flow.controls import Fixed, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
@@ -27,6 +28,7 @@ from meshflow.flow.march import march
 from meshflow.flow.methods import Beltrami
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit
+from meshflow.flow.workspace import Workspace
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
@@ -61,8 +63,8 @@ def noise(*shape, dtype=np.float32, seed=0):
 def rate(noun, member=None, contrast=0.75):
     """A call that computes one rate and takes one explicit step with it."""
     flow = GridFlow(noun.gridded(Lift(1.0 if isinstance(noun, RangeImage) else contrast)), member or Member())
-    u, out = flow.start(), flow.spare()
-    return lambda: flow.advance(u, 0.1, 0, out=out)
+    u, out = flow.start(), Workspace(flow).take()
+    return lambda: flow.rate(u, 0, euler(0.1), out)
 
 
 def copy(source, threads=THREADS):
@@ -132,8 +134,9 @@ def _machine():
 def test_the_grid_engine_beside_the_mesh_engine():
     noun, lift = HeightField(noise(1024, 1024, dtype=np.float64)), Lift(0.75)
     mesh, grid = MeshFlow(noun.lifted(lift)), GridFlow(noun.gridded(lift))
+    spare = Workspace(grid).take()
     found = medians(
-        {"mesh": lambda: mesh.rate(mesh.surface.start), "grid": lambda: grid.done(grid.rate(grid.start()))}, 5
+        {"mesh": lambda: mesh.rate(mesh.surface.start), "grid": lambda: grid.rate(grid.start(), out=spare)}, 5
     )
     print(f"\none rate, 1024 x 1024, float64: mesh {1e3 * found['mesh']:.0f} ms, grid {1e3 * found['grid']:.1f} ms:")
     print(f"  mesh / grid {found['mesh'] / found['grid']:.0f}")

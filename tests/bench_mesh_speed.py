@@ -21,8 +21,10 @@ import numpy as np
 import pytest
 
 from meshflow.errors import need
+from meshflow.flow.blend import euler
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.steppers import SemiImplicit
+from meshflow.flow.workspace import Workspace
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.surfaces.surface import Surface
@@ -169,10 +171,10 @@ def _pymeshlab(points, faces):
 def test_explicit_step_beside_one_iteration_of_the_peers():
     points, faces, _ = noisy()
     flow = flow_of(points, faces)
-    u, out = flow.start(), flow.spare()
+    u, out = flow.start(), Workspace(flow).take()
     dt = 1.0 / flow.bound(u)
     peers = iterations()
-    calls = {"ours": lambda: flow.advance(u, dt, 0, out=out)}
+    calls = {"ours": lambda: flow.rate(u, 0, euler(dt), out)}
     for name, (of, few, many) in peers.items():
         # What a call costs before its first iteration (structure, copies) is not counted: the difference of two.
         calls |= {f"{name} {few}": of(few), f"{name} {many}": of(many)}
@@ -332,11 +334,11 @@ def test_growth_with_the_size_of_the_mesh():
     for subdivisions in sizes:
         points, faces, edge = noisy(subdivisions)
         flow, stepper = flow_of(points, faces), SemiImplicit(tolerance=RESIDUAL)
-        u, out = flow.start(), flow.spare()
+        u, out = flow.start(), Workspace(flow).take()
         dt, n = 1.0 / flow.bound(u), len(points)
         calls = {
             "refill": lambda flow=flow, u=u: flow.system(u),
-            "explicit": lambda flow=flow, u=u, out=out, dt=dt: flow.advance(u, dt, 0, out=out),
+            "explicit": lambda flow=flow, u=u, out=out, dt=dt: flow.rate(u, 0, euler(dt), out),
             "implicit": lambda flow=flow, u=u, s=stepper, dt=2 * edge**2: s.step(flow, u, dt, 0),
         }
         found = interleaved(calls, 5)

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 import meshflow
+from meshflow.flow.blend import euler
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.workspace import Workspace
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import Lift, RangeImage
 from meshflow.synthetic.samples import depth_scene
@@ -59,8 +61,8 @@ def test_frames_per_second_beside_the_bilateral_filter():
     calls |= {words: lambda more=more: meshflow.smooth(noun, threads=THREADS, **more) for words, more in RUNS}
     for gamma in (0.0, 1.0, -1.0):
         flow = GridFlow(noun.gridded(Lift()), Member(gamma=gamma), THREADS)
-        u, out = flow.start(), flow.spare()
-        calls[f"one rate, gamma {gamma:g}"] = lambda flow=flow, u=u, out=out: flow.advance(u, 0.1, 0, out=out)
+        u, out = flow.start(), Workspace(flow).take()
+        calls[f"one rate, gamma {gamma:g}"] = lambda flow=flow, u=u, out=out: flow.rate(u, 0, euler(0.1), out)
         calls[f"one bound, gamma {gamma:g}"] = lambda flow=flow, u=out: flow.bound(u)  # that of the start is kept
     seconds = medians(calls)
     peer = seconds["bilateralFilter, d 9"]

@@ -8,6 +8,7 @@ from helpers.shapes import sphere
 
 from meshflow.errors import InputError
 from meshflow.flow.compute import Compute
+from meshflow.flow.blend import euler
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import VANISHED
 from meshflow.flow.methods import Fairing
@@ -56,7 +57,7 @@ def test_the_largest_explicit_step_takes_each_value_to_a_mean_of_its_neighbours(
     for triangle in FACES:
         for i in triangle:
             around[i] |= set(triangle)
-    new = flow.advance(u, 2.0 / flow.bound(u))
+    new = flow.rate(u, 0, euler(2.0 / flow.bound(u)))
     for i, ring in enumerate(around):
         there = u[list(ring)]
         assert (new[i] >= there.min(axis=0) - 1e-12).all()

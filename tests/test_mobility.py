@@ -15,6 +15,7 @@ import meshflow
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import Fixed, Mask, Mobility, PreserveVolume
 from meshflow.flow.compute import Compute
+from meshflow.flow.blend import Blend, euler
 from meshflow.flow.constraints import Faithful, trust_of
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
@@ -60,8 +61,8 @@ def test_the_speed_multiplies_the_rate_in_every_engine_and_stepper(index):
     rate = np.array(flow.rate(u))
     dt = 1.0 / slowed.bound(u)
     assert np.allclose(slowed.rate(u), speed * rate, rtol=1e-12)
-    assert np.allclose(slowed.advance(u, dt), u + dt * speed * rate, rtol=1e-12, atol=1e-12)
-    more = slowed.advance(u, dt, 0, [(0.25, rate)], (0.5, rate), np.empty_like(u, order="F"))
+    assert np.allclose(slowed.rate(u, 0, euler(dt)), u + dt * speed * rate, rtol=1e-12, atol=1e-12)
+    more = slowed.rate(u, 0, Blend(1.0, dt, ((0.25, rate),), (0.5, rate)), np.empty_like(u, order="F"))
     assert np.allclose(more, u + dt * speed * rate + 0.25 * (rate - u) + 0.5 * rate, rtol=1e-12, atol=1e-12)
     # Implicit: (M / s + dt L) change = dt M rate.
     system, inner = slowed.system(u), flow.system(u)

@@ -176,6 +176,7 @@ def test_a_fidelity_comes_to_rest_and_trusted_samples_stay_nearer():
 
 
 def test_the_rest_is_where_smoothness_and_data_pull_alike():
+    from meshflow.flow.blend import euler
     from meshflow.flow.constraints import Faithful, trust_of
     from meshflow.flow.engines.grid.rate import GridFlow
     from meshflow.flow.methods.beltrami import Member
@@ -186,7 +187,7 @@ def test_the_rest_is_where_smoothness_and_data_pull_alike():
     held = Faithful(flow, trust_of(0.25, z.shape, z.size, 0.7))
     u = held.start()
     for _ in range(6000):
-        u = held.advance(u, 2 / held.bound(u))
+        u = held.rate(u, 0, euler(2 / held.bound(u)))
     assert np.abs(held.rate(u)).max() < 1e-6 * np.abs(flow.rate(u)).max()
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from meshflow.flow.blend import euler
 from meshflow.flow.conjugate_gradients import conjugate_gradients
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.methods.beltrami import Member
@@ -40,8 +41,8 @@ def test_blocks_move_points_as_the_operator_says(mass, boundary):
     truth[held] = 0.0
     scale = np.abs(truth).max()
     assert np.abs(flow.rate(points) - truth).max() < 1e-12 * scale
-    assert np.abs(flow.advance(points, 1e-4) - (points + 1e-4 * truth)).max() < 1e-12
-    assert np.array_equal(flow.advance(points, 1e-4)[held], points[held])
+    assert np.abs(flow.rate(points, 0, euler(1e-4)) - (points + 1e-4 * truth)).max() < 1e-12
+    assert np.array_equal(flow.rate(points, 0, euler(1e-4))[held], points[held])
 
 
 def test_where_a_triangle_is_all_but_flat_blocks_leave_the_step_to_delaunay():

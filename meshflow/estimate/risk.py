@@ -11,6 +11,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SuperTime
 from meshflow.flow.super_time import stages
+from meshflow.flow.workspace import Workspace
 from meshflow.geometry.validation import Array
 
 __all__ = ["PROBE", "TWICE", "Candidate", "Trial", "first_of", "ranked", "refined", "risk_curves", "searched"]
@@ -114,29 +115,29 @@ def risk_curves(
     :param patient: go on to the last time although the risk grows.
     :returns: for each of ``twices`` one for time zero and for each time up to where it ended, squared unit of u.
     """
-    (flow, twin), stepper = pair, SuperTime()
+    (flow, twin), stepper, spaces = pair, SuperTime(), [Workspace(flow) for flow in pair]
     each = np.broadcast_to(np.asarray(sigma, np.float64), (len(counted), 1))[counted]
     sigma = float(np.sqrt(np.mean(each * each)))
-    relative, step = each / sigma, PROBE * each
-    start, spent = flow.start(), 0
+    relative, step, of = each / sigma, PROBE * each, probe[counted].astype(np.float64)
+    start, spent, past = flow.start(), 0, []
     u, v, since, worse = start, twin.start(), 0.0, 0
     curves: dict[float, list[float]] = {weight: [sigma**2] for weight in twices}
-    of, past = probe[counted].astype(np.float64), []
     back = 1 if len(times) < 2 or times[1] > 1.8 * times[0] else 2
-    for turn, time in enumerate(times):
+    for count, time in enumerate(times):
         spent += stages(1, (time - since) / max(Explicit().largest(flow, u), np.finfo(float).tiny))
         if spent > RATES:
             break  # so stiff a flow is not worth its run
         old = u, v
-        u, v = stepper.step(flow, u, time - since, turn), stepper.step(twin, v, time - since, turn)
+        run = zip(pair, (u, v), spaces, strict=True)
+        u, v = (stepper.step(move, state, time - since, count, space) for move, state, space in run)
         if limits is not None:
             u, v = limits[0].hold(u), limits[1].hold(v)
-        if turn > 0:
-            flow.done(old[0])
-            twin.done(old[1])
+        if count > 0:
+            for space, state in zip(spaces, old, strict=True):
+                space.give(state)
         now = (u - start)[counted].astype(np.float64) / relative, of * (v - u)[counted] / step
         for weight, risks in curves.items():
-            if weight > 0 and turn < back:
+            if weight > 0 and count < back:
                 continue
             one = past[-back] if weight > 0 else now
             change, kept = (a + weight * (a - b) for a, b in zip(one, now, strict=True))

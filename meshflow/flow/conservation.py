@@ -8,6 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.steppers import Stepper
+from meshflow.flow.workspace import Workspace
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.operator import total_area
@@ -112,9 +113,9 @@ class AlongNormals:
         """Those of the stepper."""
         return self.stepper.rates
 
-    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+    def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The points (n, 3) after time dt."""
-        new, normals = self.stepper.step(flow, u, dt, turn), normals_at(u, self.faces)
+        new, normals = self.stepper.step(flow, u, dt, diagonal, workspace), normals_at(u, self.faces)
         return u + np.einsum("ij,ij->i", new - u, normals)[:, None] * normals
 
     def largest(self, flow: Flow, u: Array) -> float:

@@ -1,6 +1,5 @@
 """What holds a flow to the data it came from: a limit on every sample, and a fidelity that pulls it back."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -8,6 +7,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.errors import InputError
+from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import Flow, System
 from meshflow.flow.wrapper import Around
 from meshflow.geometry.validation import Array
@@ -142,26 +142,12 @@ class Faithful(Around):
         self.trust = trust.astype(flow.start().dtype)
         self.most = float(trust.max(initial=0.0))
 
-    def rate(self, u: Array, turn: int = 0) -> Array:
-        """du/dt (n, k)."""
-        return self._with(self.flow.rate(u, turn), u, 1.0)
-
-    def advance(
-        self,
-        u: Array,
-        dt: float,
-        turn: int = 0,
-        toward: Sequence[tuple[float, Array]] = (),
-        drift: tuple[float, Array] | None = None,
-        out: Array | None = None,
-    ) -> Array:
-        """u + dt rate(u) and what else is asked for, into ``out``."""
-        return self._with(self.flow.advance(u, dt, turn, toward, drift, out), u, dt)
-
-    def _with(self, to: Array, u: Array, dt: float) -> Array:
+    def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
+        """du/dt (n, k), or what the blend makes of it."""
+        to = self.flow.rate(u, diagonal, blend, out)
         pull = self.flow.start() - u
         pull *= self.trust
-        pull *= to.dtype.type(dt)
+        pull *= to.dtype.type(blend.dt)
         to += pull
         return to
 
@@ -169,6 +155,6 @@ class Faithful(Around):
         """That of the flow and the greatest trust."""
         return self.flow.bound(u) + self.most
 
-    def system(self, u: Array, turn: int = 0) -> System:
+    def system(self, u: Array, diagonal: int = 0) -> System:
         """Mass and stiffness, the fidelity among it (of several channels with weights of their own, that of the first)."""
-        return _FaithfulSystem(self.flow.system(u, turn), self.trust)
+        return _FaithfulSystem(self.flow.system(u, diagonal), self.trust)

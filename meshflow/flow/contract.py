@@ -1,8 +1,8 @@
 """The contract of every engine: what a stepper asks, and nothing of where the numbers came from."""
 
-from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
+from meshflow.flow.blend import RATE, Blend
 from meshflow.geometry.validation import Array
 
 __all__ = ["Flow", "MatrixFree", "System"]
@@ -34,7 +34,10 @@ class MatrixFree(Protocol):
 
 
 class Flow(Protocol):
-    """What a stepper asks of an engine. ``turn`` counts the evaluations, for engines whose triangles alternate.
+    """A flow is its rate, its area, the bound of its rate, and the system of an implicit step, at any state u (n, k).
+
+    Beside these it says where it starts, and how large a difference of states is: only the engine knows how its states lie in
+    memory (planes of a grid, rows of a mesh), which of their samples stand for all, and by how many threads they are read.
 
     :ivar slivers: triangles may be so thin that their bound says nothing of the others.
     """
@@ -45,20 +48,15 @@ class Flow(Protocol):
         """Free coordinates (n, k) at time zero; not to be written to."""
         ...
 
-    def rate(self, u: Array, turn: int = 0) -> Array:
-        """du/dt, (n, k)."""
-        ...
+    def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
+        """du/dt (n, k), or what a stage of a stepper makes of it, in one pass.
 
-    def advance(
-        self,
-        u: Array,
-        dt: float,
-        turn: int = 0,
-        toward: Sequence[tuple[float, Array]] = (),
-        drift: tuple[float, Array] | None = None,
-        out: Array | None = None,
-    ) -> Array:
-        """u + dt rate(u) + the sum of c (a - u) over ``toward``, at most two, + c a of ``drift``; into ``out``."""
+        :param u: (n, k).
+        :param diagonal: how many rates came before: an engine whose triangulations alternate takes the one whose turn it is.
+        :param blend: what is written: keep u + dt rate(u) + ...; by default the rate.
+        :param out: (n, k), where it is written, laid out as :meth:`start`; it may be one of the arrays of the blend other than
+            u. A new array by default.
+        """
         ...
 
     def area(self, u: Array) -> float:
@@ -69,8 +67,8 @@ class Flow(Protocol):
         """Upper bound of the fastest decay, per time: an explicit step of at most 2 / bound is stable."""
         ...
 
-    def system(self, u: Array, turn: int = 0) -> System:
-        """Mass and stiffness of the present metric."""
+    def system(self, u: Array, diagonal: int = 0) -> System:
+        """Mass and stiffness of the present metric; ``diagonal`` as of :meth:`rate`."""
         ...
 
     def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
@@ -78,12 +76,4 @@ class Flow(Protocol):
 
         :param roughly: a part of the vertices is enough.
         """
-        ...
-
-    def spare(self) -> Array:
-        """An array (n, k) to write to; what it holds means nothing."""
-        ...
-
-    def done(self, array: Array) -> None:
-        """An array of :meth:`spare` that nobody needs any more."""
         ...

@@ -10,6 +10,7 @@ from scipy.fft import dct
 
 from meshflow.errors import InputError, NotConverged
 from meshflow.flow.contract import Flow
+from meshflow.flow.workspace import Workspace
 from meshflow.geometry.validation import Array, whole
 
 __all__ = ["LowPass", "Weights", "filtered", "generator_of", "is_short"]
@@ -56,7 +57,7 @@ class LowPass:
         if self.weights not in ("cotangent", "uniform"):
             raise InputError(f"weights: cotangent or uniform expected, got {self.weights!r}")
 
-    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+    def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after a filter of time dt.
 
         :raises InputError: for a flow that has no matrix of its operator: of a grid, of facets, or with a fidelity.

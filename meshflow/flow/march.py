@@ -14,6 +14,7 @@ from meshflow.flow.controls import Control, Embedded, FixedStep, Until
 from meshflow.flow.progress import Progress, reporting
 from meshflow.flow.steppers import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.flow.stops import Course, crossing, unmet
+from meshflow.flow.workspace import Workspace
 from meshflow.geometry.validation import Array
 
 __all__ = ["VANISHED", "State", "march"]
@@ -31,6 +32,7 @@ VANISHED = "the surface has vanished"
 class State:
     """Where a run is.
 
+    :ivar flow: what moves.
     :ivar u: free coordinates (n, k).
     :ivar time: since the start, squared length.
     :ivar dt: length of the step that led here; 0 at the start.
@@ -38,28 +40,27 @@ class State:
     :ivar reason: why the run ended here, a sentence; None where it goes on.
     :ivar stepper: name of the stepper that led here; empty at the start.
     :ivar error: root mean square of what the step leaves out; None where the stepper does not say.
+    :ivar before: free coordinates (n, k) where the step began; None at the start.
     """
 
+    flow: Flow = field(repr=False)
     u: Array
-    time: float
-    dt: float
-    step: int
+    time: float = 0.0
+    dt: float = 0.0
+    step: int = 0
     reason: str | None = None
     stepper: str = ""
     error: float | None = None
-    flow: Flow | None = field(default=None, repr=False)
     before: Array | None = field(default=None, repr=False)
 
     @cached_property
     def area(self) -> float:
         """Of the surface, squared length; measured when it is first asked for."""
-        assert self.flow is not None
         return self.flow.area(self.u)
 
     @cached_property
     def explicit(self) -> float:
         """The longest explicit step that is stable here; measured when it is first asked for."""
-        assert self.flow is not None
         return Explicit().largest(self.flow, self.u)
 
     @cached_property
@@ -67,7 +68,6 @@ class State:
         """Largest displacement of a vertex in this step, in the unit of u; measured when it is first asked for."""
         if self.before is None:
             return 0.0
-        assert self.flow is not None
         return self.flow.size((1.0, self.u), (-1.0, self.before))[1]
 
 
@@ -77,7 +77,6 @@ class _Taken:
 
     old: State
     new: State
-    flow: Flow
 
     @property
     def dt(self) -> float:
@@ -93,7 +92,8 @@ class _Taken:
 
     @cached_property
     def _way(self) -> float:
-        return self.flow.size((1.0, self.new.u), (-1.0, self.flow.start()), roughly=True)[0]
+        flow = self.new.flow
+        return flow.size((1.0, self.new.u), (-1.0, flow.start()), roughly=True)[0]
 
     def areas(self) -> tuple[float, float]:
         return self.old.area, self.new.area
@@ -122,89 +122,91 @@ def march(
     :raises NotConverged: when a solver fails, coordinates are no longer finite, or explicit steps have become hopelessly short.
     """
     changes, stepper = stepper == "auto", stepper_for(stepper or Explicit(), flow, until.time)
-    state = State(flow.start(), 0.0, 0.0, 0, until.reason(0.0, 0), flow=flow)
+    state = State(flow, flow.start(), reason=until.reason(0.0, 0))
     control = control or (Embedded() if isinstance(stepper, Embedding) else FixedStep())
-    steps = control.opened(flow, stepper, state.u, until)
+    steps, workspace = control.opened(flow, stepper, state.u, until), Workspace(flow)
     yield state
     with reporting(progress, f"{stepper.name} flow") as report:
         while state.reason is None:
-            longest = _longest(stepper, state, flow)
+            longest = _longest(stepper, state)
             left = until.left(state.time)
             most = MANY if changes else HOPELESS
             if flow.slivers and np.isfinite(left) and longest * most < left * stepper.rates:
                 stepper = _implicit_instead(changes, state, longest)
                 steps = FixedStep().opened(flow, stepper, state.u, Until(time=left))
-                longest = _longest(stepper, state, flow)
-            new, steps = _stepped(flow, state, stepper, steps, min(longest, left), left, until, limit)
-            new = _gone(flow, _stopped(flow, state, new, until), stepper)
+                longest = _longest(stepper, state)
+            new, steps = _stepped(state, stepper, steps, (min(longest, left), left), limit, workspace)
+            new = _gone(_stopped(state, new, until), stepper)
             report(until.share(new.time, new.step))
             yield new
             if recycle and state.step > 0:
-                flow.done(state.u)
+                workspace.give(state.u)
             state = new
 
 
-def _longest(stepper: Stepper, state: State, flow: Flow) -> float:
+def _longest(stepper: Stepper, state: State) -> float:
     """The largest step that is stable; what explicit steps may be is asked once for each state."""
-    return state.explicit * stepper.stretch if isinstance(stepper, Embedding) else stepper.largest(flow, state.u)
+    if isinstance(stepper, Embedding):
+        return state.explicit * stepper.stretch
+    return stepper.largest(state.flow, state.u)
 
 
 def _stepped(
-    flow: Flow,
     old: State,
     stepper: Stepper,
     control: Control,
-    longest: float,
-    left: float,
-    until: Until,
-    limit: Hold | None,
+    limits: tuple[float, float],
+    hold: Hold | None,
+    workspace: Workspace,
 ) -> tuple[State, Control]:
-    """The next state that the control accepts, and the control after it."""
+    """The next state that the control accepts, and the control after it.
+
+    :param limits: the longest step that is stable, and how far it is to the end or a mark.
+    """
+    flow, (longest, left) = old.flow, limits
     while True:
         dt = min(control.length(longest), left)
         if isinstance(stepper, Embedding) and dt < left < 2 * dt:
             dt = left / ceil(left / dt)  # two alike instead of one and a rest
         if isinstance(control, Embedded) and isinstance(stepper, Embedding):
-            u, error = stepper.tried(flow, old.u, dt, old.step, old.explicit)
+            u, error = stepper.tried(flow, old.u, dt, old.explicit, old.step, workspace)
         else:
-            u, error = stepper.step(flow, old.u, dt, old.step), None
+            u, error = stepper.step(flow, old.u, dt, old.step, workspace), None
         # A finite error says that the coordinates are, too; they need not be looked at again.
         sound = error is not None and np.isfinite(error)
         if not sound and not np.isfinite(flow.size((1.0, u), (-1.0, old.u), roughly=True)[0]):
             raise NotConverged(
                 f"step {old.step + 1} of dt {dt:.3g}: the coordinates are no longer finite; take a smaller dt"
             )
-        u = u if limit is None else limit.hold(u)
-        time, step = old.time + dt, old.step + 1
-        new = State(u, time, dt, step, until.reason(time, step), stepper.name, error, flow, old.u)
+        u = u if hold is None else hold.hold(u)
+        new = State(flow, u, old.time + dt, dt, old.step + 1, None, stepper.name, error, old.u)
         if error is not None and isinstance(stepper, Embedding) and not stepper.endured(dt, old.explicit, new.explicit):
             new = replace(new, error=np.inf)
-        taken = _Taken(old, new, flow)
+        taken = _Taken(old, new)
         kept = control.accepts(taken)
         control = control.after(taken)
         if kept:
             return new, control
-        flow.done(u)
+        workspace.give(u)
 
 
-def _stopped(flow: Flow, old: State, new: State, until: Until) -> State:
+def _stopped(old: State, new: State, until: Until) -> State:
     """The new state, or where a stop was met before it; at the end of its time, what it did not come to is said."""
-    if not until.stops:
-        return new
-    course = Course(flow, until.scale)
-    found = crossing(until.stops, course, (old.u, old.time), (new.u, new.time))
+    course, reason = Course(new.flow, until.scale), until.reason(new.time, new.step)
+    found = crossing(until.stops, course, (old.u, old.time), (new.u, new.time)) if until.stops else None
     if found is None:
-        return (
-            new if new.reason is None else replace(new, reason=new.reason + unmet(until.stops, course, new.u, new.time))
-        )
+        if reason is not None and until.stops:
+            reason += unmet(until.stops, course, new.u, new.time)
+        return new if reason is None else replace(new, reason=reason)
     u, time, words = found
     count = f"{new.step} step{'' if new.step == 1 else 's'}"
     reason = f"came to {words} at time {time:.6g} in {count}"
-    return State(u, time, time - old.time, new.step, reason, new.stepper, new.error, flow, old.u)
+    return replace(new, u=u, time=time, dt=time - old.time, reason=reason)
 
 
-def _gone(flow: Flow, new: State, stepper: Stepper) -> State:
+def _gone(new: State, stepper: Stepper) -> State:
     """The new state, with the reason to end where implicit steps have shrunk a mesh to points, which none of them can move."""
+    flow = new.flow
     if new.reason is not None or not flow.slivers or not isinstance(stepper, SemiImplicit):
         return new
     left = new.area / max(flow.area(flow.start()), np.finfo(float).tiny)

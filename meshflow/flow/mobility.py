@@ -1,6 +1,5 @@
 """Soft constraints: each vertex goes as fast as it is let."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.errors import InputError
+from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import Flow, System
 from meshflow.flow.low_pass import Weights, generator_of
 from meshflow.flow.wrapper import Around
@@ -63,41 +63,19 @@ class Scaled(Around):
         """s (n, 1) at u, none of a size above 1."""
         raise NotImplementedError
 
-    def rate(self, u: Array, turn: int = 0) -> Array:
-        """du/dt (n, k)."""
-        rate = self.flow.rate(u, turn)
-        rate *= self.factor(u)
-        return rate
-
-    def advance(
-        self,
-        u: Array,
-        dt: float,
-        turn: int = 0,
-        toward: Sequence[tuple[float, Array]] = (),
-        drift: tuple[float, Array] | None = None,
-        out: Array | None = None,
-    ) -> Array:
-        """u + dt rate(u) and what else is asked for, into ``out``."""
+    def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
+        """du/dt (n, k), or what the blend makes of it."""
         # By the step of the inner flow, not by its rate: a round of facets is no multiple of one.
-        to = self.flow.advance(u, dt, turn, out=self.flow.spare())
-        to -= u
-        to *= self.factor(u)
-        for c, a in toward:
-            to += to.dtype.type(c) * (a - u)
-        if drift is not None:
-            to += to.dtype.type(drift[0]) * drift[1]
-        to += u
-        if out is None:
-            return to
-        out[...] = to
-        self.flow.done(to)
-        return out
+        change = self.flow.rate(u, diagonal, blend.bare)
+        if blend.keep != 0.0:
+            change -= u if blend.keep == 1.0 else blend.keep * u
+        change *= self.factor(u)
+        return blend.of_change(u, change, out)
 
-    def system(self, u: Array, turn: int = 0) -> System:
+    def system(self, u: Array, diagonal: int = 0) -> System:
         """Mass / |s| and stiffness; the sign of s is that of the rate, so that an implicit step is damped either way."""
         factor = np.abs(self.factor(u)[:, 0].astype(np.float64))
-        return _SlowedSystem(self.flow.system(u, turn), np.maximum(factor, SLOWEST))
+        return _SlowedSystem(self.flow.system(u, diagonal), np.maximum(factor, SLOWEST))
 
 
 class Slowed(Scaled):

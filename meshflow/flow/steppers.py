@@ -6,9 +6,11 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 
 from meshflow.errors import InputError, NotConverged
+from meshflow.flow.blend import Blend, euler
 from meshflow.flow.contract import Flow, MatrixFree, System
 from meshflow.flow.linear_solve import Method, solve
 from meshflow.flow.super_time import reach, schedule, stages
+from meshflow.flow.workspace import Workspace
 from meshflow.geometry.validation import Array, positive
 
 __all__ = [
@@ -45,8 +47,12 @@ class Stepper(Protocol):
         """How many rates the largest step takes."""
         ...
 
-    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
-        """The free coordinates (n, k) after time dt, new or from ``flow.spare()``."""
+    def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
+        """The free coordinates (n, k) after time dt.
+
+        :param diagonal: how many steps came before: that of its first rate.
+        :param workspace: arrays to write to, of this run; by default of this step alone.
+        """
         ...
 
     def largest(self, flow: Flow, u: Array) -> float:
@@ -58,7 +64,9 @@ class Stepper(Protocol):
 class Embedding(Stepper, Protocol):
     """A stepper that knows its error."""
 
-    def tried(self, flow: Flow, u: Array, dt: float, turn: int, explicit: float) -> tuple[Array, float]:
+    def tried(
+        self, flow: Flow, u: Array, dt: float, explicit: float, diagonal: int = 0, workspace: Workspace | None = None
+    ) -> tuple[Array, float]:
         """A step, and the root mean square of what it leaves out.
 
         :param explicit: the longest explicit step at u.
@@ -85,9 +93,9 @@ class Explicit:
     name = "explicit"
     rates = 1
 
-    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+    def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after time dt."""
-        return flow.advance(u, dt, turn, out=flow.spare())
+        return flow.rate(u, diagonal, euler(dt), (workspace or Workspace(flow)).take())
 
     def largest(self, flow: Flow, u: Array) -> float:
         """2 / bound of the triangles as they are at u."""
@@ -120,22 +128,23 @@ class SuperTime:
         """The most stages."""
         return self.stages
 
-    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+    def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after time dt."""
-        last, *spent = self._stages(flow, u, dt, turn, self._count(dt, Explicit().largest(flow, u)))
-        for array in spent:
-            flow.done(array)
+        workspace, count = workspace or Workspace(flow), self._count(dt, Explicit().largest(flow, u))
+        last, *spent = self._stages(flow, u, dt, diagonal, count, workspace)
+        workspace.give(*spent)
         return last
 
-    def tried(self, flow: Flow, u: Array, dt: float, turn: int, explicit: float) -> tuple[Array, float]:
+    def tried(
+        self, flow: Flow, u: Array, dt: float, explicit: float, diagonal: int = 0, workspace: Workspace | None = None
+    ) -> tuple[Array, float]:
         """A step, and the root mean square of what it leaves out, to its own order."""
-        count = self._count(dt, explicit)
-        last, before, *drift = self._stages(flow, u, dt, turn, count)
+        workspace, count = workspace or Workspace(flow), self._count(dt, explicit)
+        last, before, *drift = self._stages(flow, u, dt, diagonal, count, workspace)
         of_last, of_before, of_start, of_rate = schedule(self.order, count).error
         terms = [(of_last, last), (of_before, before), (of_start, u), *((of_rate * dt, rate) for rate in drift)]
         error = flow.size(*terms, roughly=True)[0]
-        for array in (before, *drift):
-            flow.done(array)
+        workspace.give(before, *drift)
         return last, error
 
     def endured(self, dt: float, explicit: float, then: float) -> bool:
@@ -155,20 +164,23 @@ class SuperTime:
         """Stages of a step, enough to compare the last with the one before."""
         return max(self.order + 1, stages(self.order, dt / explicit))
 
-    def _stages(self, flow: Flow, u: Array, dt: float, turn: int, count: int) -> tuple[Array, ...]:
+    def _stages(
+        self, flow: Flow, u: Array, dt: float, diagonal: int, count: int, workspace: Workspace
+    ) -> tuple[Array, ...]:
         """The last stage, the one before it, and for second order the rate at u."""
-        plan = schedule(self.order, count)
-        drift = (flow.rate(u, turn),) if self.order == 2 else ()
-        if drift:
-            last = flow.advance(u, 0.0, turn, (), (plan.first * dt, drift[0]), flow.spare())
+        plan, take = schedule(self.order, count), workspace.take
+        if self.order == 1:
+            drift, first = (), euler(plan.first * dt)
         else:
-            last = flow.advance(u, plan.first * dt, turn, out=flow.spare())
-        before = u
+            drift = (flow.rate(u, diagonal, out=take()),)
+            first = Blend(1.0, 0.0, drift=(plan.first * dt, drift[0]))
+        before, last = u, flow.rate(u, diagonal, first, take())
         for j, (back, home, rate, begin) in enumerate(zip(plan.back, plan.home, plan.rate, plan.begin, strict=True), 1):
-            out = flow.spare() if before is u else before
-            toward = ((back, before), (home, u)) if drift else ((back, before),)
-            more = (begin * dt, drift[0]) if drift else None
-            before, last = last, flow.advance(last, rate * dt, turn + j, toward, more, out)
+            stage = Blend(1.0, rate * dt, ((back, before),))
+            if drift:
+                stage = Blend(1.0, rate * dt, ((back, before), (home, u)), (begin * dt, drift[0]))
+            out = take() if before is u else before
+            before, last = last, flow.rate(last, diagonal + j, stage, out)
         return (last, before, *drift)
 
 
@@ -192,15 +204,15 @@ class SemiImplicit:
             raise InputError(f"solver: auto, direct, cg or multigrid expected, got {self.solver!r}")
         positive(self.tolerance, "tolerance")
 
-    def step(self, flow: Flow, u: Array, dt: float, turn: int) -> Array:
+    def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after time dt."""
-        rate = flow.rate(u, turn)
+        workspace, rate = workspace or Workspace(flow), flow.rate(u, diagonal)
         if not rate.any():
-            out = flow.spare()
+            out = workspace.take()
             out[:] = u
             return out
-        change = self._solved(flow.system(u, turn), dt, rate)
-        return np.add(u, change, out=flow.spare(), casting="same_kind")
+        change = self._solved(flow.system(u, diagonal), dt, rate)
+        return np.add(u, change, out=workspace.take(), casting="same_kind")
 
     def largest(self, flow: Flow, u: Array) -> float:
         """Infinite: every step lowers the Dirichlet energy of the present metric."""

@@ -45,7 +45,6 @@ def run(data: Noun, request: Request, progress: Progress = None, *, record: bool
         done = _lowered(plan, engine, end.u)
         warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
     if isinstance(engine, GridFlow):
-        engine.release()
         warnings += _alone(engine, plan) if record is not None else ()
     done = replace(done, fixed=data.fixed)
     if isinstance(done, RangeImage) and isinstance(data, RangeImage):
@@ -142,7 +141,7 @@ def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
 
 def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tuple[State, State, tuple[Moment, ...]]:
     """From the start to the end; the first state, the last, and what was measured."""
-    begin = State(flow.start(), 0.0, 0.0, 0, plan.idle, flow=flow)
+    begin = State(flow, flow.start(), reason=plan.idle)
     if plan.idle is not None:
         return begin, begin, () if record is None else (_moment(begin, plan),)
     until, kept = plan.until, None
@@ -162,7 +161,7 @@ def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tup
         u = kept + kept.dtype.type(twicing) * (kept - end.u)
         u = u if limit is None else limit.hold(u)
         words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
-        end = State(u, time, 0.0, end.step, words, end.stepper, flow=flow)
+        end = State(flow, u, time, 0.0, end.step, words, end.stepper)
     if end.step > 0 and record is not None and (kept is not None or not record):
         moments.append(_moment(end, plan))
     return begin, end, tuple(moments)
@@ -204,7 +203,7 @@ def _moment(state: State, plan: Plan) -> Moment:
     """A state in numbers."""
     flow = state.flow
     change, largest = (0.0, 0.0)
-    if state.step > 0 and flow is not None:
+    if state.step > 0:
         change, largest = flow.size((1.0, state.u), (-1.0, flow.start()))
     return Moment(
         state.time, state.dt, state.area, float(change / np.sqrt(plan.there) / plan.unit), largest / plan.unit

@@ -1,6 +1,5 @@
 """The one formula of the flow, on explicit triangles."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -9,6 +8,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.errors import InputError
+from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.dense import Dense
 from meshflow.flow.engines.sheets import Metric, Sheet
 from meshflow.flow.methods.beltrami import Member
@@ -125,12 +125,17 @@ class MeshFlow(Dense):
         stay = [q for q in range(surface.points.shape[1]) if q not in surface.free.columns]
         return tuple(surface.points[:, stay][faces] if stay else None for faces in surface.sheets)
 
-    def rate(self, u: Array, turn: int = 0) -> Array:
-        """du/dt (n, k), free coordinate per time; zero where a vertex is fixed, isolated, or without area around it."""
-        marched = self._marched(u, 0.0, 1.0, None)
-        if marched is not None:
+    def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
+        """du/dt (n, k), free coordinate per time, zero where a vertex is fixed, isolated, or without area; or a blend of it."""
+        bare = blend.is_bare
+        marched = self._marched(u, blend.keep, blend.dt, out) if bare else self._marched(u, 0.0, 1.0, None)
+        if bare and marched is not None:
             return marched
-        sheet = self._sheets[turn % len(self._sheets)]
+        return blend.of_rate(u, self._rated(u, diagonal) if marched is None else marched, out)
+
+    def _rated(self, u: Array, diagonal: int) -> Array:
+        """The rate (n, k), whatever moves."""
+        sheet = self._sheets[diagonal % len(self._sheets)]
         x = self._moving(u)
         metric = self._measured(sheet, x)
         cot = self._drawn(metric, x)
@@ -138,19 +143,6 @@ class MeshFlow(Dense):
         pull, inertia = self._along(gradient), self._inertia(sheet, x, metric, gradient)
         moves = self._moves(inertia)
         return -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
-
-    def advance(
-        self,
-        u: Array,
-        dt: float,
-        turn: int = 0,
-        toward: Sequence[tuple[float, Array]] = (),
-        drift: tuple[float, Array] | None = None,
-        out: Array | None = None,
-    ) -> Array:
-        """u + dt rate(u) + the sum of c (a - u) over ``toward`` + c a of ``drift``, into ``out``."""
-        marched = None if toward or drift is not None else self._marched(u, 1.0, dt, out)
-        return self._changed(u, dt * self.rate(u, turn), toward, drift, out) if marched is None else marched
 
     def _marched(self, u: Array, keep: float, dt: float, out: Array | None) -> Array | None:
         """keep u + dt rate(u), by blocks of triangles; None where that is not what moves, or triangles are too thin for it."""
@@ -240,9 +232,9 @@ class MeshFlow(Dense):
             fastest = max(fastest, float(bounds.max(initial=0.0)))
         return fastest
 
-    def system(self, u: Array, turn: int = 0) -> MeshSystem:
+    def system(self, u: Array, diagonal: int = 0) -> MeshSystem:
         """Mass and stiffness of the surface at u, for implicit steps."""
-        sheet = self._sheets[turn % len(self._sheets)]
+        sheet = self._sheets[diagonal % len(self._sheets)]
         x = self._moving(u)
         metric = self._measured(sheet, x)
         inertia = self._inertia(sheet, x, metric, None)

@@ -1,12 +1,12 @@
 """The border of a mesh as a curve in space: it moves by its own curvature, whatever the surface does inside."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 
+from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import Flow, System
 from meshflow.flow.low_pass import Weights, generator_of
 from meshflow.flow.wrapper import Around
@@ -61,25 +61,11 @@ class Bordered(Around):
         moves = (np.bincount(ends.ravel(), minlength=n) == 2) & ~surface.fixed
         self._edges, self._moves, self._at = ends, moves, np.flatnonzero(moves)
 
-    def rate(self, u: Array, turn: int = 0) -> Array:
-        """du/dt (n, k)."""
-        rate = self.flow.rate(u, turn)
-        rate[self._at] = self._drawn(u)
-        return rate
-
-    def advance(
-        self,
-        u: Array,
-        dt: float,
-        turn: int = 0,
-        toward: Sequence[tuple[float, Array]] = (),
-        drift: tuple[float, Array] | None = None,
-        out: Array | None = None,
-    ) -> Array:
-        """u + dt rate(u) and what else is asked for, into ``out``."""
+    def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
+        """du/dt (n, k), or what the blend makes of it."""
         drawn = self._drawn(u)
-        to = self.flow.advance(u, dt, turn, toward, drift, out)
-        to[self._at] += dt * drawn
+        to = self.flow.rate(u, diagonal, blend, out)
+        to[self._at] += blend.dt * drawn
         return to
 
     def bound(self, u: Array) -> float:
@@ -88,11 +74,11 @@ class Bordered(Around):
         diagonal = stiffness.diagonal()[self._at]
         return max(self.flow.bound(u), 2.0 * float(np.max(diagonal / mass[self._at], initial=0.0)))
 
-    def system(self, u: Array, turn: int = 0) -> System:
+    def system(self, u: Array, diagonal: int = 0) -> System:
         """Mass and stiffness of both."""
         stiffness, mass = self._curve(u)
         keep = sparse.diags(self._moves.astype(np.float64))
-        return _BorderedSystem(self.flow.system(u, turn), self._at, mass[self._at], keep @ stiffness @ keep)
+        return _BorderedSystem(self.flow.system(u, diagonal), self._at, mass[self._at], keep @ stiffness @ keep)
 
     def generator(self, u: Array, weights: Weights) -> Any:
         """A (n, n) of both; along the border always by lengths."""

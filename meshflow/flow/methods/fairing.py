@@ -60,5 +60,5 @@ class Fairing(PointMethod):
 
     def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
         """The coordinates (n, 3) at each of the times, each filtered from the start."""
-        for turn, time in enumerate(times):
-            yield self.low_pass().step(flow, start, time, turn)
+        for count, time in enumerate(times):
+            yield self.low_pass().step(flow, start, time, count)

@@ -1,12 +1,12 @@
 """Features kept: the normals of the triangles flow, and the points follow them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import Flow, System
 from meshflow.flow.engines.dense import Dense
 from meshflow.flow.low_pass import filtered
@@ -109,27 +109,18 @@ class FacetFlow(Dense):
         if surface.boundary == "fixed":
             self.held |= self.connectivity.rim
 
-    def advance(
-        self,
-        u: Array,
-        dt: float,
-        turn: int = 0,
-        toward: Sequence[tuple[float, Array]] = (),
-        drift: tuple[float, Array] | None = None,
-        out: Array | None = None,
-    ) -> Array:
-        """The points after normals have flown for dt, and what else is asked for."""
-        return self._changed(u, self._moved(u, dt, turn) - u, toward, drift, out)
+    def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
+        """The mean rate of a round; with a blend that keeps u, normals flow for its dt and the points follow once."""
+        round = blend.dt if blend.keep != 0.0 else ROUND * self.step**2
+        way = self._moved(u, round, diagonal == 0) - u
+        if blend.keep == 0.0:
+            return blend.of_rate(u, way / round, out)
+        return blend.of_change(u, way, out)
 
-    def rate(self, u: Array, turn: int = 0) -> Array:
-        """The mean rate of a round."""
-        dt = ROUND * self.step**2
-        return (self._moved(u, dt, turn) - u) / dt
-
-    def _moved(self, u: Array, dt: float, turn: int) -> Array:
+    def _moved(self, u: Array, dt: float, first: bool) -> Array:
         x = np.ascontiguousarray(u, dtype=np.float64)
         how = self.how
-        if turn == 0 and (how.regularize or 0.0) > 0:
+        if first and (how.regularize or 0.0) > 0:
             even = umbrella_generator(self.connectivity, self.step, ~self.held, curve=True)
             x = filtered(even, x, how.regularize or 0.0, 2)  # what is held stays: its rows are zero
         faces = self.connectivity.faces
@@ -148,7 +139,7 @@ class FacetFlow(Dense):
         """What makes an explicit step one round."""
         return 2.0 / (ROUND * self.step**2)
 
-    def system(self, u: Array, turn: int = 0) -> System:
+    def system(self, u: Array, diagonal: int = 0) -> System:
         """None.
 
         :raises InputError: always: the motion of normals has no matrix.

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Literal
 
 from meshflow.errors import InputError
+from meshflow.flow.blend import euler
 from meshflow.flow.conservation import AlongNormals
 from meshflow.flow.contract import Flow
 from meshflow.flow.steppers import SemiImplicit, Stepper, StepperName, stepper_for
@@ -75,8 +76,8 @@ class PointMethod:
     def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
         """The coordinates (n, 3) at each of the times, squared length, one by one."""
         u, since = start, 0.0
-        for turn, time in enumerate(times):
-            u = flow.advance(u, time - since, turn)
+        for count, time in enumerate(times):
+            u = flow.rate(u, count, euler(time - since))
             since = time
             yield u
 

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.sheets import Metric
@@ -43,10 +44,10 @@ class Principal(MeshFlow):
             raise InputError("principal: directions of curvature are measured where the points of a mesh in R^3 move")
         self.threshold = 1.0 / positive(feature_length, "feature_length")
 
-    def rate(self, u: Array, turn: int = 0) -> Array:
+    def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """du/dt (n, 3), along the normals: what D, as it varies, pushes across the surface is no motion of the shape."""
-        rate, normals = super().rate(u, turn), normals_at(u, self._sheets[0].connectivity.faces)
-        return np.einsum("ij,ij->i", rate, normals)[:, None] * normals
+        rate, normals = super().rate(u, diagonal), normals_at(u, self._sheets[0].connectivity.faces)
+        return blend.of_rate(u, np.einsum("ij,ij->i", rate, normals)[:, None] * normals, out)
 
     def _marched(self, u: Array, keep: float, dt: float, out: Array | None) -> Array | None:
         return None

@@ -1,12 +1,12 @@
 """The flow on a grid, without faces: the same rate as the mesh engine's on the same triangles."""
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.grid.bands import bands, worked
 from meshflow.flow.engines.grid.cells import Cells, border_samples, cells_of
 from meshflow.flow.engines.grid.coupled_sweep import coupled_measured, coupled_swept
@@ -56,7 +56,6 @@ class GridFlow:
         self._begin = self._cleaned()
         which = triangulations(lattice.diagonals)
         self._turns = [(i, i + 1) for i in which] if lattice.diagonals == "alternate" else [(which[0], which[-1] + 1)]
-        self._free: list[Array] = []
         m = self.member
         plain = len(lattice.planes) == 1 and lattice.fibres is None
         self._single = plain and m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric")
@@ -70,27 +69,17 @@ class GridFlow:
         """The free coordinates (n, k) as they came, zero where missing; read-only."""
         return self._columns(self._begin)
 
-    def rate(self, u: Array, turn: int = 0) -> Array:
-        """du/dt (n, k), in units of the data per time; zero where a sample is missing, fixed, or without triangles."""
-        return self._moved(u, turn, (0.0, 1.0, 0.0, 0.0, 0.0), False, (u, u, u), self.spare())
-
-    def advance(
-        self,
-        u: Array,
-        dt: float,
-        turn: int = 0,
-        toward: Sequence[tuple[float, Array]] = (),
-        drift: tuple[float, Array] | None = None,
-        out: Array | None = None,
-    ) -> Array:
-        """u + dt rate(u) + the sum of c (a - u) over ``toward``, at most two, + c a of ``drift``.
-
-        :param out: where to write; it may be one of the a.
-        """
-        (one, a), (two, b) = (*toward, *((0.0, u),) * (2 - len(toward)))
-        three, c = drift or (0.0, u)
-        second = len(toward) > 1 or drift is not None
-        return self._moved(u, turn, (1.0, dt, one, two, three), second, (a, b, c), self.spare() if out is None else out)
+    def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
+        """du/dt (n, k), unit of the data per time, or a blend; zero where a sample is missing, fixed, or without triangles."""
+        (one, a), (two, b) = (*blend.toward, *((0.0, u),) * (2 - len(blend.toward)))
+        three, c = blend.drift or (0.0, u)
+        second = len(blend.toward) > 1 or blend.drift is not None
+        factors = np.array((blend.keep, blend.dt, one, two, three), dtype=np.float64)
+        factors[1] /= self._unit**2
+        mix = (factors.astype(self.dtype), second, tuple(self._planes(array) for array in (a, b, c)))
+        out = self._columns(np.empty(self.shape, self.dtype), writeable=True) if out is None else out
+        self._swept(self._turns[diagonal % len(self._turns)], self._planes(u), self._planes(out, writeable=True), mix)
+        return out
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
@@ -124,13 +113,13 @@ class GridFlow:
         turns = [(self._turns[0][0], self._turns[-1][1])] if self._by_rays and m.gamma >= 0 else self._turns
         return max(self._measured(u, turn, 1)[1] for turn in turns) / self._unit**2
 
-    def system(self, u: Array, turn: int = 0) -> GridSystem:
+    def system(self, u: Array, diagonal: int = 0) -> GridSystem:
         """Mass and stiffness of the present metric, as seven-point weights (nine with both diagonals); no matrix is made."""
         h, w = self.lattice.shape
         planes, nothing = self._planes(u), np.empty((0, 0, 0), self.dtype)
         edges, inverses = np.zeros((4, h, w), self.dtype), np.empty((h, w), self.dtype)
         fixed = (self._geometry, *self._layout, self._held)
-        asked = (self._turns[turn % len(self._turns)], planes, nothing, self._no_mix(planes), fixed)
+        asked = (self._turns[diagonal % len(self._turns)], planes, nothing, self._no_mix(planes), fixed)
         self._worked(lambda rows: _COUPLED(rows, *asked, *self._coupled, edges, inverses))
         return GridSystem.of(edges, inverses, self._held, self._rays, self._unit, self.threads)
 
@@ -148,18 +137,6 @@ class GridFlow:
         return float(np.sqrt(sum(total for total, _ in found) / samples)), float(
             np.sqrt(max(most for _, most in found))
         )
-
-    def spare(self) -> Array:
-        """An array (n, k) to write to; what it holds means nothing."""
-        return self._free.pop() if self._free else self._columns(np.empty(self.shape, self.dtype), writeable=True)
-
-    def done(self, array: Array) -> None:
-        """An array of :meth:`spare` that nobody needs any more."""
-        self._free.append(array)
-
-    def release(self) -> None:
-        """Give back the memory of spare arrays."""
-        self._free.clear()
 
     def planes(self, u: Array) -> Array:
         """u (n, k) as planes (k, h, w), a new array where it is what came."""
@@ -267,17 +244,6 @@ class GridFlow:
 
     # --- one sweep ------------------------------------------------------------------------------------------------------
 
-    def _moved(
-        self, u: Array, turn: int, blend: tuple[float, ...], second: bool, others: tuple[Array, ...], out: Array
-    ) -> Array:
-        """A sweep that writes keep u + dt rate + one (a - u) + two (b - u) + three c; ``blend`` and ``others`` in this order."""
-        factors = np.array(blend, dtype=np.float64)
-        factors[1] /= self._unit**2
-        mix = (factors.astype(self.dtype), second, tuple(self._planes(array) for array in others))
-        target = self._planes(out, writeable=True)
-        self._swept(self._turns[turn % len(self._turns)], self._planes(u), target, mix)
-        return out
-
     def _measured(self, u: Array, sheets: tuple[int, int], bounding: int) -> tuple[float, float]:
         """Area, and what bounds ask for: the greatest s M_flat / M of one channel, else the bound of the triangles times s.
 
@@ -336,7 +302,7 @@ class GridFlow:
         return worked(work, bands(self.shape[1], self.shape[2]), self.threads)
 
     def _planes(self, u: Array, writeable: bool = False) -> Array:
-        """(n, k) as (k, h, w), a view where it came from :meth:`spare` or :meth:`start`; read-only unless it shall be written."""
+        """(n, k) as (k, h, w), a view where it is laid out as :meth:`start`; read-only unless it shall be written."""
         planes = u.T.reshape(self.shape)
         if writeable:
             return planes
