@@ -22,7 +22,7 @@ def main(picture: Path | None = None) -> tuple[int, float]:
     lift, dt = meshflow.Lift(contrast=0.1, boundary="natural"), 1.0 / 24.0
     flow = meshflow.GridFlow(noisy.gridded(lift))
 
-    *_, end = meshflow.march(flow, meshflow.Until(steps=300), meshflow.Explicit(), meshflow.Fixed(dt))
+    *_, end = meshflow.march(flow, meshflow.Until(steps=300), meshflow.Explicit(), meshflow.FixedStep(dt))
     explicit = noisy.holding(flow.planes(end.u))
     states = list(meshflow.march(flow, meshflow.Until(time=end.time), meshflow.SuperTime()))
     fast = noisy.holding(flow.planes(states[-1].u))

@@ -14,7 +14,7 @@ from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import Array
 from meshflow.io.objects import Adopted, adopt
 from meshflow.results.result import Result
-from meshflow.smoothing import Metadata, smooth_object
+from meshflow.smoothing import Metadata, must_exist, smooth_object
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["fuse", "fuse_frames"]
@@ -36,6 +36,7 @@ def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = No
     :param options: of :func:`smooth`.
     :raises InputError: for fewer than two frames that have depths, other sizes, or things that are no depths.
     """
+    must_exist(options)
     metadata = {name: options.pop(name) for name in list(options) if name in Metadata.__annotations__}
     back, found = fuse_frames(frames, Request.of(**options), progress, metadata=metadata)
     return found if result else back

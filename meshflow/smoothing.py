@@ -1,22 +1,32 @@
 """The door: any supported data in, the same kind of data out. The command goes through it, too."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, Literal, TypedDict, TypeVar, Unpack, overload
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.constraints import Constraint, Constraints
+from meshflow.estimate.constraints import (
+    Constraint,
+    Constraints,
+    DataWeights,
+    Fixed,
+    Mask,
+    MaxChange,
+    MinComponent,
+    Mobility,
+)
 from meshflow.estimate.noise import Noise, noise_growth
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.planner import noise_in
 from meshflow.estimate.planner import plan as planned
 from meshflow.estimate.request import BoundaryWord, Domain, Request, Stopping
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import METHODS, Method
+from meshflow.flow.methods import HEIGHT_METHODS, POINT_METHODS, Method, Search
 from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
+from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
 from meshflow.geometry.options import nearest, options_of
 from meshflow.io.adapters.multipart import several
 from meshflow.io.files import Kind
@@ -27,11 +37,15 @@ from meshflow.results.run import run
 from meshflow.surfaces.camera import Camera
 from meshflow.surfaces.lift import HeightField, RangeImage, from_disparity, in_disparity
 
-__all__ = ["Metadata", "estimate_noise", "noise_facts", "smooth", "smooth_object"]
+__all__ = ["Metadata", "estimate_noise", "must_exist", "noise_facts", "smooth", "smooth_object"]
 
 Data = TypeVar("Data")
 # Where depths come in steps, their inverses move by this much: within 5 % of the best patch and time on the frames of a Kinect.
 STEPPED_PATCH, STEPPED_TIME = 1.0, 15.0
+PARTS = {
+    "stop": (Steps, Residual, AreaLoss, Displacement),
+    "constraints": (Fixed, Mask, MaxChange, DataWeights, Mobility, MinComponent),
+}
 STEPPED = "depths in steps: the error of rounding is no noise whose risk could be estimated"
 
 
@@ -135,7 +149,7 @@ def smooth(
     :raises InputError: for what cannot be smoothed or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.
     """
-    _must_exist(metadata)
+    must_exist(metadata)
     request = Request.of(
         method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary,
         domain=domain, compute=compute,
@@ -176,22 +190,37 @@ def _smoothed(adopted: Adopted, request: Request, progress: Progress, record: bo
     return run(adopted.noun, request, progress, record=record)
 
 
-def _must_exist(metadata: Mapping[str, object]) -> None:
-    """Refuse keywords that nobody knows, with the nearest one that there is.
+def must_exist(words: Iterable[str]) -> None:
+    """Refuse keywords that :func:`smooth` does not know, with the nearest one that there is.
 
     :raises InputError: naming them.
     """
-    own = tuple(name for name in smooth.__kwdefaults__ or {})
-    known = (*own, *Metadata.__annotations__)
-    for word in metadata:
-        if word in Metadata.__annotations__:
+    known = (*(smooth.__kwdefaults__ or {}), *Metadata.__annotations__)
+    inside = {name: f"method={kind.__name__}({name}=...)" for name, kind in _method_options().items()}
+    inside |= {o.name: f"compute=Compute({o.name}=...)" for o in options_of(Compute)}
+    inside |= {
+        o.flag.replace("-", "_"): f"{where}={k.__name__}(...)"
+        for where, ks in PARTS.items()
+        for k in ks
+        for o in options_of(k)
+    }
+    for word in words:
+        if word in known:
             continue
-        for found in METHODS.values():
-            if isinstance(found, type) and word in {o.name for o in options_of(found)}:
-                raise InputError(f"{word}: an option of a method; give method={found.__name__}({word}=...)")
-        near = nearest(word, (*known, *(f.name for f in fields(Constraints)), *(f.name for f in fields(Compute))))
-        meant = f"; did you mean {near}?" if near else ""
-        raise InputError(f"{word}: no such option{meant or ';'} there are {', '.join(known)}")
+        if word in inside:
+            raise InputError(f"{word}: no keyword of smooth; give {inside[word]}")
+        near = nearest(word, (*known, *inside))
+        meant = f"; did you mean {inside.get(near, near)}? There" if near else "; there"
+        raise InputError(f"{word}: no such keyword{meant} are {', '.join(known)}")
+
+
+def _method_options() -> dict[str, type[Method]]:
+    """The options of all methods, each with the first that has it."""
+    found: dict[str, type[Method]] = {}
+    for kind in (*HEIGHT_METHODS, Search, *POINT_METHODS):
+        for option in options_of(kind):
+            found.setdefault(option.name, kind)
+    return found
 
 
 def _in_disparity(data: RangeImage, request: Request, progress: Progress, record: bool | None) -> Result:
@@ -247,7 +276,7 @@ def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
     :returns: standard deviation ``sigma``, that of each channel, the quantum of rounded data and the share of samples on it.
     :raises InputError: for what cannot be smoothed.
     """
-    _must_exist(metadata)
+    must_exist(metadata)
     return noise_in(adopt(data, **metadata).noun)
 
 

@@ -21,7 +21,7 @@ from scipy.ndimage import gaussian_filter
 
 import meshflow
 from meshflow.flow.blend import euler
-from meshflow.flow.controls import Fixed, Until
+from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
@@ -142,9 +142,9 @@ def test_the_grid_engine_beside_the_mesh_engine():
     print(f"  mesh / grid {found['mesh'] / found['grid']:.0f}")
     steps = {}
     for name, flow in (("mesh", mesh), ("grid", grid)):
-        list(march(flow, Until(steps=1), Explicit(), Fixed(0.1)))
+        list(march(flow, Until(steps=1), Explicit(), FixedStep(0.1)))
         begun = time.perf_counter()
-        list(march(flow, Until(steps=3), Explicit(), Fixed(0.1), recycle=True))
+        list(march(flow, Until(steps=3), Explicit(), FixedStep(0.1), recycle=True))
         steps[name] = time.perf_counter() - begun
     print(f"  three explicit steps with all that a run asks: mesh / grid {steps['mesh'] / steps['grid']:.0f}")
     implicit = {}

@@ -26,6 +26,7 @@ from time import perf_counter
 import numba
 import numpy as np
 import pytest
+from helpers.parts import parts
 from peers.meshes import mesh_peers
 from peers.search import tuned
 
@@ -56,10 +57,10 @@ OURS: list[dict] = [
     *({"method": "curvature", "time": time} for time in TIMES),
     *(
         {
-            "method": "facets",
-            "contrast": contrast,
-            "sharpness": sharpness,
-            "evened": evened,
+            "method": "normal-filter",
+            "crease_contrast": contrast,
+            "crease_sharpness": sharpness,
+            "regularize": evened,
             "time": time,
             "search": False,
         }
@@ -153,8 +154,8 @@ def cases():
 def ours(case, **words):
     """The front door; time and evening in squared mean edges of what comes in."""
     edge = mean_edge(case.noisy, case.shape.faces)
-    words = words | {name: words[name] * edge**2 for name in ("time", "evened") if name in words}
-    points, _ = meshflow.smooth((case.noisy, case.shape.faces), **words)
+    words = words | {name: words[name] * edge**2 for name in ("time", "regularize") if name in words}
+    points, _ = meshflow.smooth((case.noisy, case.shape.faces), **parts(**words))
     return np.asarray(points, dtype=np.float64)
 
 

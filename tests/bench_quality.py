@@ -22,6 +22,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from helpers.parts import parts
 from peers.grids import PEERS
 from peers.search import tuned
 
@@ -50,7 +51,7 @@ MEMBERS = [
         (4, -1, (0.3, 0.5, 0.7, 1, 1.5), (0,)),
     )
     for contrast, patch in product(contrasts, patches)
-] + [{"gamma": 0, "contrast": contrast, "patch": 1.5, "twice": 1.0, "sharpness": 1} for contrast in (0.2, 0.4, 0.8)]
+] + [{"gamma": 0, "contrast": contrast, "patch": 1.5, "twicing": 1.0, "sharpness": 1} for contrast in (0.2, 0.4, 0.8)]
 # Both are tried on heights, since the defaults choose natural there.
 BOUNDARIES = ("natural", "linear")
 # With several channels the flow of a sharp member is stiff, and no step of h²/6 holds (DESIGN.md, "Sharpness"): the sharpest
@@ -145,7 +146,7 @@ def cases():
 def ours(case, z=None, **options):
     """The front door; an image is said to be one, since arrays (h, w) are heights."""
     kind = {"kind": "image"} if case.subject.kind == "image" else {}
-    return meshflow.smooth(case.noisy if z is None else z, **kind, **options)
+    return meshflow.smooth(case.noisy if z is None else z, **parts(**kind, **options))
 
 
 def per_channel(case, **options):
@@ -158,7 +159,7 @@ def per_channel(case, **options):
 def _refused(word):
     """Whether the front door does not take an option of the members; it is named once."""
     try:
-        meshflow.smooth(np.random.default_rng(SEED).normal(size=(16, 16)), time=0.5, **{word: 0.7})
+        meshflow.smooth(np.random.default_rng(SEED).normal(size=(16, 16)), time=0.5, **parts(**{word: 0.7}))
     except InputError as cause:
         print(f"  members with {word} are left out: {cause}")
         return True
@@ -177,8 +178,12 @@ def members(case):
     if case.subject.kind == "terrain":
         found = [member | {"boundary": boundary} for boundary, member in product(BOUNDARIES, found)]
     if case.subject.quantum:
-        found += [member | {"limit": share * case.level} for share, member in product(LIMITS, found)]
-    words = [word for word in ("patch", "limit", "twice") if any(word in member for member in found) and _refused(word)]
+        found += [member | {"max_change": share * case.level} for share, member in product(LIMITS, found)]
+    words = [
+        word
+        for word in ("patch", "max_change", "twicing")
+        if any(word in member for member in found) and _refused(word)
+    ]
     return [member for member in found if not any(word in member for word in words)]
 
 
@@ -313,12 +318,12 @@ def test_defaults_alone():
     )
     for case in cases():
         kind = {"kind": "image"} if case.subject.kind == "image" else {}
-        result = meshflow.denoise(case.noisy.astype(np.float32), **kind)
+        result = meshflow.smooth(case.noisy.astype(np.float32), **kind, result=True)
         risk = result.parameters.get("risk")
         expected = "-" if risk is None else f"{risk.value:.4g}"
         print(f"  {case.name:27s} {case.rms(case.noisy):8.4g} {result.noise.sigma:8.4g} {expected:>8s} "
-              f"{case.rms(result.thing):8.4g}  {result.summary}", flush=True)  # fmt: skip
-        assert case.rms(result.thing) < case.rms(case.noisy)
+              f"{case.rms(result.data):8.4g}  {result.summary}", flush=True)  # fmt: skip
+        assert case.rms(result.data) < case.rms(case.noisy)
 
 
 def test_defaults_beside_our_best_and_beside_every_peer_at_its_best():

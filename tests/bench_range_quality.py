@@ -20,6 +20,7 @@ from time import perf_counter
 import numba
 import numpy as np
 import pytest
+from helpers.parts import parts
 from peers.range_images import range_peers
 from peers.search import Peer, tuned
 
@@ -159,7 +160,7 @@ CASES = {
 def ours(case, z, pace="footprint", **options):
     """The front door; missing stays NaN."""
     image = RangeImage(z.astype(np.float32), case.camera, pace=pace)
-    found = meshflow.smooth(image, **options).depth.astype(np.float64)
+    found = meshflow.smooth(image, **parts(**options)).depth.astype(np.float64)
     return np.where(np.isfinite(z), found, np.nan)
 
 
@@ -185,7 +186,7 @@ def our_disparity_peer(case):
     """The same in inverse depth: width of the patches, time in squared pixels, and the noise times a factor."""
 
     def run(z, sigma, patch, time, strength):
-        return ours(case, z, space="disparity", patch=patch, time=time, strength=strength, search=False)
+        return ours(case, z, domain="disparity", patch=patch, time=time, strength=strength, search=False)
 
     grid = {
         "patch": (0.0, 0.7, 1.0, 1.5, 2.0, 2.5),
@@ -312,7 +313,7 @@ def test_ours_beside_every_peer_at_its_best_for_each_measure(name):
         once(case, "input", lambda z: z),
         once(case, "ours, default", lambda z: ours(case, z)),
         once(case, "ours, search=True", lambda z: ours(case, z, search=True)),
-        once(case, "ours, space=disparity", lambda z: ours(case, z, space="disparity")),
+        once(case, "ours, domain=disparity", lambda z: ours(case, z, domain="disparity")),
         best_of(case, our_peer(case)),
         best_of(case, our_disparity_peer(case)),
     ]

@@ -11,6 +11,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from helpers.parts import parts
 
 import meshflow
 from meshflow.flow.blend import euler
@@ -58,7 +59,7 @@ def test_frames_per_second_beside_the_bilateral_filter():
     seen, noun = np.nan_to_num(depth), RangeImage(depth, CAMERA)
     cv2.setNumThreads(THREADS)
     calls = {"bilateralFilter, d 9": lambda: cv2.bilateralFilter(seen, 9, 0.05, 3)}
-    calls |= {words: lambda more=more: meshflow.smooth(noun, threads=THREADS, **more) for words, more in RUNS}
+    calls |= {words: lambda more=more: meshflow.smooth(noun, **parts(threads=THREADS, **more)) for words, more in RUNS}
     for gamma in (0.0, 1.0, -1.0):
         flow = GridFlow(noun.gridded(Lift()), Member(gamma=gamma), THREADS)
         u, out = flow.start(), Workspace(flow).take()

@@ -17,7 +17,7 @@ from meshflow.estimate.request import Request
 from meshflow.evaluate import metrics
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Beltrami
-from meshflow.smoothing import noise, smooth_noun
+from meshflow.smoothing import noise_facts
 from meshflow.synthetic import shapes
 from meshflow.synthetic.scenes import fractal_terrain
 
@@ -32,12 +32,14 @@ def rms(error):
 def test_mola_quantised_to_200_m():
     coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
     truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z.astype(float)
-    default = smooth_noun(coarse, Request.of())
-    known = smooth_noun(coarse, Request.of(method=Beltrami(gamma=0, contrast=coarse.step / 115), time=coarse.step**2))
+    default = meshflow.smooth(coarse, result=True)
+    known = meshflow.smooth(
+        coarse, method=Beltrami(gamma=0, contrast=coarse.step / 115), time=coarse.step**2, result=True
+    )
     print(f"\nMOLA, 200 m steps: rms to the unquantised truth {rms(coarse.z - truth):.1f} m before")
     for name, run in (("by default", default), ("gamma 0, contrast h / 115 m, time 1 h²", known)):
-        print(f"  {name}: {rms(run.noun.z - truth):.1f} m after {run.end.step} steps")
-    assert max(rms(known.noun.z - truth), rms(default.noun.z - truth)) < 40 < rms(coarse.z - truth)
+        print(f"  {name}: {rms(run.after.z - truth):.1f} m after {run.end.step} steps")
+    assert max(rms(known.after.z - truth), rms(default.after.z - truth)) < 40 < rms(coarse.z - truth)
 
 
 def _scenes():
@@ -62,21 +64,21 @@ def test_default_contrast_and_time_against_the_best_of_a_grid():
     print("\nrms error: before, by default, the best of contrast 0.5 to 3 h / noise and time 1 to 8 h²")
     for name, noun, truth in _scenes():
         key = "values" if isinstance(noun, meshflow.Image) else "z"
-        found = noise(noun)["noise"]
+        found = noise_facts(noun)["noise"]
 
         def error(smoothed, key=key, truth=truth, there=~noun.missing):
             return rms((getattr(smoothed, key).astype(float) - truth)[there])
 
         runs = {
             (c, t): error(
-                smooth_noun(
-                    noun, Request.of(method=Beltrami(gamma=0, contrast=c * noun.step / found), time=t * noun.step**2)
-                ).noun
+                meshflow.smooth(
+                    noun, method=Beltrami(gamma=0, contrast=c * noun.step / found), time=t * noun.step**2, result=True
+                ).after
             )
             for c in (0.5, 1.0, 1.5, 2.0, 3.0)
             for t in (1, 2, 3, 5, 8)
         }
-        best, default = min(runs, key=runs.__getitem__), error(smooth_noun(noun, Request.of()).noun)
+        best, default = min(runs, key=runs.__getitem__), error(meshflow.smooth(noun, result=True).after)
         print(f"  {name:21} {error(noun):8.3f} {default:8.3f} {runs[best]:8.3f} at contrast {best[0]}, time {best[1]}")
         assert default < error(noun)
 
@@ -84,16 +86,16 @@ def test_default_contrast_and_time_against_the_best_of_a_grid():
 def test_saint_helens_keeps_its_ragged_mask(tmp_path):
     path = SHARED / "dem/SainteHelens.dem"
     document = meshflow.read(path)
-    run = smooth_noun(document.noun, Request.of())
-    meshflow.write(document.holding(run.noun), tmp_path / "out.tif")
+    run = meshflow.smooth(document.noun, result=True)
+    meshflow.write(document.holding(run.after), tmp_path / "out.tif")
     with rasterio.open(path) as before, rasterio.open(tmp_path / "out.tif") as after:
         same = np.array_equal(before.read_masks(1), after.read_masks(1))
-    removed = rms((run.noun.z - document.noun.z)[~document.noun.missing])
+    removed = rms((run.after.z - document.noun.z)[~document.noun.missing])
     print(
         f"\nSt Helens: {document.noun.missing.sum()} samples missing, mask {'identical' if same else 'CHANGED'}; ",
         end="",
     )
-    print(f"noise found {noise(document.noun)['noise']:.2f} m, rms removed {removed:.2f} m")
+    print(f"noise found {noise_facts(document.noun)['noise']:.2f} m, rms removed {removed:.2f} m")
     assert same
 
 
@@ -102,16 +104,16 @@ def test_horse_with_noise_of_a_quarter_of_its_edges():
     points = clean.points.astype(float)
     normals = trimesh.Trimesh(points, clean.faces, process=False).vertex_normals
     noisy = points + 0.25 * clean.step * np.random.default_rng(0).normal(size=(len(points), 1)) * normals
-    run = smooth_noun(meshflow.Mesh(noisy, clean.faces), Request.of())
+    run = meshflow.smooth(meshflow.Mesh(noisy, clean.faces), result=True)
     print(
         "\nHorse, noise of a quarter of its mean edge along the normals; distance to the points that it came from, normals:"
     )
-    for name, p in (("noisy", noisy), ("smoothed by default", run.noun.points)):
+    for name, p in (("noisy", noisy), ("smoothed by default", run.after.points)):
         angle = metrics.normal_angle(p, points, clean.faces)
         print(
             f"  {name}: rms {rms(np.linalg.norm(p - points, axis=1)) / clean.step:.3f} edges, mean angle {angle:.1f} degrees"
         )
-    assert metrics.normal_angle(run.noun.points, points, clean.faces) < 0.5 * metrics.normal_angle(
+    assert metrics.normal_angle(run.after.points, points, clean.faces) < 0.5 * metrics.normal_angle(
         noisy, points, clean.faces
     )
 

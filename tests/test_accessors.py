@@ -19,7 +19,7 @@ def test_a_mesh_of_pyvista_smooths_itself_and_stays_what_it_was():
     assert isinstance(found, pyvista.PolyData)
     assert np.array_equal(found.points, smooth(ball, method="curvature", time=0.001).points)
     assert np.array_equal(ball.points, before)
-    assert ball.meshflow.smooth(method="curvature", time=0.001, result=True).reason.startswith("reached time")
+    assert ball.meshflow.smooth(method="curvature", time=0.001, result=True).stopped_because.startswith("reached time")
     with pytest.raises(InputError, match="a surface expected"):
         pyvista.UnstructuredGrid().meshflow.smooth()
 

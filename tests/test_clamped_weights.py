@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.parts import parts
 from helpers.shapes import sphere
 
 from meshflow.errors import InputError
-from meshflow.flow.compute import Compute
 from meshflow.flow.blend import euler
+from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import VANISHED
 from meshflow.flow.methods import Fairing
@@ -39,12 +40,12 @@ POINTS, FACES, VALUES = obtuse()
 @pytest.mark.parametrize("time", [0.3, 20.0])
 def test_values_never_leave_their_range_where_triangles_are_obtuse(stepper, time):
     words = {"channels": VALUES, "gamma": 0.0, "contrast": 0.1, "time": time}
-    found = smooth((POINTS, FACES), triangles="clamped", stepper=stepper, **words)[2]
+    found = smooth((POINTS, FACES), **parts(triangles="clamped", stepper=stepper, **words))[2]
     assert found.min() >= -1e-9
     assert found.max() <= 1 + 1e-9
     assert np.abs(found - VALUES).max() > 0.05
     if stepper == "semi-implicit" and time < 1:  # later all is as good as even
-        free = smooth((POINTS, FACES), stepper=stepper, boundary="natural", twice=0.0, **words)[2]
+        free = smooth((POINTS, FACES), **parts(stepper=stepper, boundary="natural", twicing=0.0, **words))[2]
         assert free.max() > 1.001 or free.min() < -0.001
 
 
@@ -83,11 +84,12 @@ def test_points_stay_in_the_box_that_they_came_in():
     rng = np.random.default_rng(0)
     points = POINTS + 0.1 * rng.normal(size=POINTS.shape)
     result = smooth((points, FACES), time=3.0, compute=Compute(triangles="clamped"), result=True)
-    found = result.thing[0]
+    found = result.data[0]
     assert (found >= points.min(axis=0) - 1e-9).all()
     assert (found <= points.max(axis=0) + 1e-9).all()
-    words = {name: result.parameters[name].value for name in ("triangles", "boundary", "twice")}
-    assert words == {"triangles": "clamped", "boundary": "natural", "twice": 0.0}
+    words = {name: result.parameters[name].value for name in ("method", "triangles", "boundary")}
+    assert words == {"method": "curvature", "triangles": "clamped", "boundary": "natural"}
+    assert "twicing" not in result.parameters  # which this method does not have
     assert (
         np.abs(
             smooth((points, FACES), method=Fairing(order=1), time=1.0, compute=Compute(triangles="clamped"))[0] - points
@@ -101,8 +103,8 @@ def test_lone_triangles_shrink_inside_the_range_and_no_system_of_nothing_is_left
     rng = np.random.default_rng(0)
     corners = (rng.uniform(0, 4, (40, 1, 3)) + rng.uniform(0, 1, (40, 3, 3))).reshape(-1, 3)
     words = {"triangles": "clamped", "method": "curvature", "stepper": stepper}
-    result = denoise((corners, np.arange(120).reshape(-1, 3)), time=0.1, **words)
-    found = result.thing[0].reshape(40, 3, 3)
+    result = smooth((corners, np.arange(120).reshape(-1, 3)), **parts(time=0.1, **words), result=True)
+    found = result.data[0].reshape(40, 3, 3)
     before = corners.reshape(40, 3, 3)
     slack = 1e-9 * np.ptp(corners)
     assert (found >= before.min(axis=1, keepdims=True) - slack).all()
@@ -119,7 +121,7 @@ def test_with_nothing_else_given_the_time_is_searched_for_and_the_range_kept():
     words = {name: result.parameters[name].value for name in ("method", "order", "triangles")}
     assert words == {"method": "fairing", "order": 1, "triangles": "clamped"}
     assert result.parameters["time"].origin == "estimated"
-    found = result.thing[0]
+    found = result.data[0]
     assert (found >= points.min(axis=0) - 1e-6).all()
     assert (found <= points.max(axis=0) + 1e-6).all()
 
@@ -131,9 +133,9 @@ def test_with_nothing_else_given_the_time_is_searched_for_and_the_range_kept():
 
 
 def test_what_leaves_the_range_is_refused():
-    for words in ({"boundary": "linear"}, {"mass": "voronoi"}, {"twice": 0.5}, {"stepper": "super-time"}):
+    for words in ({"boundary": "linear"}, {"mass": "voronoi"}, {"twicing": 0.5}, {"stepper": "super-time"}):
         with pytest.raises(InputError, match="triangles='clamped'"):
-            smooth((POINTS, FACES), channels=VALUES, triangles="clamped", **words)
+            smooth((POINTS, FACES), **parts(channels=VALUES, triangles="clamped", **words))
     with pytest.raises(InputError, match="triangles: of meshes only, got HeightField"):
         smooth(np.eye(4), compute=Compute(triangles="clamped"))
     with pytest.raises(InputError, match="'linear', which leaves the range"):
@@ -155,9 +157,9 @@ def test_triangles_that_clamping_makes_segments_vanish_and_break_nothing(stepper
         compute=Compute(stepper=stepper, triangles="clamped"),
         result=True,
     )
-    found = result.thing[0]
+    found = result.data[0]
     assert np.isfinite(found).all()
-    assert VANISHED in result.reason
+    assert VANISHED in result.stopped_because
     # Each is drawn to a point of its own, within the box that it came in.
     low, high = points.reshape(60, 3, 3).min(axis=1), points.reshape(60, 3, 3).max(axis=1)
     each = found.reshape(60, 3, 3)

@@ -38,14 +38,14 @@ def counts(path):
 
 
 def test_a_piece_that_is_dropped_is_written_as_missing(frames):
-    called(frames, "smooth", frames / "0.png", frames / "o.png", "--islands", 5, "-q")
+    called(frames, "smooth", frames / "0.png", frames / "o.png", "--min-component", 5, "-q")
     assert (counts(frames / "o.png")[10:20, 20:30] == 0).all()
     called(frames, "smooth", frames / "0.png", frames / "p.png", "-q")
     np.testing.assert_array_equal(counts(frames / "p.png") == 0, counts(frames / "0.png") == 0)
 
 
 def test_inverse_depths_come_back_as_depths(frames):
-    called(frames, "smooth", frames / "0.png", frames / "o.tif", "--space", "disparity", "-q")
+    called(frames, "smooth", frames / "0.png", frames / "o.tif", "--domain", "disparity", "-q")
     before, after = counts(frames / "0.png"), counts(frames / "o.tif")
     there = before > 0
     np.testing.assert_array_equal(after > 0, there)
@@ -70,7 +70,7 @@ def test_frames_are_fused_into_one(frames):
 
 
 def test_a_limit_of_half_the_step_is_one_word(frames):
-    called(frames, "smooth", frames / "0.png", frames / "o.tif", "--limit", "step", "-q")
+    called(frames, "smooth", frames / "0.png", frames / "o.tif", "--max-change", "step", "-q")
     before, after = counts(frames / "0.png"), counts(frames / "o.tif")
     there = (before > 0) & (before < 65535)
     assert np.abs(after[there] - before[there] / 1000).max() <= 0.00051

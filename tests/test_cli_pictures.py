@@ -97,7 +97,7 @@ def test_film_writes_frames_with_the_time_of_each(files):
         (("show", "rough.npy"), "a window needs a display"),
         (("compare", "rough.npy", "flat.npy", "--window"), "a window needs a display"),
         (("compare", "rough.npy", "wide.npy", "--picture", "a.png"), r"\(30, 40\)"),
-        (("compare", "rough.npy", "colour.npy", "--picture", "a.png"), "two things of one kind"),
+        (("compare", "rough.npy", "colour.npy", "--picture", "a.png"), "data of one kind expected"),
         (("show", "rough.npy", "a.png", "--colours", "virids"), "got 'virids'; viridis"),
         (("show", "rough.npy", "nowhere/a.png"), "make it first"),
         (("show", "rough.npy", "a.txt"), "a picture ends in"),

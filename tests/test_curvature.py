@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.parts import parts
 from helpers.shapes import along_normals, sphere, square, tube
 
 from meshflow.errors import InputError
@@ -11,7 +12,7 @@ from meshflow.evaluate.mesh_quality import mesh_quality
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.methods import PrincipalFlow
+from meshflow.flow.methods import NormalChannels, PrincipalFlow
 from meshflow.flow.methods.principal import Principal
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import curvatures, directed, directions
@@ -94,7 +95,9 @@ def test_a_noisy_cylinder_loses_its_noise_and_keeps_its_radius(level, stepper):
     noisy = PIPE + level * edge * np.random.default_rng(0).normal(size=(len(PIPE), 1)) * PIPE * [2, 2, 0]
     words = {"boundary": "fixed", "time": 5 * edge**2}
     found = {
-        way: smooth((noisy, WALL), method=way, **words, **({"stepper": stepper} if way == "principal" else {}))[0]
+        way: smooth(
+            (noisy, WALL), **parts(method=way, **words, **({"stepper": stepper} if way == "principal" else {}))
+        )[0]
         for way in ("curvature", "principal")
     }
     before, after = normal_angle(noisy, PIPE, inner), normal_angle(found["principal"], PIPE, inner)
@@ -111,7 +114,7 @@ def test_the_flow_along_directions_clears_a_noisy_cube_and_keeps_its_creases(lev
     shape = shapes.cube(20)
     noisy = shape.noisy("nrm", level, 7)
     found = smooth((noisy, shape.faces), method="principal", result=True)
-    before, after = mesh_quality(noisy, shape), mesh_quality(found.noun.points, shape)
+    before, after = mesh_quality(noisy, shape), mesh_quality(found.after.points, shape)
     plain = mesh_quality(smooth((noisy, shape.faces), method="curvature", time=5 * shape.edge**2)[0], shape)
     assert after.normal_error < 0.12 * before.normal_error
     assert after.normal_error < 0.5 * plain.normal_error
@@ -124,8 +127,8 @@ def test_corners_of_a_cube_stay_and_its_edges_hardly_move():
     corner = (np.abs(np.abs(shape.points - shape.points.mean(axis=0)) - 0.5) < 1e-9).all(axis=1)
     assert corner.sum() == 8
     words = {"time": 5 * shape.edge**2}
-    kept = smooth((shape.points, shape.faces), method="principal", contrast=20 * shape.edge, **words)[0]
-    plain = smooth((shape.points, shape.faces), method="curvature", **words)[0]
+    kept = smooth((shape.points, shape.faces), **parts(method="principal", feature_length=20 * shape.edge, **words))[0]
+    plain = smooth((shape.points, shape.faces), **parts(method="curvature", **words))[0]
     assert np.abs(kept - shape.points)[corner].max() < 1e-3 * shape.edge
     assert np.abs(kept - shape.points).max() < 0.01 * shape.edge
     assert np.abs(plain - shape.points).max() > shape.edge
@@ -133,9 +136,9 @@ def test_corners_of_a_cube_stay_and_its_edges_hardly_move():
 
 def test_the_threshold_follows_from_the_noise_and_says_so():
     result = smooth((along_normals(BALL, FACES, 0.1), FACES), method="principal", result=True)
-    assert "h / (0.05 + 0.3 sigma / h)" in result.parameters["contrast"].why
+    assert "h / (0.05 + 0.3 sigma / h)" in result.parameters["feature_length"].why
     assert result.parameters["time"].why == "5 squared edges"
-    with pytest.raises(InputError, match="contrast: a positive"):
+    with pytest.raises(InputError, match="feature_length: a positive"):
         smooth((BALL, FACES), method=PrincipalFlow(feature_length=-1.0))
     with pytest.raises(InputError, match="principal measures directions on the triangles as they are"):
         smooth((BALL, FACES), method="principal", compute=Compute(triangles="delaunay"))
@@ -155,11 +158,11 @@ def test_normal_channels_keep_the_creases_of_a_cube_and_its_volume(kind):
     noisy = shape.noisy(kind, 0.2, 7)
     before = mesh_quality(noisy, shape)
     result = smooth((noisy, shape.faces), method="normal-channels", result=True)
-    after = mesh_quality(result.noun.points, shape)
+    after = mesh_quality(result.after.points, shape)
     assert after.normal_error < 0.15 * before.normal_error
     assert after.flipped == 0
-    assert result.parameters["keep"].value == "volume"
-    assert volume(result.noun.points, shape.faces) == pytest.approx(volume(noisy, shape.faces), rel=1e-10)
+    assert result.parameters["preserve"].value == "volume"
+    assert volume(result.after.points, shape.faces) == pytest.approx(volume(noisy, shape.faces), rel=1e-10)
     assert result.end.area < result.start.area  # the area of the surface, not of its normals
     plain = smooth((noisy, shape.faces), method="curvature", time=5 * shape.edge**2)[0]
     assert mesh_quality(plain, shape).normal_error > 3 * after.normal_error
@@ -170,20 +173,20 @@ def test_normal_channels_shrink_a_sphere_where_its_volume_is_not_kept():
     faces = sphere(600)[1]
     open_ball = faces[points[faces].mean(axis=1)[:, 2] < 0.8]
     result = smooth((points, open_ball), method="normal-channels", result=True)
-    assert "keep" not in result.parameters
-    assert np.linalg.norm(result.noun.points, axis=1).mean() < 0.995
+    assert "preserve" not in result.parameters
+    assert np.linalg.norm(result.after.points, axis=1).mean() < 0.995
     kept = smooth((points, faces), method="normal-channels")[0]
     assert np.linalg.norm(kept, axis=1).mean() == pytest.approx(1.0, abs=0.01)
 
 
 def test_planes_rest_in_normal_channels_and_a_length_of_zero_is_refused():
     points, faces, _ = square(300)
-    for method in ("normal-channels", "principal"):
-        found = smooth((points, faces), method=method, contrast=0.5)[0]
+    for method, length in ((NormalChannels, "normal_weight"), (PrincipalFlow, "feature_length")):
+        found = smooth((points, faces), method=method(**{length: 0.5}))[0]
         assert np.abs(found - points).max() < 1e-12
-        for contrast in (0.0, -2.0):
-            with pytest.raises(InputError, match="contrast: a positive"):
-                smooth((points, faces), method=method, contrast=contrast)
+        for wrong in (0.0, -2.0):
+            with pytest.raises(InputError, match=f"{length}: a positive"):
+                method(**{length: wrong})
     with pytest.raises(InputError, match="where the points of a mesh move only"):
         smooth((points, faces), method="normal-channels", channels=points[:, 0])
 

@@ -5,10 +5,10 @@ import pytest
 from helpers.shapes import sphere, square
 
 from meshflow.errors import InputError
+from meshflow.flow import low_pass
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.low_pass import LowPass
 from meshflow.flow.methods import Fairing
-from meshflow.flow.methods import fairing as lowpass
 from meshflow.flow.methods.normal_filter import FacetFlow
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.smoothing import smooth
@@ -37,8 +37,8 @@ def test_order_one_is_implicit_fairing():
 def test_a_polynomial_and_factorizations_are_one_filter(order, weights):
     engine = flow(noisy(BALL), FACES)
     generator, u = engine.generator(engine.start(), weights), engine.start()
-    one = lowpass.filtered(generator, u, 0.03, order)
-    other = u.mean(axis=0) + lowpass._solved(generator, u - u.mean(axis=0), 0.03, order)
+    one = low_pass.filtered(generator, u, 0.03, order)
+    other = u.mean(axis=0) + low_pass._solved(generator, u - u.mean(axis=0), 0.03, order)
     assert np.abs(one - other).max() < 1e-5
 
 
@@ -52,7 +52,7 @@ def test_a_response_is_what_is_said(order):
     vector, value = vectors[:, at].real, values[at].real
     for share in (0.3, 1.0, 2.0):
         time = share / value
-        found = lowpass.filtered(engine.generator(engine.start(), "cotangent"), vector[:, None], time, order)[:, 0]
+        found = low_pass.filtered(engine.generator(engine.start(), "cotangent"), vector[:, None], time, order)[:, 0]
         assert vector @ found / (vector @ vector) == pytest.approx(1 / (1 + share**order), abs=1e-4)
 
 

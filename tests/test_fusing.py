@@ -24,20 +24,20 @@ def frames(many, seed=5):
 
 
 def test_the_spread_of_the_frames_is_the_noise_and_says_so():
-    result = meshflow.fuse(frames(9), camera=CAMERA, full=True)
-    sigma, seen = result.parameters["sigma"], result.parameters["frames"]
+    result = meshflow.fuse(frames(9), camera=CAMERA, result=True)
+    sigma, seen = result.parameters["noise"], result.parameters["frames"]
     assert sigma.value == pytest.approx(NOISE / 3, rel=0.1)
     assert (sigma.origin, sigma.why, result.noise.how) == ("estimated", *["spread of the frames"] * 2)
     assert (seen.value, seen.why) == (9.0, "9 of them at a pixel in the mean")
     assert result.warnings == ()
-    assert meshflow.fuse(frames(3), camera=CAMERA, sigma=0.01, full=True).parameters["sigma"].origin == "given"
+    assert meshflow.fuse(frames(3), camera=CAMERA, noise=0.01, result=True).parameters["noise"].origin == "given"
 
 
 def test_a_frame_without_a_depth_is_left_out_and_said():
     some = frames(3)
     nothing = np.zeros(SHAPE)
-    result = meshflow.fuse([nothing, some[0], None, *some[1:], np.full(SHAPE, np.nan)], camera=CAMERA, full=True)
-    np.testing.assert_array_equal(result.thing, meshflow.fuse(some, camera=CAMERA))
+    result = meshflow.fuse([nothing, some[0], None, *some[1:], np.full(SHAPE, np.nan)], camera=CAMERA, result=True)
+    np.testing.assert_array_equal(result.data, meshflow.fuse(some, camera=CAMERA))
     assert result.parameters["frames"].value == 3.0
     assert result.warnings == ("3 of the frames (number 1, 3, 6) without a single depth, left out",)
     with pytest.raises(InputError, match="two or more with depths, of the same view, expected, got 1, and 2 without"):
@@ -46,13 +46,20 @@ def test_a_frame_without_a_depth_is_left_out_and_said():
 
 def test_frames_in_inverse_depth_take_their_spread_and_count_what_they_removed_in_depths():
     images = [RangeImage(frame, CAMERA, unit="m") for frame in frames(9)]
-    result = meshflow.fuse(images, space="disparity", full=True)
-    sigma = result.parameters["sigma"]
+    result = meshflow.fuse(images, domain="disparity", result=True)
+    sigma = result.parameters["noise"]
     assert sigma.value == pytest.approx(NOISE / 3 / np.median(TRUTH) ** 2, rel=0.1)
     assert (sigma.unit, sigma.origin) == ("1/m", "estimated")
     assert result.noise.sigma == pytest.approx(NOISE / 3, rel=0.1)
     assert " m of noise " in result.summary
-    assert np.std(result.thing.depth - TRUTH) < NOISE / 3
+    assert np.std(result.data.depth - TRUTH) < NOISE / 3
+
+
+def test_an_option_that_does_not_exist_is_refused_as_smooth_does_it():
+    given = "no keyword of smooth; give method=Beltrami"
+    for words, says in (({"strenght": 2.0}, "did you mean strength"), ({"gamma": 1.0}, given)):
+        with pytest.raises(InputError, match=says):
+            meshflow.fuse(frames(2), camera=CAMERA, **words)
 
 
 @pytest.fixture
@@ -74,13 +81,13 @@ def called(folder, *words):
 
 
 def test_the_command_fuses_with_the_words_of_smooth(files):
-    words = ("--space", "disparity", "--measure", "depth", "--no-search", "--limit", 0.01)
+    words = ("--domain", "disparity", "--measure", "depth", "--no-search", "--max-change", 0.01)
     done = called(files, *words, "--picture", files / "p.png", "--report", files / "r.html", "--json")
     assert done.exit_code == 0, (done.output, done.exception)
     told = json.loads(done.stdout)
-    assert told["parameters"]["space"]["value"] == "disparity"
-    assert told["parameters"]["limit"]["value"] == 0.01
-    assert told["parameters"]["sigma"]["why"] == "spread of the frames"
+    assert told["parameters"]["domain"]["value"] == "disparity"
+    assert told["parameters"]["max_change"]["value"] == 0.01
+    assert told["parameters"]["noise"]["why"] == "spread of the frames"
     assert any("number 1) without a single depth" in note for note in told["notes"])
     assert (files / "p.png").stat().st_size > 1000
     assert "spread of the frames" in (files / "r.html").read_text()

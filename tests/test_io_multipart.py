@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import pyvista
 import trimesh
+from helpers.parts import parts
 from helpers.scenes import BALL, FACES, FRAME, NOISY, ball, scene
 
 import meshflow
@@ -21,8 +22,8 @@ WORDS = {"method": "curvature", "steps": 2}
 
 def test_parts_of_a_scene_are_smoothed_as_if_each_were_alone():
     before = scene()
-    after = smooth(before, **WORDS)
-    alone = smooth(ball(), **WORDS)
+    after = smooth(before, **parts(**WORDS))
+    alone = smooth(ball(), **parts(**WORDS))
     assert type(after) is trimesh.Scene
     assert list(after.geometry) == list(before.geometry)
     assert np.array_equal(after.graph["right"][0], FRAME)
@@ -47,12 +48,12 @@ def test_a_part_is_not_changed_by_what_is_beside_it():
 
 
 def test_a_region_of_a_scene_is_named_in_each_part():
-    held = smooth(scene(), fixed="half", **WORDS).geometry["left"].vertices
+    held = smooth(scene(), **parts(fixed="half", **WORDS)).geometry["left"].vertices
     half = BALL[:, 2] > 0
     assert np.array_equal(held[half], NOISY[half])
     assert (held[~half] != NOISY[~half]).any(axis=1).all()
-    with pytest.raises(InputError, match=r"part left: only='hlf': no such array; there are half"):
-        smooth(scene(), only="hlf", **WORDS)
+    with pytest.raises(InputError, match=r"part left: mask='hlf': no such array; there are half"):
+        smooth(scene(), **parts(mask="hlf", **WORDS))
     channels = smooth(scene(), time=0.01, compute=Compute(search=False), channels="colors")
     assert np.array_equal(channels.geometry["left"].vertices, NOISY)
     assert (channels.geometry["left"].visual.vertex_colors != ball().visual.vertex_colors).any()
@@ -62,8 +63,8 @@ def test_blocks_are_smoothed_one_by_one_and_stay_where_they_were():
     poly = pyvista.PolyData.from_regular_faces(NOISY, FACES)
     poly.cell_data["patch"] = np.arange(len(FACES))
     blocks = pyvista.MultiBlock({"a": poly, "none": None, "in": pyvista.MultiBlock({"b": poly.copy()})})
-    after = smooth(blocks, **WORDS)
-    alone = smooth(poly, **WORDS)
+    after = smooth(blocks, **parts(**WORDS))
+    alone = smooth(poly, **parts(**WORDS))
     assert list(after.keys()) == ["a", "none", "in"]
     assert after["none"] is None
     for block in (after["a"], after["in"]["b"]):
@@ -147,7 +148,7 @@ def test_hints_that_do_not_fit_meshio_are_refused(monkeypatch):
         ({"kind": "terrain"}, "kind='terrain'"),
     ):
         with pytest.raises(InputError, match=said):
-            smooth(mixed(), **hints)
+            smooth(mixed(), **parts(**hints))
     with pytest.raises(InputError, match="a meshio.Mesh expected"):
         smooth(mixed().cells[0])
     thing = mixed()

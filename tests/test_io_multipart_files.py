@@ -66,7 +66,7 @@ def vtm(path, *meshes):
 
 
 @pytest.mark.parametrize(("made", "suffix"), [(glb, ".glb"), (obj, ".obj"), (stl, ".stl"), (vtm, ".vtm")])
-@pytest.mark.parametrize("words", [[], ["--method", "curvature", "--keep", "volume"]], ids=["search", "curvature"])
+@pytest.mark.parametrize("words", [[], ["--method", "curvature", "--preserve", "volume"]], ids=["search", "curvature"])
 def test_a_part_of_a_file_is_smoothed_to_the_bit_as_if_it_were_alone(made, suffix, words, tmp_path):
     one, two = ("one", ball(attribute=False)), ("two", BOX)
     made(tmp_path / f"both{suffix}", two, one)
@@ -98,13 +98,13 @@ def test_the_command_lists_the_parts(tmp_path):
     result = run("smooth", path, tmp_path / "out.glb", "--json", "--report", tmp_path / "r.html", *WAY)
     told = json.loads(result.stdout)
     assert list(told["parts"]) == ["a", "b"]
-    sigmas = [told["parts"][name]["parameters"]["sigma"]["value"] for name in "ab"]
+    sigmas = [told["parts"][name]["parameters"]["noise"]["value"] for name in "ab"]
     assert sigmas[0] != sigmas[1]
     assert told["parts"]["a"]["steps"] == 2
     assert "2 parts, each smoothed as if it were alone" in result.stderr
     assert "  a: took all 2 steps" in result.stderr
     page = (tmp_path / "r.html").read_text()
-    assert "a: sigma" in page
+    assert "a: noise" in page
     assert "b: time" in page
     assert "<th>a</th><td>took all 2 steps" in page
     run("smooth", path, tmp_path / "again.glb", "--report", tmp_path / "r.png", *WAY)
@@ -136,7 +136,7 @@ def test_arrays_per_vertex_of_a_file_are_cut_into_its_parts(tmp_path):
     after = read(tmp_path / "out.glb").noun
     assert np.array_equal(after.points[:300], document.noun.points[:300])
     results = smooth(document, method="curvature", stop=Steps(2), constraints=Fixed(held), result=True)
-    assert results["a"].reason.startswith("no sample may move")
+    assert results["a"].stopped_because.startswith("no sample may move")
     assert (after.points[300:] != document.noun.points[300:]).any(axis=1).all()
     python = smooth(document, method="curvature", stop=Steps(2), constraints=Fixed(held))
     assert np.allclose(python.noun.points, after.points, atol=1e-5)
@@ -164,14 +164,14 @@ def test_a_scene_told_in_full_has_a_result_for_each_part():
     alone = smooth(ball(), method="curvature", stop=Steps(2), result=True)
     assert isinstance(results, meshflow.Results)
     assert list(results) == ["left", "right"]
-    assert np.array_equal(results.thing.geometry["left"].vertices, alone.thing.vertices)
+    assert np.array_equal(results.data.geometry["left"].vertices, alone.data.vertices)
     assert results["left"].parameters == alone.parameters
     assert str(alone) in str(results)
     assert json.loads(results.to_json())["parts"]["left"] == json.loads(alone.to_json())
     assert np.array_equal(
-        smooth(before, method="curvature", stop=Steps(2), result=True)["left"].noun.points, alone.noun.points
+        smooth(before, method="curvature", stop=Steps(2), result=True)["left"].after.points, alone.after.points
     )
-    assert len(results.noun.points) == 600
+    assert len(results.after.points) == 600
 
 
 def test_the_same_name_twice_is_told_apart():
@@ -183,7 +183,7 @@ def test_the_same_name_twice_is_told_apart():
 
 def test_a_refusal_names_its_part(tmp_path):
     path = glb(tmp_path / "in.glb", ("closed", ball()), ("open", trimesh.Trimesh(BALL, FACES[5:], process=False)))
-    result = CliRunner().invoke(app, ["smooth", str(path), str(tmp_path / "o.glb"), "--keep", "volume", *WAY])
+    result = CliRunner().invoke(app, ["smooth", str(path), str(tmp_path / "o.glb"), "--preserve", "volume", *WAY])
     assert result.exit_code != 0
     assert "part open: " in str(result.exception)
 
@@ -220,8 +220,8 @@ def test_solids_of_a_real_file_are_parts(tmp_path):
         at[rows] = np.arange(len(rows))
         faces = at[document.noun.faces]
         alone = smooth((document.noun.points[rows], faces[(faces >= 0).all(axis=1)]), method="curvature", stop=Steps(3))
-        assert np.array_equal(results[name].noun.points, alone[0])
-    write(results.thing, tmp_path / "out.stl")
+        assert np.array_equal(results[name].after.points, alone[0])
+    write(results.data, tmp_path / "out.stl")
     assert [name for name, _ in read(tmp_path / "out.stl").sections] == ["bodyB", "bodyA"]
     for name in ("fuze.obj", "cubevc.glb"):
         assert read(SHARED / "meshes" / "attributes" / name).sections == ()

@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 from helpers import shapes
 
 from meshflow.errors import InputError, NotConverged
-from meshflow.flow.controls import AreaChange, Fixed, Until
+from meshflow.flow.controls import AreaChange, FixedStep, Until
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.linear_solve import solve
 from meshflow.flow.march import march
@@ -45,8 +45,8 @@ def test_an_unstable_explicit_dt_is_refused_with_the_largest_stable_one_named():
     flow = noisy()
     largest = Explicit().largest(flow, flow.start())
     with pytest.raises(InputError, match=rf"largest stable step is {largest:.6g}".replace(".", r"\.")):
-        list(march(flow, Until(time=1.0), Explicit(), Fixed(largest * 1.01)))
-    list(march(flow, Until(steps=2), Explicit(), Fixed(largest)))
+        list(march(flow, Until(time=1.0), Explicit(), FixedStep(largest * 1.01)))
+    list(march(flow, Until(steps=2), Explicit(), FixedStep(largest)))
 
 
 def test_a_step_beyond_the_bound_would_indeed_be_unstable():
@@ -155,8 +155,8 @@ def test_progress_true_writes_nothing_where_nobody_looks(capfd):
         (lambda: Until(time=np.inf), "got inf"),
         (lambda: Until(steps=-2), "got -2"),
         (lambda: Until(steps=1.5), "got 1.5"),
-        (lambda: Fixed(0), "dt: a positive finite number"),
-        (lambda: Fixed(-1), "dt: a positive finite number"),
+        (lambda: FixedStep(0), "dt: a positive finite number"),
+        (lambda: FixedStep(-1), "dt: a positive finite number"),
         (lambda: AreaChange(target=0), "target: a positive"),
         (lambda: SemiImplicit("qr"), "solver: auto, direct, cg or multigrid expected, got 'qr'"),
         (lambda: SemiImplicit(tolerance=-1), "tolerance: a positive"),

@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
+from helpers.parts import parts
 from helpers.shapes import sphere, square
 from scipy.linalg import expm
 from scipy.spatial import Delaunay
 
 from meshflow.errors import InputError
-from meshflow.flow.compute import Compute
 from meshflow.flow.blend import euler
+from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.methods import NormalChannels, NormalFilter, PrincipalFlow
 from meshflow.flow.methods.border_curve import Bordered
+from meshflow.flow.methods.points import PointSetting
 from meshflow.geometry.connectivity import connect
 from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Surface
@@ -54,7 +57,9 @@ def book():
 def test_a_round_border_shrinks_as_a_curve_does(stepper):
     points, faces, rim = disc()
     step = {"dt": 0.001} if stepper == "semi-implicit" else {}
-    found = smooth((points, faces), method="curvature", boundary="curve", time=0.05, stepper=stepper, **step)[0]
+    found = smooth((points, faces), **parts(method="curvature", boundary="curve", time=0.05, stepper=stepper, **step))[
+        0
+    ]
     radii = np.linalg.norm(found[rim], axis=1)
     assert radii == pytest.approx(np.sqrt(1 - 0.1), rel=4e-3)
     assert np.abs(found[:, 2]).max() == 0
@@ -71,7 +76,7 @@ def test_a_straight_border_rests_however_irregular(way):
     for axis in (0, 1):  # along the sides, the order kept
         on = (np.abs(points[:, 1 - axis] - 0.5) > 0.4999) & ~corner
         slid[on, axis] += rng.uniform(-0.3, 0.3, on.sum()) / 19
-    found = smooth((slid, faces), boundary="curve", time=0.01, fixed=corner, **way)[0]
+    found = smooth((slid, faces), **parts(boundary="curve", time=0.01, fixed=corner, **way))[0]
     assert np.abs(found - slid).max() < 1e-12
 
 
@@ -134,7 +139,7 @@ def test_holes_stay_holes(boundary, way):
     points, faces = sphere(600)
     faces = faces[(np.abs(points[faces].mean(axis=1)) < 0.9).all(axis=1)]  # six holes
     before = len(connect((faces,), len(points)).border)
-    found, after = smooth((points, faces), boundary=boundary, time=0.003, **way)
+    found, after = smooth((points, faces), **parts(boundary=boundary, time=0.003, **way))
     assert before > 30
     assert np.array_equal(after, faces)
     assert np.isfinite(found).all()
@@ -195,10 +200,11 @@ def test_a_curve_is_refused_where_there_is_none():
     ):
         with pytest.raises(InputError, match="boundary='curve': where the points of a mesh move only"):
             call()
-    with pytest.raises(InputError, match="got method='facets'"):
+    with pytest.raises(InputError, match="got method='normal-filter'"):
         smooth((points, faces), method="normal-filter", boundary="curve")
-    for method in ("facets", "principal", "normal-channels"):
-        with pytest.raises(InputError, match=f"got method='{method}'"):
-            Motion(method, curve=True)
+    flat = Surface(points, (faces,))
+    for method in (NormalFilter(), PrincipalFlow(), NormalChannels()):
+        with pytest.raises(InputError, match=f"got method='{method.word}'"):
+            method.engine(flat, PointSetting(curve=True))
     with pytest.raises(InputError, match="natural, linear, fixed or curve expected"):
         smooth((points, faces), boundary="round")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 from helpers import shapes
-from meshflow.evaluate.tags import describe
 from scipy.spatial import cKDTree
 
 from meshflow.errors import InputError
 from meshflow.evaluate import metrics
+from meshflow.evaluate.facts import describe
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.synthetic import samples

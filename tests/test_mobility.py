@@ -9,13 +9,14 @@ import pytest
 import pyvista
 import trimesh
 from helpers.mesh_files import ply
+from helpers.parts import parts
 from helpers.shapes import along_normals, sphere
 
 import meshflow
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import Fixed, Mask, Mobility, PreserveVolume
-from meshflow.flow.compute import Compute
 from meshflow.flow.blend import Blend, euler
+from meshflow.flow.compute import Compute
 from meshflow.flow.constraints import Faithful, trust_of
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
@@ -33,10 +34,10 @@ Z = np.cumsum(RNG.normal(size=(24, 20)), axis=0)
 WAYS = [
     {"method": "curvature"},
     {"method": "curvature", "stepper": "semi-implicit", "time": 0.02},
-    {"method": "conformal", "time": 0.02, "keep": "volume"},
+    {"method": "conformal", "time": 0.02, "preserve": "volume"},
     {"method": "fairing", "order": 4, "search": False},
     {"method": "fairing", "weights": "uniform", "search": False},
-    {"method": "facets", "steps": 2},
+    {"method": "normal-filter", "steps": 2},
 ]
 
 
@@ -75,33 +76,33 @@ def test_the_speed_multiplies_the_rate_in_every_engine_and_stepper(index):
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: " ".join(map(str, way.values())))
 def test_speed_one_is_the_flow_itself_and_speed_zero_is_fixed(way):
-    free = smooth((NOISY, FACES), **way)[0]
-    same = smooth((NOISY, FACES), speed=np.ones(len(NOISY)), **way)[0]
+    free = smooth((NOISY, FACES), **parts(**way))[0]
+    same = smooth((NOISY, FACES), **parts(mobility=np.ones(len(NOISY)), **way))[0]
     assert np.abs(same - free).max() < 1e-9
     stays = np.arange(len(NOISY)) % 3 == 0
-    still = smooth((NOISY, FACES), speed=np.where(stays, 0.0, 1.0), **way)[0]
-    fixed = smooth((NOISY, FACES), fixed=stays, **way)[0]
+    still = smooth((NOISY, FACES), **parts(mobility=np.where(stays, 0.0, 1.0), **way))[0]
+    fixed = smooth((NOISY, FACES), **parts(fixed=stays, **way))[0]
     assert np.array_equal(still[stays], NOISY[stays])
     assert np.abs(still - fixed).max() < 1e-9
-    half = smooth((NOISY, FACES), speed=np.full(len(NOISY), 0.3), **way)[0]
+    half = smooth((NOISY, FACES), **parts(mobility=np.full(len(NOISY), 0.3), **way))[0]
     assert 0 < np.linalg.norm(half - NOISY) < np.linalg.norm(free - NOISY)
 
 
 def test_half_the_speed_everywhere_is_half_the_time():
     words = {"gamma": 0.0, "contrast": 0.7, "stepper": "explicit"}
-    half = smooth(Z, speed=np.full(Z.shape, 0.5), time=2.0, dt=0.1, **words)
-    assert np.allclose(half, smooth(Z, time=1.0, dt=0.05, **words), atol=1e-10)
+    half = smooth(Z, **parts(mobility=np.full(Z.shape, 0.5), time=2.0, dt=0.1, **words))
+    assert np.allclose(half, smooth(Z, **parts(time=1.0, dt=0.05, **words)), atol=1e-10)
     fairing = {"method": "fairing", "order": 2, "weights": "cotangent"}
-    filtered = smooth((NOISY, FACES), speed=np.full(len(NOISY), 0.5), time=0.02, **fairing)[0]
-    assert np.allclose(filtered, smooth((NOISY, FACES), time=0.01, **fairing)[0], atol=1e-6)
+    filtered = smooth((NOISY, FACES), **parts(mobility=np.full(len(NOISY), 0.5), time=0.02, **fairing))[0]
+    assert np.allclose(filtered, smooth((NOISY, FACES), **parts(time=0.01, **fairing))[0], atol=1e-6)
 
 
 def test_a_grid_goes_slower_where_it_is_told_to_with_a_fidelity_too():
     speed = np.ones(Z.shape)
     speed[:, :10] = 0.1
-    for words in ({}, {"confidence": 0.1}, {"limit": 1.0}, {"stepper": "super-time"}):
-        moved = np.abs(smooth(Z, speed=speed, time=1.0, search=False, **words) - Z)
-        free = np.abs(smooth(Z, time=1.0, search=False, **words) - Z)
+    for words in ({}, {"data_weights": 0.1}, {"max_change": 1.0}, {"stepper": "super-time"}):
+        moved = np.abs(smooth(Z, **parts(mobility=speed, time=1.0, search=False, **words)) - Z)
+        free = np.abs(smooth(Z, **parts(time=1.0, search=False, **words)) - Z)
         assert moved[:, :8].mean() < 0.6 * free[:, :8].mean()
         assert np.allclose(moved[:, 14:].mean(), free[:, 14:].mean(), rtol=0.1)
     flow = GridFlow(HeightField(Z).gridded(Lift()))
@@ -123,10 +124,12 @@ def test_a_search_at_half_the_speed_takes_twice_the_time(way):
     rng = np.random.default_rng(1)
     rows, columns = np.mgrid[:64, :48]
     noisy = 3 * np.sin(rows / 9) + 3 * np.cos(columns / 7) + rng.normal(size=rows.shape)
-    one, half = (denoise(noisy, speed=np.full(noisy.shape, s), **way) for s in (1.0, 0.5))
+    one, half = (smooth(noisy, **parts(mobility=np.full(noisy.shape, s), **way), result=True) for s in (1.0, 0.5))
     assert half.parameters["time"].value == pytest.approx(2 * one.parameters["time"].value, rel=0.15)
     assert half.parameters["risk"].value == pytest.approx(one.parameters["risk"].value, rel=0.05)
-    assert denoise(noisy, **way).parameters["time"].value == pytest.approx(one.parameters["time"].value, rel=1e-9)
+    assert smooth(noisy, **parts(**way), result=True).parameters["time"].value == pytest.approx(
+        one.parameters["time"].value, rel=1e-9
+    )
 
 
 def test_the_risk_of_a_search_counts_what_is_held_back():
@@ -137,7 +140,7 @@ def test_the_risk_of_a_search_counts_what_is_held_back():
     speed = np.where(columns < 160, 0.01, 1.0)
     free, held = smooth(noisy, result=True), smooth(noisy, constraints=Mobility(speed), result=True)
     for result in (free, held):
-        error = np.sqrt(np.mean((result.thing - truth) ** 2))
+        error = np.sqrt(np.mean((result.data - truth) ** 2))
         assert result.parameters["risk"].value == pytest.approx(error, rel=0.1)
     assert held.parameters["risk"].value > 2 * free.parameters["risk"].value
 
@@ -146,10 +149,15 @@ def test_the_risk_of_a_mesh_counts_what_is_held_back():
     ball, faces = sphere(2000)
     noisy = along_normals(ball, faces, 0.2)
     speed = np.where(ball[:, 2] > 0, 0.01, 1.0)
-    for way in ({"method": "fairing"}, {"method": "facets"}, {"channels": ball[:, 0] + 0.2 * RNG.normal(size=2000)}):
+    for way in (
+        {"method": "fairing"},
+        {"method": "normal-filter"},
+        {"channels": ball[:, 0] + 0.2 * RNG.normal(size=2000)},
+    ):
         data = (noisy, faces) if "method" in way else (ball, faces)
         free, held = (
-            denoise(data, sigma=0.2 if "channels" in way else None, **s, **way) for s in ({}, {"speed": speed})
+            smooth(data, **parts(noise=0.2 if "channels" in way else None, **s, **way), result=True)
+            for s in ({}, {"mobility": speed})
         )
         assert held.parameters["risk"].value > 2 * free.parameters["risk"].value + 0.005, way
     one, half = (
@@ -169,13 +177,14 @@ def test_the_pieces_of_a_large_mesh_are_searched_at_their_own_speed():
     noisy = along_normals(ball, faces, 0.2)
     speed = np.where(ball[:, 2] > 0, 0.01, 1.0)
     free, held = (
-        denoise((noisy, faces), method="fairing", order=2, weights="uniform", **s) for s in ({}, {"speed": speed})
+        smooth((noisy, faces), **parts(method="fairing", order=2, weights="uniform", **s), result=True)
+        for s in ({}, {"mobility": speed})
     )
     assert held.parameters["risk"].value > 2 * free.parameters["risk"].value
 
 
 BAD = [
-    (np.ones(5), r"speed: a number, or one per sample, shape \(400,\), expected, got \(5,\)"),
+    (np.ones(5), r"mobility: a number, or one per sample, shape \(400,\), expected, got \(5,\)"),
     (np.full(400, 1.5), "between 0 .stays. and 1 .* got 1.5"),
     (np.full(400, np.nan), "got nan"),
     (1.5, "between 0 .stays. and 1 .* got 1.5"),
@@ -191,11 +200,11 @@ def test_speeds_that_make_no_sense_are_refused(speed, said):
 
 def test_one_speed_for_all_is_the_same_flow_for_as_much_less_time():
     for thing, words in (((NOISY, FACES), {"method": "curvature"}), (Z, {"gamma": 0, "contrast": 1.0})):
-        half = smooth(thing, speed=0.5, time=0.002, stepper="explicit", dt=0.0002, **words)
-        short = smooth(thing, time=0.001, stepper="explicit", dt=0.0001, **words)
+        half = smooth(thing, **parts(mobility=0.5, time=0.002, stepper="explicit", dt=0.0002, **words))
+        short = smooth(thing, **parts(time=0.001, stepper="explicit", dt=0.0001, **words))
         assert np.allclose(half[0], short[0], atol=1e-12)
     assert (
-        smooth((NOISY, FACES), method="curvature", constraints=Mobility(0.5), result=True).parameters["speed"].value
+        smooth((NOISY, FACES), method="curvature", constraints=Mobility(0.5), result=True).parameters["mobility"].value
         == 0.5
     )
 
@@ -205,14 +214,14 @@ def test_a_mask_is_what_is_not_zero_however_it_is_given():
     mesh = trimesh.Trimesh(NOISY, FACES, process=False)
     mesh.vertex_attributes["mark"] = np.where(half, -0.5, np.where(BALL[:, 2] < -0.5, np.nan, 0.0))
     words = {"method": "curvature", "steps": 1}
-    expected = np.asarray(smooth(mesh, fixed=half, **words).vertices)
+    expected = np.asarray(smooth(mesh, **parts(fixed=half, **words)).vertices)
     for given in ("mark", mesh.vertex_attributes["mark"], half.astype(np.uint8), 255 * half.astype(int)):
-        assert np.array_equal(smooth(mesh, fixed=given, **words).vertices, expected)
+        assert np.array_equal(smooth(mesh, **parts(fixed=given, **words)).vertices, expected)
         if not isinstance(given, str):
-            assert np.array_equal(smooth((NOISY, FACES), fixed=given, **words)[0], expected)
+            assert np.array_equal(smooth((NOISY, FACES), **parts(fixed=given, **words))[0], expected)
             only = np.where(half, 0.0, 1.0)
-            assert np.array_equal(smooth((NOISY, FACES), only=only, **words)[0], expected)
-    with pytest.raises(InputError, match="only: a mask of booleans, or of numbers, expected, got dtype <U1"):
+            assert np.array_equal(smooth((NOISY, FACES), **parts(mask=only, **words))[0], expected)
+    with pytest.raises(InputError, match="mask: a mask of booleans, or of numbers, expected, got dtype <U1"):
         smooth((NOISY, FACES), constraints=Mask(np.full(400, "a")))
 
 
@@ -237,20 +246,20 @@ def named():
 def test_a_region_is_named_by_an_array_of_the_object(which):
     half, things = named()
     thing, points = things[which]
-    for words in ({"fixed": "half"}, {"speed": "how"}):
-        moved = points(smooth(thing, method="curvature", **words)) != points(thing)
+    for words in ({"fixed": "half"}, {"mobility": "how"}):
+        moved = points(smooth(thing, **parts(method="curvature", **words))) != points(thing)
         assert not moved[half].any()
         assert moved[~half].any(axis=1).all()
     moved = points(smooth(thing, method="curvature", constraints=Mask("half"))) != points(thing)
     assert not moved[~half].any()
     for words, said in (
-        ({"only": "hlf"}, "only='hlf': no such array; there are half, how, flow"),
+        ({"mask": "hlf"}, "mask='hlf': no such array; there are half, how, flow"),
         ({"fixed": "hlf"}, "fixed='hlf': no such array; there are half, how, flow"),
-        ({"speed": "flow"}, "one number per vertex expected, got shape"),
-        ({"only": half[:-1]}, r"only: a mask of shape \(400,\) expected"),
+        ({"mobility": "flow"}, "one number per vertex expected, got shape"),
+        ({"mask": half[:-1]}, r"mask: a mask of shape \(400,\) expected"),
     ):
         with pytest.raises(InputError, match=said):
-            smooth(thing, **words)
+            smooth(thing, **parts(**words))
 
 
 def test_a_region_of_an_image_is_named_by_an_array_of_the_object():
@@ -267,7 +276,7 @@ def test_a_region_of_an_image_is_named_by_an_array_of_the_object():
 
 
 def test_a_thing_without_names_refuses_one():
-    with pytest.raises(InputError, match="only: an array expected, got 'region'"):
+    with pytest.raises(InputError, match="mask: an array expected, got 'region'"):
         smooth(Z, constraints=Mask("region"))
 
 
@@ -276,8 +285,13 @@ def test_joined_vertices_are_held_if_one_of_them_is():
     soup.unmerge_vertices()
     one = np.zeros(len(soup.vertices), bool)
     one[0] = True
-    for words in ({"only": ~one}, {"fixed": one}, {"speed": (~one).astype(float)}, {"limit": np.where(one, 0.0, 1.0)}):
-        found = smooth(soup, method="curvature", **words)
+    for words in (
+        {"mask": ~one},
+        {"fixed": one},
+        {"mobility": (~one).astype(float)},
+        {"max_change": np.where(one, 0.0, 1.0)},
+    ):
+        found = smooth(soup, **parts(method="curvature", **words))
         copies = (np.asarray(soup.vertices) == soup.vertices[0]).all(axis=1)
         assert copies.sum() > 3
         assert np.array_equal(found.vertices[copies], soup.vertices[copies])
@@ -296,13 +310,13 @@ def test_the_command_takes_the_name_of_an_attribute_in_the_file(tmp_path):
         command = [sys.executable, "-m", "meshflow", "smooth", str(path), str(tmp_path / "o.ply"), "--overwrite"]
         return subprocess.run([*command, "--method", "curvature", *words], capture_output=True, text=True, check=False)
 
-    for word, still in (("--fixed", mark), ("--only", ~mark)):
+    for word, still in (("--fixed", mark), ("--mask", ~mark)):
         done = run(word, "mark")
         assert done.returncode == 0, done.stderr
         moved = (meshflow.read(tmp_path / "o.ply").noun.points != document.noun.points).any(axis=1)
         assert np.array_equal(moved, ~still)
-    assert run("--speed", "how").returncode == 0
-    for word in ("--speed", "--confidence"):
+    assert run("--mobility", "how").returncode == 0
+    for word in ("--mobility", "--data-weights"):
         assert run(word, "0.5", "--time", "0.01").returncode == 0
     refusal = run("--fixed", "marc").stderr
     assert "fixed='marc': no such array; there are mark, how; nor is there a file marc" in refusal
@@ -317,12 +331,12 @@ def test_every_mesh_format_says_which_names_it_has(tmp_path):
     poly.save(tmp_path / "m.vtp")
     for name in ("m.glb", "m.vtp"):
         document = meshflow.read(tmp_path / name)
-        assert np.array_equal(document.samples("_mark", "speed"), np.arange(400))
+        assert np.array_equal(document.samples("_mark", "mobility"), np.arange(400))
         with pytest.raises(InputError, match="there are _mark"):
-            document.samples("mark", "only")
+            document.samples("mark", "mask")
     mesh = trimesh.Trimesh(NOISY, FACES, process=False)
     for name in ("m.obj", "m.off", "m.stl"):
         mesh.export(tmp_path / name)
         with pytest.raises(InputError, match="there are none"):
-            meshflow.read(tmp_path / name).samples("mark", "only")
-    assert replace(document, family="rasters").samples(mesh, "only") is mesh
+            meshflow.read(tmp_path / name).samples("mark", "mask")
+    assert replace(document, family="rasters").samples(mesh, "mask") is mesh

@@ -6,8 +6,8 @@ from helpers import shapes
 
 import meshflow
 from meshflow.estimate.noise import noise_growth, noise_of, noise_on
-from meshflow.estimate.plan import noise_in
-from meshflow.smoothing import noise
+from meshflow.estimate.planner import noise_in
+from meshflow.smoothing import noise_facts
 from meshflow.surfaces.lift import Mesh
 from meshflow.synthetic.scenes import mesas, ramps
 
@@ -87,7 +87,7 @@ def test_noise_that_grows_with_depth_is_found_as_a_polynomial():
     for x in (1.0, 3.0, 5.0):
         assert found.at(np.array(x)) == pytest.approx(0.001 + 0.002 * x**2, rel=0.15)
     camera = meshflow.Pinhole(300, 300, 160, 120)
-    assert noise(meshflow.RangeImage(z, camera))["noise c (per depth²)"] == pytest.approx(0.002, rel=0.25)
+    assert noise_facts(meshflow.RangeImage(z, camera))["noise c (per depth²)"] == pytest.approx(0.002, rel=0.25)
 
 
 def test_noise_that_grows_with_intensity_is_found_where_asked():

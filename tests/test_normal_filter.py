@@ -8,7 +8,7 @@ from meshflow.errors import InputError
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.flow.controls import Until
 from meshflow.flow.march import march
-from meshflow.flow.methods.normal_filter import FacetFlow, Facets
+from meshflow.flow.methods.normal_filter import FacetFlow, NormalFilter
 from meshflow.geometry import normals as facets
 from meshflow.geometry.normals import mean_edge
 from meshflow.smoothing import smooth
@@ -50,7 +50,10 @@ def test_planes_rest_wherever_they_lie():
     points, faces, _ = square(300)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     points = points @ turn + 50.0
-    assert np.abs(run(points, faces, how=Facets(1.0, 2.0)) - points).max() < 1e-12 * 50
+    assert (
+        np.abs(run(points, faces, how=NormalFilter(crease_contrast=1.0, crease_sharpness=2.0)) - points).max()
+        < 1e-12 * 50
+    )
 
 
 def test_a_cube_rests_but_for_its_corners_of_unequal_triangles():
@@ -103,12 +106,12 @@ def test_parts_do_not_touch_each_other():
 
 
 def test_what_facets_are_told_is_checked():
-    with pytest.raises(InputError, match="contrast"):
-        Facets(0.0)
-    with pytest.raises(InputError, match="evened: a squared length"):
-        Facets(evened=-1.0)
+    with pytest.raises(InputError, match="crease_contrast"):
+        NormalFilter(crease_contrast=0.0)
+    with pytest.raises(InputError, match="regularize: a squared length"):
+        NormalFilter(regularize=-1.0)
     points, faces, _ = square(30)
-    with pytest.raises(InputError, match="facets: normals of triangles"):
+    with pytest.raises(InputError, match="normal-filter: normals of triangles"):
         FacetFlow(Surface(points, (faces,), Axes((2,))))
     with pytest.raises(InputError, match="explicit rounds"):
         FacetFlow(Surface(points, (faces,))).system(points)
@@ -116,9 +119,9 @@ def test_what_facets_are_told_is_checked():
 
 def test_the_result_names_the_way_and_its_origin():
     result = smooth((along_normals(CUBE, SIDES, 0.3), SIDES), result=True)
-    assert result.parameters["method"].value == "facets"
+    assert result.parameters["method"].value == "normal-filter"
     assert result.parameters["method"].origin == "estimated"
     assert result.noise.sigma == pytest.approx(0.3 * mean_edge(CUBE, SIDES), rel=0.15)
-    assert {"risk", "time", "contrast", "sharpness", "evened"} <= set(result.parameters)
-    assert "facets" in str(result)
-    assert len(result.words()["search"]) == len(result.candidates) >= 5
+    assert {"risk", "time", "crease_contrast", "crease_sharpness", "regularize"} <= set(result.parameters)
+    assert "normal-filter" in str(result)
+    assert len(result.to_dict()["candidates"]) == len(result.candidates) >= 5

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.parts import parts
 
 import meshflow
 from meshflow.errors import InputError
@@ -39,15 +40,15 @@ def test_time_is_ten_times_the_noise_in_footprints(part):
     found = meshflow.smooth(RangeImage(noisy, camera), result=True).parameters
     assert found["time"].value == pytest.approx(10 * part * 2.0 / np.median(truth), rel=0.2)
     assert (found["time"].origin, found["time"].unit) == ("estimated", "pixel footprints²")
-    assert found["sigma"].value == pytest.approx(part * 2.0 / 100.0, rel=0.2)
+    assert found["noise"].value == pytest.approx(part * 2.0 / 100.0, rel=0.2)
 
 
 def test_a_clean_range_image_is_left_alone():
     truth, _, camera = wall(0.0)
     flat = np.full_like(truth, 2.0)
     found = meshflow.smooth(RangeImage(flat, camera), result=True)
-    assert "no noise was found" in found.reason
-    np.testing.assert_array_equal(found.thing.depth, flat)
+    assert "no noise was found" in found.stopped_because
+    np.testing.assert_array_equal(found.data.depth, flat)
 
 
 def test_strength_multiplies_the_time():
@@ -63,9 +64,9 @@ def test_a_search_of_least_risk_smooths_the_scene_and_tells_its_curve():
     found = meshflow.smooth(image, compute=Compute(search=True), result=True)
     assert len(found.candidates) == 3
     assert found.parameters["gamma"].origin == "estimated"
-    assert rms(found.thing.depth) < 0.5 * rms(SCENE.noisy)
+    assert rms(found.data.depth) < 0.5 * rms(SCENE.noisy)
     # The risk is told in the root mean square of the noise, and is near what the truth says, jumps and all.
-    assert found.candidates[0].risk == pytest.approx(rms(found.thing.depth), rel=0.5)
+    assert found.candidates[0].risk == pytest.approx(rms(found.data.depth), rel=0.5)
 
 
 def test_noise_of_each_sample_sets_its_time():
@@ -76,7 +77,7 @@ def test_noise_of_each_sample_sets_its_time():
     known = meshflow.smooth(RangeImage(noisy, camera, sigma=sigma), result=True)
     alike = meshflow.smooth(RangeImage(noisy, camera), time=known.parameters["time"].value)
     assert known.parameters["pace"].value == "noise"
-    assert np.std(known.thing.depth - truth) < 0.8 * np.std(alike.depth - truth)
+    assert np.std(known.data.depth - truth) < 0.8 * np.std(alike.depth - truth)
 
 
 def test_inverse_depth_of_a_wall_rests_and_keeps_the_units_of_the_depth():
@@ -84,9 +85,9 @@ def test_inverse_depth_of_a_wall_rests_and_keeps_the_units_of_the_depth():
     still = meshflow.smooth(RangeImage(truth, camera), method=Search(contrast=100.0), time=20.0, domain="disparity")
     np.testing.assert_allclose(still.depth, truth, rtol=1e-12)
     found = meshflow.smooth(RangeImage(noisy, camera), domain="disparity", result=True)
-    assert np.std(found.thing.depth - truth) < 0.3 * np.std(noisy - truth)
-    assert found.parameters["sigma"].unit == "1 / depth"
-    assert found.parameters["space"].value == "disparity"
+    assert np.std(found.data.depth - truth) < 0.3 * np.std(noisy - truth)
+    assert found.parameters["noise"].unit == "1 / depth"
+    assert found.parameters["domain"].value == "disparity"
 
 
 def test_inverse_depth_suits_the_noise_of_structured_light():
@@ -101,10 +102,10 @@ def test_inverse_depth_is_of_pinholes():
         meshflow.smooth(image, time=1.0, domain="disparity")
 
 
-@pytest.mark.parametrize(("word", "value"), [("space", "disparity"), ("islands", 5)])
+@pytest.mark.parametrize(("word", "value"), [("domain", "disparity"), ("min_component", 5)])
 def test_what_is_of_range_images_is_refused_elsewhere(word, value):
     with pytest.raises(InputError, match="range images only"):
-        meshflow.smooth(np.random.default_rng(0).normal(size=(8, 8)), **{word: value})
+        meshflow.smooth(np.random.default_rng(0).normal(size=(8, 8)), **parts(**{word: value}))
 
 
 def test_jumps_are_cut_and_slopes_are_not():
@@ -141,10 +142,10 @@ def test_islands_are_dropped_on_request_only():
     image = RangeImage(noisy, camera, missing)
     np.testing.assert_array_equal(meshflow.smooth(image).missing, missing)
     found = meshflow.smooth(image, constraints=MinComponent(5), result=True)
-    assert found.thing.missing[10:20, 10:20].all()
-    assert (found.thing.depth[13:15, 13:15] == 0).all()
+    assert found.data.missing[10:20, 10:20].all()
+    assert (found.data.depth[13:15, 13:15] == 0).all()
     assert found.removed[13:15, 13:15].max() == 0
-    assert int(found.thing.missing.sum()) == 100
+    assert int(found.data.missing.sum()) == 100
     with pytest.raises(InputError, match="fewer than 100000"):
         meshflow.smooth(image, constraints=MinComponent(100_000))
 
@@ -171,7 +172,7 @@ def test_a_limit_of_half_the_step_holds_at_each_depth():
     half = steps_of(depth.ravel()).at(depth) / 2
     assert np.abs(smoothed - depth).max() > 0
     assert (np.abs(smoothed - depth) <= half * (1 + 1e-9)).all()
-    with pytest.raises(InputError, match="not quantised"):
+    with pytest.raises(InputError, match="not quantized"):
         meshflow.smooth(RangeImage(wall(0.01)[1], camera), constraints=MaxChange("step"))
 
 
@@ -216,7 +217,7 @@ def test_the_scene_by_default_is_near_the_best_time():
     there = np.isfinite(scene.truth)
 
     def error(**options):
-        smoothed = meshflow.smooth(RangeImage(scene.noisy, CAMERA), **options).depth
+        smoothed = meshflow.smooth(RangeImage(scene.noisy, CAMERA), **parts(**options)).depth
         return float(np.sqrt(np.mean((smoothed - scene.truth)[there] ** 2)))
 
     best = min(error(time=t) for t in (2.0, 5.0, 10.0, 20.0))

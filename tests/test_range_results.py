@@ -25,31 +25,31 @@ def test_depths_of_a_file_are_metres_and_the_result_says_so(tmp_path):
         noun = read(tmp_path / name, camera=CAMERA).noun
         assert noun.unit == "m"
         result = meshflow.smooth(noun, constraints=MaxChange(0.02), result=True)
-        units = {key: result.parameters[key].unit for key in ("sigma", "quantum", "limit", "time")}
-        assert units == {"sigma": "m", "quantum": "m", "limit": "m", "time": "pixel footprints²"}
-        assert result.thing.unit == "m"
+        units = {key: result.parameters[key].unit for key in ("noise", "quantum", "max_change", "time")}
+        assert units == {"noise": "m", "quantum": "m", "max_change": "m", "time": "pixel footprints²"}
+        assert result.data.unit == "m"
         assert " m of noise 0.0" in result.summary
         assert " m, largest " in str(result)
     assert meshflow.smooth(noun, compute=Compute(search=True), result=True).parameters["risk"].unit == "m"
-    assert meshflow.smooth(DEPTH, camera=CAMERA, result=True).parameters["sigma"].unit == ""  # nobody has said which
+    assert meshflow.smooth(DEPTH, camera=CAMERA, result=True).parameters["noise"].unit == ""  # nobody has said which
 
 
 def test_in_inverse_depth_the_noise_beside_what_was_removed_is_one_of_depths():
     result = meshflow.smooth(RangeImage(DEPTH, CAMERA, unit="m"), domain="disparity", result=True)
-    assert {result.parameters[name].unit for name in ("sigma", "quantum", "risk")} == {"1/m"}
+    assert {result.parameters[name].unit for name in ("noise", "quantum", "risk")} == {"1/m"}
     assert result.parameters["contrast"].unit == "pixels per 1/m"
     assert result.noise.sigma == pytest.approx(0.01, rel=0.15)
     assert result.summary.endswith(f"m of noise {result.noise.sigma:.4g} m")
     given = meshflow.smooth(RangeImage(DEPTH, CAMERA), noise=0.002, domain="disparity", result=True)
     assert given.noise.sigma == pytest.approx(0.002 * np.median(DEPTH) ** 2, rel=0.01)
-    assert given.parameters["sigma"].unit == "1 / depth"
+    assert given.parameters["noise"].unit == "1 / depth"
 
 
 def test_a_given_noise_of_each_pixel_counts_in_inverse_depth_too():
     sigma = 0.004 * DEPTH**2
     result = meshflow.smooth(RangeImage(DEPTH, CAMERA, sigma=sigma), domain="disparity", result=True)
-    assert result.parameters["sigma"].value == pytest.approx(0.004)
-    assert result.parameters["sigma"].origin == "given"
+    assert result.parameters["noise"].value == pytest.approx(0.004)
+    assert result.parameters["noise"].origin == "given"
 
 
 def test_the_noise_that_is_left_is_what_the_flow_leaves_of_white_noise():
@@ -57,7 +57,7 @@ def test_the_noise_that_is_left_is_what_the_flow_leaves_of_white_noise():
     noisy = truth + 0.004 * np.random.default_rng(1).normal(size=truth.shape)
     result = meshflow.smooth(RangeImage(noisy, Pinhole(200.0, 200.0, 79.5, 59.5)), time=5.0, result=True)
     inner = np.s_[10:-10, 10:-10]
-    assert result.left == pytest.approx(np.std((result.thing.depth - truth)[inner]), rel=0.15)
+    assert result.left == pytest.approx(np.std((result.data.depth - truth)[inner]), rel=0.15)
 
 
 def test_samples_without_a_triangle_are_counted_where_they_are_more_than_a_few():
@@ -66,8 +66,8 @@ def test_samples_without_a_triangle_are_counted_where_they_are_more_than_a_few()
     alone = depth[1:-1:4, 1:-1:4].size
     result = meshflow.smooth(RangeImage(depth, CAMERA), result=True)
     (words,) = result.warnings
-    assert words.startswith(f"{alone} of {depth.size} samples have no triangle, cut off by jumps")
-    np.testing.assert_array_equal(result.thing.depth[1:-1:4, 1:-1:4], depth[1:-1:4, 1:-1:4])
+    assert words.startswith(f"{alone} of {depth.size} samples have no triangle, cut off by discontinuities")
+    np.testing.assert_array_equal(result.data.depth[1:-1:4, 1:-1:4], depth[1:-1:4, 1:-1:4])
     depth = DEPTH.copy()
     depth[1:9:4, 1:9:4] += 1.0
     assert meshflow.smooth(RangeImage(depth, CAMERA), result=True).warnings == ()

@@ -1,10 +1,11 @@
-"""What is said of a run is what was done. meshflow.results.result, meshflow.estimate.mesh_plan, meshflow.cli.options."""
+"""What is said of a run is what was done. meshflow.results.result, meshflow.estimate.points, meshflow.cli.options."""
 
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from helpers.parts import parts
 from helpers.shapes import along_normals, sphere
 from PIL import Image as Picture
 
@@ -27,18 +28,18 @@ def test_what_was_removed_of_points_is_one_number_wherever_it_is_said():
     result = smooth(
         (NOISY, FACES), method=Fairing(order=2, weights="uniform"), compute=Compute(search=False), result=True
     )
-    along = np.einsum("ij,ij->i", NOISY - result.noun.points, normals_at(NOISY, FACES))
+    along = np.einsum("ij,ij->i", NOISY - result.after.points, normals_at(NOISY, FACES))
     rms = float(np.sqrt(np.mean(along**2)))
     assert np.sqrt(np.mean(np.sum(result.removed**2, axis=1))) > 1.05 * rms  # what slides is not counted
     assert result.removed.shape == NOISY.shape
     assert np.allclose(result.counted, along)
     assert f"removed along the normals rms {rms:.4g} of noise" in result.summary
-    assert f"removed     along the normals rms {rms:.6g}" in str(result)
-    assert result.words()["removed"]["rms"] == pytest.approx(rms)
-    told = compare(result.before, result.noun).words()
+    assert f"removed      along the normals rms {rms:.6g}" in str(result)
+    assert result.to_dict()["removed"]["rms"] == pytest.approx(rms)
+    told = compare(result.before, result.after).words()
     assert told["rms along the normals"] == pytest.approx(rms)
     assert told["rms difference"] > 1.05 * rms
-    facts = dict(found(result, "").tags)
+    facts = dict(found(result, "").facts)
     assert facts["removed"].startswith(f"rms {rms:.4g}, largest")
     assert facts["removed"].endswith("along the normals")
 
@@ -48,7 +49,7 @@ def test_what_channels_lost_is_counted_by_channel():
     result = smooth(noun, time=0.01, compute=Compute(search=False), result=True)
     assert np.array_equal(result.counted, result.removed)
     assert "; removed rms" in result.summary
-    assert "rms along the normals" not in compare(result.before, result.noun).words()
+    assert "rms along the normals" not in compare(result.before, result.after).words()
 
 
 def test_a_summary_names_what_had_an_effect():
@@ -66,11 +67,11 @@ def test_a_summary_names_what_had_an_effect():
 
 @pytest.mark.parametrize("words", [{"method": "heat"}, {"gamma": -1.0}, {"sharpness": 2.0}, {"method": "perona-malik"}])
 def test_members_of_grids_say_that_they_have_no_effect_on_points(words):
-    result = denoise((NOISY, FACES), time=0.01, **words)
+    result = smooth((NOISY, FACES), **parts(time=0.01, **words), result=True)
     plain = smooth((NOISY, FACES), time=0.01, result=True)
     (warning,) = [warning for warning in result.warnings if "no effect where points move" in warning]
-    assert str(next(iter(words.values() if "method" in words else words))) in warning
-    assert np.array_equal(result.noun.points, plain.noun.points)
+    assert words.get("method", "beltrami") in warning  # exponents are those of beltrami
+    assert np.array_equal(result.after.points, plain.after.points)
     assert not plain.warnings
 
 
@@ -79,8 +80,8 @@ def test_an_unknown_method_is_refused_in_one_line(tmp_path):
     command = [sys.executable, "-m", "meshflow", "smooth", str(tmp_path / "z.npy"), str(tmp_path / "o.npy")]
     done = subprocess.run([*command, "--method", "nonsense"], capture_output=True, text=True, check=False)
     assert done.returncode != 0
-    assert done.stderr.startswith("meshflow: method: beltrami, ")
-    assert done.stderr.endswith("got 'nonsense'\n")
+    assert done.stderr.startswith("meshflow: nonsense: no such method; there are search, quick, beltrami, ")
+    assert done.stderr.endswith(", normal-channels\n")
     assert done.stderr.count("\n") == 1
 
 

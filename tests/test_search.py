@@ -2,21 +2,21 @@
 
 import json
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 import pytest
 from helpers import shapes
+from helpers.parts import parts
 
 import meshflow
 from meshflow.estimate.constraints import Mask, MaxChange
-from meshflow.estimate.parameters import expected_error
 from meshflow.estimate.risk import TWICE, Candidate, Trial, risk_curves
-from meshflow.estimate.search import METHODS, _tiled
+from meshflow.estimate.search import _tiled
+from meshflow.estimate.told import expected_error
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.grid.rate import GridFlow
-from meshflow.flow.methods import Beltrami, PeronaMalik
-from meshflow.flow.methods.beltrami import Member, Method
+from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS, Beltrami, PeronaMalik
+from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.stops import Residual, Steps
 from meshflow.surfaces.lift import HeightField, Lift
 from meshflow.synthetic.scenes import mesas, ramps
@@ -61,7 +61,7 @@ def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
     truth, z = noisy(make, 128, sigma)
     ours = rms(meshflow.smooth(z) - truth)
     best = min(
-        rms(meshflow.smooth(z, contrast=a / sigma, time=t, **kind) - truth)
+        rms(meshflow.smooth(z, **parts(contrast=a / sigma, time=t, **kind)) - truth)
         for kind in ({"gamma": 0, "patch": 1.0}, {"gamma": -1, "sharpness": 1.5}, {"gamma": -1, "sharpness": 2})
         for a in (1.0, 2.0, 4.0)
         for t in (2.0, 5.0, 10.0, 20.0)
@@ -75,7 +75,7 @@ def test_an_error_estimated_below_zero_is_told_as_what_it_is():
     assert expected_error(plain, "m").why == "root mean square error to be expected"
     below = expected_error(replace(plain, squares=(4.0, -0.1)), "m")
     assert below.value == 0.0
-    assert below.why.startswith("estimated below zero: sigma was taken for a little more than it is")
+    assert below.why.startswith("below what can be measured; root mean square error")
 
 
 def test_the_least_risk_lies_between_the_times_looked_at():
@@ -129,11 +129,12 @@ def test_what_is_given_is_held_and_what_is_not_is_found():
 
 def test_every_name_of_a_member_is_one_and_runs():
     _, z = noisy(n=48)
-    assert set(METHODS) | set(get_args(MotionName)) == set(get_args(Method))
+    names = [kind.word for kind in HEIGHT_METHODS]
+    assert [*METHODS] == ["search", "quick", *names, *(kind.word for kind in POINT_METHODS)]
     for options in ({"time": 2.0}, {"search": False}, {"steps": 3}):
-        smoothed = [meshflow.smooth(z, method=name, **options) for name in METHODS]
+        smoothed = [meshflow.smooth(z, **parts(method=name, **options)) for name in names]
         assert all(0.2 < rms(one - z) < 6.0 for one in smoothed)
-        assert len({one.tobytes() for one in smoothed}) == len(METHODS)
+        assert len({one.tobytes() for one in smoothed}) == len(names)
 
 
 def test_more_strength_smooths_more():
@@ -152,8 +153,8 @@ def test_a_search_does_not_depend_on_the_units():
 def test_twicing_gives_back_what_the_flow_would_still_take():
     _, z = noisy(n=48)
     options = {"gamma": 0, "contrast": 0.5, "stepper": "explicit"}
-    once, later = (meshflow.smooth(z, time=time, **options) for time in (2.0, 4.0))
-    twice = meshflow.smooth(z, time=2.0, twice=0.5, **options)
+    once, later = (meshflow.smooth(z, **parts(time=time, **options)) for time in (2.0, 4.0))
+    twice = meshflow.smooth(z, **parts(time=2.0, twicing=0.5, **options))
     assert np.allclose(twice, once + 0.5 * (once - later), atol=2e-3)
     assert set(TWICE) >= {0.0, 1.0}
 
@@ -162,8 +163,8 @@ def test_without_noise_nothing_changes_and_it_says_so():
     blocks = np.random.default_rng(0).integers(0, 9, (6, 6)) * 12.0
     for z in (np.full((40, 40), 3.5), np.kron(blocks, np.ones((16, 16))), np.array([[1.0, 2.0], [3.0, 5.0]])):
         result = meshflow.smooth(z, result=True)
-        assert np.array_equal(result.thing, z)
-        assert "nothing was changed" in result.reason
+        assert np.array_equal(result.data, z)
+        assert "nothing was changed" in result.stopped_because
         assert result.end.step == 0
         assert not result.removed.any()
         assert "nothing was changed" in str(result)
@@ -174,7 +175,7 @@ def test_without_noise_nothing_changes_and_it_says_so():
 def test_data_that_is_all_noise_becomes_flat():
     z = np.random.default_rng(0).normal(size=(128, 128))
     result = meshflow.smooth(z, result=True)
-    assert result.thing.std() < 0.1
+    assert result.data.std() < 0.1
     assert result.correlation < 0.03
 
 
@@ -183,7 +184,7 @@ def test_channels_of_a_mesh_tune_themselves():
     truth = np.sign(points[:, 2:]) * 5.0
     noisy_channels = truth + np.random.default_rng(1).normal(size=truth.shape)
     result = meshflow.smooth((points, faces), channels=noisy_channels, result=True)
-    smoothed = result.thing[2]
+    smoothed = result.data[2]
     assert result.candidates
     assert rms(smoothed - truth) < 0.4
 
@@ -194,7 +195,7 @@ def test_a_result_tells_every_parameter_with_unit_and_origin():
     result = meshflow.smooth(z, result=True)
     told = json.loads(result.to_json())
     assert set(told["parameters"]) >= {
-        "sigma",
+        "noise",
         "gamma",
         "sharpness",
         "patch",
@@ -205,15 +206,15 @@ def test_a_result_tells_every_parameter_with_unit_and_origin():
     }
     assert {entry["origin"] for entry in told["parameters"].values()} <= {"given", "estimated", "default"}
     assert told["noise"]["sigma"] == pytest.approx(2.0, rel=0.1)
-    assert told["moments"][0]["change"] == 0
-    areas = [moment["area"] for moment in told["moments"]]
+    assert told["history"][0]["change"] == 0
+    areas = [moment["area"] for moment in told["history"]]
     assert areas[1] < areas[0]
-    assert told["search"][0]["risk"] == min(entry["risk"] for entry in told["search"])
-    assert told["removed"]["rms"] == pytest.approx(np.sqrt(np.nanmean((z - result.thing) ** 2)))
+    assert told["candidates"][0]["risk"] == min(entry["risk"] for entry in told["candidates"])
+    assert told["removed"]["rms"] == pytest.approx(np.sqrt(np.nanmean((z - result.data) ** 2)))
     text = str(result)
-    for word in ("sigma", "contrast", "estimated", "removed", "members"):
+    for word in ("noise", "contrast", "estimated", "removed", "candidates"):
         assert word in text
-    assert np.array_equal(np.isnan(result.thing), np.isnan(z))
+    assert np.array_equal(np.isnan(result.data), np.isnan(z))
 
 
 def test_the_correlation_of_what_was_removed_tells_structure_from_noise():
@@ -234,17 +235,17 @@ def test_every_number_has_the_unit_of_the_data_and_what_was_given_is_listed():
         constraints=[Mask(~still), MaxChange(3.0)],
         result=True,
     ).parameters
-    assert {name: told[name].unit for name in ("sigma", "quantum", "limit", "time")} == {
-        "sigma": "m", "quantum": "m", "limit": "m", "time": "m²",
+    assert {name: told[name].unit for name in ("noise", "quantum", "max_change", "time")} == {
+        "noise": "m", "quantum": "m", "max_change": "m", "time": "m²",
     }  # fmt: skip
     assert (told["method"].value, told["method"].origin) == ("perona-malik", "given")
     assert (told["residual"].value, told["residual"].unit) == (0.9, "of sigma")
     assert told["fixed"].value == "3 of 1024 samples stay"
-    assert told["only"].value == "1021 of 1024 samples may move"
+    assert told["mask"].value == "1021 of 1024 samples may move"
 
 
 def test_where_nothing_may_move_the_reason_says_so():
     z = np.random.default_rng(0).normal(size=(16, 16))
     found = meshflow.smooth(z, constraints=Mask(np.zeros(z.shape, bool)), result=True)
-    assert "no sample may move" in found.reason
-    np.testing.assert_array_equal(found.thing, z)
+    assert "no sample may move" in found.stopped_because
+    np.testing.assert_array_equal(found.data, z)

@@ -14,7 +14,7 @@ from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Beltrami, Search
 from meshflow.flow.stops import Steps
-from meshflow.smoothing import smooth_noun
+from meshflow.results.run import run
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 shared = pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")
@@ -87,7 +87,7 @@ def test_channels_of_a_mesh_are_smoothed_on_a_surface_that_stays():
 def test_options_go_to_the_part_that_they_steer():
     _, z = noisy_plane()
     noun = meshflow.HeightField(z)
-    outcome = smooth_noun(
+    outcome = run(
         noun,
         Request.of(
             method=Beltrami(gamma=1.0, contrast=2.0),
@@ -99,7 +99,7 @@ def test_options_go_to_the_part_that_they_steer():
     assert outcome.tags["stepper"] == "semi-implicit"
     assert outcome.tags["gamma"] == "1"
     assert outcome.tags["contrast"] == "2"
-    assert outcome.tags["ended"] == "reached time 1 in 4 steps"
+    assert outcome.tags["stopped_because"] == "reached time 1 in 4 steps"
     assert outcome.end.area < outcome.start.area
 
 
@@ -166,14 +166,14 @@ def test_what_makes_no_sense_is_refused_in_words(call, words):
 def test_every_messy_mesh_gives_a_finite_result(path):
     noun = meshflow.read(path).noun
     for stepper in ("explicit", "semi-implicit"):
-        outcome = smooth_noun(
+        outcome = run(
             noun,
             Request.of(
                 stop=Steps(3), compute=Compute(stepper=stepper, dt=None if stepper == "explicit" else noun.step**2)
             ),
         )
-        assert np.isfinite(outcome.noun.points).all()
-        assert np.array_equal(outcome.noun.faces, noun.faces)
+        assert np.isfinite(outcome.after.points).all()
+        assert np.array_equal(outcome.after.faces, noun.faces)
         assert outcome.end.largest > 0 or outcome.start.area == 0
 
 
@@ -181,10 +181,10 @@ def test_every_messy_mesh_gives_a_finite_result(path):
 @shared
 def test_the_horse_with_its_slivers_is_smoothed_in_one_call():
     noun = meshflow.read(SHARED / "meshes/irregular/horse.vtp").noun
-    outcome = smooth_noun(noun, Request.of(method="curvature"))
-    assert np.isfinite(outcome.noun.points).all()
+    outcome = run(noun, Request.of(method="curvature"))
+    assert np.isfinite(outcome.after.points).all()
     assert outcome.end.area < outcome.start.area
-    assert np.abs(outcome.noun.points - noun.points).max() < 20 * noun.step
+    assert np.abs(outcome.after.points - noun.points).max() < 20 * noun.step
 
 
 @pytest.mark.shared
@@ -192,7 +192,7 @@ def test_the_horse_with_its_slivers_is_smoothed_in_one_call():
 def test_quantisation_of_a_real_terrain_is_reduced_against_the_truth():
     coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
     truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z
-    smoothed = smooth_noun(coarse, Request.of(method=Search(contrast=coarse.step / 115), time=coarse.step**2)).noun.z
+    smoothed = run(coarse, Request.of(method=Search(contrast=coarse.step / 115), time=coarse.step**2)).after.z
     before, after = (np.sqrt(np.mean((z.astype(float) - truth) ** 2)) for z in (coarse.z, smoothed))
     assert before == pytest.approx(57.3, abs=0.1)
     assert after < 40, f"rms to the unquantised truth {before:.1f} m before, {after:.1f} m after"
@@ -202,7 +202,7 @@ def test_quantisation_of_a_real_terrain_is_reduced_against_the_truth():
 @shared
 def test_a_ragged_mask_of_missing_samples_is_the_same_afterwards():
     before = meshflow.read(SHARED / "dem/SainteHelens.dem").noun
-    after = smooth_noun(before, Request.of(stop=Steps(5))).noun
+    after = run(before, Request.of(stop=Steps(5))).after
     assert before.missing.sum() == 4151
     assert np.array_equal(after.missing, before.missing)
     assert np.isfinite(after.z[~before.missing]).all()

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from helpers import shapes
+from helpers.parts import parts
 
 import meshflow
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import DataWeights, Fixed, Mask, MaxChange
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import Beltrami
+from meshflow.flow.methods import Beltrami, GraphFlow
 from meshflow.flow.stops import AreaLoss, Displacement, Residual
 
 
@@ -34,8 +35,8 @@ def test_a_residual_is_a_share_of_the_noise_and_no_more(share, stepper):
         compute=Compute(stepper=stepper),
         result=True,
     )
-    assert rms(result.thing - z) == pytest.approx(share * 2.0, rel=1e-3)
-    assert f"came to a residual of {share:.3g} sigma" in result.reason
+    assert rms(result.data - z) == pytest.approx(share * 2.0, rel=1e-3)
+    assert f"came to a residual of {share:.3g} sigma" in result.stopped_because
     assert result.end.time < 100
 
 
@@ -58,7 +59,7 @@ def test_the_largest_displacement_and_the_area_stop_where_they_were_asked_to():
     moved = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), stop=Displacement(3.0))
     assert np.abs(moved - z).max() == pytest.approx(3.0, rel=1e-3)
     result = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), stop=AreaLoss(0.2), result=True)
-    areas = [moment.area for moment in result.history]
+    areas = result.history.area
     assert areas[-1] / areas[0] == pytest.approx(0.8, rel=1e-3)
 
 
@@ -72,8 +73,8 @@ def test_the_first_of_several_stops_counts():
         stop=[Residual(0.9), Displacement(1.0)],
         result=True,
     )
-    assert "displacement of 1 " in result.reason
-    assert rms(result.thing - z) < 0.9 * 2.0
+    assert "displacement of 1 " in result.stopped_because
+    assert rms(result.data - z) < 0.9 * 2.0
 
 
 def test_a_callable_sees_the_values_and_stops_the_run():
@@ -99,8 +100,8 @@ def test_a_stop_that_is_never_met_ends_at_the_time_with_the_reason():
     _, z = noisy()
     result = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), time=2.0, stop=Displacement(1e6), result=True)
     assert result.end.time == pytest.approx(2.0)
-    assert "before a displacement of" in result.reason
-    assert "(1e+06 asked for)" in result.reason
+    assert "before a displacement of" in result.stopped_because
+    assert "(1e+06 asked for)" in result.stopped_because
 
 
 @pytest.mark.parametrize("stepper", ["explicit", "super-time", "semi-implicit"])
@@ -115,7 +116,7 @@ def test_no_sample_leaves_its_limit(stepper):
         compute=Compute(stepper=stepper),
         result=True,
     )
-    away = np.abs(result.thing - z) - most
+    away = np.abs(result.data - z) - most
     assert away.max() <= 1e-12
     assert (away > -1e-12).any(), "the limit was never reached: the test proves nothing"
     assert np.array_equal(
@@ -140,26 +141,26 @@ def test_what_moves_of_a_mesh_is_held_and_stopped_alike(moves):
     heat = 3 * points[:, :2] + np.random.default_rng(1).normal(size=(len(points), 2))
     options = {"channels": heat, "moves": moves, "time": 0.5, "gamma": 0, "contrast": 1.0}
     most = np.where(np.arange(len(points)) % 2, 0.01, np.inf)
-    after, _, warm = meshflow.smooth((points, faces), limit=most, **options)
+    after, _, warm = meshflow.smooth((points, faces), **parts(max_change=most, **options))
     change = np.concatenate([after - points, warm - heat], axis=1)[np.isfinite(most)]
     assert 0.005 < np.abs(change).max() <= 0.0101
-    result = meshflow.denoise((points, faces), displacement=0.004, **options)
-    assert result.history[-1].largest == pytest.approx(0.004, rel=1e-3)
+    result = meshflow.smooth((points, faces), **parts(displacement=0.004, **options), result=True)
+    assert result.history.largest[-1] == pytest.approx(0.004, rel=1e-3)
     seen = []
-    meshflow.smooth((points, faces), stop=lambda values, time: bool(seen.append(values.shape)), **options)
+    meshflow.smooth((points, faces), **parts(stop=lambda values, time: bool(seen.append(values.shape)), **options))
     assert set(seen) == {(len(points), {"points": 3, "channels": 2, "all": 5}[moves])}
-    trusted = meshflow.denoise((points, faces), confidence=1e6, **options)
-    assert trusted.history[-1].largest < 1e-2
+    trusted = meshflow.smooth((points, faces), **parts(data_weights=1e6, **options), result=True)
+    assert trusted.history.largest[-1] < 1e-2
 
 
 def test_rounded_data_stay_consistent_with_what_was_recorded():
     truth, _ = noisy(sigma=0)
     z = np.round(truth / 4) * 4
     result = meshflow.smooth(z, result=True)
-    assert np.abs(result.thing - z).max() <= 2.0
-    assert result.parameters["limit"].value == 2.0
-    assert result.parameters["limit"].origin == "estimated"
-    assert rms(result.thing - truth) < 0.7 * rms(z - truth)
+    assert np.abs(result.data - z).max() <= 2.0
+    assert result.parameters["max_change"].value == 2.0
+    assert result.parameters["max_change"].origin == "estimated"
+    assert rms(result.data - truth) < 0.7 * rms(z - truth)
 
 
 def test_a_fidelity_comes_to_rest_and_trusted_samples_stay_nearer():
@@ -169,7 +170,7 @@ def test_a_fidelity_comes_to_rest_and_trusted_samples_stay_nearer():
     assert rms(longer - long) < 5e-3 * rms(long - z), "it has not come to rest"
     weights = np.where(np.arange(64) < 32, 4.0, 0.01) * np.ones_like(z)
     result = meshflow.smooth(z, method=Beltrami(gamma=-1, contrast=0.7), constraints=DataWeights(weights), result=True)
-    change = np.abs(result.thing - z)
+    change = np.abs(result.data - z)
     assert change[:, :28].mean() < 0.4 * change[:, 36:].mean()
     assert np.array_equal(meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), time=3.0, constraints=DataWeights(0.0)),
                           meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), time=3.0))  # fmt: skip
@@ -205,42 +206,52 @@ def test_what_lies_outside_of_only_and_inside_of_fixed_keeps_its_bits():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"sigma": 0}, "sigma: a positive finite number expected, got 0"),
-        ({"sigma": -2}, "sigma: a positive"),
+        ({"noise": 0}, "noise: a positive finite number expected, got 0"),
+        ({"noise": -2}, "noise: a positive"),
         ({"strength": 0}, "strength: a positive"),
         ({"contrast": np.inf}, "contrast: a positive finite number"),
-        ({"limit": -1}, "limit: numbers, zero or more, expected, got -1"),
-        ({"limit": np.ones((3, 3))}, r"limit: a number or an array of shape \(64, 64\) expected, got \(3, 3\)"),
-        ({"confidence": np.nan}, "confidence: finite numbers, zero or more, expected, got nan"),
-        ({"confidence": -np.ones((64, 64))}, "confidence: finite numbers, zero or more, expected, got -1"),
-        ({"confidence": "much"}, "confidence: a number or an array"),
-        ({"only": np.ones((3, 3), bool)}, r"only: a mask of shape \(64, 64\) expected"),
-        ({"only": np.ones((64, 64), complex)}, "only: a mask of booleans, or of numbers, expected, got dtype complex"),
+        ({"max_change": -1}, "max_change: numbers, zero or more, expected, got -1"),
+        (
+            {"max_change": np.ones((3, 3))},
+            r"max_change: a number or an array of shape \(64, 64\) expected, got \(3, 3\)",
+        ),
+        ({"data_weights": np.nan}, "data_weights: finite numbers, zero or more, expected, got nan"),
+        ({"data_weights": -np.ones((64, 64))}, "data_weights: finite numbers, zero or more, expected, got -1"),
+        ({"data_weights": "much"}, "data_weights: a number or an array"),
+        ({"mask": np.ones((3, 3), bool)}, r"mask: a mask of shape \(64, 64\) expected"),
+        ({"mask": np.ones((64, 64), complex)}, "mask: a mask of booleans, or of numbers, expected, got dtype complex"),
         ({"fixed": np.ones((3, 3), bool)}, "fixed: a mask of shape"),
         ({"residual": 0}, "residual: a positive"),
         ({"area_loss": 1.5}, "area_loss: a share of the area between 0 and 1"),
         ({"displacement": -1}, "displacement: a positive"),
-        ({"stop": 5}, "stop: a callable"),
-        ({"method": "magic"}, "method: beltrami, graph"),
-        ({"method": "graph", "gamma": 1}, "one of them expected; the method says it"),
-        ({"twice": 2}, "twice: a weight between 0 and 1"),
-        ({"twice": 1, "residual": 0.5}, "twice 1: a time is doubled"),
+        ({"stop": 5}, "stop: Steps, Residual, AreaLoss, Displacement, or a callable .* expected, got 5"),
+        ({"method": "magic"}, "magic: no such method; there are search, quick, beltrami, graph"),
+        ({"twicing": 2}, "twicing: a weight between 0 and 1"),
+        ({"twicing": 1, "residual": 0.5}, "twicing 1: a time is doubled"),
         ({"patch": -1}, "patch: a width between 0 and 6"),
-        ({"boundary": "Linear"}, "boundary: natural, linear, fixed or curve expected, got 'Linear'"),
-        ({"control": "x"}, "control: Fixed, AreaChange or Embedded expected"),
+        ({"boundary": "Linear"}, "boundary: natural, linear, fixed, curve expected, got 'Linear'"),
+        ({"control": "x"}, "control: FixedStep, AreaChange or Embedded expected"),
         ({"time": "5"}, "time: a finite number expected, got '5'"),
         ({"gamma": "a"}, "gamma: a finite number expected, got 'a'"),
         ({"threads": "2"}, "threads: a whole number"),
         ({"search": 3}, "search: true or false"),
         ({"stepper": 3}, "stepper: auto, explicit"),
-        ({"settings": {"foo": 1}}, "foo: no such option; there are time"),
+        ({"foo": 1}, "foo: no such keyword; there are method, time"),
     ],
     ids=str,
 )
 def test_what_makes_no_sense_is_refused_by_name(options, words):
     _, z = noisy()
     with pytest.raises(InputError, match=words):
-        meshflow.smooth(z, **options)
+        meshflow.smooth(z, **parts(**options))
+
+
+def test_an_option_of_another_method_is_refused_by_name():
+    _, z = noisy(8)
+    with pytest.raises(TypeError, match="gamma"):
+        GraphFlow(gamma=1)
+    with pytest.raises(InputError, match=r"gamma: no keyword of smooth; give method=Beltrami\(gamma=...\)"):
+        meshflow.smooth(z, method="graph", gamma=1)
 
 
 def test_the_limit_of_points_is_of_their_way_whichever_the_axes():

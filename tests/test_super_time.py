@@ -6,7 +6,7 @@ import pytest
 import meshflow
 from meshflow.errors import InputError
 from meshflow.flow.compute import Compute
-from meshflow.flow.controls import AreaChange, Embedded, Fixed, Until
+from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
@@ -23,7 +23,7 @@ def waves(n=40):
 
 
 def end(flow, time, stepper, dt):
-    *_, last = march(flow, Until(time=time), stepper, Fixed(dt))
+    *_, last = march(flow, Until(time=time), stepper, FixedStep(dt))
     return last.u
 
 
@@ -49,13 +49,13 @@ def test_steps_as_long_as_the_stages_claim_are_stable_on_white_noise(order, s, d
     for member in (Member(), Member(1.0), Member(-1.0, 1.5), Member(-1.0, 2.0)):
         flow = GridFlow(HeightField(z).gridded(Lift(1.0, diagonals, "natural")), member)
         dt = Explicit().largest(flow, flow.start()) * reach(order, s)
-        states = list(march(flow, Until(steps=8), SuperTime(order, s), Fixed(dt)))
+        states = list(march(flow, Until(steps=8), SuperTime(order, s), FixedStep(dt)))
         spread = [np.std(state.u) for state in states]
         # Legendre polynomials stay below 1 on their whole interval: nothing grows, however far a step reaches.
         assert all(b <= a * (1 + 1e-9) for a, b in zip(spread, spread[1:], strict=False)), spread
         assert spread[-1] < 0.95 * spread[0]
         with pytest.raises(InputError, match="the largest stable step is"):
-            list(march(flow, Until(steps=1), SuperTime(order, s), Fixed(dt * 1.01)))
+            list(march(flow, Until(steps=1), SuperTime(order, s), FixedStep(dt * 1.01)))
 
 
 def test_beyond_their_reach_the_stages_would_indeed_be_unstable():
@@ -107,7 +107,7 @@ def test_super_time_arrives_where_small_explicit_steps_do(member):
     away = np.std(states[-1].u - small)
     assert sum(stages(1, state.dt * 6) for state in states[1:]) < 60  # rates, instead of 180
     assert away < 0.04, f"{away:.4f} sigma"
-    closer = list(march(flow, Until(time=7.5), SuperTime(), Fixed(0.25)))[-1].u
+    closer = list(march(flow, Until(time=7.5), SuperTime(), FixedStep(0.25)))[-1].u
     assert np.std(closer - small) < away
 
 

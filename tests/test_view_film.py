@@ -8,8 +8,9 @@ from meshflow import film
 from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Beltrami
 from meshflow.flow.stops import Residual, Steps
-from meshflow.smoothing import flowing, smooth_noun
+from meshflow.results.run import run, states
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.synthetic import shapes
@@ -19,7 +20,7 @@ from meshflow.view.look import terrain_view
 
 SIZE = (320, 240)
 ROUGH = HeightField(np.random.default_rng(0).normal(size=(40, 50)) + 5.0 * (np.arange(50) > 25), unit="m")
-GIVEN = Request.of(method="beltrami", time=2.0)
+GIVEN = Request.of(method=Beltrami(contrast=0.74), time=2.0, boundary="natural")
 
 
 @pytest.fixture(autouse=True)
@@ -39,29 +40,27 @@ def frames(path):
 
 
 def test_states_begin_with_the_thing_and_end_with_what_smoothing_gives():
-    times, nouns = zip(*flowing(ROUGH, GIVEN, 5), strict=True)
+    times, nouns = zip(*states(ROUGH, GIVEN, 5), strict=True)
     np.testing.assert_allclose(times, 2.0 * (np.arange(5) / 4) ** 2)
     np.testing.assert_array_equal(nouns[0].z, ROUGH.z)
-    np.testing.assert_allclose(nouns[-1].z, smooth_noun(ROUGH, GIVEN).noun.z, atol=0.03)  # other steps
+    np.testing.assert_allclose(nouns[-1].z, run(ROUGH, GIVEN).after.z, atol=0.03)  # other steps
     steps = [
         noun.z
-        for _, noun in flowing(
+        for _, noun in states(
             ROUGH, Request.of(method="heat", stop=Steps(8), compute=Compute(stepper="explicit", dt=0.1)), 3
         )
     ]
     assert len(steps) == 3
-    ended = smooth_noun(
-        ROUGH, Request.of(method="heat", stop=Steps(8), compute=Compute(stepper="explicit", dt=0.1))
-    ).noun.z
+    ended = run(ROUGH, Request.of(method="heat", stop=Steps(8), compute=Compute(stepper="explicit", dt=0.1))).after.z
     np.testing.assert_array_equal(steps[-1], ended)
 
 
 def test_a_stop_is_where_the_states_end():
-    settings = Request.of(method="heat", stop=Residual(0.5))
-    *_, (time, last) = flowing(ROUGH, settings, 4)
-    ended = smooth_noun(ROUGH, settings)
+    request = Request.of(method="heat", stop=Residual(0.5))
+    *_, (time, last) = states(ROUGH, request, 4)
+    ended = run(ROUGH, request)
     assert time == pytest.approx(ended.end.time)
-    np.testing.assert_allclose(last.z, ended.noun.z, atol=0.1)  # that one lies on a line between steps
+    np.testing.assert_allclose(last.z, ended.after.z, atol=0.1)  # that one lies on a line between steps
 
 
 def test_what_takes_one_step_is_stepped_afresh_for_each_state():
@@ -69,14 +68,14 @@ def test_what_takes_one_step_is_stepped_afresh_for_each_state():
     mesh = Mesh(
         sphere.points * (1 + 0.02 * np.random.default_rng(0).normal(size=(len(sphere.points), 1))), sphere.faces
     )
-    settings = Request.of(method="fairing", time=0.01)
-    states = list(flowing(mesh, settings, 4))
-    assert [time for time, _ in states] == pytest.approx([0.0, 0.01 / 9, 0.04 / 9, 0.01])
-    np.testing.assert_allclose(states[-1][1].points, smooth_noun(mesh, settings).noun.points, atol=1e-9)
+    request = Request.of(method="fairing", time=0.01)
+    found = list(states(mesh, request, 4))
+    assert [time for time, _ in found] == pytest.approx([0.0, 0.01 / 9, 0.04 / 9, 0.01])
+    np.testing.assert_allclose(found[-1][1].points, run(mesh, request).after.points, atol=1e-9)
 
 
 def test_a_film_shows_the_noise_go_and_the_last_frame_stay(tmp_path):
-    told = film(ROUGH, tmp_path / "a.gif", count=5, settings={"time": 2.0, "method": "beltrami"}, size=SIZE)
+    told = film(ROUGH, tmp_path / "a.gif", count=5, request=GIVEN, size=SIZE)
     shown = frames(told.path)
     assert len(shown) == 5
     rough = [np.abs(np.diff(picture[60:180, 60:250], axis=1)).mean() for picture in shown]
@@ -97,12 +96,12 @@ def test_the_time_in_a_frame_is_a_number_in_full_with_its_unit(tmp_path, monkeyp
 
     monkeypatch.setattr(page, "single_page", listened)
     wide = HeightField(ROUGH.z, spacing=(30.0, 30.0), unit="m")
-    film(wide, tmp_path / "a.gif", count=3, settings={"time": 2540.0, "method": "heat"}, size=SIZE)
+    film(wide, tmp_path / "a.gif", count=3, request=Request.of(time=2540.0, method="heat"), size=SIZE)
     assert labels == ["time 0 m²", "time 635 m²", "time 2540 m²"]
 
 
 def test_colours_of_a_film_are_the_same_in_all_frames(tmp_path):
-    told = film(ROUGH, tmp_path / "a.png.gif", count=4, settings={"time": 2.0}, quantity="removed", size=SIZE)
+    told = film(ROUGH, tmp_path / "a.png.gif", count=4, request=Request.of(time=2.0), quantity="removed", size=SIZE)
     shown = frames(told.path)
     bars = [picture[208:230] for picture in shown]
     assert np.abs(bars[0] - bars[-1]).max() < 12
@@ -111,7 +110,7 @@ def test_colours_of_a_film_are_the_same_in_all_frames(tmp_path):
 
 def test_images_and_range_images_are_filmed_as_they_are(tmp_path):
     picture = Image(np.random.default_rng(0).random((30, 40, 3)) * 255)
-    assert film(picture, tmp_path / "a.gif", count=3, settings={"time": 1.0}, size=SIZE).how == "relief"
+    assert film(picture, tmp_path / "a.gif", count=3, request=Request.of(time=1.0), size=SIZE).how == "relief"
     scan = RangeImage(2.0 + 0.01 * ROUGH.z, Pinhole(60.0, 60.0, 24.5, 19.5))
     assert len(frames(film(scan, tmp_path / "b.gif", count=3, size=SIZE).path)) == 3
 
@@ -119,7 +118,7 @@ def test_images_and_range_images_are_filmed_as_they_are(tmp_path):
 def test_an_mp4_holds_all_frames(tmp_path):
     imageio = pytest.importorskip("imageio")
     pytest.importorskip("imageio_ffmpeg")
-    told = film(ROUGH, tmp_path / "a.mp4", count=4, rate=4.0, settings={"time": 2.0}, size=(321, 241))
+    told = film(ROUGH, tmp_path / "a.mp4", count=4, rate=4.0, request=Request.of(time=2.0), size=(321, 241))
     with imageio.get_reader(told.path) as reader:
         assert reader.count_frames() == 4 + 6  # the last one stays for a second and a half
         assert reader.get_data(0).shape == (240, 320, 3)
@@ -129,7 +128,9 @@ def test_an_mp4_holds_all_frames(tmp_path):
 def test_a_camera_that_turns_keeps_the_whole_surface_in_its_frame(tmp_path):
     sphere = shapes.sphere(3)
     mesh = Mesh(sphere.points * (1.0, 1.0, 2.0), sphere.faces)
-    told = film(mesh, tmp_path / "a.gif", count=3, turn=90.0, settings={"time": 1e-4, "method": "curvature"}, size=SIZE)
+    told = film(
+        mesh, tmp_path / "a.gif", count=3, turn=90.0, request=Request.of(time=1e-4, method="curvature"), size=SIZE
+    )
     shown = frames(told.path)
     for picture in shown:
         body = (picture[40:190] < 240).all(axis=2)
@@ -172,7 +173,7 @@ def test_a_film_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkey
 def test_a_film_that_is_there_is_replaced_on_purpose_alone(tmp_path, monkeypatch):
     target = tmp_path / "a.gif"
     target.write_bytes(b"old")
-    given = {"count": 2, "settings": {"time": 1.0, "method": "beltrami"}, "size": SIZE}
+    given = {"count": 2, "request": Request.of(time=1.0, method="beltrami"), "size": SIZE}
     with monkeypatch.context() as nothing:
         nothing.setattr("meshflow.viewer.filming.flowing", None)  # it is refused before anything is computed
         with pytest.raises(FormatError, match="exists; name another file, or overwrite it on purpose"):
@@ -187,7 +188,7 @@ def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingPackage, match=r"pip install 'meshflow\[film\]'"):
-        film(ROUGH, tmp_path / "a.mp4", settings=GIVEN)
+        film(ROUGH, tmp_path / "a.mp4", request=GIVEN)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +199,7 @@ def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):
         ({"rate": float("nan")}, "rate: 0.1 to 60 frames per second"),
         ({"turn": 90.0, "how": "relief"}, "turn: degrees"),
         ({"colours": "virids"}, "viridis"),
-        ({"settings": {"space": "disparity"}}, "only lengths are shown"),
+        ({"request": Request.of(domain="disparity")}, "only lengths are shown"),
         ({"fps": 3}, "fps: no such option of a picture"),
     ],
 )

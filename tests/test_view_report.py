@@ -89,7 +89,7 @@ def test_a_report_holds_every_parameter_and_its_origin(result, tmp_path):
 def test_a_report_says_why_it_ended_what_noise_was_found_and_what_to_beware_of(smoothed, tmp_path):
     warned = replace(smoothed, warnings=("the first <warning>", "the second"))
     page, words = html(warned, tmp_path), written(_sheet(found(warned, "")))
-    for sentence in (smoothed.reason, *warned.warnings, f"meshflow {smoothed.version}"):
+    for sentence in (smoothed.stopped_because, *warned.warnings, f"meshflow {smoothed.version}"):
         assert sentence in page
         assert sentence in words
     assert f"σ = {smoothed.noise.sigma:.4g} m" in page
@@ -142,7 +142,7 @@ def test_missing_samples_are_grey_in_every_panel(smoothed):
 
 def test_large_grids_are_thinned_and_the_report_says_so(smoothed):
     z = np.tile(smoothed.before.z, (1, 40))[:8]
-    wide = replace(smoothed, before=HeightField(z), noun=HeightField(z + 0.1))
+    wide = replace(smoothed, before=HeightField(z), after=HeightField(z + 0.1))
     shown = found(wide, "")
     assert all(panel.picture.shape[1] <= 1000 for panel in shown.panels)
     assert "every 3rd sample" in shown.notes
@@ -150,7 +150,7 @@ def test_large_grids_are_thinned_and_the_report_says_so(smoothed):
 
 def test_an_idle_result_has_a_report_too(idle, tmp_path):
     page = html(idle, tmp_path)
-    assert idle.reason in page
+    assert idle.stopped_because in page
     assert "nothing was removed" in page
     assert report(idle, tmp_path / "a.png").path.stat().st_size > 1000
     assert found(idle, "").charts == ()
@@ -209,7 +209,7 @@ def test_where_a_mesh_cannot_be_drawn_the_report_says_so_and_holds_the_rest(mesh
     monkeypatch.setattr(findings, "staged", refused)
     page = html(mesh, tmp_path)
     assert "no pictures: VTK cannot draw here" in page
-    assert mesh.reason in page
+    assert mesh.stopped_because in page
     assert report(mesh, tmp_path / "a.png").notes == ("no pictures: VTK cannot draw here",)
 
 
@@ -241,10 +241,10 @@ def test_a_path_that_cannot_be_written_is_refused_by_name(idle, tmp_path, name, 
 
 
 def test_a_report_changes_nothing_of_the_result(smoothed, tmp_path):
-    before, after = smoothed.before.z.copy(), smoothed.noun.z.copy()
+    before, after = smoothed.before.z.copy(), smoothed.after.z.copy()
     report(smoothed, tmp_path / "a.html")
     np.testing.assert_array_equal(smoothed.before.z, before)
-    np.testing.assert_array_equal(smoothed.noun.z, after)
+    np.testing.assert_array_equal(smoothed.after.z, after)
 
 
 def test_pyplot_is_left_alone(idle, tmp_path):
@@ -253,13 +253,13 @@ def test_pyplot_is_left_alone(idle, tmp_path):
 
     code = (
         "import sys, numpy, meshflow; from meshflow.view.report import _sheet, report; "
-        f"report(meshflow.denoise(numpy.ones((8, 8))), {str(tmp_path / 'a.png')!r}); "
+        f"report(meshflow.smooth(numpy.ones((8, 8)), result=True), {str(tmp_path / 'a.png')!r}); "
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_picture_and_a_report_show_the_same_removed(smoothed):
-    scale, shown = found(smoothed, "").scale, paired(smoothed.before, smoothed.noun, "m").removed
+    scale, shown = found(smoothed, "").scale, paired(smoothed.before, smoothed.after, "m").removed
     np.testing.assert_array_equal(scale.values, shown.values)
     assert (scale.low, scale.high, scale.label, scale.ends) == (shown.low, shown.high, shown.label, shown.ends)

@@ -12,7 +12,7 @@ from PIL import Image as Pillow
 import meshflow
 from meshflow.errors import InputError
 from meshflow.estimate.request import Request
-from meshflow.smoothing import flowing
+from meshflow.results.run import states
 from meshflow.surfaces.lift import Mesh
 from meshflow.synthetic import shapes
 from meshflow.view import compare, plotter, show
@@ -63,7 +63,7 @@ def test_a_texture_rides_along_with_the_points_and_with_the_triangles_that_are_l
     uv = shape.points[:, :2] / 2 + 0.5
     visual = trimesh.visual.TextureVisuals(uv=uv, image=flag().visual.material.image)
     ball, _ = taken(trimesh.Trimesh(shape.points, shape.faces, visual=visual, process=False), own_colours=True)
-    *_, (_, last) = flowing(ball, Request.of(method="curvature", scale=0.2), 3, None)
+    *_, (_, last) = states(ball, Request.of(method="curvature", scale=0.2), 3, None)
     assert isinstance(last, Textured)
     assert last.texture is ball.texture
     few = coarse(embodied(last, own_colours=True), 6)

@@ -87,13 +87,14 @@ SERVER = """
     import sys
     from pathlib import Path
     from meshflow.estimate.request import Request
+    from meshflow.flow.compute import Compute
     from meshflow.viewer.controls import Address
     from meshflow.viewer.session import Saving, view
     import meshflow
     document = meshflow.read(sys.argv[1])
     saving = Saving(sys.argv[1], Path(sys.argv[1]).with_name("saved.npy"), True)
     view(document, way="browser", address=Address(sys.argv[2], 0, False), count=5, memory=1, size=(400, 300),
-         settings=Settings(search=False), said=lambda line: print(line, flush=True), saving=saving)
+         request=Request.of(compute=Compute(search=False)), said=lambda line: print(line, flush=True), saving=saving)
 """
 
 

@@ -112,7 +112,7 @@ def test_a_knob_that_is_turned_leaves_the_run_that_it_makes_useless(opened):
     assert like(column(window), "#2b6cb0")[: int(0.62 * SIZE[1])].any(), "no bar tells how far it is"
     window.turn("scale", 5.0)
     until(window, lambda: not window._work.kind)
-    assert window.timeline.history[-1].time == pytest.approx(12.5)
+    assert window.timeline.moments[-1].time == pytest.approx(12.5)
     window.save()
     until(window, lambda: not window._work.kind)
     assert "states of a file are saved" in window.message
@@ -130,7 +130,7 @@ def test_the_method_knob_of_a_mesh_begins_another_run_and_brings_its_own_knobs(o
         choice.InvokeEvent(event)
     assert choice.GetRepresentation().GetTitleText() == "method: curvature"
     until(window, lambda: window.timeline is not before)
-    assert window.dials.session.settings.method == "curvature"
+    assert window.dials.session.word == "curvature"
     assert set(window.column.knobs) == {"method", "scale"}
 
 
@@ -144,7 +144,7 @@ def test_a_state_that_was_let_go_is_computed_while_the_window_goes_on(opened):
         assert ready.wait(60)
         return whole.at(2)
 
-    window.timeline = Timeline(whole.history, "", {0: whole.at(0), 5: whole.at(5)}, again)
+    window.timeline = Timeline(whole.moments, "", {0: whole.at(0), 5: whole.at(5)}, again)
     seen = window.screen.picture()[:, 300:]
     window.move(2)  # were it computed here, this would wait for ever
     assert (window.screen.picture()[:, 300:] == seen).mean() > 0.99  # but for the slider

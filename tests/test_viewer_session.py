@@ -5,8 +5,10 @@ import shlex
 import numpy as np
 import pytest
 import trimesh
+from helpers.parts import parts
 
 import meshflow
+from meshflow.cli.asking import words_of
 from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError
 from meshflow.estimate.request import Request
@@ -38,12 +40,12 @@ def test_states_begin_at_the_start_and_their_area_falls():
     timeline = Session.begun(hills(), QUICK, count=6).run()
     assert len(timeline) == 6
     assert np.array_equal(timeline.at(0).z, hills().z)
-    assert timeline.history[0].change == 0
-    areas, changes = ([getattr(m, name) for m in timeline.history] for name in ("area", "change"))
+    assert timeline.moments[0].change == 0
+    areas, changes = ([getattr(m, name) for m in timeline.moments] for name in ("area", "change"))
     assert areas[0] == 1.0
     assert all(np.diff(areas) < 0)
     assert all(np.diff(changes) > 0)
-    assert timeline.history[-1].time == pytest.approx(4.0)
+    assert timeline.moments[-1].time == pytest.approx(4.0)
 
 
 def test_beyond_the_memory_states_are_let_go_and_computed_again():
@@ -52,7 +54,7 @@ def test_beyond_the_memory_states_are_let_go_and_computed_again():
     assert whole.kept == tuple(range(9))
     assert len(few.kept) <= 3
     assert {0, 8} <= set(few.kept)
-    assert few.history == whole.history
+    assert few.moments == whole.moments
     gone = next(k for k in range(9) if k not in few.kept)
     # It takes the steps of a run that ends there, not those of one that goes on.
     assert np.abs(few.at(gone).z - whole.at(gone).z).max() < 0.05
@@ -76,10 +78,10 @@ def test_the_command_line_makes_the_state_that_is_saved_to_the_last_bit(tmp_path
         trimesh.Trimesh(ball().points, ball().faces, process=False).export(source)
     document = meshflow.read(source)
     settings = QUICK if kind.endswith("npy") else Request.of(method="fairing", time=0.01)
-    desk = Desk(Session.begun(document.noun, settings, count=5), document, Saving(str(source), target))
+    desk = Desk(Session.begun(document.noun, settings, count=5), document, Saving(str(source), target, words=words_of))
     timeline = desk.run({}, lambda share: False)
     desk.shown(timeline)
-    moment = timeline.history[3]
+    moment = timeline.moments[3]
     assert "written" in desk.save(moment.time)
     again = tmp_path / f"again{kind[-4:]}"
     words = shlex.split(desk.command(moment.time).replace(str(target), str(again)))
@@ -95,8 +97,8 @@ def test_a_knob_that_is_turned_changes_the_flow_and_only_it():
     session = Session.begun(hills(), QUICK, count=4)
     assert {knob.name for knob in session.knobs} == {"scale", "gamma", "sharpness", "patch", "contrast"}
     far = session.turned(scale=4.0)
-    assert far.run().history[-1].time == pytest.approx(8.0)
-    assert session.run().history[-1].time == pytest.approx(4.0)
+    assert far.run().moments[-1].time == pytest.approx(8.0)
+    assert session.run().moments[-1].time == pytest.approx(4.0)
     steeper = session.turned(gamma=2.0).run().at(3).z
     assert not np.array_equal(steeper, session.run().at(3).z)
     with pytest.raises(InputError, match="order: no such knob; there are contrast, gamma"):
@@ -110,25 +112,28 @@ def test_points_of_a_mesh_may_change_their_method():
     assert set(names) == {"method", "scale", "order"}
     timeline = desk.run({"method": "curvature", "scale": 0.2, "order": 2.0}, lambda share: False)
     desk.shown(timeline)
-    assert desk.session.settings.method == "curvature"
-    assert timeline.history[-1].area < 1.0
+    assert desk.session.word == "curvature"
+    assert timeline.moments[-1].area < 1.0
 
 
 @pytest.mark.parametrize("given", [{}, {"method": "fairing"}])
 def test_the_end_of_a_mesh_is_what_smooth_makes_of_it(given):
-    found = meshflow.denoise(ball(), **given)
-    session = Session.begun(ball(), Settings(**given), count=3)
-    assert found.parameters["method"].value == session.settings.method
-    assert "fairing" not in given.values() or found.parameters["weights"].value == session.settings.weights == "uniform"
+    found = meshflow.smooth(ball(), **parts(**given), result=True)
+    session = Session.begun(ball(), Request.of(**parts(**given)), count=3)
+    assert found.parameters["method"].value == session.word
+    assert (
+        "fairing" not in given.values()
+        or found.parameters["weights"].value == session.request.method.weights == "uniform"
+    )
     # the states are those of one run, whose steps are others
-    away = session.run().at(2).points - found.noun.points
+    away = session.run().at(2).points - found.after.points
     assert np.sqrt(np.square(away).mean()) < 0.1 * found.noise.sigma
 
 
 def test_a_run_that_nobody_waits_for_is_left():
     desk = Desk(Session.begun(hills(), QUICK, count=4), hills(), Saving())
     assert desk.run({"scale": 3.0}, lambda share: True) is None
-    assert desk.session.settings.scale == pytest.approx(np.sqrt(8.0))
+    assert desk.session.request.scale == pytest.approx(np.sqrt(8.0))
 
 
 def test_what_is_saved_is_of_the_run_that_is_seen_and_of_none_that_ended_unseen():
@@ -137,7 +142,7 @@ def test_what_is_saved_is_of_the_run_that_is_seen_and_of_none_that_ended_unseen(
     timeline = desk.run({"scale": 3.0}, lambda share: False)
     assert desk.session is seen
     desk.shown(timeline)
-    assert desk.session.settings.scale == pytest.approx(3.0)
+    assert desk.session.request.scale == pytest.approx(3.0)
 
 
 def test_curves_mark_the_state_that_is_shown():
@@ -153,12 +158,12 @@ def test_curves_mark_the_state_that_is_shown():
     [
         ({"steps": 3}, "the slider says when to stop"),
         ({"time": 0.0}, "a time of 0 shows one state"),
-        ({"only": np.zeros((24, 24), bool)}, "nothing to look at"),
+        ({"mask": np.zeros((24, 24), bool)}, "nothing to look at"),
     ],
 )
 def test_what_has_no_states_is_refused(settings, message):
     with pytest.raises(InputError, match=message):
-        Session.begun(hills(), Settings(**settings))
+        Session.begun(hills(), Request.of(**parts(**settings)))
 
 
 def test_bad_ways_and_pages_are_refused_before_anything_is_computed(tmp_path):
@@ -177,4 +182,4 @@ def test_bad_ways_and_pages_are_refused_before_anything_is_computed(tmp_path):
 def test_without_a_display_a_window_says_what_else_there_is(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(InputError, match="a window needs a display.*--web"):
-        view(hills(), settings=QUICK, count=3)
+        view(hills(), request=QUICK, count=3)

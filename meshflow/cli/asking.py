@@ -104,6 +104,9 @@ def words_of(request: Request) -> list[str]:
         for option in options_of(kind):
             value = getattr(part, option.name)
             if option.has_flag and value != option.default and isinstance(value, (str, int, float)):
-                words += [_flag(option.name)] if value is True else [_flag(option.name), str(value)]
+                if isinstance(value, bool):
+                    words.append(_flag(option.name if value else f"no_{option.name}"))
+                else:
+                    words += [_flag(option.name), str(value)]
     preserve = request.constraints.preserve
     return [*words, "--preserve", "scaling" if preserve == "scale" else preserve] if preserve else words

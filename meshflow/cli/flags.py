@@ -21,7 +21,7 @@ __all__ = ["FIRST", "FLOW", "Flag", "Given", "command", "flow_flags", "only"]
 Given = dict[str, Any]
 
 FIRST, HEIGHTS, POINTS, STOP, HOLD, COMPUTE = (
-    "What most need",
+    "Most used",
     "Heights, channels and depths: the method",
     "Points of a mesh: the method",
     "When it stops before its time",
@@ -92,9 +92,8 @@ def flow_flags() -> tuple[Flag, ...]:
     """The flags of a flow: of the request, the methods, the stops, the constraints, and how it is computed."""
     words = " | ".join(METHODS)
     method = Flag("method", str | None, f"The method: {words}. Default: the one of least estimated risk.", FIRST)
-    request = [
-        _of(option, COMPUTE if option.name in ("boundary", "domain") else FIRST) for option in options_of(Request)
-    ]
+    late = ("boundary", "domain")
+    request = [_of(option, FIRST) for option in options_of(Request) if option.name not in late]
     stops = [_of(option, STOP) for kind in (Steps, Residual, AreaLoss, Displacement) for option in options_of(kind)]
     constraints = [
         _of(option, HOLD)
@@ -107,7 +106,8 @@ def flow_flags() -> tuple[Flag, ...]:
         "Of a mesh whose points move: the volume exactly, the volume by scaling, or the area by scaling.",
         HOLD,
     )
-    compute = [_of(option, COMPUTE) for option in options_of(Compute) if option.has_flag]
+    compute = [_of(option, COMPUTE) for option in options_of(Request) if option.name in late]
+    compute += [_of(option, COMPUTE) for option in options_of(Compute) if option.has_flag]
     heights = _of_methods((Search, *HEIGHT_METHODS), HEIGHTS, {"along"})
     points = _of_methods((*POINT_METHODS, Search), POINTS, {flag.name for flag in heights})
     return (method, *request, *heights, *points, *stops, *constraints, preserve, *compute)

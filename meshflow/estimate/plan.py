@@ -46,6 +46,7 @@ class Plan:
     :ivar idle: why nothing is done; None where something is.
     :ivar warnings: sentences.
     :ivar mobility: (n, 1), how fast each sample goes; None: all go freely.
+    :ivar stays: mask of the samples that the data or the caller fixes; None: of none.
     :ivar max_change: what no sample leaves, a number or an array of the data's samples, unit of the values; None: no limit.
     :ivar pull: of the data weights, (n, k), (n, 1) or (1, 1), per time; None: none.
     :ivar preserve: what a mesh whose points move keeps.
@@ -63,6 +64,7 @@ class Plan:
     idle: str | None = None
     warnings: tuple[str, ...] = ()
     mobility: Array | None = None
+    stays: Array | None = None
     max_change: Any = None
     pull: Array | None = None
     preserve: Keep | None = None

@@ -49,7 +49,8 @@ def plan(data: Noun, request: Request) -> Plan:
     :raises InputError: for what the kind of data does not know, and constraints that do not fit it.
     """
     _must_suit(data, request)
-    data, request, mobility = _constrained(data, request)
+    stays = _staying(data, request)
+    data, request, mobility = _constrained(data, request, stays)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
     data, noise, why = _with_noise(data, request, mask)
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
@@ -66,7 +67,7 @@ def plan(data: Noun, request: Request) -> Plan:
         found = moving(data, request, noise, mobility)
     else:
         found = tuned(data, request, noise, mobility)
-    return _ended(_held(replace(found, mobility=mobility)))
+    return _ended(_held(replace(found, mobility=mobility, stays=stays)))
 
 
 def _unseen(missing: Array | None, mask: Array | None, shape: tuple[int, ...]) -> Array:
@@ -76,12 +77,16 @@ def _unseen(missing: Array | None, mask: Array | None, shape: tuple[int, ...]) -
     return gone if unseen.all() else unseen
 
 
-def _constrained(data: Noun, request: Request) -> tuple[Noun, Request, Array | None]:
+def _staying(data: Noun, request: Request) -> Array:
+    """The samples that the data or the caller fixes, (h, w) or (n,)."""
+    fixed = np.zeros(_samples(data), bool) if data.fixed is None else data.fixed
+    given = request.constraints.fixed
+    return fixed if given is None else fixed | mask_of(given, fixed.shape, "fixed")
+
+
+def _constrained(data: Noun, request: Request, fixed: Array) -> tuple[Noun, Request, Array | None]:
     """The data with what may not move fixed; masks as booleans; the mobility (n, 1), None where all go freely."""
     held = request.constraints
-    fixed = np.zeros(_samples(data), bool) if data.fixed is None else data.fixed
-    if held.fixed is not None:
-        fixed = fixed | mask_of(held.fixed, fixed.shape, "fixed")
     if held.mask is not None:
         held = replace(held, mask=mask_of(held.mask, fixed.shape, "mask"))
         fixed = fixed | ~held.mask

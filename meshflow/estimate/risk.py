@@ -49,7 +49,7 @@ class Candidate:
         """Names to numbers and words, in reading order."""
         m = self.member
         named = {"gamma": m.gamma, "sharpness": m.sharpness, "patch": m.patch, "contrast": self.contrast}
-        return {**named, "twice": self.twice, **({"boundary": self.boundary} if self.boundary else {})}
+        return {**named, "twicing": self.twice, **({"boundary": self.boundary} if self.boundary else {})}
 
 
 @dataclass(frozen=True)

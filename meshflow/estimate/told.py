@@ -12,7 +12,7 @@ from meshflow.geometry.options import options_of
 from meshflow.geometry.validation import truth_of
 from meshflow.surfaces.lift import Mesh, RangeImage
 
-__all__ = ["parameters_of"]
+__all__ = ["expected_error", "parameters_of"]
 
 
 def parameters_of(plan: Plan) -> dict[str, Parameter]:
@@ -59,6 +59,8 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
         found.setdefault(
             option.name, _decided(plan, option.name, value if isinstance(value, str) else float(value), unit)
         )
+    if plan.points is not None and isinstance(plan.data, Mesh) and plan.data.moves == "all":
+        found["contrast"] = _decided(plan, "contrast", plan.lift.contrast, units["contrast"])
     curve = plan.setting is not None and plan.setting.curve
     found["boundary"] = _decided(plan, "boundary", "curve" if curve else plan.lift.boundary or plan.data.boundary)
     if not isinstance(plan.data, Mesh):
@@ -79,10 +81,10 @@ def _of_search(plan: Plan) -> dict[str, Parameter]:
     if not plan.trials:
         return {}
     along = "along the normals" if plan.points is not None else ""
-    return {"risk": _expected(plan.trials[0], value_unit(plan.data), along)}
+    return {"risk": expected_error(plan.trials[0], value_unit(plan.data), along)}
 
 
-def _expected(trial: Trial, unit: str, along: str) -> Parameter:
+def expected_error(trial: Trial, unit: str, along: str) -> Parameter:
     """What a trial is expected to leave; a mean square below zero is told as what it is, no error of zero."""
     words = f"root mean square error {along or 'to be expected'}"
     if trial.least[1] <= 0:
@@ -103,9 +105,8 @@ def _of_constraints(plan: Plan) -> dict[str, Parameter]:
     if asked.mobility is not None:
         mobility = float(asked.mobility) if np.ndim(asked.mobility) == 0 else "one per sample"
         found["mobility"] = Parameter(mobility, "", "given", "0 stays, 1 goes freely")
-    fixed = plan.data.fixed
-    if asked.mask is None and asked.mobility is None and fixed is not None and fixed.any():
-        found["fixed"] = _counted(fixed, "stay")
+    if plan.stays is not None and plan.stays.any():
+        found["fixed"] = _counted(plan.stays, "stay")
     if plan.preserve is not None:
         found["preserve"] = _decided(plan, "preserve", plan.preserve)
     if asked.min_component is not None:

@@ -148,7 +148,7 @@ def compare(before: Noun, after: Noun) -> Comparison:
     :raises InputError: when kinds, shapes, spacings, units, cameras or triangles differ, or no sample is in both.
     """
     if type(before) is not type(after):
-        raise InputError(f"compare: two things of one kind expected, got {_name(before)} and {_name(after)}")
+        raise InputError(f"compare: data of one kind expected, got {_name(before)} and {_name(after)}")
     if isinstance(before, Mesh) and isinstance(after, Mesh):
         return _compared_meshes(before, after)
     assert not isinstance(before, Mesh)

@@ -55,24 +55,24 @@ class Kept:
 
     def __post_init__(self) -> None:
         if self.how not in ("volume", "scale", "area"):
-            raise InputError(f"keep: volume, scale or area expected, got {self.how!r}")
+            raise InputError(f"preserve: volume, scale or area expected, got {self.how!r}")
         if self.how != "volume" and (self.free < 1).any():
             raise InputError(
-                f"keep={self.how!r}: all points are scaled, and {int((self.free < 1).sum())} are fixed or slowed; "
-                "leave it out, or take keep='volume' where the mesh is closed"
+                f"{self._word}: all points are scaled, and {int((self.free < 1).sum())} are fixed or slowed; "
+                "leave it out, or take PreserveVolume where the mesh is closed"
             )
         if self.how == "area":
             return
         if self.start.shape[1] != 3:
-            raise InputError(f"keep={self.how!r}: a volume is of points in R^3, got R^{self.start.shape[1]}")
+            raise InputError(f"{self._word}: a volume is of points in R^3, got R^{self.start.shape[1]}")
         if not is_closed(self.faces):
             raise InputError(
-                f"keep={self.how!r}: the mesh is open, or its triangles are turned both ways, and nothing is inside; close its "
-                "holes, or leave keep out (method='facets' and 'fairing' hardly shrink)"
+                f"{self._word}: the mesh is open, or its triangles are turned both ways, and nothing is inside; close its "
+                "holes, or leave it out (method='normal-filter' and 'fairing' hardly shrink)"
             )
         if abs(self._value(self.start)) <= 1e-12 * total_area(self.start, self.faces) ** 1.5:
             raise InputError(
-                f"keep={self.how!r}: the mesh holds no volume, its triangles face each other; orient them alike"
+                f"{self._word}: the mesh holds no volume, its triangles face each other; orient them alike"
             )
 
     def hold(self, u: Array) -> Array:
@@ -91,6 +91,11 @@ class Kept:
         u *= (goal / self._value(u)) ** (1 / 2 if self.how == "area" else 1 / 3)
         u += home
         return u
+
+    @property
+    def _word(self) -> str:
+        """What the caller asked for."""
+        return {"volume": "PreserveVolume", "scale": "PreserveVolume by scaling", "area": "PreserveArea"}[self.how]
 
     def _value(self, points: Array) -> float:
         return total_area(points, self.faces) if self.how == "area" else volume(points, self.faces)

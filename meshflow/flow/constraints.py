@@ -58,7 +58,7 @@ class Limit:
         :param around: of the way of each vertex, where it is one number for all its coordinates.
         :raises InputError: for another shape, a negative or missing limit.
         """
-        values = _weights(limit, shape, "limit", finite=False) * unit
+        values = _weights(limit, shape, "max_change", finite=False) * unit
         if values.ndim == 0:
             return cls(start, values.astype(start.dtype), around)
         whole = around and values.shape[-1] == 1
@@ -88,7 +88,7 @@ def trust_of(confidence: Any, shape: tuple[int, ...], n: int, contrast: float) -
     :param confidence: w, a number or an array that broadcasts to ``shape``, zero or more.
     :raises InputError: for NaN, negative or infinite weights, or another shape.
     """
-    weights = _weights(confidence, shape, "confidence", finite=True) / contrast**2
+    weights = _weights(confidence, shape, "data_weights", finite=True) / contrast**2
     if weights.ndim == 0:
         return np.full((1, 1), float(weights))
     return np.broadcast_to(weights, shape).reshape(n, -1)

@@ -29,13 +29,13 @@ def speed_of(given: Any, shape: tuple[int, ...]) -> Array:
     try:
         values = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError) as cause:
-        raise InputError(f"speed: a number or an array of numbers expected, got {type(given).__name__}") from cause
+        raise InputError(f"mobility: a number or an array of numbers expected, got {type(given).__name__}") from cause
     values = np.full(shape, values) if values.ndim == 0 else values
     if values.shape != shape:
-        raise InputError(f"speed: a number, or one per sample, shape {shape}, expected, got {values.shape}")
+        raise InputError(f"mobility: a number, or one per sample, shape {shape}, expected, got {values.shape}")
     if not ((values >= 0) & (values <= 1)).all():
         bad = values[~((values >= 0) & (values <= 1))].flat[0]
-        raise InputError(f"speed: numbers between 0 (stays) and 1 (goes as it would) expected, got {bad}")
+        raise InputError(f"mobility: numbers between 0 (stays) and 1 (goes as it would) expected, got {bad}")
     return values
 
 

@@ -46,7 +46,7 @@ class Document:
         """One number per sample of the noun: of a mesh also by the name of a vertex attribute of the file.
 
         :param given: an array, or a name.
-        :param word: ``fixed | only | speed | confidence | limit``: what it is for.
+        :param word: ``fixed | mask | mobility | data_weights | max_change``: what it is for.
         :raises InputError: for a name that is not there, with those that there are.
         """
         return (self.about.samples if self.family == "meshes" else as_given)(given, word)

@@ -26,6 +26,8 @@ SUMMED = (
     "method", "order", "weights", "gamma", "sharpness", "patch", "contrast", "crease_contrast", "crease_sharpness",
     "regularize", "feature_length", "normal_weight",
 )  # fmt: skip
+# What it does not say of range images, where these are the same for all.
+ALONG_RAYS = ("sharpness", "patch", "contrast")
 
 
 @dataclass(frozen=True)
@@ -184,9 +186,8 @@ class Result:
         if self.end.step == 0:
             return self.stopped_because
         p = self.parameters
-        names = [
-            name for name in SUMMED if name in p and not (isinstance(self.before, RangeImage) and name == "contrast")
-        ]
+        hidden = ALONG_RAYS if isinstance(self.before, RangeImage) else ()
+        names = [name for name in SUMMED if name in p and name not in hidden]
         chosen = ", ".join(f"{name.replace('_', ' ')} {_short(p[name].value)}" for name in names)
         sigma = f" of noise {self.noise.sigma:.4g}{self._unit}"
         chosen = f"{chosen}; " if chosen else ""

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from meshflow.errors import InputError
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import plan as planned
 from meshflow.estimate.request import Request
@@ -72,9 +73,11 @@ def states(data: Noun, request: Request, count: int, progress: Progress = None) 
     itself: without the twicing that :func:`run` may end in.
 
     :param count: how many states, two or more; fewer come where the run has fewer steps.
-    :raises InputError: as :func:`run`, and for a count below two.
+    :raises InputError: as :func:`run`, and for a count below two or inverse depths.
     """
     whole(count, "count", 2)
+    if request.domain == "disparity":
+        raise InputError("domain='disparity': only lengths are shown on their way; leave it out")
     plan = planned(data, request)
     engine = _engine(plan)
     flow = _steered(engine, plan)

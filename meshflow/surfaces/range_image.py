@@ -140,7 +140,9 @@ class RangeImage:
             cuts = Cuts(right, down)
         gone = islands(self._missing, cuts, least)
         if (gone | self._missing).all():
-            raise InputError(f"islands: all {shape[1]} x {shape[0]} pixels lie in pieces of fewer than {least} samples")
+            raise InputError(
+                f"min_component: all {shape[1]} x {shape[0]} pixels lie in pieces of fewer than {least} samples"
+            )
         nothing = np.nan if self.camera.signed else 0.0
         return replace(self, depth=np.where(gone, nothing, self.depth), missing=self._missing | gone)
 

@@ -47,7 +47,7 @@ def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False)
     (one, first), (other, second) = taken(before, own_colours), taken(after, own_colours)
     if type(one) is not type(other) and not (isinstance(one, Mesh) and isinstance(other, Mesh)):
         kinds = f"before is a {type(one).__name__}, after a {type(other).__name__}"
-        raise InputError(f"{kinds}: two things of one kind expected")
+        raise InputError(f"{kinds}: data of one kind expected")
     values, what = _removed(one, other)
     notes, worn = (*first, *second), None
     if isinstance(one, Mesh) and isinstance(other, Mesh) and (rides := riding(before, after, one, other)):

@@ -159,7 +159,7 @@ class Beltrami(HeightMethod):
     @property
     def exponents(self) -> dict[str, float]:
         """gamma, sharpness and patch."""
-        return {"gamma": float(self.gamma), "sharpness": float(self.sharpness), "patch": float(self.patch)}
+        return {"gamma": self.gamma, "sharpness": self.sharpness, "patch": self.patch}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +212,7 @@ class PeronaMalik(HeightMethod):
     @property
     def exponents(self) -> dict[str, float]:
         """gamma -1, and the sharpness."""
-        return {"gamma": -1.0, "sharpness": float(self.sharpness)}
+        return {"gamma": -1.0, "sharpness": self.sharpness}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,4 +247,4 @@ class Patches(HeightMethod):
     @property
     def exponents(self) -> dict[str, float]:
         """The width of the patches."""
-        return {"patch": float(self.patch)}
+        return {"patch": self.patch}
