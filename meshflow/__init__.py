@@ -3,8 +3,9 @@
 The public names are found on first use; importing the package costs numpy and nothing else.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from meshflow.lazy import lazily
 
 if TYPE_CHECKING:
     from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
@@ -50,20 +51,6 @@ _HOMES = {
     "estimate.settings": ("Settings",),
     "smoothing": ("denoise", "smooth"),
 }
-_FOUND_IN = {name: home for home, names in _HOMES.items() for name in names}
+__all__ = sorted(name for names in _HOMES.values() for name in names)  # pyright: ignore[reportUnsupportedDunderAll]
 
-__all__ = sorted(_FOUND_IN)  # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "view":
-        return import_module("meshflow.view")
-    if name not in _FOUND_IN:
-        raise AttributeError(f"module 'meshflow' has no attribute {name!r}; it has {', '.join(__all__)}")
-    value = getattr(import_module(f"meshflow.{_FOUND_IN[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__ = lazily(__name__, _HOMES, rooms=("classics", "evaluate", "synthetic", "view"))

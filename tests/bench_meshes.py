@@ -31,7 +31,7 @@ from peers.search import tuned
 
 import meshflow
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.evaluate.mesh_quality import MeshQuality, mesh_quality
+from meshflow.evaluate.meshes import MeshQuality, mesh_quality
 from meshflow.evaluate.metrics import is_closed, normal_angle, volume
 from meshflow.geometry.normals import mean_edge
 from meshflow.synthetic.shapes import SHAPES, Shape

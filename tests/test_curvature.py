@@ -7,7 +7,7 @@ import pytest
 from helpers.shapes import along_normals, sphere, square, tube
 
 from meshflow.errors import InputError
-from meshflow.evaluate.mesh_quality import mesh_quality
+from meshflow.evaluate.meshes import mesh_quality
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.methods.principal import Principal
