@@ -220,8 +220,8 @@ def _zig() -> tuple[str, ...] | None:
 def found() -> Compiler | None:
     """The compiler that shall be used: of ``CXX``; else one on the path that works; else zig's of the package ``ziglang``.
 
-    One that the environment names is not tried: where it fails, that is said, and no other one taken. For another machine
-    (``MESHFLOW_TARGET``) it is zig's.
+    One that the environment names is not tried: where it fails, that is said, and no other one taken. For a machine
+    that is named (``MESHFLOW_TARGET``) it is zig's, which asks for the oldest C library that will do.
 
     :return: None where there is none: the package ``ziglang`` brings one.
     """
@@ -229,7 +229,7 @@ def found() -> Compiler | None:
     named = shlex.split(os.environ.get("CXX", ""), posix=os.name != "nt")
     if named:
         return Compiler(tuple(named), target)
-    if target == Target.here():
+    if not os.environ.get("MESHFLOW_TARGET"):
         names = ("cl", "clang++", "g++") if os.name == "nt" else ("g++", "clang++", "c++")
         for name in names:
             path = shutil.which(name)
