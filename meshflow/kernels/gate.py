@@ -22,7 +22,7 @@ __all__ = ["Kernel", "Stopped", "kernel"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
-NO_MEMORY, CANCELLED = -1, -2  # Failure of interface.h
+NO_MEMORY, CANCELLED, OUT_OF_RANGE = -1, -2, -3  # Failure of interface.h
 ENDINGS = {"f": "_f32", "d": "_f64", "": ""}
 REMEMBERED = 512  # kinds of calls of one kernel
 
@@ -177,6 +177,8 @@ class Kernel(Generic[P, R]):
             raise MemoryError(f"{self.name}: no memory for what it needs while it works")
         if code == CANCELLED:
             raise Stopped(f"{self.name}: stopped before it was done")
+        if code == OUT_OF_RANGE:
+            raise ValueError(f"{self.name}: an index is out of range: the arrays do not belong to each other")
         raise RuntimeError(f"{self.name}: it failed with the code {code}, which has no meaning here")
 
     def _found(self, number: str) -> Callable[..., int]:

@@ -155,12 +155,12 @@ class MeshFlow(Dense):
         u, c = np.ascontiguousarray(u, dtype=np.float64), self._sheets[0].connectivity
         out = np.empty_like(u) if out is None else out
         linear = self.surface.boundary == "linear" and len(c.border) > 0
-        inverse = np.empty(len(u) if linear else 0)
+        inverse = np.empty(len(u)) if linear else None
         kind = operator.mass_kind(self.member.mass)
         sharpest = march_blocks(blocks, u, kind, self.held, keep, dt, out, inverse)
         if self.triangles == "auto" and sharpest > THIN:
             return None
-        if linear:
+        if inverse is not None:
             out[c.rim] -= inverse[c.rim, None] * operator.border_pull(c, u)[c.rim]
         return out
 
