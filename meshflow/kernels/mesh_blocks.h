@@ -21,7 +21,7 @@ template <class F> void for_blocks(const i32* face, const i32* block, const F& v
 }
 
 // Where the triangles of each block begin, first (b + 1,). block (n,): whose each vertex is. Returns how many there are.
-inline i64 count_blocks(i64 n, i64 m, i64 b, const i32* faces, const i32* block, i64* first) {
+inline i64 count_blocks(i64 m, i64 n, i64 b, const i32* faces, const i32* block, i64* first) {
     if (!are_below(block, n, b)) return OUT_OF_RANGE;
     for (i64 i = 0; i <= b; ++i) first[i] = 0;
     for (i64 f = 0; f < m; ++f) for_blocks(faces + 3 * f, block, [&](i32 at) { ++first[at + 1]; });
@@ -33,7 +33,7 @@ inline i64 count_blocks(i64 n, i64 m, i64 b, const i32* faces, const i32* block,
 //
 // vertices (v,), v = 3 t + n: of each block, one after the other, start (b + 1,) where they begin; triangles (t, 3): of each
 // block, from first (b + 1,), by the places of their corners among its vertices. Returns the most vertices of a block.
-inline i64 number_blocks(i64 n, i64 m, i64 b, i64 t, i64 v, const i32* faces, const i32* order, const i32* block, i64 size,
+inline i64 number_blocks(i64 m, i64 n, i64 b, i64 v, i64 t, const i32* faces, const i32* order, const i32* block, i64 size,
                          const i64* first, i32* vertices, i64* start, std::uint16_t* triangles) {
     if (size < 1 || v != 3 * t + n || b != (n + size - 1) / size || !are_below(block, n, b) || !are_below(order, n, n) ||
         !are_rising(first, 0, b, t) || first[b] != t)
@@ -161,7 +161,7 @@ template <Mass KIND> i64 march(i64 n, i64 b, i64 v, i64 t, const i32* vertices, 
     return failed.load(std::memory_order_relaxed);
 }
 
-inline i64 march_blocks(i64 b, i64 v, i64 t, i64 n, const i32* vertices, const i64* start, const i64* owned,
+inline i64 march_blocks(i64 v, i64 b, i64 t, i64 n, const i32* vertices, const i64* start, const i64* owned,
                         const std::uint16_t* triangles, const i64* first, const double* points, i64 kind, const u8* held,
                         double keep, double dt, double* out, double* inverse, double* sharpest, i32 threads) {
     i64 done = 0;

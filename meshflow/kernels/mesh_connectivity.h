@@ -6,7 +6,7 @@
 namespace meshflow {
 
 // Where the corners of each vertex begin, first (n + 1,), and the corners (c,), in their order; c = 3 m.
-inline i64 corners_around(i64 n, i64 m, i64 c, const i32* faces, i64* first, i32* corners) {
+inline i64 corners_around(i64 m, i64 c, i64 n, const i32* faces, i64* first, i32* corners) {
     if (c != 3 * m) return OUT_OF_RANGE;
     for (i64 i = 0; i <= n; ++i) first[i] = 0;
     for (i64 at = 0; at < c; ++at) ++first[faces[at] + 1];

@@ -192,7 +192,7 @@ class MeshFlow(Dense):
             return dynamic
         flat = 0.0
         for sheet in self._sheets:
-            if sheet.flat is None:
+            if sheet.forms is None:
                 return dynamic
             bounds = operator.rate_bound(*operator.form_cotangents(sheet.forms), m.mass)
             lighter = 1.0 if m.gamma >= -1 else self._lightening(sheet, self._moving(u))
