@@ -241,8 +241,9 @@ class MeshFlow(Dense):
         moves = self._moves(inertia)
         rays = self.surface.free.directions if isinstance(self.surface.free, Rays) else None
         stiffness = operator.fill_stiffness(metric.connectivity, self._drawn(metric, x), rays)
-        rows = np.repeat(moves, np.diff(stiffness.indptr))
-        stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
+        if not moves.all():
+            rows = np.repeat(moves, np.diff(stiffness.indptr))
+            stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
         return MeshSystem(np.where(moves, inertia, 1.0), stiffness)
 
     def generator(self, u: Array, weights: Literal["cotangent", "uniform"]) -> Any:
