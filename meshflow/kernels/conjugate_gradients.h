@@ -35,20 +35,27 @@ template <class F> void for_columns(i64 k, const F& work) {
 }
 
 // q = A p of the columns c to c + K - 1 in the rows begin to end - 1; their p . q into dots. False for a column out of range.
-template <int K> bool product_block(const Rows& a, i64 c, i64 begin, i64 end, const double* p, double* q, double* dots) {
+// LOADED: columns of p that are multiplied, K or more; the others are not kept, but four numbers are one vector.
+template <int K, int LOADED> bool product_block(const Rows& a, i64 c, i64 begin, i64 end, const double* p, double* q, double* dots) {
     double dot[K] = {};
     for (i64 i = begin; i < end; ++i) {
-        double sum[K] = {};
+        double sum[LOADED] = {};
         for (i64 e = a.first[i]; e < a.first[i + 1]; ++e) {
             const std::uint32_t j = static_cast<std::uint32_t>(a.columns[e]);
             if (j >= a.n) return false;
             const double w = a.values[e], *x = p + a.wide * j + c;
-            for (int t = 0; t < K; ++t) sum[t] += w * x[t];
+            for (int t = 0; t < LOADED; ++t) sum[t] += w * x[t];
         }
         for (int t = 0; t < K; ++t) q[a.k * i + c + t] = sum[t], dot[t] += sum[t] * p[a.wide * i + c + t];
     }
     for (int t = 0; t < K; ++t) dots[c + t] = dot[t];
     return true;
+}
+
+template <int K> bool product_block(const Rows& a, i64 c, i64 begin, i64 end, const double* p, double* q, double* dots) {
+    if constexpr (K == 3)
+        if (a.wide >= c + 4) return product_block<3, 4>(a, c, begin, end, p, q, dots);
+    return product_block<K, K>(a, c, begin, end, p, q, dots);
 }
 
 // r -= alpha q; r . D^-1 r and r . r into rho and size.
