@@ -4,7 +4,9 @@ The public names are found on first use; importing the package costs numpy and n
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from meshflow.lazy import lazily
 
 if TYPE_CHECKING:
     from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
@@ -165,22 +167,11 @@ _HOMES = {
     ),
     "viewer.filming": ("film",),
 }
-_FOUND_IN = {name: home for home, names in _HOMES.items() for name in names}
+__all__ = sorted(name for names in _HOMES.values() for name in names)  # pyright: ignore[reportUnsupportedDunderAll]
 
-__all__ = sorted(_FOUND_IN)  # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "view":
-        return import_module("meshflow.view")
-    if name == "__version__":
-        return import_module("meshflow.results.result").release()
-    if name not in _FOUND_IN:
-        raise AttributeError(f"module 'meshflow' has no attribute {name!r}; it has {', '.join(__all__)}")
-    value = getattr(import_module(f"meshflow.{_FOUND_IN[name]}"), name)
-    globals()[name] = value
-    return value
+_found, __dir__ = lazily(__name__, _HOMES, rooms=("classics", "evaluate", "synthetic", "view"))
 
 
-def __dir__() -> list[str]:
-    return __all__
+def __getattr__(name: str) -> object:
+    """A public name, found on first use; the version of the package."""
+    return import_module("meshflow.results.result").release() if name == "__version__" else _found(name)

@@ -16,7 +16,6 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 
@@ -27,11 +26,12 @@ from meshflow.flow.steppers import SemiImplicit
 from meshflow.flow.workspace import Workspace
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
+from meshflow.kernels.library import default_threads
 from meshflow.surfaces.surface import Surface
 from meshflow.synthetic.shapes import sphere
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(3600)]
-THREADS = numba.get_num_threads()
+THREADS = default_threads()
 SUBDIVISIONS = int(os.environ.get("BENCH_SUBDIVISIONS", "8"))
 NOISE, SEED = 0.2, 7
 # Smoothing lengths of the semi-implicit step, mean edges, and its relative residual.
@@ -45,7 +45,7 @@ def interleaved(calls, repeats):
     times = {name: [] for name in calls}
     for _ in range(repeats):
         for name, call in calls.items():
-            time.sleep(0.05)  # threads of the one before may still be spinning
+            time.sleep(0.05)  # threads of a peer before it may still be spinning
             begun = time.perf_counter()
             call()
             times[name].append(time.perf_counter() - begun)
@@ -93,7 +93,7 @@ def test_refill_of_stiffness_and_mass_beside_igl():
     assert abs(stiffness + cot).max() < 1e-9
     assert np.abs(mass - diagonal.diagonal()).max() < 1e-12
     found = interleaved({"ours": ours, "igl": theirs}, 9)
-    print(f"\nrefill of stiffness and mass, {len(points)} vertices, {versions('meshflow', 'libigl', 'numba')}")
+    print(f"\nrefill of stiffness and mass, {len(points)} vertices, {versions('meshflow', 'libigl')}")
     print(f"  ours {1e3 * found['ours']:.1f} ms, igl.cotmatrix + igl.massmatrix {1e3 * found['igl']:.1f} ms: "
           f"{found['igl'] / found['ours']:.1f} x faster")  # fmt: skip
     assert found["igl"] > found["ours"]
@@ -301,7 +301,7 @@ MEASURED = """
         return SemiImplicit(tolerance=1e-6).step(flow, flow.start(), dt, 0)
 
     ball = sphere(5)
-    step(ball.points, ball.faces, 2 * ball.edge**2)  # compiles
+    step(ball.points, ball.faces, 2 * ball.edge**2)  # imports
     points, faces = np.load(sys.argv[1]), np.load(sys.argv[2])
     points.sum() + faces.sum()
     before = status("VmRSS")
@@ -329,7 +329,7 @@ def test_memory_of_a_semi_implicit_step(tmp_path, length):
 
 def test_growth_with_the_size_of_the_mesh():
     sizes, rows = range(5, int(os.environ.get("BENCH_LARGEST", "9")) + 1), []
-    print(f"\ngrowth, ns per vertex, {versions('meshflow', 'numba')}")
+    print(f"\ngrowth, ns per vertex, {versions('meshflow')}")
     print(f"  {'vertices':>10s} {'refill':>8s} {'explicit':>9s} {'implicit, 2 edges':>18s}")
     for subdivisions in sizes:
         points, faces, edge = noisy(subdivisions)

@@ -23,7 +23,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 
-import numba
 import numpy as np
 import pytest
 from helpers.parts import parts
@@ -32,9 +31,10 @@ from peers.search import tuned
 
 import meshflow
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.evaluate.mesh_quality import MeshQuality, mesh_quality
+from meshflow.evaluate.meshes import MeshQuality, mesh_quality
 from meshflow.evaluate.metrics import is_closed, normal_angle, volume
 from meshflow.geometry.normals import mean_edge
+from meshflow.kernels.library import default_threads
 from meshflow.synthetic.shapes import SHAPES, Shape
 
 SEED = 7
@@ -242,7 +242,7 @@ def _line(row):
 
 
 def _versions():
-    names = ("numpy", "scipy", "numba", "vtk", "pyvista", "pymeshlab", "open3d", "trimesh", "meshlib")
+    names = ("numpy", "scipy", "vtk", "pyvista", "pymeshlab", "open3d", "trimesh", "meshlib")
     found = []
     for name in names:
         try:
@@ -276,9 +276,7 @@ def _summary(found):
 
 
 def test_defaults_and_our_best_beside_every_peer_at_its_best():
-    print(
-        f"\nseed {SEED} of the noise, meshflow {version('meshflow')}, {numba.get_num_threads()} threads; {_versions()}"
-    )
+    print(f"\nseed {SEED} of the noise, meshflow {version('meshflow')}, {default_threads()} threads; {_versions()}")
     print(
         "normals: mean angle to those of the truth, degrees; distances to the true surface in mean edges; drift of the"
     )

@@ -23,13 +23,14 @@ import numba
 import numpy as np
 import pytest
 from helpers.parts import parts
+from helpers.photographs import SCENES
 from peers.grids import PEERS
 from peers.search import tuned
 
 import meshflow
 from meshflow.errors import InputError, MissingPackage
-from meshflow.evaluate.quality import EDGE_REACH, EDGE_SHARE, Quality, quality
-from meshflow.synthetic.scenes import SCENES, Subject
+from meshflow.evaluate.grids import EDGE_REACH, EDGE_SHARE, GridQuality, grid_quality
+from meshflow.synthetic.scenes import Subject
 
 DEM = Path(__file__).parents[2] / "shared" / "data" / "dem"
 SEED = 7
@@ -87,7 +88,7 @@ class Case:
         return "images" if self.subject.kind == "image" else "heights with noise"
 
     def quality(self, found):
-        return quality(found, self.truth, self.subject.kind, self.subject.spacing, self.subject.peak)
+        return grid_quality(found, self.truth, self.subject.kind, self.subject.spacing, self.subject.peak)
 
     def rms(self, found):
         return float(np.sqrt(np.mean(np.square(found - self.truth))))
@@ -98,7 +99,7 @@ class Row:
     """What the table says of one denoiser."""
 
     name: str
-    quality: Quality
+    quality: GridQuality
     words: str = ""
 
 
@@ -229,7 +230,7 @@ class Cache:
             self.found.setdefault(case.name, {})[peer.name] = kept
             if self.path:
                 self.path.write_text(json.dumps(self.found, indent=1))
-        return Row(peer.name, Quality(**kept["quality"]), kept["words"])
+        return Row(peer.name, GridQuality(**kept["quality"]), kept["words"])
 
 
 def peers_of(case, kept):

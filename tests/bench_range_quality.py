@@ -27,7 +27,7 @@ from peers.search import Peer, tuned
 import meshflow
 from meshflow import Pinhole, RangeImage
 from meshflow.errors import MissingPackage
-from meshflow.evaluate.range_quality import REACH, range_quality
+from meshflow.evaluate.range_images import REACH, range_quality
 from meshflow.flow.stops import Steps
 from meshflow.surfaces.visibility import Sight
 from meshflow.synthetic.samples import CAMERA, SCENE

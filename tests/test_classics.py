@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshflow.classics import umbrella as classics
+from meshflow import classics
 from meshflow.errors import InputError
 from meshflow.evaluate.metrics import volume
 from meshflow.synthetic.shapes import cube, dome, plate, sphere

@@ -144,13 +144,6 @@ def test_a_truth_that_is_nowhere_where_the_image_is_is_refused(frame):
         compare_flows(frame.depth, CAMERA, truth, time=0.25)
 
 
-def test_the_room_names_what_it_has():
-    import meshflow.evaluate
-
-    with pytest.raises(AttributeError, match="it has FlowComparison, compare_flows"):
-        meshflow.evaluate.nothing  # noqa: B018
-
-
 @pytest.fixture
 def files(tmp_path, frame):
     np.save(tmp_path / "depth.npy", np.nan_to_num(frame.depth))

@@ -8,7 +8,7 @@ from helpers.parts import parts
 from helpers.shapes import along_normals, sphere, square, tube
 
 from meshflow.errors import InputError
-from meshflow.evaluate.mesh_quality import mesh_quality
+from meshflow.evaluate.meshes import mesh_quality
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow

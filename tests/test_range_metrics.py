@@ -5,7 +5,7 @@ import pytest
 from peers.range_images import SpaceFlow, range_peers
 
 from meshflow.errors import InputError, MissingPackage
-from meshflow.evaluate.range_quality import jumps_of, range_quality
+from meshflow.evaluate.range_images import jumps_of, range_quality
 from meshflow.surfaces.camera import Pinhole
 
 CAMERA = Pinhole(120.0, 120.0, 39.5, 29.5)

@@ -23,7 +23,9 @@ def test_names_of_meshflow_in_python_blocks_exist(block):
             assert hasattr(meshflow, node.attr), node.attr
 
 
-@pytest.mark.parametrize("line", sorted(set(re.findall(r"meshflow (?:smooth|fuse|info|compare|show|film|view) [^`#\n&]*", README))))
+@pytest.mark.parametrize(
+    "line", sorted(set(re.findall(r"meshflow (?:smooth|fuse|info|compare|show|film|view) [^`#\n&]*", README)))
+)
 def test_flags_in_shell_lines_exist(line):
     command = COMMANDS[line.split()[1]]
     known = {word for p in command.params for word in (*p.opts, *p.secondary_opts)}

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from helpers.photographs import SCENES
 from peers.grids import PEERS
 from peers.search import Peer, tuned
 
 from meshflow.errors import InputError
-from meshflow.evaluate.quality import edges_of, quality
+from meshflow.evaluate.grids import edges_of, grid_quality
+from meshflow.evaluate.similarity import structural_similarity
 from meshflow.synthetic import scenes
 
 SMALL = {
@@ -53,7 +55,7 @@ def test_rounding_moves_no_height_by_more_than_half_a_quantum():
 
 
 def test_every_scene_is_either_noisy_or_rounded():
-    for name, subject in scenes.SCENES.items():
+    for name, subject in SCENES.items():
         assert subject.name == name
         assert bool(subject.levels) != bool(subject.quantum)
         assert list(subject.levels) == sorted(subject.levels)
@@ -65,25 +67,49 @@ def test_every_scene_is_either_noisy_or_rounded():
 )
 def test_scenes_of_other_packages_fill_the_range_that_they_state(name, package):
     pytest.importorskip(package)
-    truth = scenes.SCENES[name].truth()
+    truth = SCENES[name].truth()
     assert truth.dtype == np.float64
     assert (truth.min(), truth.max()) == ((236, 1076) if name == "jacksboro" else (0, 255))
 
 
 def test_the_quality_of_the_truth_is_perfect():
     truth = scenes.mesas(64)
-    same = quality(truth, truth)
+    same = grid_quality(truth, truth)
     assert (same.rms, same.rms_near_edges, same.normal_error, same.ssim, same.psnr) == (0, 0, 0, None, np.inf)
-    pytest.importorskip("skimage")
     for picture in (truth, np.stack([truth, -truth], axis=-1)):
-        same = quality(picture, picture, "image")
+        same = grid_quality(picture, picture, "image")
         assert (same.rms, same.normal_error, same.psnr) == (0, None, np.inf)
         assert same.ssim == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("shape", [(7, 7), (40, 53), (64, 48, 3)])
+def test_structural_similarity_is_that_of_scikit_image(shape):
+    measured = pytest.importorskip("skimage.metrics").structural_similarity
+    rng = np.random.default_rng(0)
+    truth = 255 * rng.random(shape)
+    for found in (truth, truth + rng.normal(size=shape), 255 - truth, np.zeros(shape)):
+        expected = measured(truth, found, data_range=255, channel_axis=2 if len(shape) == 3 else None)
+        assert structural_similarity(found, truth, 255) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("found", "truth", "peak", "message"),
+    [
+        (np.zeros((8, 8)), np.zeros((8, 9)), 1.0, r"one shape expected, got \(8, 8, 1\) and \(8, 9, 1\)"),
+        (np.zeros((6, 8)), np.zeros((6, 8)), 1.0, r"7 x 7 samples or more expected, got \(6, 8\)"),
+        (np.full((8, 8), np.nan), np.zeros((8, 8)), 1.0, "finite samples expected"),
+        (np.zeros(8), np.zeros(8), 1.0, r"images \(h, w\) or \(h, w, k\) expected"),
+        (np.zeros((8, 8)), np.zeros((8, 8)), 0.0, "peak: a positive finite number expected"),
+    ],
+)
+def test_structural_similarity_refuses_what_it_cannot_measure(found, truth, peak, message):
+    with pytest.raises(InputError, match=message):
+        structural_similarity(found, truth, peak)
+
+
 def test_a_height_that_is_off_everywhere_has_no_error_of_its_normals():
     truth = scenes.mesas(64)
-    found = quality(truth + 3.0, truth, peak=300.0)
+    found = grid_quality(truth + 3.0, truth, peak=300.0)
     assert found.rms == pytest.approx(3.0)
     assert found.rms_near_edges == pytest.approx(3.0)
     assert found.normal_error == pytest.approx(0.0, abs=1e-5)
@@ -94,7 +120,7 @@ def test_normals_of_a_tilted_plane_err_by_its_tilt_whatever_the_spacing():
     flat, columns = np.zeros((8, 9)), np.mgrid[0:8, 0:9][1]
     for spacing in (1.0, (5.0, 2.0)):
         dx = np.broadcast_to(spacing, 2)[0]
-        found = quality(np.tan(np.radians(20)) * dx * columns, flat, spacing=spacing, peak=1.0)
+        found = grid_quality(np.tan(np.radians(20)) * dx * columns, flat, spacing=spacing, peak=1.0)
         assert found.normal_error == pytest.approx(20.0)
         assert np.isnan(found.rms_near_edges)
 
@@ -109,7 +135,7 @@ def test_edges_lie_within_two_samples_of_a_cliff():
 def test_a_missing_sample_counts_nowhere():
     truth = scenes.mesas(64)
     truth[5, 6] = np.nan
-    found = quality(np.where(np.isnan(truth), 0.0, truth), truth)
+    found = grid_quality(np.where(np.isnan(truth), 0.0, truth), truth)
     assert (found.rms, found.normal_error) == (0, 0)
 
 
@@ -171,9 +197,9 @@ def test_every_peer_gives_back_the_shape_and_the_unit_that_it_got(peer):
         (lambda: scenes.noisy(np.zeros(3), -1.0), "sigma: a finite number, zero or more, expected, got -1"),
         (lambda: scenes.noisy(np.zeros(3), np.nan), "sigma: a finite number, zero or more, expected, got nan"),
         (lambda: scenes.quantised(np.zeros(3), 0.0), "quantum: a positive finite number expected, got 0"),
-        (lambda: quality(np.zeros((3, 3)), np.eye(3), "mesh"), "kind terrain or image expected, got 'mesh'"),
-        (lambda: quality(np.zeros((3, 3)), np.eye(4)), r"one shape expected, got \(3, 3\) and \(4, 4\)"),
-        (lambda: quality(np.eye(3), np.zeros((3, 3))), "peak: a positive finite number expected, got"),
+        (lambda: grid_quality(np.zeros((3, 3)), np.eye(3), "mesh"), "kind terrain or image expected, got 'mesh'"),
+        (lambda: grid_quality(np.zeros((3, 3)), np.eye(4)), r"one shape expected, got \(3, 3\) and \(4, 4\)"),
+        (lambda: grid_quality(np.eye(3), np.zeros((3, 3))), "peak: a positive finite number expected, got"),
         (lambda: tuned(ECHO, np.ones((2, 2)), 1.0, lambda result: np.nan), "no choice .* gave a finite error"),
     ],
 )

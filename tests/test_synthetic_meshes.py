@@ -7,7 +7,7 @@ import pytest
 from peers import meshes as peers
 
 from meshflow.errors import InputError, MissingPackage
-from meshflow.evaluate.mesh_quality import flipped, mesh_quality
+from meshflow.evaluate.meshes import flipped, mesh_quality
 from meshflow.evaluate.metrics import is_closed, normal_angle, volume
 from meshflow.synthetic.shapes import SHAPES, blob, cube, dome, mean_edge, part, plate, ring, sphere
 from meshflow.synthetic.true_surfaces import Blob, Box, Dome, LPart, Ring

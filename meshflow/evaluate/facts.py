@@ -7,6 +7,7 @@ import numpy as np
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 
 __all__ = ["describe"]
@@ -31,8 +32,8 @@ def describe(noun: Noun) -> dict[str, Any]:
 def _of_grid(noun: HeightField | Image | RangeImage) -> dict[str, Any]:
     values = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(noun)]
     array = getattr(noun, values)
-    assert noun.missing is not None
-    valid = array[~noun.missing]
+    missing = holes(noun)
+    valid = array[~missing]
     facts: dict[str, Any] = {
         "kind": {HeightField: "height field", Image: "image", RangeImage: "range image"}[type(noun)],
         "rows x columns": f"{array.shape[0]} x {array.shape[1]}",
@@ -47,8 +48,8 @@ def _of_grid(noun: HeightField | Image | RangeImage) -> dict[str, Any]:
     if isinstance(noun, Image):
         facts["channels"] = 1 if array.ndim == 2 else array.shape[2]
     facts["least"], facts["greatest"] = float(valid.min()), float(valid.max())
-    gone = int(noun.missing.sum())
-    return facts | {"missing": f"{gone} of {noun.missing.size} samples ({gone / noun.missing.size:.1%})"}
+    gone = int(missing.sum())
+    return facts | {"missing": f"{gone} of {missing.size} samples ({gone / missing.size:.1%})"}
 
 
 def _of_mesh(noun: Mesh, faces: Array) -> dict[str, Any]:

@@ -223,6 +223,7 @@ class _Run:
         from scipy.optimize import brentq
 
         def over(share: float) -> float:
+            """By how much the surface after a share of the step is rougher than asked for."""
             return self.bends.roughness(old + share * (new - old)) - roughness
 
         return float(brentq(over, 0.0, 1.0, xtol=1e-3)) if over(0.0) > 0 > over(1.0) else 1.0  # pyright: ignore[reportArgumentType]
@@ -233,37 +234,43 @@ class _Run:
         if name == "normals":
 
             def along(points: Array, dt: float, turn: int) -> Array:
+                """A step along the vertex normals of these points."""
                 normals = normals_at(points, self.faces)
                 here = replace(surface, points=points, free=Rays(points, normals, np.zeros(len(points))))
                 flow = MeshFlow(here, self.member)
                 return here.points_at(stepper.step(flow, flow.start(), dt, turn))
 
             return along
-        free = {"space": Axes((0, 1, 2)), "z": Axes((2,)), "rays": surface.free}[name]
+        free = {"space": Axes((0, 1, 2)), "z": Axes((2,))}.get(name, surface.free)
         moving = replace(surface, free=free)
         flow = MeshFlow(moving, self.member)
 
         def step(points: Array, dt: float, turn: int) -> Array:
-            assert surface.free is not None
-            if isinstance(free, Rays):
-                along = np.einsum("ij,ij->i", points - free.origins, free.directions)
-                u = (along / np.einsum("ij,ij->i", free.directions, free.directions))[:, None]
-            else:
-                assert isinstance(free, Axes)
-                u = points[:, free.columns]
-            return moving.points_at(stepper.step(flow, u, dt, turn))
+            """A step along the free directions, which do not change."""
+            return moving.points_at(stepper.step(flow, _coordinates(free, points), dt, turn))
 
         return step
+
+
+def _coordinates(free: Axes | Rays | None, points: Array) -> Array:
+    """The free coordinates (n, k) of points (n, 3) that lie on the rays, where these are free; None: all are."""
+    if isinstance(free, Rays):
+        along = np.einsum("ij,ij->i", points - free.origins, free.directions)
+        return (along / np.einsum("ij,ij->i", free.directions, free.directions))[:, None]
+    return points if free is None else points[:, free.columns]
 
 
 def _opened(depth: ArrayLike, camera: Any, jump: float | None, boundary: Boundary) -> tuple[Surface, Start]:
     """The surface that moves, and what is measured of it."""
     image = RangeImage(np.asarray(depth), camera, jump=jump)
     lattice = image.gridded(Lift(boundary=boundary))
-    assert lattice.fibres is not None
     surface = lattice.surface()
     faces = replace(lattice, diagonals="forward").surface().sheets[0]
-    return surface, Start(Sight.along(lattice.fibres, lattice.shape), surface.points, faces)
+    return surface, Start(
+        Sight.along(image.camera.fibres(lattice.shape, image.measure or image.camera.usual), lattice.shape),
+        surface.points,
+        faces,
+    )
 
 
 def _truth(truth: ArrayLike, camera: Any, jump: float | None, start: Start) -> Truth:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,7 @@ from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
 from meshflow.geometry.volume import is_closed, volume
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.surfaces.surface import Surface
 
@@ -149,18 +151,14 @@ def compare(before: Noun, after: Noun) -> Comparison:
     """
     if type(before) is not type(after):
         raise InputError(f"compare: data of one kind expected, got {_name(before)} and {_name(after)}")
-    if isinstance(before, Mesh) and isinstance(after, Mesh):
-        return _compared_meshes(before, after)
-    assert not isinstance(before, Mesh)
-    assert not isinstance(after, Mesh)
+    if isinstance(before, Mesh) or isinstance(after, Mesh):
+        return _compared_meshes(cast(Mesh, before), cast(Mesh, after))
     return _compared_grids(before, after)
 
 
 def _compared_grids(before: HeightField | Image | RangeImage, after: HeightField | Image | RangeImage) -> Comparison:
     _must_share_a_frame(before, after)
-    assert before.missing is not None
-    assert after.missing is not None
-    both = ~(before.missing | after.missing)
+    both = ~(holes(before) | holes(after))
     if not both.any():
         raise InputError("compare: one is missing wherever the other is there; a sample in both is needed")
     sizes = _sizes(_values(before)[both], _values(after)[both])
@@ -170,7 +168,7 @@ def _compared_grids(before: HeightField | Image | RangeImage, after: HeightField
     names = [surface.sheets[0][:, 0] * both.size + surface.sheets[0][:, 1] for surface in surfaces]
     one, other = (_corners(s, np.isin(names[i], names[1 - i])) for i, s in enumerate(surfaces))
     units = {noun.unit for noun in (before, after) if isinstance(noun, (HeightField, RangeImage))}
-    missing = int(before.missing.sum()), int(after.missing.sum())
+    missing = int(holes(before).sum()), int(holes(after).sum())
     angles = None if isinstance(before, Image) else _angles(one, other)
     return _comparison((_name(before), max(units, default="")), int(both.sum()), missing, sizes, (one, other), angles)
 
@@ -229,7 +227,8 @@ def _must_share_a_frame(before: HeightField | Image | RangeImage, after: HeightF
     shapes = _values(before).shape, _values(after).shape
     if shapes[0] != shapes[1]:
         raise InputError(f"compare: the same samples expected, got shapes {shapes[0]} and {shapes[1]}; crop one")
-    if isinstance(before, RangeImage) and isinstance(after, RangeImage):
+    if isinstance(before, RangeImage) or isinstance(after, RangeImage):
+        before, after = cast(RangeImage, before), cast(RangeImage, after)  # they are of one kind
         if before.camera != after.camera:
             raise InputError(f"compare: one camera expected, got {before.camera} and {after.camera}")
         if before.measure != after.measure:
@@ -237,8 +236,6 @@ def _must_share_a_frame(before: HeightField | Image | RangeImage, after: HeightF
                 f"compare: one measure expected, got {before.measure} and {after.measure}; read both alike"
             )
         return
-    assert not isinstance(before, RangeImage)
-    assert not isinstance(after, RangeImage)
     for axis, one, other in zip(("dx", "dy"), before.spacing, after.spacing, strict=True):
         if not np.allclose(one, other, rtol=1e-6, atol=0.0):
             got = f"{np.mean(one):g} and {np.mean(other):g}"

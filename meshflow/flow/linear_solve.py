@@ -7,7 +7,7 @@ import scipy.sparse
 from scipy.sparse.linalg import splu
 
 from meshflow.errors import InputError, NotConverged
-from meshflow.flow.conjugate_gradients import conjugate_gradients
+from meshflow.flow.conjugate_gradients import conjugate_gradients, product
 from meshflow.geometry.validation import Array
 
 __all__ = ["Method", "choose", "solve"]
@@ -62,8 +62,7 @@ def solve(matrix: Sparse, right: Array, guess: Array | None, method: Method, tol
             f"solver {method}: the system holds NaN or infinity; a triangle or a rate is out of range, take a smaller dt"
         )
     x, iterations = _SOLVERS[method](matrix, right, guess, tolerance)
-    scale = np.linalg.norm(right, axis=0)
-    residual = np.linalg.norm(right - matrix @ x, axis=0)
+    scale, residual = _norms(right), _norms(right - product(matrix, x))
     with np.errstate(invalid="ignore"):
         good = residual <= max(10.0 * tolerance, 1e-12) * scale
         if not good.all():  # no solver leaves less than the rounding of the product itself
@@ -76,6 +75,11 @@ def solve(matrix: Sparse, right: Array, guess: Array | None, method: Method, tol
             f"asked for ({matrix.shape[0]} unknowns); try {other}"
         )
     return x
+
+
+def _norms(columns: Array) -> Array:
+    """The norm of each column."""
+    return np.sqrt(np.einsum("ij,ij->j", columns, columns))
 
 
 def _direct(matrix: Sparse, right: Array, guess: Array | None, tolerance: float) -> tuple[Array, int]:

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, indices_of
+from meshflow.kernels import mesh_connectivity as kernels
 
 __all__ = ["Connectivity", "Pattern", "boundary_edges", "connect", "shared_sides"]
 
@@ -60,13 +60,10 @@ class Connectivity:
     @cached_property
     def pattern(self) -> Pattern:
         """The sparse pattern; made when the first matrix is asked for, since explicit steps need none."""
-        n = self.size
-        indptr = np.zeros(n + 1, np.int32)
-        _count_neighbours(self.faces, self.first, self.corners, indptr)
-        np.cumsum(indptr, out=indptr)
-        indices = np.empty(indptr[-1], np.int32)
-        slots, diagonal = np.empty((len(self.corners), 2), np.int32), np.empty(n, np.int32)
-        _list_neighbours(self.faces, self.first, self.corners, indptr, indices, slots, diagonal)
+        indptr = np.empty(self.size + 1, np.int32)
+        indices = np.empty(kernels.pattern_rows(self.first, self.corners, self.faces, indptr), np.int32)
+        slots, diagonal = np.empty((len(self.corners), 2), np.int32), np.empty(self.size, np.int32)
+        kernels.pattern_entries(self.first, self.corners, self.faces, indptr, indices, slots, diagonal)
         return Pattern(indptr, indices, slots, diagonal)
 
 
@@ -75,8 +72,7 @@ def connect(sheets: tuple[Array, ...], n: int) -> Connectivity:
 
     The boundary is that of each triangulation by itself: an edge of one may be covered by a diagonal of the other.
     """
-    # Half the memory of int64; no mesh has 2^31 / 3 triangles.
-    faces = np.concatenate([np.asarray(sheet, np.int32) for sheet in sheets])
+    faces = np.concatenate([indices_of(sheet) for sheet in sheets])
     offsets = [sum(map(len, sheets[:i])) for i in range(len(sheets))]
     border = np.concatenate([boundary_edges(sheet) + 3 * at for sheet, at in zip(sheets, offsets, strict=True)])
     return Connectivity(faces, *_around(faces, n), border)
@@ -87,19 +83,16 @@ def boundary_edges(faces: Array) -> Array:
 
     Triangles that name a vertex twice have no edges; an edge of three triangles (non-manifold) is no boundary.
     """
-    faces = np.asarray(faces, np.int32)
-    first, corners = _around(faces, int(faces.max(initial=-1)) + 1)
-    lonely = np.zeros(3 * len(faces), np.bool_)
-    _mark_lonely(faces, first, corners, lonely)
+    faces = indices_of(faces)
+    lonely = np.empty(3 * len(faces), np.bool_)
+    kernels.mark_border(*_around(faces, int(faces.max(initial=-1)) + 1), faces, lonely)
     return np.flatnonzero(lonely)
 
 
 def _around(faces: Array, n: int) -> tuple[Array, Array]:
     """Where the corners of each vertex begin (n + 1,), and the corners (3 m,)."""
-    first = np.zeros(n + 1, np.int64)
-    np.cumsum(np.bincount(faces.ravel(), minlength=n), out=first[1:])
-    corners = np.empty(3 * len(faces), np.int32)
-    _deal(faces.ravel(), first[:-1].copy(), corners)
+    first, corners = np.empty(n + 1, np.int64), np.empty(3 * len(faces), np.int32)
+    kernels.corners_around(n, faces, first, corners)
     return first, corners
 
 
@@ -114,75 +107,3 @@ def shared_sides(faces: Array) -> tuple[Array, Array]:
     pair[:-1] &= ~same[1:]
     first = np.flatnonzero(pair)
     return order[first], order[first + 1]
-
-
-@njit(cache=True)
-def _deal(ends, at, corners):
-    for c in range(len(ends)):
-        corners[at[ends[c]]] = c
-        at[ends[c]] += 1
-
-
-@njit(cache=True)
-def _mark_lonely(faces, first, corners, lonely):
-    # How often each neighbour comes around a vertex, and whose it was: one stamp for all, since a fan may have any width.
-    n = len(first) - 1
-    stamp, times = np.full(n, -1, np.int32), np.zeros(n, np.int32)
-    for i in range(n):
-        for counting in (True, False):
-            for t in range(first[i], first[i + 1]):
-                f, c = corners[t] // 3, corners[t] % 3
-                a, b = (c + 1) % 3, (c + 2) % 3
-                j, k = faces[f, a], faces[f, b]
-                if i in (j, k) or j == k:
-                    continue
-                for other, opposite in ((j, b), (k, a)):
-                    if counting and stamp[other] != i:
-                        stamp[other], times[other] = i, 0
-                    if counting:
-                        times[other] += 1
-                    elif times[other] == 1 and other > i:
-                        lonely[3 * f + opposite] = True
-
-
-@njit(cache=True)
-def _count_neighbours(faces, first, corners, count):
-    n = len(first) - 1
-    stamp = np.full(n, -1, np.int32)
-    for i in range(n):
-        stamp[i] = i
-        found = 1
-        for t in range(first[i], first[i + 1]):
-            f, c = corners[t] // 3, corners[t] % 3
-            for turn in (1, 2):
-                j = faces[f, (c + turn) % 3]
-                if stamp[j] != i:
-                    stamp[j] = i
-                    found += 1
-        count[i + 1] = found
-
-
-@njit(cache=True)
-def _list_neighbours(faces, first, corners, indptr, indices, slots, diagonal):
-    n = len(first) - 1
-    stamp, place = np.full(n, -1, np.int32), np.empty(n, np.int32)
-    for i in range(n):
-        stamp[i] = i
-        indices[indptr[i]] = i
-        found = indptr[i] + 1
-        for t in range(first[i], first[i + 1]):
-            f, c = corners[t] // 3, corners[t] % 3
-            for turn in (1, 2):
-                j = faces[f, (c + turn) % 3]
-                if stamp[j] != i:
-                    stamp[j] = i
-                    indices[found] = j
-                    found += 1
-        row = indices[indptr[i] : found]
-        row.sort()
-        for e in range(len(row)):
-            place[row[e]] = indptr[i] + e
-        diagonal[i] = place[i]
-        for t in range(first[i], first[i + 1]):
-            f, c = corners[t] // 3, corners[t] % 3
-            slots[t, 0], slots[t, 1] = place[faces[f, (c + 1) % 3]], place[faces[f, (c + 2) % 3]]

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.normals import measured, normals_at
 from meshflow.geometry.operator import cotangents, curvature_normal, fill_stiffness, gather_mass
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, indices_of
+from meshflow.kernels import mesh_normals as kernels
 
 __all__ = ["Curvatures", "curvatures", "directed", "directions", "signed_mean"]
 
@@ -138,54 +138,9 @@ def directed(points: Array, faces: Array, threshold: float) -> Array:
     points = np.ascontiguousarray(points, dtype=np.float64)
     normals, areas = measured(points, faces)
     weights = np.empty((len(faces), 3))
-    _directed(points, faces, _averaged(normals, areas, faces, len(points)), threshold, weights)
+    at = _averaged(normals, areas, faces, len(points))
+    kernels.directed_weights(points, indices_of(faces), at, threshold, weights)
     return weights
-
-
-@njit(cache=True)
-def _draw(xx, xy, yy, ux, uy, vx, vy, threshold):
-    """u . D v of a symmetric form (xx, xy, yy) with D = sum of g(k) e e^T over its eigenvalues k and vectors e."""
-    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    spread = np.sqrt(half * half + xy * xy)
-    one, two = (mean + spread) / threshold, (mean - spread) / threshold
-    high, low = 1.0 / (1.0 + one**8), 1.0 / (1.0 + two**8)
-    if spread == 0.0:
-        return high * (ux * vx + uy * vy)
-    # The mean of both, and their difference times the form less its trace, of eigenvalues 1 and -1.
-    apart = half * (ux * vx - uy * vy) + xy * (ux * vy + uy * vx)
-    return 0.5 * ((high + low) * (ux * vx + uy * vy) + (high - low) * apart / spread)
-
-
-@njit(cache=True)
-def _directed(points, faces, normals, threshold, weights):
-    """-2 A grad_i . D grad_j of the two corners beside each; zero for triangles without area."""
-    for f in range(len(faces)):
-        # The triangle in its plane, from corner 0 along the side to corner 1: (0, 0), (a, 0), (p, q).
-        side = points[faces[f, 1]] - points[faces[f, 0]]
-        other = points[faces[f, 2]] - points[faces[f, 0]]
-        a = np.sqrt((side * side).sum())
-        x = side / a if a > 0.0 else side
-        p = (other * x).sum()
-        y = other - p * x
-        q = np.sqrt((y * y).sum())
-        doubled = a * q
-        if not doubled > 0.0:
-            weights[f, 0] = weights[f, 1] = weights[f, 2] = 0.0
-            continue
-        y = y / q
-        # Gradients of the three hat functions, and of the normals.
-        gx = (-q / doubled, q / doubled, 0.0)
-        gy = ((p - a) / doubled, -p / doubled, a / doubled)
-        xx = xy = yy = 0.0
-        for c in range(3):
-            n = normals[faces[f, c]]
-            nx, ny = (n * x).sum(), (n * y).sum()
-            xx += nx * gx[c]
-            yy += ny * gy[c]
-            xy += 0.5 * (nx * gy[c] + ny * gx[c])
-        for c in range(3):
-            i, j = (c + 1) % 3, (c + 2) % 3
-            weights[f, c] = -doubled * _draw(xx, xy, yy, gx[i], gy[i], gx[j], gy[j], threshold)
 
 
 def _averaged(normals: Array, areas: Array, faces: Array, n: int) -> Array:

@@ -7,11 +7,10 @@ diagonal of two triangles unfolded into a plane, as a straight line on the surfa
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
-from meshflow.geometry import triangle
 from meshflow.geometry.connectivity import shared_sides
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, indices_of
+from meshflow.kernels import mesh_delaunay as kernels
 
 __all__ = ["THIN", "Triangles", "clamped", "delaunay", "is_thin", "length_cotangents", "mollified", "side_lengths"]
 
@@ -63,7 +62,7 @@ def clamped(cot: Array, one: Array, other: Array) -> Array:
 def length_cotangents(lengths: Array) -> tuple[Array, Array]:
     """Cotangents (m, 3) and areas (m,) of triangles of sides (m, 3), opposite each corner."""
     cot, area = np.empty(lengths.shape), np.empty(len(lengths))
-    _cotangents(np.ascontiguousarray(lengths), cot, area)
+    kernels.length_angles(np.ascontiguousarray(lengths, dtype=np.float64), cot, area)
     return cot, area
 
 
@@ -74,8 +73,8 @@ def delaunay(faces: Array, lengths: Array) -> tuple[Array, Array]:
     name a vertex twice afterwards: its side is a loop on the surface.
     """
     glue = _glued(faces)
-    faces, lengths = faces.astype(np.int64).copy(), lengths.copy()
-    _flip(faces, lengths, glue)
+    faces, lengths = indices_of(faces).copy(), np.array(lengths, dtype=np.float64, order="C")
+    kernels.flip_edges(faces, lengths, glue)
     return faces, lengths
 
 
@@ -84,76 +83,6 @@ def _glued(faces: Array) -> Array:
     tails, heads = (faces[:, [(c + turn) % 3 for c in range(3)]].ravel().astype(np.int64) for turn in (1, 2))
     one, other = shared_sides(faces)
     alike = (tails[one] == heads[other]) & (one // 3 != other // 3) & (tails[one] != heads[one])
-    glue = np.full(faces.size, -1, np.int64)
+    glue = np.full(faces.size, -1, np.int32)
     glue[one[alike]], glue[other[alike]] = other[alike], one[alike]
     return glue
-
-
-@njit(cache=True)
-def _sides(a, b, c):
-    # Dots at the corners opposite a, b, c, and four times the squared area by Kahan's order of factors.
-    high, low = max(a, b, c), min(a, b, c)
-    middle = a + b + c - high - low
-    det = (high + (middle + low)) * (low - (high - middle)) * (low + (high - middle)) * (high + (middle - low)) / 4.0
-    return 0.5 * (b * b + c * c - a * a), 0.5 * (c * c + a * a - b * b), 0.5 * (a * a + b * b - c * c), max(det, 0.0)
-
-
-@njit(cache=True)
-def _cotangents(lengths, cot, area):
-    for f in range(len(lengths)):
-        dot0, dot1, dot2, det = _sides(lengths[f, 0], lengths[f, 1], lengths[f, 2])
-        cot[f, 0], cot[f, 1], cot[f, 2], area[f] = triangle.cotangents(dot0, dot1, dot2, det)
-
-
-@njit(cache=True)
-def _cotangent(lengths, side):
-    f, c = side // 3, side % 3
-    dot0, dot1, dot2, det = _sides(lengths[f, c], lengths[f, (c + 1) % 3], lengths[f, (c + 2) % 3])
-    return dot0 / np.sqrt(det) if det > 0.0 else 1e300 * np.sign(dot0)
-
-
-@njit(cache=True)
-def _flip(faces, lengths, glue):
-    m = len(faces)
-    stack, waits = np.arange(3 * m), np.ones(3 * m, np.bool_)
-    top, left = 3 * m, 200 * m + 1000
-    outer, images, across = np.empty(4, np.int64), np.empty(4, np.int64), np.empty(4, np.int64)
-    while top > 0 and left > 0:
-        top -= 1
-        side = stack[top]
-        waits[side] = False
-        other = glue[side]
-        if other < 0 or other // 3 == side // 3 or _cotangent(lengths, side) + _cotangent(lengths, other) >= -1e-12:
-            continue
-        left -= 1
-        f, c, g, d = side // 3, side % 3, other // 3, other % 3
-        c1, c2, d1, d2 = (c + 1) % 3, (c + 2) % 3, (d + 1) % 3, (d + 2) % 3
-        k, i, j, e = faces[f, c], faces[f, c1], faces[f, c2], faces[g, d]
-        base, ki, kj = lengths[f, c], lengths[f, c2], lengths[f, c1]
-        li, lj = lengths[g, d1], lengths[g, d2]
-        # Both unfolded above and below the edge i j, i at the origin.
-        xk, xl = (base * base + ki * ki - kj * kj) / (2 * base), (base * base + li * li - lj * lj) / (2 * base)
-        yk, yl = np.sqrt(max(ki * ki - xk * xk, 0.0)), np.sqrt(max(li * li - xl * xl, 0.0))
-        new = np.sqrt((xk - xl) ** 2 + (yk + yl) ** 2)
-        outer[0], outer[1], outer[2], outer[3] = 3 * g + d1, 3 * f + c2, 3 * f + c1, 3 * g + d2
-        images[0], images[1], images[2], images[3] = 3 * f, 3 * f + 2, 3 * g, 3 * g + 2
-        for t in range(4):
-            across[t] = glue[outer[t]]
-        for t in range(4):
-            for s in range(4):
-                if across[t] == outer[s]:
-                    across[t] = images[s]
-                    break
-        faces[f, 0], faces[f, 1], faces[f, 2] = k, i, e
-        faces[g, 0], faces[g, 1], faces[g, 2] = e, j, k
-        lengths[f, 0], lengths[f, 1], lengths[f, 2] = li, new, ki
-        lengths[g, 0], lengths[g, 1], lengths[g, 2] = kj, new, lj
-        glue[3 * f + 1], glue[3 * g + 1] = 3 * g + 1, 3 * f + 1
-        for t in range(4):
-            glue[images[t]] = across[t]
-            if across[t] >= 0:
-                glue[across[t]] = images[t]
-                if not waits[images[t]] and top < len(stack):
-                    stack[top] = images[t]
-                    waits[images[t]] = True
-                    top += 1

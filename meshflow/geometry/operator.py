@@ -9,13 +9,11 @@ from typing import Literal
 
 import numpy as np
 import scipy.sparse as sparse
-from numba import njit, prange
-from numba.extending import register_jitable
 
 from meshflow.errors import InputError
-from meshflow.geometry import triangle
 from meshflow.geometry.connectivity import Connectivity, connect
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, indices_of
+from meshflow.kernels import mesh_operator as kernels
 
 __all__ = [
     "MASSES",
@@ -35,7 +33,6 @@ __all__ = [
 
 MassKind = Literal["barycentric", "voronoi", "ring"]
 MASSES = ("barycentric", "voronoi", "ring")
-_NOWHERE = np.zeros((0, 4))
 
 
 def mass_kind(kind: str) -> int:
@@ -48,7 +45,7 @@ def mass_kind(kind: str) -> int:
     return MASSES.index(kind)
 
 
-def cotangents(points: Array, faces: Array, forms: Array = _NOWHERE, sharpness: float = 1.0) -> tuple[Array, Array]:
+def cotangents(points: Array, faces: Array, forms: Array | None = None, sharpness: float = 1.0) -> tuple[Array, Array]:
     """Cotangents (m, 3) of the angles at the corners, and areas (m,), of triangles in R^d (section 5.4).
 
     :param points: (n, d).
@@ -57,21 +54,21 @@ def cotangents(points: Array, faces: Array, forms: Array = _NOWHERE, sharpness: 
     :param sharpness: q of :class:`Member`, which stretches the lengths of ``points`` against those of ``forms``.
     """
     cot, area = np.empty((len(faces), 3)), np.empty(len(faces))
-    _measure(np.ascontiguousarray(points, dtype=np.float64), faces, forms, float(sharpness), cot, area)
+    kernels.triangle_angles(_doubles(points), indices_of(faces), forms, sharpness, cot, area)
     return cot, area
 
 
 def forms(charts: Array) -> Array:
     """Quadratic forms (m, 4), the dots of three corners and the determinant, of triangles given by corners (m, 3, c)."""
     out = np.empty((len(charts), 4))
-    _forms(np.ascontiguousarray(charts, dtype=np.float64), out)
+    kernels.chart_forms(_doubles(charts), out)
     return out
 
 
 def form_cotangents(forms: Array) -> tuple[Array, Array]:
     """Cotangents (m, 3) and areas (m,) of triangles known by their quadratic forms (m, 4)."""
     cot, area = np.empty((len(forms), 3)), np.empty(len(forms))
-    _measure_forms(forms, cot, area)
+    kernels.form_angles(forms, cot, area)
     return cot, area
 
 
@@ -101,7 +98,6 @@ def area_gradient(points: Array, faces: Array, boundary: Literal["natural", "lin
     :param boundary: ``linear`` takes out the pull of the conormal of each boundary edge: zero on every plane.
     """
     connectivity = connect((faces,), len(points))
-    points = np.ascontiguousarray(points, dtype=np.float64)
     return gather_gradient(connectivity, cotangents(points, faces)[0], points, boundary == "linear")
 
 
@@ -127,33 +123,35 @@ def rate_bound(cot: Array, area: Array, kind: MassKind = "barycentric") -> Array
     The largest is a bound for the whole mesh: an explicit step below 2 / max is stable.
     """
     out = np.empty(len(area))
-    _bounds(cot, area, mass_kind(kind), out)
+    kernels.triangle_bounds(cot, area, mass_kind(kind), out)
     return out
 
 
 def fill_stiffness(connectivity: Connectivity, cot: Array, directions: Array | None = None) -> sparse.csr_matrix:
     """L, or L_ij (d_i . d_j) for vertices that move along directions (n, 3): still symmetric positive semidefinite."""
     c, pattern = connectivity, connectivity.pattern
-    data = np.zeros(len(pattern.indices))
-    rays = np.zeros((0, 0)) if directions is None else np.ascontiguousarray(directions, dtype=np.float64)
-    _fill(c.faces, c.first, c.corners, pattern.slots, pattern.diagonal, pattern.indptr, cot, rays, data)
+    data = np.empty(len(pattern.indices))
+    rays = None if directions is None else _doubles(directions)
+    kernels.fill_stiffness(
+        c.first, c.corners, c.faces, pattern.indptr, pattern.slots, pattern.diagonal, cot, rays, data
+    )
     return sparse.csr_matrix((data, pattern.indices, pattern.indptr), shape=(c.size, c.size))
 
 
 def gather_mass(connectivity: Connectivity, cot: Array, area: Array, kind: MassKind) -> Array:
     """Mass (n,) from cotangents (m, 3) and areas (m,)."""
     out = np.empty(connectivity.size)
-    _gather_mass(connectivity.first, connectivity.corners, cot, area, mass_kind(kind), out)
+    kernels.vertex_mass(connectivity.first, connectivity.corners, cot, area, mass_kind(kind), out)
     return out
 
 
 def gather_gradient(connectivity: Connectivity, cot: Array, points: Array, linear: bool) -> Array:
     """Area gradient (n, k) of the coordinates in points (n, k), in the metric of the cotangents."""
+    c, points = connectivity, _doubles(points)
     out = np.empty_like(points)
-    c = connectivity
-    _gather_gradient(c.faces, c.first, c.corners, cot, points, out)
+    kernels.area_gradient(c.first, c.corners, c.faces, cot, points, out)
     if linear:
-        _conormals(c.faces, c.border, cot, points[c.faces[c.border // 3]], out)
+        kernels.border_conormals(c.border, c.faces, cot, points[c.faces[c.border // 3]], out)
     return out
 
 
@@ -162,17 +160,17 @@ def border_pull(connectivity: Connectivity, points: Array) -> Array:
     c, out = connectivity, np.zeros(points.shape)
     faces = c.faces[c.border // 3]
     cot, _ = cotangents(points, faces)
-    _conormals(faces, 3 * np.arange(len(faces)) + c.border % 3, cot, points[faces], out)
+    kernels.border_conormals(3 * np.arange(len(faces)) + c.border % 3, faces, cot, _doubles(points)[faces], out)
     return out
 
 
 def gather_chart_gradient(connectivity: Connectivity, cot: Array, charts: Array, linear: bool) -> Array:
     """As :func:`gather_gradient`, for coordinates that each triangle's corners (m, 3, c) have in a chart of its own."""
-    out = np.empty((connectivity.size, charts.shape[2]))
-    c = connectivity
-    _gather_charts(c.first, c.corners, cot, charts, out)
+    c, charts = connectivity, _doubles(charts)
+    out = np.empty((c.size, charts.shape[2]))
+    kernels.chart_gradient(c.first, c.corners, cot, charts, out)
     if linear:
-        _conormals(c.faces, c.border, cot, charts[c.border // 3], out)
+        kernels.border_conormals(c.border, c.faces, cot, charts[c.border // 3], out)
     return out
 
 
@@ -180,137 +178,9 @@ def gather_seen(connectivity: Connectivity, points: Array, directions: Array) ->
     """Area (n,) of the triangles around each vertex after projecting them along its direction (n, 3), in R^3."""
     out = np.empty(connectivity.size)
     c = connectivity
-    _gather_seen(c.faces, c.first, c.corners, points, directions, out)
+    kernels.area_seen(c.first, c.corners, c.faces, _doubles(points), _doubles(directions), out)
     return out
 
 
-@register_jitable
-def _corner(t):
-    """Triangle and corner; numbers that cannot be negative divide faster, and index without a comparison."""
-    t = np.uint64(t)
-    return t // np.uint64(3), t % np.uint64(3)
-
-
-@njit(cache=True, parallel=True)
-def _measure(points, faces, forms, sharpness, cot, area):
-    for f in prange(len(faces)):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        dot0, dot1, dot2 = triangle.dots(points, i, j, k)
-        det = triangle.gram(points, i, j, k)
-        if len(forms) > 0:
-            dot0, dot1, dot2, det = triangle.sharpened(
-                dot0, dot1, dot2, det, forms[f, 0], forms[f, 1], forms[f, 2], forms[f, 3], sharpness
-            )
-        cot[f, 0], cot[f, 1], cot[f, 2], area[f] = triangle.cotangents(dot0, dot1, dot2, det)
-
-
-@njit(cache=True, parallel=True)
-def _measure_forms(forms, cot, area):
-    for f in prange(len(forms)):
-        cot[f, 0], cot[f, 1], cot[f, 2], area[f] = triangle.cotangents(
-            forms[f, 0], forms[f, 1], forms[f, 2], forms[f, 3]
-        )
-
-
-@njit(cache=True, parallel=True)
-def _forms(charts, out):
-    for f in prange(len(charts)):
-        out[f, 0], out[f, 1], out[f, 2] = triangle.dots(charts[f], 0, 1, 2)
-        out[f, 3] = triangle.gram(charts[f], 0, 1, 2)
-
-
-@njit(cache=True, parallel=True)
-def _bounds(cot, area, kind, out):
-    for f in prange(len(area)):
-        a, b, c = cot[f, 0], cot[f, 1], cot[f, 2]
-        smallest = min(
-            triangle.share(kind, a, b, c, area[f]),
-            triangle.share(kind, b, c, a, area[f]),
-            triangle.share(kind, c, a, b, area[f]),
-        )
-        out[f] = triangle.bound(a, b, c, area[f], smallest)
-
-
-@njit(cache=True, parallel=True)
-def _gather_mass(first, corners, cot, area, kind, out):
-    for i in prange(len(out)):
-        total = 0.0
-        for t in range(first[i], first[i + 1]):
-            f, c = _corner(corners[t])
-            total += triangle.share(kind, cot[f, c], cot[f, (c + 1) % 3], cot[f, (c + 2) % 3], area[f])
-        out[i] = total
-
-
-@njit(cache=True, parallel=True)
-def _gather_gradient(faces, first, corners, cot, points, out):
-    for i in prange(len(points)):
-        for q in range(points.shape[1]):
-            out[i, q] = 0.0
-        for t in range(first[i], first[i + 1]):
-            f, c = _corner(corners[t])
-            b, d = (c + 1) % 3, (c + 2) % 3
-            j, k = faces[f, b], faces[f, d]
-            for q in range(points.shape[1]):
-                out[i, q] += triangle.pull(cot[f, b], cot[f, d], points[i, q], points[j, q], points[k, q])
-
-
-@njit(cache=True, parallel=True)
-def _gather_charts(first, corners, cot, charts, out):
-    for i in prange(len(out)):
-        for q in range(charts.shape[2]):
-            out[i, q] = 0.0
-        for t in range(first[i], first[i + 1]):
-            f, c = corners[t] // 3, corners[t] % 3
-            b, d = (c + 1) % 3, (c + 2) % 3
-            for q in range(charts.shape[2]):
-                out[i, q] += triangle.pull(cot[f, b], cot[f, d], charts[f, c, q], charts[f, b, q], charts[f, d, q])
-
-
-@njit(cache=True)
-def _conormals(faces, border, cot, corners, out):
-    # Half the outward conormal times the length of each boundary edge, -(cot_i (X_k - X_j) + cot_j (X_k - X_i)), is what
-    # the area gradient holds at both its ends for want of a triangle beyond; it is taken out. corners (b, 3, k).
-    for t in range(len(border)):
-        f, c = border[t] // 3, border[t] % 3
-        b, d = (c + 1) % 3, (c + 2) % 3
-        i, j = faces[f, b], faces[f, d]
-        for q in range(out.shape[1]):
-            xk, xi, xj = corners[t, c, q], corners[t, b, q], corners[t, d, q]
-            pull = 0.5 * (cot[f, b] * (xk - xj) + cot[f, d] * (xk - xi))
-            out[i, q] += pull
-            out[j, q] += pull
-
-
-@njit(cache=True, parallel=True)
-def _gather_seen(faces, first, corners, points, directions, out):
-    for i in prange(len(out)):
-        rx, ry, rz = directions[i, 0], directions[i, 1], directions[i, 2]
-        length = np.sqrt(rx * rx + ry * ry + rz * rz)
-        total = 0.0
-        for t in range(first[i], first[i + 1]):
-            f = corners[t] // 3
-            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-            vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-            total += abs(rx * (uy * vz - uz * vy) + ry * (uz * vx - ux * vz) + rz * (ux * vy - uy * vx))
-        out[i] = 0.5 * total / length if length > 0.0 else 0.0
-
-
-@njit(cache=True, parallel=True)
-def _fill(faces, first, corners, slots, diagonal, indptr, cot, rays, data):
-    moves = len(rays) > 0
-    for i in prange(len(diagonal)):
-        for t in range(indptr[i], indptr[i + 1]):
-            data[t] = 0.0
-        for t in range(first[i], first[i + 1]):
-            f, c = _corner(corners[t])
-            b, d = (c + 1) % 3, (c + 2) % 3
-            with_j = with_k = own = 1.0
-            if moves:
-                j, k = faces[f, b], faces[f, d]
-                with_j = rays[i, 0] * rays[j, 0] + rays[i, 1] * rays[j, 1] + rays[i, 2] * rays[j, 2]
-                with_k = rays[i, 0] * rays[k, 0] + rays[i, 1] * rays[k, 1] + rays[i, 2] * rays[k, 2]
-                own = rays[i, 0] * rays[i, 0] + rays[i, 1] * rays[i, 1] + rays[i, 2] * rays[i, 2]
-            data[slots[t, 0]] -= 0.5 * cot[f, d] * with_j
-            data[slots[t, 1]] -= 0.5 * cot[f, b] * with_k
-            data[diagonal[i]] += 0.5 * (cot[f, b] + cot[f, d]) * own
+def _doubles(values: Array) -> Array:
+    return np.ascontiguousarray(values, dtype=np.float64)

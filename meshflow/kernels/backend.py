@@ -23,14 +23,12 @@ from setuptools.build_meta import get_requires_for_build_editable as _required_i
 from setuptools.build_meta import get_requires_for_build_wheel as _required
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_py import build_py
-from setuptools.command.sdist import sdist
 
 from meshflow.kernels import compiler, library
 
 __all__ = [
     "BuildLibrary",
     "NamedForAnyPython",
-    "WithSources",
     "build_editable",
     "build_sdist",
     "build_wheel",
@@ -74,6 +72,11 @@ class BuildLibrary(build_py):
         objects = Path(self.get_finalized_command("build").build_temp, "kernels")  # pyright: ignore[reportAttributeAccessIssue]
         for level in target.instruction_sets:
             compiler.build(compiler.found(), level, place / f"meshflow-{level}{target.suffix}", objects)
+
+    def get_source_files(self) -> list[str]:
+        """Every file of a source distribution that this needs."""
+        kernels = [str(path) for ending in ("*.h", "*.cpp") for path in sorted(PLACE.glob(ending))]
+        return [*super().get_source_files(), *kernels]
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
         """Every file that is installed."""
@@ -120,12 +123,3 @@ def _tag_of_linux(place: str, otherwise: str) -> str:
         return otherwise
     major, minor = max((2, 17), *[version[:2] for version in needed])
     return f"manylinux_{major}_{minor}_{target.machine}"
-
-
-class WithSources(sdist):
-    """A source distribution with the C++ files in it."""
-
-    def add_defaults(self) -> None:
-        """What setuptools finds, and the kernels."""
-        super().add_defaults()
-        self.filelist.extend([str(path) for ending in ("*.h", "*.cpp") for path in sorted(PLACE.glob(ending))])

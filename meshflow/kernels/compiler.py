@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-__all__ = ["BuildError", "Compiler", "Target", "build", "found", "sources"]
+__all__ = ["BuildError", "Compiler", "Target", "build", "digest", "flags", "found", "sources"]
 
 HERE = Path(__file__).parent
 # Asked before it is known what the machine can do, or slow by nature: compiled for any machine of its kind.
@@ -37,7 +37,13 @@ FLAGS = (
     "-fno-trapping-math",
     "-ffp-contract=off",  # products fused with sums would differ between tilings and instruction sets
 )
-SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-fno-omit-frame-pointer", "-g", "-O1")
+# A library that checks itself while it runs, by what MESHFLOW_SANITIZE says; see .ci/sanitize.
+CHECKED = ("-fno-omit-frame-pointer", "-g", "-O1")
+SANITIZED = {
+    "": (),
+    "address": ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", *CHECKED),
+    "thread": ("-fsanitize=thread", *CHECKED),
+}
 MSVC_FLAGS = ("/nologo", "/std:c++20", "/O2", "/fp:precise", "/GR-", "/GS-", "/W3", "/Zc:preprocessor", "/MD")
 # Systems by their name in a target: what zig calls them, the tag of their wheels, the end of a library's name.
 SYSTEMS = {
@@ -220,8 +226,8 @@ def _zig() -> tuple[str, ...] | None:
 def found() -> Compiler | None:
     """The compiler that shall be used: of ``CXX``; else one on the path that works; else zig's of the package ``ziglang``.
 
-    One that the environment names is not tried: where it fails, that is said, and no other one taken. For another machine
-    (``MESHFLOW_TARGET``) it is zig's.
+    One that the environment names is not tried: where it fails, that is said, and no other one taken. For a machine
+    that is named (``MESHFLOW_TARGET``) it is zig's, which asks for the oldest C library that will do.
 
     :return: None where there is none: the package ``ziglang`` brings one.
     """
@@ -229,7 +235,7 @@ def found() -> Compiler | None:
     named = shlex.split(os.environ.get("CXX", ""), posix=os.name != "nt")
     if named:
         return Compiler(tuple(named), target)
-    if target == Target.here():
+    if not os.environ.get("MESHFLOW_TARGET"):
         names = ("cl", "clang++", "g++") if os.name == "nt" else ("g++", "clang++", "c++")
         for name in names:
             path = shutil.which(name)
@@ -264,19 +270,29 @@ def digest(source: Path, *words: object) -> str:
     return made.hexdigest()[:16]
 
 
-def flags(sanitized: bool) -> tuple[str, ...]:
-    """Flags beyond the usual ones: of ``CXXFLAGS``, and of a library that checks its memory."""
-    return (*shlex.split(os.environ.get("CXXFLAGS", "")), *(SANITIZED if sanitized else ()))
+def sanitized() -> tuple[str, ...]:
+    """Flags of a library that checks its memory ("address") or its threads ("thread"), as ``MESHFLOW_SANITIZE`` says.
+
+    :raises BuildError: for another word.
+    """
+    word = os.environ.get("MESHFLOW_SANITIZE", "")
+    if word not in SANITIZED:
+        raise BuildError(f"MESHFLOW_SANITIZE={word!r}: address or thread expected")
+    return SANITIZED[word]
 
 
-def build(compiler: Compiler | None, level: str, to: Path, objects: Path, sanitized: bool = False) -> None:
+def flags() -> tuple[str, ...]:
+    """Flags beyond the usual ones: those of ``CXXFLAGS``, and of a library that checks itself."""
+    return (*shlex.split(os.environ.get("CXXFLAGS", "")), *sanitized())
+
+
+def build(compiler: Compiler | None, level: str, to: Path, objects: Path) -> None:
     """Compile the kernels for one instruction set, as many files at once as there are processors.
 
     :param compiler: see :func:`found`.
     :param level: the instruction set, one of the target's.
     :param to: the library.
     :param objects: a folder of objects, which are made anew where a source of theirs has changed.
-    :param sanitized: with checks of addresses and of undefined behaviour.
     :raises BuildError: without a compiler, or with what it said.
     """
     if compiler is None:
@@ -284,28 +300,23 @@ def build(compiler: Compiler | None, level: str, to: Path, objects: Path, saniti
             "the kernels of meshflow need a C++20 compiler, and none was found: CXX is not set, no g++, clang++, c++ or cl "
             "on the path compiles for this machine, and the package ziglang is not installed. Do: pip install ziglang"
         )
-    to, objects = to.resolve(), objects.resolve()
-    extra, todo, parts = flags(sanitized), [], []
+    to, objects, extra = to.resolve(), objects.resolve(), flags()
     objects.mkdir(parents=True, exist_ok=True)
-    for source in sources():
-        part = objects / f"{source.stem}-{digest(source, compiler, level, extra)}.o"
-        parts.append(part)
-        if part.exists():
-            os.utime(part)  # in use: see library.swept
-        else:
-            todo.append((source, part))
-
+    parts = [objects / f"{source.stem}-{digest(source, compiler, level, extra)}.o" for source in sources()]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for made in [pool.submit(_compiled, compiler, source, part, level, extra) for source, part in todo]:
+        for made in [pool.submit(_compiled, compiler, *pair, level) for pair in zip(sources(), parts, strict=True)]:
             made.result()
     with tempfile.TemporaryDirectory(dir=to.parent) as place:
         linked = Path(place, to.name)
-        _run(compiler.link(parts, linked, SANITIZED if sanitized else ()), Path(place))
+        _run(compiler.link(parts, linked, sanitized()), Path(place))
         os.replace(linked, to)
 
 
-def _compiled(compiler: Compiler, source: Path, part: Path, level: str, extra: Sequence[str]) -> None:
+def _compiled(compiler: Compiler, source: Path, part: Path, level: str) -> None:
+    if part.exists():
+        os.utime(part)  # in use: see library.swept
+        return
     with tempfile.TemporaryDirectory(dir=part.parent) as place:
         made = Path(place, part.name)
-        _run(compiler.compile(source, made, level, extra))
+        _run(compiler.compile(source, made, level, flags()))
         os.replace(made, part)

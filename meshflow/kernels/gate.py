@@ -1,23 +1,30 @@
 """The gate between arrays of Python and loops of C++: each kernel is declared once, and what comes in is checked against it.
 
 A kernel is a Python function without a body. The annotation of each parameter says what may come; the gate refuses all else
-before anything is read. It compares the declaration with the types of the compiled function, when that is first called.
+before anything is read. It compares the declaration with the types of the compiled function, when that is first called. Arrays
+of the same types, shapes and order as in a call before are not looked at again, but for where they are: a call costs
+microseconds.
 """
 
 import ctypes
 import inspect
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import update_wrapper
-from typing import Annotated, Any, Generic, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Generic, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
 
-from meshflow.kernels.arguments import Call, Parameter
+import numpy as np
+
+from meshflow.kernels.arguments import ArrayParameter, Call, Parameter, PlainParameter, address
 from meshflow.kernels.library import library
 
 __all__ = ["Kernel", "Stopped", "kernel"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
-NO_MEMORY, CANCELLED = -1, -2  # Failure of interface.h
+NO_MEMORY, CANCELLED, OUT_OF_RANGE = -1, -2, -3  # Failure of interface.h
+ENDINGS = {"f": "_f32", "d": "_f64", "": ""}
+REMEMBERED = 512  # kinds of calls of one kernel
 
 
 class Stopped(RuntimeError):
@@ -25,7 +32,23 @@ class Stopped(RuntimeError):
 
 
 class _Entry(ctypes.Structure):
-    _fields_ = [("signature", ctypes.c_char_p), ("address", ctypes.c_void_p)]
+    _fields_: ClassVar = [("signature", ctypes.c_char_p), ("address", ctypes.c_void_p)]
+
+
+@dataclass(frozen=True)
+class _Checked:
+    """A kind of call: arrays of these types, shapes and orders have been found right.
+
+    :ivar run: the compiled function.
+    :ivar values: what is handed over, without what differs from call to call.
+    :ivar extents: the bytes that each array spans, 0 for one that is not there.
+    :ivar indices: arrays of indices, where they stand in the call, and what they are below.
+    """
+
+    run: Callable[..., int]
+    values: list[Any]
+    extents: tuple[int, ...]
+    indices: tuple[tuple[ArrayParameter, int, int], ...]
 
 
 class Kernel(Generic[P, R]):
@@ -39,60 +62,141 @@ class Kernel(Generic[P, R]):
         update_wrapper(self, declared)
         self.name = declared.__name__
         self._given = inspect.signature(declared)
+        self._names = tuple(self._given.parameters)
+        self._defaults = {n: p.default for n, p in self._given.parameters.items() if p.default is not p.empty}
         hints = get_type_hints(declared, include_extras=True)
-        self.parameters = tuple(_parameter(self.name, name, hints[name]) for name in self._given.parameters)
-        self._generic = any(p.generic for p in self.parameters)
-        # What an explicit size names, arrays are compared with: sizes first.
-        self._order = sorted(range(len(self.parameters)), key=lambda i: not self.parameters[i].is_size)
-        named = [size for p in self.parameters for size in p.sizes]
-        explicit = {p.name for p in self.parameters if p.is_size}
-        self._sizes = tuple(size for size in dict.fromkeys(named) if size not in explicit)
+        self.parameters = tuple(_parameter(self.name, name, hints[name]) for name in self._names)
+        explicit = {p.name for p in self.parameters if isinstance(p, PlainParameter) and p.is_size}
+        told = [size for p in self.parameters if isinstance(p, ArrayParameter) for size in p.sizes]
+        self._sizes = tuple(size for size in dict.fromkeys(told) if size not in explicit)
+        for p in self.parameters:
+            if isinstance(p, ArrayParameter) and p.below and p.below_size[0] not in {*self._sizes, *explicit}:
+                raise TypeError(f"{self.name}: {p.name}: no array has the size {p.below}")
+        # Where the parameters stand in the call of Python, and in that of C++.
+        self._plain: list[tuple[int, int, PlainParameter]] = []
+        self._arrays: list[tuple[int, int, ArrayParameter]] = []
+        at = len(self._sizes)
+        for i, p in enumerate(self.parameters):
+            if isinstance(p, ArrayParameter):
+                self._arrays.append((i, at, p))
+            elif isinstance(p, PlainParameter):
+                self._plain.append((i, at, p))
+            at += len(p.types)
+        self._handed = at
+        # Pairs of arrays that may not share memory, the first of which is written; whether they may be the same.
+        self._apart = [
+            (k, m, one.over == other.name or other.over == one.name)
+            for k, (_, _, one) in enumerate(self._arrays)
+            for m, (_, _, other) in enumerate(self._arrays)
+            if one.written and one is not other and not (other.written and m < k)
+        ]
         self._compiled: dict[str, Callable[..., int]] = {}
+        self._checked: dict[tuple[Any, ...], _Checked] = {}
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """Check what came, and run the loop."""
+        given: tuple[Any, ...] = args
         if kwargs or len(args) != len(self.parameters):
-            bound = self._given.bind(*args, **kwargs)
-            bound.apply_defaults()
-            given = bound.args
-        else:
-            given = args
-        call = Call(self.name)
-        for i in self._order:
-            self.parameters[i].check(given[i], call)
-        call.check_whole(self._sizes)
-        run = self._compiled.get(call.number) or self._found(call.number)
-        values = [value for p in self.parameters for value in call.passed[p.name]]
-        count = run(*[call.sizes[name] for name in self._sizes], *values)
+            given = self._ordered(args, kwargs)
+        plain = [p.taken(given[i], self.name) for i, _, p in self._plain]
+        kind: list[Any] = [value for value, (_, _, p) in zip(plain, self._plain, strict=True) if p.is_size]
+        for i, _, p in self._arrays:
+            a = given[i]
+            if isinstance(a, np.ndarray):
+                kind.append((a.dtype, a.shape, a.strides, a.flags.num))
+            elif a is None and p.optional:
+                kind.append(None)
+            else:
+                raise TypeError(f"{self.name}: {p.name}: {p.wanted} expected, got {type(a).__name__}")
+        key = tuple(kind)
+        checked = self._checked.get(key) or self._looked_at(given, key)
+        values = checked.values.copy()
+        for value, (_, at, _) in zip(plain, self._plain, strict=True):
+            values[at] = value
+        starts = []
+        for i, at, _ in self._arrays:
+            a = given[i]
+            starts.append(address(a) if isinstance(a, np.ndarray) else None)
+            values[at] = starts[-1]
+        self._refuse_shared(starts, checked.extents)
+        for p, i, bound in checked.indices:
+            p.check_indices(given[i], bound, self.name)
+        count = checked.run(*values)
         if count < 0:
             self._failed(count)
-        return count  # pyright: ignore[reportReturnType]  # an int, which a kernel declared with None has no use for
+        return count  # pyright: ignore[reportReturnType]  # an int, for which a kernel declared with None has no use
+
+    def _ordered(self, args: tuple[Any, ...], named: dict[str, Any]) -> tuple[Any, ...]:
+        """All arguments in the order of the parameters."""
+        values = {**self._defaults, **named}
+        rest = self._names[len(args) :]
+        if len(args) > len(self._names) or not (named.keys() <= set(rest) and values.keys() >= set(rest)):
+            self._given.bind(*args, **named)  # says what is wrong
+        return (*args, *[values[name] for name in rest])
+
+    def _looked_at(self, given: tuple[Any, ...], key: tuple[Any, ...]) -> _Checked:
+        """Check arrays of a kind that has not come before, and remember it."""
+        call = Call(self.name)
+        for i, _, p in self._plain:
+            if p.is_size:
+                call.sizes[p.name] = int(given[i])
+        values: list[Any] = [None] * self._handed
+        extents = []
+        for i, at, p in self._arrays:
+            a = given[i]
+            steps = p.check(a, call) if a is not None else (0,) * (len(p.types) - 1)
+            values[at + 1 : at + 1 + len(steps)] = steps
+            extents.append(p.extent(a) if a is not None else 0)
+        for at, name in enumerate(self._sizes):
+            if name not in call.sizes:
+                raise ValueError(f"{self.name}: no array tells the size {name}: one at least must be given")
+            values[at] = call.sizes[name]
+        indices = tuple(
+            (p, i, call.sizes[p.below_size[0]] + p.below_size[1])
+            for i, _, p in self._arrays
+            if p.below and given[i] is not None
+        )
+        checked = _Checked(self._compiled.get(call.number) or self._found(call.number), values, tuple(extents), indices)
+        if len(self._checked) >= REMEMBERED:
+            self._checked.clear()
+        self._checked[key] = checked
+        return checked
+
+    def _refuse_shared(self, starts: list[Any], extents: tuple[int, ...]) -> None:
+        for k, m, may_be_same in self._apart:
+            if extents[k] and extents[m]:
+                first, other = starts[k], starts[m]
+                if first < other + extents[m] and other < first + extents[k] and not (may_be_same and first == other):
+                    one, two = self._arrays[k][2].name, self._arrays[m][2].name
+                    raise ValueError(
+                        f"{self.name}: {one} is written and shares memory with {two}: give an array of its own"
+                    )
 
     def _failed(self, code: int) -> None:
         if code == NO_MEMORY:
             raise MemoryError(f"{self.name}: no memory for what it needs while it works")
         if code == CANCELLED:
             raise Stopped(f"{self.name}: stopped before it was done")
+        if code == OUT_OF_RANGE:
+            raise ValueError(f"{self.name}: an index is out of range: the arrays do not belong to each other")
         raise RuntimeError(f"{self.name}: it failed with the code {code}, which has no meaning here")
 
     def _found(self, number: str) -> Callable[..., int]:
         """The compiled function for a number type ("" where it has none), once its types agree with the declaration."""
-        ending = {"f": "_f32", "d": "_f64", "": ""}[number]
-        if self._generic and not number:
+        if not number and any(p.generic for _, _, p in self._arrays):
             raise TypeError(f"{self.name}: no array tells the number type: one at least must be given")
-        lib = library()
-        try:
-            entry = getattr(lib, f"kernel_{self.name}{ending}")
-        except AttributeError as cause:
+        lib, name = library(), f"{self.name}{ENDINGS[number]}"
+        if not hasattr(lib, f"kernel_{name}"):
             raise AttributeError(
-                f"{self.name}{ending}: the library has no such kernel: MESHFLOW_KERNEL missing?"
-            ) from cause
+                f"{name}: the library has no such kernel: MESHFLOW_KERNEL({self.name}) missing in a .cpp?"
+            )
+        entry = getattr(lib, f"kernel_{name}")
         entry.restype = _Entry
         found: _Entry = entry()
         wanted = "vq" * len(self._sizes) + "".join(p.letters(number) for p in self.parameters)
         if found.signature.decode() != wanted:
-            raise TypeError(f"{self.name}{ending}: declared as {wanted}, compiled as {found.signature.decode()}")
-        for p in self.parameters:
+            raise TypeError(f"{name}: declared as {wanted}, compiled as {found.signature.decode()}")
+        for _, _, p in self._plain:
             p.check_layout(lib)
         types = [ctypes.c_int64] * len(self._sizes) + [kind for p in self.parameters for kind in p.types]
         self._compiled[number] = ctypes.CFUNCTYPE(ctypes.c_int64, *types)(found.address)
@@ -103,14 +207,14 @@ def kernel(declared: Callable[P, R]) -> Kernel[P, R]:
     """Declare a kernel: its name, its parameters and what it is for; the loop of that name is in C++.
 
     The compiled function takes, in this order: one ``i64`` for each size that the shapes name, in the order in which they are
-    first named; then each parameter: an array as a pointer (and its strides, if it has any of its own), ``integer`` and
-    ``size`` as ``i64``, ``real`` as ``double``, ``threads`` as ``i32``, ``stop`` as ``const i32*``, a struct as a pointer.
+    first named; then each parameter: an array as a pointer (and its steps, if rows may stand apart), ``integer`` and ``size`` as
+    ``i64``, ``real`` as ``double``, ``threads`` as ``i32``, ``stop`` as ``const i32*``, a struct as a pointer.
 
     :param declared: a function without a body, each parameter annotated with :data:`typing.Annotated`; it returns None, or an
         int where the kernel counts something.
     :raises TypeError: on a call, for an array of another kind, or where declaration and compiled function differ.
-    :raises ValueError: on a call, for an array of another shape or order, one that cannot be written, or that shares memory
-        with another one.
+    :raises ValueError: on a call, for an array of another shape or order, one that cannot be written, or one that is written and
+        shares memory with another.
     """
     return Kernel(declared)
 

@@ -108,15 +108,14 @@ def opened(level: str) -> tuple[ctypes.CDLL, Path]:
 
 def _built(level: str) -> Path:
     """The library of a source tree for one instruction set, compiled where it is not there or a source has changed."""
-    sanitized = os.environ.get("MESHFLOW_SANITIZE", "") == "1"
-    words = (level, os.environ.get("CXX", ""), compiler.flags(sanitized))
+    words = (level, os.environ.get("CXX", ""), compiler.flags())
     made = hashlib.sha256("".join(compiler.digest(source, *words) for source in compiler.sources()).encode())
     path = PLACE / f"meshflow-{level}-{made.hexdigest()[:16]}{compiler.Target.here().suffix}"
     if not path.exists():
         PLACE.mkdir(exist_ok=True)
         with _alone(PLACE / "lock"):
             if not path.exists():
-                compiler.build(compiler.found(), level, path, PLACE / "objects", sanitized)
+                compiler.build(compiler.found(), level, path, PLACE / "objects")
                 swept()
     return path
 

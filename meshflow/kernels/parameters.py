@@ -4,13 +4,11 @@ import ctypes
 import operator
 from typing import Any, ClassVar
 
-from meshflow.kernels.arguments import Array, ArrayParameter, Call, Parameter
+from meshflow.kernels.arguments import Array, ArrayParameter, PlainParameter
 from meshflow.kernels.library import default_threads
 
 __all__ = [
     "Array",
-    "Call",
-    "Parameter",
     "Stop",
     "Struct",
     "integer",
@@ -61,7 +59,8 @@ def read(
     :param optional: None may come, a null pointer.
     :param strided: rows may stand apart: each is contiguous. The steps along all axes but the last are handed over after the
         pointer, as i64, in samples.
-    :param below: for int32 and int64: all numbers must be indices, 0 or more and below this size (one pass over the array).
+    :param below: for int32 and int64: all numbers must be indices, 0 or more and below this size, "n" or
+        "n+1" (one pass over the array).
     """
     return ArrayParameter(dtype, shape, written=False, optional=optional, strided=strided, over="", below=below)
 
@@ -80,82 +79,79 @@ def write(
     return ArrayParameter(dtype, shape, written=True, optional=optional, strided=strided, over=over, below="")
 
 
-class _Integer(Parameter):
+class _Integer(PlainParameter):
     types, letter = (ctypes.c_int64,), "vq"
 
-    def check(self, value: Any, call: Call) -> None:
+    def taken(self, value: Any, kernel: str) -> Any:
         """An integer of 64 bits."""
         try:
             number = operator.index(value)
         except TypeError as cause:
-            raise TypeError(f"{call.kernel}: {self.name}: an integer expected, got {value!r}") from cause
+            raise TypeError(f"{kernel}: {self.name}: an integer expected, got {value!r}") from cause
         if not -LARGEST <= number < LARGEST:
-            raise ValueError(f"{call.kernel}: {self.name}: an integer of 64 bits expected, got {number}")
-        call.passed[self.name] = (number,)
+            raise ValueError(f"{kernel}: {self.name}: an integer of 64 bits expected, got {number}")
+        return number
 
 
 class _Size(_Integer):
     is_size = True
 
-    def check(self, value: Any, call: Call) -> None:
+    def taken(self, value: Any, kernel: str) -> Any:
         """The same, which arrays are compared with."""
-        super().check(value, call)
-        if call.passed[self.name][0] < 0:
-            raise ValueError(f"{call.kernel}: {self.name}: a size of 0 or more expected, got {value}")
-        call.sizes[self.name] = call.passed[self.name][0]
+        number = super().taken(value, kernel)
+        if number < 0:
+            raise ValueError(f"{kernel}: {self.name}: a size of 0 or more expected, got {value}")
+        return number
 
 
-class _Real(Parameter):
+class _Real(PlainParameter):
     types, letter = (ctypes.c_double,), "vd"
 
-    def check(self, value: Any, call: Call) -> None:
+    def taken(self, value: Any, kernel: str) -> Any:
         """A number, as float64."""
         try:
-            call.passed[self.name] = (float(value),)
+            return float(value)
         except (TypeError, ValueError) as cause:
-            raise TypeError(f"{call.kernel}: {self.name}: a number expected, got {value!r}") from cause
+            raise TypeError(f"{kernel}: {self.name}: a number expected, got {value!r}") from cause
 
 
-class _Threads(Parameter):
+class _Threads(PlainParameter):
     types, letter = (ctypes.c_int32,), "vi"
 
-    def check(self, value: Any, call: Call) -> None:
+    def taken(self, value: Any, kernel: str) -> Any:
         """How many threads; None: as many as the process may use."""
         if value is None:
-            call.passed[self.name] = (min(default_threads(), THREADS),)
-            return
+            return min(default_threads(), THREADS)
         try:
             number = operator.index(value)
         except TypeError as cause:
-            raise TypeError(
-                f"{call.kernel}: {self.name}: a number of threads expected, or None, got {value!r}"
-            ) from cause
+            raise TypeError(f"{kernel}: {self.name}: a number of threads expected, or None, got {value!r}") from cause
         if not 1 <= number <= THREADS:
-            raise ValueError(f"{call.kernel}: {self.name}: 1 to {THREADS} threads expected, got {number}")
-        call.passed[self.name] = (number,)
+            raise ValueError(f"{kernel}: {self.name}: 1 to {THREADS} threads expected, got {number}")
+        return number
 
 
-class _Stop(Parameter):
+class _Stop(PlainParameter):
     types, letter = (ctypes.c_void_p,), "ri"
 
-    def check(self, value: Any, call: Call) -> None:
+    def taken(self, value: Any, kernel: str) -> Any:
         """The address of its flag, or none."""
         if value is not None and not isinstance(value, Stop):
-            raise TypeError(f"{call.kernel}: {self.name}: a Stop or None expected, got {value!r}")
-        call.passed[self.name] = (value.address if value is not None else None,)
+            raise TypeError(f"{kernel}: {self.name}: a Stop or None expected, got {value!r}")
+        return value.address if value is not None else None
 
 
-class _Struct(Parameter):
+class _Struct(PlainParameter):
     types, letter = (ctypes.c_void_p,), "rx"
 
     def __init__(self, kind: type[Struct]) -> None:
         self.kind = kind
 
-    def check(self, value: Any, call: Call) -> None:
+    def taken(self, value: Any, kernel: str) -> Any:
         """The address of the options."""
         if not isinstance(value, self.kind):
-            raise TypeError(f"{call.kernel}: {self.name}: {self.kind.__name__} expected, got {type(value).__name__}")
-        call.passed[self.name] = (ctypes.addressof(value),)
+            raise TypeError(f"{kernel}: {self.name}: {self.kind.__name__} expected, got {type(value).__name__}")
+        return ctypes.addressof(value)
 
     def check_layout(self, lib: ctypes.CDLL) -> None:
         """Compare the members of the options."""
@@ -185,13 +181,13 @@ def compare_layout(kind: type[Struct], lib: ctypes.CDLL) -> None:
         )
 
 
-def struct(kind: type[Struct]) -> Parameter:
+def struct(kind: type[Struct]) -> PlainParameter:
     """Options in a struct, const S* in C++; its layout is compared with the compiled one."""
     return _Struct(kind)
 
 
-integer: Parameter = _Integer()
-size: Parameter = _Size()
-real: Parameter = _Real()
-threads: Parameter = _Threads()
-stop: Parameter = _Stop()
+integer: PlainParameter = _Integer()
+size: PlainParameter = _Size()
+real: PlainParameter = _Real()
+threads: PlainParameter = _Threads()
+stop: PlainParameter = _Stop()

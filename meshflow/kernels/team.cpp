@@ -170,18 +170,11 @@ bool run_parts(i64 parts, i32 threads, Work work, const void* context, Stop stop
     return !job.stopped.load(std::memory_order_relaxed);
 }
 
-// Which thread does which part, where no part but the last ones ends before so many threads are there. who (parts,).
-i64 team_census(i64 parts, i32* who, i32 threads) {
-    std::atomic<i32> here{0};
-    parallel_for(parts, threads, [&](i64 part, i32 me) {
-        who[part] = me;
-        here.fetch_add(1);
-        const i32 wanted = parts < threads ? static_cast<i32>(parts) : threads;
-        for (i64 turn = 0; here.load() < wanted && turn < 200000000; ++turn) {}
-    });
-    return team.threads;
+i32 team_threads() {
+    team.lock.close();
+    const i32 threads = team.threads;
+    team.lock.open();
+    return threads;
 }
 
 }  // namespace meshflow
-
-MESHFLOW_KERNEL_OF_ONE(team_census)

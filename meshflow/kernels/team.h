@@ -16,6 +16,9 @@ using Stop = const i32*;
 // Returns false where it was stopped: some parts are then not done.
 bool run_parts(i64 parts, i32 threads, Work work, const void* context, Stop stop = nullptr);
 
+// How many threads the team has, beside its callers.
+i32 team_threads();
+
 template <class F> bool parallel_for(i64 parts, i32 threads, const F& work, Stop stop = nullptr) {
     return run_parts(
         parts, threads, [](const void* it, i64 part, i32 who) { (*static_cast<const F*>(it))(part, who); }, &work, stop);

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshflow.errors import InputError, need
+from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, positive, whole
 from meshflow.synthetic.samples import fractal
 
@@ -16,8 +16,6 @@ __all__ = [
     "SCENES",
     "Kind",
     "Subject",
-    "astronaut",
-    "camera",
     "fractal_terrain",
     "jacksboro",
     "mesas",
@@ -124,29 +122,12 @@ def fractal_terrain(n: int = 512, seed: int = 2) -> Array:
 
 
 def jacksboro() -> Array:
-    """Elevations (344, 403) in whole metres, 236 to 1076, three arc seconds apart: the Jacksboro fault, of matplotlib.
+    """Elevations (344, 403) in whole metres, 236 to 1076, three arc seconds apart: the Jacksboro fault, of matplotlib."""
+    from matplotlib.cbook import get_sample_data
 
-    :raises MissingPackage: when matplotlib is not installed.
-    """
-    path = need("matplotlib.cbook", "bench").get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)
+    path = str(get_sample_data("jacksboro_fault_dem.npz", asfileobj=False))
     with np.load(path) as archive:
         return archive["elevation"].astype(np.float64)
-
-
-def camera() -> Array:
-    """Grey levels (512, 512), 0 to 255, of skimage's photograph of a man with a camera.
-
-    :raises MissingPackage: when scikit-image is not installed.
-    """
-    return need("skimage.data", "bench").camera().astype(np.float64)
-
-
-def astronaut() -> Array:
-    """Colours (512, 512, 3), 0 to 255, of skimage's photograph of an astronaut.
-
-    :raises MissingPackage: when scikit-image is not installed.
-    """
-    return need("skimage.data", "bench").astronaut().astype(np.float64)
 
 
 # Three arc seconds at 36.4 degrees north, metres.
@@ -161,8 +142,6 @@ SCENES: Mapping[str, Subject] = MappingProxyType(
             Subject("ramps", ramps, (0.5, 2.0, 5.0)),
             Subject("fractal", fractal_terrain, (1.0, 3.0, 10.0), spacing=(10.0, 10.0)),
             Subject("jacksboro", jacksboro, (5.0, 15.0, 40.0), spacing=_JACKSBORO),
-            Subject("camera", camera, (5.0, 10.0, 20.0, 30.0), "image", "grey levels", peak=255.0),
-            Subject("astronaut", astronaut, (10.0, 25.0), "image", "grey levels", peak=255.0),
             Subject("quantised", fractal_terrain, (), spacing=(10.0, 10.0), quantum=4.0),
         )
     }

@@ -108,6 +108,7 @@ def _arc(centre: tuple[float, float], radius: float, angles: tuple[float, float]
     length = radius * abs(angles[1] - angles[0])
 
     def along(share: Array) -> Array:
+        """Points (n, 2) at shares (n,) of the way."""
         turn = angles[0] + share * (angles[1] - angles[0])
         return np.array(centre) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 

@@ -8,10 +8,11 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.charts import Chart, Curve, course, histogram, risks
 from meshflow.view.look import Look
-from meshflow.view.pair import Pair, holes, paired
+from meshflow.view.pair import Pair, paired
 from meshflow.view.renderer import staged
 from meshflow.view.scale import Scale
 

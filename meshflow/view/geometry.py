@@ -9,10 +9,10 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.discontinuities import Cuts
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.surfaces.triangles import grid_sheets, triangles_there
 from meshflow.view.look import Look, Seen, Up, View, camera_view, mesh_view, picture_view, side_view, terrain_view
-from meshflow.view.pair import holes
 from meshflow.view.texture import Texture, Textured
 
 if TYPE_CHECKING:

@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import Image
 from meshflow.view.geometry import Body
 from meshflow.view.look import Look
-from meshflow.view.pair import holes
 from meshflow.view.scale import Scale
 
 __all__ = ["coloured", "imaged", "pictured", "shaded"]

@@ -7,12 +7,13 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.appearance import taken
 from meshflow.view.attributes import riding
 from meshflow.view.scale import Scale, ranging, symmetric, together
 
-__all__ = ["Pair", "holes", "paired"]
+__all__ = ["Pair", "paired"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +69,6 @@ def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False)
     scale = symmetric(values, what, unit, "nothing was removed")
     equal = () if there.any() else ("before and after are equal",)
     return Pair(one, other, scale, tuple(dict.fromkeys((*notes, *equal))), worn)
-
-
-def holes(noun: HeightField | Image | RangeImage) -> Array:
-    """The mask (h, w) of what is missing in a grid; every noun that was made has one."""
-    assert noun.missing is not None
-    return noun.missing
 
 
 def _removed(before: Noun, after: Noun) -> tuple[Array, str]:

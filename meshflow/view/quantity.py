@@ -10,10 +10,10 @@ from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import signed_mean
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun
 from meshflow.surfaces.surface import Axes, Rays, Surface
 from meshflow.view.appearance import taken
-from meshflow.view.pair import holes
 from meshflow.view.scale import Scale, ranging, symmetric
 
 __all__ = ["QUANTITIES", "Quantity", "measured"]

@@ -8,12 +8,12 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view import hillshade as relief
 from meshflow.view import vtk_scene as scene
 from meshflow.view.geometry import SAMPLES, Body, as_shown, drawable, embodied
 from meshflow.view.look import Look, Seen
-from meshflow.view.pair import holes
 from meshflow.view.probe import rendering
 from meshflow.view.scale import Scale
 

@@ -8,12 +8,13 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, real
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import Mesh, Noun
 from meshflow.view.appearance import taken
 from meshflow.view.geometry import Body, raised
 from meshflow.view.look import Look
 from meshflow.view.page import Foot
-from meshflow.view.pair import holes, paired
+from meshflow.view.pair import paired
 from meshflow.view.quantity import Quantity, measured
 from meshflow.view.renderer import How, Stage, staged
 from meshflow.view.scale import Scale, ranging, showing, showing_both, together

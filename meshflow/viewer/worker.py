@@ -26,8 +26,7 @@ class _Task:
 class Background:
     """One thing after the other, of each kind the one that was asked for last.
 
-    There is one thread, never two: what is computed there runs on all cores as it is, and not all of the layers that numba
-    may find on a machine allow two callers at a time.
+    There is one thread, never two: what is computed there runs on all cores as it is.
 
     :ivar share: of the work that is going on, 0 to 1, as far as it says.
     """

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from meshflow.classics import umbrella as classics
+from meshflow import classics
 from meshflow.errors import MissingPackage, need
 from meshflow.geometry.validation import Array
 from peers.search import Peer, Value

@@ -155,12 +155,12 @@ class MeshFlow(Dense):
         u, c = np.ascontiguousarray(u, dtype=np.float64), self._sheets[0].connectivity
         out = np.empty_like(u) if out is None else out
         linear = self.surface.boundary == "linear" and len(c.border) > 0
-        inverse = np.empty(len(u) if linear else 0)
+        inverse = np.empty(len(u)) if linear else None
         kind = operator.mass_kind(self.member.mass)
         sharpest = march_blocks(blocks, u, kind, self.held, keep, dt, out, inverse)
         if self.triangles == "auto" and sharpest > THIN:
             return None
-        if linear:
+        if inverse is not None:
             out[c.rim] -= inverse[c.rim, None] * operator.border_pull(c, u)[c.rim]
         return out
 
@@ -192,7 +192,7 @@ class MeshFlow(Dense):
             return dynamic
         flat = 0.0
         for sheet in self._sheets:
-            if sheet.flat is None:
+            if sheet.forms is None:
                 return dynamic
             bounds = operator.rate_bound(*operator.form_cotangents(sheet.forms), m.mass)
             lighter = 1.0 if m.gamma >= -1 else self._lightening(sheet, self._moving(u))
@@ -241,8 +241,9 @@ class MeshFlow(Dense):
         moves = self._moves(inertia)
         rays = self.surface.free.directions if isinstance(self.surface.free, Rays) else None
         stiffness = operator.fill_stiffness(metric.connectivity, self._drawn(metric, x), rays)
-        rows = np.repeat(moves, np.diff(stiffness.indptr))
-        stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
+        if not moves.all():
+            rows = np.repeat(moves, np.diff(stiffness.indptr))
+            stiffness.data[~(rows & moves[stiffness.indices])] = 0.0
         return MeshSystem(np.where(moves, inertia, 1.0), stiffness)
 
     def generator(self, u: Array, weights: Literal["cotangent", "uniform"]) -> Any:

@@ -17,7 +17,7 @@ class Sheet:
 
     connectivity: Connectivity
     charts: Array | None
-    forms: Array
+    forms: Array | None
     flat: Array | None
     pairs: tuple[Array, Array] | None = None
 
@@ -26,7 +26,7 @@ class Sheet:
         """Triangulations together, (m, 3) each, of n vertices; charts (m, 3, c), corners in the coordinates that stay."""
         connectivity = connect(faces, n)
         if charts is None:
-            return cls(connectivity, None, np.zeros((0, 4)), None)
+            return cls(connectivity, None, None, None)
         forms = operator.forms(charts)
         third = np.repeat(0.5 * np.sqrt(forms[:, 3]) / 3.0, 3)
         flat = np.bincount(connectivity.faces.ravel(), weights=third, minlength=n)

@@ -6,19 +6,20 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshflow.errors import InputError, need
+from meshflow.errors import InputError
 from meshflow.evaluate.metrics import compare, rms_difference
+from meshflow.evaluate.similarity import structural_similarity
 from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.lift import HeightField
 
-__all__ = ["EDGE_REACH", "EDGE_SHARE", "Quality", "edges_of", "quality"]
+__all__ = ["EDGE_REACH", "EDGE_SHARE", "GridQuality", "edges_of", "grid_quality"]
 
 # Edges are where the gradient of the truth is in its top 5 %; near them is within 2 samples, diagonals included.
 EDGE_SHARE, EDGE_REACH = 0.05, 2
 
 
 @dataclass(frozen=True)
-class Quality:
+class GridQuality:
     """Distances of what was found from the truth.
 
     :ivar rms: root mean square difference, all channels together, in the unit of the values.
@@ -35,13 +36,13 @@ class Quality:
     psnr: float
 
 
-def quality(
+def grid_quality(
     found: ArrayLike,
     truth: ArrayLike,
     kind: Literal["terrain", "image"] = "terrain",
     spacing: float | tuple[float, float] = 1.0,
     peak: float | None = None,
-) -> Quality:
+) -> GridQuality:
     """Measure what was found against the truth, over the samples that are finite in both.
 
     :param found: (h, w), or for images (h, w, k).
@@ -50,22 +51,20 @@ def quality(
     :param spacing: of the samples of a terrain, one number or (dx, dy), in the unit of the heights.
     :param peak: the whole range of the values, for PSNR and SSIM; by default the range of the truth.
     :raises InputError: for an unknown kind, different shapes, a peak that is not positive, or no sample finite in both.
-    :raises MissingPackage: for images, when scikit-image is not installed.
     """
     if kind not in ("terrain", "image"):
-        raise InputError(f"quality: kind terrain or image expected, got {kind!r}")
+        raise InputError(f"grid_quality: kind terrain or image expected, got {kind!r}")
     one, other = np.asarray(found, dtype=np.float64), np.asarray(truth, dtype=np.float64)
     rms = rms_difference(one, other)
-    reach = positive(np.nanmax(other) - np.nanmin(other) if peak is None else peak, "quality: peak")
+    reach = positive(np.nanmax(other) - np.nanmin(other) if peak is None else peak, "grid_quality: peak")
     edges = edges_of(other)
     normals = ssim = None
     if kind == "terrain":
         pace = (spacing, spacing) if isinstance(spacing, (int, float)) else spacing
         normals = compare(HeightField(other, pace), HeightField(one, pace)).normal_angle
     else:
-        similarity = need("skimage.metrics", "bench").structural_similarity
-        ssim = float(similarity(other, one, data_range=reach, channel_axis=2 if other.ndim == 3 else None))
-    return Quality(
+        ssim = structural_similarity(one, other, reach)
+    return GridQuality(
         rms=rms,
         rms_near_edges=rms_difference(one[edges], other[edges]) if edges.any() else np.nan,
         normal_error=normals,

@@ -1,0 +1,45 @@
+"""Smoothing without shrinking: a step of lambda, and one of mu back, 1 / lambda + 1 / mu = passband [Taubin 95]."""
+
+from meshflow.classics.inputs import ready
+from meshflow.errors import InputError
+from meshflow.geometry.laplacians import Border
+from meshflow.geometry.validation import Array
+
+__all__ = ["mu", "taubin"]
+
+
+def taubin(
+    points: Array,
+    faces: Array,
+    weight: float = 0.5,
+    passband: float = 0.1,
+    steps: int = 10,
+    border: Border = "curve",
+) -> Array:
+    """Smoothing without shrinking, a step of lambda and one of mu < -lambda in turn, 1 / lambda + 1 / mu = passband.
+
+    G. Taubin, *A signal processing approach to fair surface design*, SIGGRAPH 1995 [Taubin 95].
+
+    :param points: (n, d).
+    :param faces: (m, 3).
+    :param weight: lambda, in (0, 1].
+    :param passband: k_PB: frequencies of the umbrella (0 to 2) below it are kept; 0 or more, below 1 / weight.
+    :param steps: pairs of them, 0 or more.
+    :returns: points (n, d).
+    :raises InputError: for arrays or parameters other than these.
+    """
+    x, mean = ready(points, faces, steps, border)
+    if not (0 < weight <= 1 and 0 <= passband < 1 / weight):
+        raise InputError(
+            f"taubin: 0 < weight <= 1 and 0 <= passband < 1 / weight expected, got {weight} and {passband}"
+        )
+    back = mu(weight, passband)
+    for _ in range(steps):
+        x += weight * (mean @ x - x)
+        x += back * (mean @ x - x)
+    return x
+
+
+def mu(weight: float, passband: float) -> float:
+    """The weight of Taubin's step back, from 1 / lambda + 1 / mu = passband."""
+    return weight / (passband * weight - 1.0)

@@ -1,0 +1,159 @@
+// Who touches whom on a mesh: the corners around each vertex, edges of one triangle and of two, the pattern of its matrices.
+#pragma once
+#include "mesh_corners.h"
+#include "memory.h"
+
+namespace meshflow {
+
+// Where the corners of each vertex begin, first (n + 1,), and the corners (c,), in their order; c = 3 m.
+inline i64 corners_around(i64 m, i64 c, i64 n, const i32* faces, i64* first, i32* corners) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    for (i64 i = 0; i <= n; ++i) first[i] = 0;
+    for (i64 at = 0; at < c; ++at) ++first[faces[at] + 1];
+    for (i64 i = 0; i < n; ++i) first[i + 1] += first[i];
+    // Each place is handed out once, and moves on: first[i] is then where the corners of i end.
+    for (i64 at = 0; at < c; ++at) corners[first[faces[at]]++] = static_cast<i32>(at);
+    for (i64 i = n; i > 0; --i) first[i] = first[i - 1];
+    first[0] = 0;
+    return 0;
+}
+
+// The ends other than i of the two sides that meet at a corner, and the corners opposite to those sides.
+// visit(other end, opposite corner); none of a triangle that names a vertex twice, which has no sides.
+template <class F> void for_sides(i64 i, Corner at, const i32* faces, const F& visit) {
+    const i32 j = faces[at.b], k = faces[at.d];
+    if (j == i || k == i || j == k) return;
+    visit(j, at.d), visit(k, at.b);
+}
+
+// Marks (c,) the corners opposite to edges of one triangle only. One stamp for all, since a fan may have any width.
+inline i64 mark_border(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const i32* faces, u8* lonely) {
+    if (c != 3 * m || !are_around(first, corners, 0, n, c)) return OUT_OF_RANGE;
+    const Memory<i32> stamp(n), times(n);
+    if (!stamp || !times) return NO_MEMORY;
+    for (i64 i = 0; i < n; ++i) stamp[i] = -1;
+    for (i64 at = 0; at < c; ++at) lonely[at] = 0;
+    for (i64 i = 0; i < n; ++i) {
+        const auto around = [&](const auto& visit) {
+            for (i64 t = first[i]; t < first[i + 1]; ++t) for_sides(i, Corner(corners[t]), faces, visit);
+        };
+        around([&](i32 other, std::uint32_t) {
+            times[other] = stamp[other] == i ? times[other] + 1 : 1;
+            stamp[other] = static_cast<i32>(i);
+        });
+        around([&](i32 other, std::uint32_t opposite) {
+            if (other > i && times[other] == 1) lonely[opposite] = 1;
+        });
+    }
+    return 0;
+}
+
+// Sorts in place: by insertion what is short, the fan of an apex by a heap.
+inline void sort(i32* numbers, i64 count) {
+    if (count <= 48) {
+        for (i64 i = 1; i < count; ++i) {
+            const i32 number = numbers[i];
+            i64 at = i;
+            for (; at > 0 && numbers[at - 1] > number; --at) numbers[at] = numbers[at - 1];
+            numbers[at] = number;
+        }
+        return;
+    }
+    const auto sift = [&](i64 at, i64 end) {
+        const i32 number = numbers[at];
+        for (i64 child; (child = 2 * at + 1) < end; at = child) {
+            if (child + 1 < end && numbers[child] < numbers[child + 1]) ++child;
+            if (numbers[child] <= number) break;
+            numbers[at] = numbers[child];
+        }
+        numbers[at] = number;
+    };
+    for (i64 at = count / 2; at-- > 0;) sift(at, count);
+    for (i64 end = count; --end > 0;) {
+        const i32 greatest = numbers[0];
+        numbers[0] = numbers[end];
+        sift(0, end);
+        numbers[end] = greatest;
+    }
+}
+
+// The vertex i and all that share a triangle with it, sorted, each once, into row; returns how many.
+inline i64 list_row(i64 i, const i64* first, const i32* corners, const i32* faces, i32* row) {
+    i64 many = 0;
+    row[many++] = static_cast<i32>(i);
+    for (i64 t = first[i]; t < first[i + 1]; ++t) {
+        const Corner at(corners[t]);
+        row[many++] = faces[at.b], row[many++] = faces[at.d];
+    }
+    sort(row, many);
+    i64 kept = 1;
+    for (i64 at = 1; at < many; ++at)
+        if (row[at] != row[kept - 1]) row[kept++] = row[at];
+    return kept;
+}
+
+// work(i, row, count) for all vertices, the row of each as list_row has it; work returns false where an index is out of range.
+template <class F> i64 for_rows(i64 n, i64 c, const i64* first, const i32* corners, const i32* faces, i32 threads, const F& work) {
+    std::atomic<bool> room{true};
+    const i64 done = checked_blocks(n, threads, [&](i64 begin, i64 end) {
+        if (!are_around(first, corners, begin, end, c)) return false;
+        i64 widest = 0;
+        for (i64 i = begin; i < end; ++i) widest = first[i + 1] - first[i] > widest ? first[i + 1] - first[i] : widest;
+        const Memory<i32> row(2 * widest + 1);
+        if (!row) {
+            room.store(false, std::memory_order_relaxed);
+            return true;
+        }
+        for (i64 i = begin; i < end; ++i)
+            if (!work(i, row.get(), list_row(i, first, corners, faces, row.get()))) return false;
+        return true;
+    });
+    return room.load(std::memory_order_relaxed) ? done : i64(NO_MEMORY);
+}
+
+// Where the rows of the pattern begin, indptr (n + 1,): each vertex with all that share a triangle with it. Returns its entries.
+inline i64 pattern_rows(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const i32* faces, i32* indptr, i32 threads) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    indptr[0] = 0;
+    const i64 done = for_rows(n, c, first, corners, faces, threads, [&](i64 i, const i32*, i64 count) {
+        indptr[i + 1] = static_cast<i32>(count);
+        return true;
+    });
+    if (done < 0) return done;
+    i64 entries = 0;
+    for (i64 i = 0; i < n; ++i) {
+        entries += indptr[i + 1];
+        if (entries > INT32_MAX) return OUT_OF_RANGE;
+        indptr[i + 1] = static_cast<i32>(entries);
+    }
+    return entries;
+}
+
+// The columns of the pattern, indices (e,), sorted in each row; where the entries of the two neighbours of each of the corners
+// stand, slots (c, 2); and where those of the diagonal, diagonal (n,).
+inline i64 pattern_entries(i64 n, i64 c, i64 m, i64 e, const i64* first, const i32* corners, const i32* faces, const i32* indptr,
+                           i32* indices, i32* slots, i32* diagonal, i32 threads) {
+    if (c != 3 * m || !are_rising(indptr, 0, n, e)) return OUT_OF_RANGE;
+    return for_rows(n, c, first, corners, faces, threads, [&](i64 i, const i32* row, i64 count) {
+        const i32 base = indptr[i];
+        if (indptr[i + 1] - base != count) return false;
+        for (i64 at = 0; at < count; ++at) indices[base + at] = row[at];
+        const auto place = [&](i32 vertex) {
+            i64 low = 0;
+            for (i64 left = count; left > 1;) {
+                const i64 half = left / 2;
+                low += row[low + half] <= vertex ? half : 0;
+                left -= half;
+            }
+            return base + static_cast<i32>(low);
+        };
+        diagonal[i] = place(static_cast<i32>(i));
+        for (i64 t = first[i]; t < first[i + 1]; ++t) {
+            const Corner at(corners[t]);
+            slots[2 * t] = place(faces[at.b]), slots[2 * t + 1] = place(faces[at.d]);
+        }
+        return true;
+    });
+}
+
+}  // namespace meshflow

@@ -1,0 +1,65 @@
+"""Who touches whom on a mesh: the corners around each vertex, the edges of one triangle, the pattern of its matrices.
+
+Corner c of a mesh is corner ``c % 3`` of triangle ``c // 3``.
+"""
+
+from typing import Annotated
+
+from meshflow.kernels.gate import kernel
+from meshflow.kernels.parameters import Array, read, size, threads, write
+
+__all__ = ["corners_around", "mark_border", "pattern_entries", "pattern_rows"]
+
+First = Annotated[Array, read("int64", "n+1")]
+Corners = Annotated[Array, read("int32", "c")]
+Faces = Annotated[Array, read("int32", "m", 3, below="n")]
+Threads = Annotated[int | None, threads]
+
+
+@kernel
+def corners_around(
+    n: Annotated[int, size],
+    faces: Faces,
+    first: Annotated[Array, write("int64", "n+1")],
+    corners: Annotated[Array, write("int32", "c")],
+) -> None:
+    """Where the corners of each vertex begin, ``first``, and the corners of one vertex after the other, in their order.
+
+    :param n: how many vertices there are.
+    """
+
+
+@kernel
+def mark_border(first: First, corners: Corners, faces: Faces, lonely: Annotated[Array, write("bool", "c")]) -> None:
+    """Mark the corners opposite to edges that belong to one triangle only."""
+
+
+@kernel
+def pattern_rows(
+    first: First,
+    corners: Corners,
+    faces: Faces,
+    indptr: Annotated[Array, write("int32", "n+1")],
+    threads: Threads = None,
+) -> int:
+    """Where the rows of the CSR pattern begin, each vertex with all that share a triangle with it; how many entries there are."""
+    raise NotImplementedError
+
+
+@kernel
+def pattern_entries(
+    first: First,
+    corners: Corners,
+    faces: Faces,
+    indptr: Annotated[Array, read("int32", "n+1")],
+    indices: Annotated[Array, write("int32", "e")],
+    slots: Annotated[Array, write("int32", "c", 2)],
+    diagonal: Annotated[Array, write("int32", "n")],
+    threads: Threads = None,
+) -> None:
+    """The columns of the pattern, sorted in each row; where entries stand.
+
+    ``slots`` takes those of the two neighbours of each corner, ``diagonal`` those of the diagonal.
+
+    :param indptr: as :func:`pattern_rows` makes it.
+    """

@@ -1,0 +1,58 @@
+// Corners of a mesh: corner c is corner c % 3 of triangle c / 3. Loops gather over the corners of a vertex, so that no two threads
+// write to one place and the sum does not depend on their number.
+//
+// Faces are checked by the gate. What is made of them (which corners are around a vertex, where entries of a matrix stand) is
+// checked here, a block at a time, while it is in the cache anyway.
+#pragma once
+#include <atomic>
+
+#include "team.h"
+
+namespace meshflow {
+
+constexpr i64 MESH_BLOCK = 1 << 13;  // vertices or triangles that are worth handing to a thread
+
+// The corner c with those that come after it in its triangle, b and then d, all counted among the corners of the mesh.
+struct Corner {
+    std::uint32_t c, b, d;
+    explicit Corner(i32 number) : c(static_cast<std::uint32_t>(number)) {
+        const std::uint32_t turn = c % 3;
+        b = turn == 2 ? c - 2 : c + 1;
+        d = turn == 0 ? c + 2 : c - 1;
+    }
+    std::uint32_t triangle() const { return c / 3; }
+};
+
+// Whether all numbers are indices below a bound.
+inline bool are_below(const i32* numbers, i64 count, i64 bound) {
+    std::uint32_t most = 0;
+    for (i64 i = 0; i < count; ++i) {
+        const std::uint32_t number = static_cast<std::uint32_t>(numbers[i]);
+        most = most < number ? number : most;
+    }
+    return count <= 0 || static_cast<i64>(most) < bound;
+}
+
+// Whether first[begin] to first[end] rise from 0 or more to at most a limit.
+template <class I> bool are_rising(const I* first, i64 begin, i64 end, i64 limit) {
+    bool rising = first[begin] >= 0 && static_cast<i64>(first[end]) <= limit;
+    for (i64 i = begin; i < end; ++i) rising &= first[i] <= first[i + 1];
+    return rising;
+}
+
+// Whether the corners around the vertices begin to end - 1 are there, of so many.
+inline bool are_around(const i64* first, const i32* corners, i64 begin, i64 end, i64 many) {
+    return are_rising(first, begin, end, many) && are_below(corners + first[begin], first[end] - first[begin], many);
+}
+
+// work(begin, end) for n things in blocks; it returns false where an index is out of range.
+template <class F> i64 checked_blocks(i64 n, i32 threads, const F& work) {
+    std::atomic<bool> sound{true};
+    parallel_blocks(n, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
+        if (!work(begin, end)) sound.store(false, std::memory_order_relaxed);
+    });
+    if (sound.load(std::memory_order_relaxed)) return 0;
+    return OUT_OF_RANGE;
+}
+
+}  // namespace meshflow

@@ -1,0 +1,3 @@
+#include "mesh_curvature.h"
+
+MESHFLOW_KERNEL_OF_ONE(directed_weights)

@@ -1,0 +1,91 @@
+"""Triangles as carriers of normals: how normals spread from one to the next, how points follow."""
+
+from typing import Annotated
+
+from meshflow.kernels.gate import kernel
+from meshflow.kernels.parameters import Array, read, real, threads, write
+
+__all__ = ["directed_weights", "edge_conductances", "follow_normals", "spread_normals", "triangle_normals"]
+
+Points = Annotated[Array, read("float64", "n", 3)]
+Faces = Annotated[Array, read("int32", "m", 3, below="n")]
+Normals = Annotated[Array, read("float64", "m", 3)]
+Across = Annotated[Array, read("int32", "m", 3)]
+Threads = Annotated[int | None, threads]
+
+
+@kernel
+def triangle_normals(
+    points: Points,
+    faces: Faces,
+    normals: Annotated[Array, write("float64", "m", 3)],
+    areas: Annotated[Array, write("float64", "m")],
+    threads: Threads = None,
+) -> None:
+    """Unit normals and areas of triangles; a triangle without area has the normal zero."""
+
+
+@kernel
+def edge_conductances(
+    points: Points,
+    faces: Faces,
+    across: Across,
+    conductances: Annotated[Array, write("float64", "m", 3)],
+    threads: Threads = None,
+) -> None:
+    """|e| / |d| of the edge opposite each corner, d the way from centroid to centroid; zero where nothing is beyond it.
+
+    :param across: the triangle beyond the edge opposite each corner; negative for none.
+    """
+
+
+@kernel
+def spread_normals(
+    normals: Normals,
+    areas: Annotated[Array, read("float64", "m")],
+    weights: Normals,
+    across: Across,
+    dt: Annotated[float, real],
+    contrast2: Annotated[float, real],
+    power: Annotated[float, real],
+    out: Annotated[Array, write("float64", "m", 3)],
+    threads: Threads = None,
+) -> None:
+    """One step of dt of A dn/dt = sum of w (1 + contrast2 |n_beyond - n|^2)^power (n_beyond - n), made unit normals.
+
+    :param weights: w, of the edge opposite each corner.
+    :param across: as in :func:`edge_conductances`.
+    """
+
+
+@kernel
+def follow_normals(
+    points: Points,
+    first: Annotated[Array, read("int64", "n+1")],
+    corners: Annotated[Array, read("int32", "c")],
+    faces: Faces,
+    normals: Normals,
+    held: Annotated[Array, read("bool", "n")],
+    out: Annotated[Array, write("float64", "n", 3)],
+    threads: Threads = None,
+) -> None:
+    """Points moved by the mean of n_f n_f . (c_f - x) over the triangles f around each, c_f their centroids.
+
+    :param held: points that stay.
+    """
+
+
+@kernel
+def directed_weights(
+    points: Points,
+    faces: Faces,
+    normals: Points,
+    threshold: Annotated[float, real],
+    weights: Annotated[Array, write("float64", "m", 3)],
+    threads: Threads = None,
+) -> None:
+    """Weights in place of cotangents, of a diffusion along the directions in which the normals of the vertices turn little.
+
+    :param normals: of the vertices.
+    :param threshold: the curvature, per length, above which a direction is not followed.
+    """

@@ -1,0 +1,12 @@
+#include "mesh_operator.h"
+
+MESHFLOW_KERNEL_OF_ONE(triangle_angles)
+MESHFLOW_KERNEL_OF_ONE(form_angles)
+MESHFLOW_KERNEL_OF_ONE(chart_forms)
+MESHFLOW_KERNEL_OF_ONE(triangle_bounds)
+MESHFLOW_KERNEL_OF_ONE(vertex_mass)
+MESHFLOW_KERNEL_OF_ONE(area_gradient)
+MESHFLOW_KERNEL_OF_ONE(chart_gradient)
+MESHFLOW_KERNEL_OF_ONE(border_conormals)
+MESHFLOW_KERNEL_OF_ONE(area_seen)
+MESHFLOW_KERNEL_OF_ONE(fill_stiffness)

@@ -1,0 +1,217 @@
+// The cotangent operator of a mesh: what its triangles measure, and what each vertex gathers from the triangles around it.
+#pragma once
+#include "mesh_corners.h"
+#include "mesh_triangle.h"
+
+namespace meshflow {
+
+// Cotangents (m, 3) and areas (m,) of the triangles of points (n, d). forms (m, 4), or null: lengths measured in further
+// coordinates, added to those of the points, which sharpness stretches against them.
+template <int D> i64 measure(i64 d, i64 m, const double* points, const i32* faces, const double* forms, double sharpness,
+                             double* cot, double* area, i32 threads) {
+    parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
+        for (i64 f = begin; f < end; ++f) {
+            const i32* corners = faces + 3 * f;
+            Dots<double> form = form_of<double, D>([&](int c, i64 q) { return points[(D ? D : d) * corners[c] + q]; }, d);
+            if (forms) {
+                const double* base = forms + 4 * f;
+                form = sharpened(form, Dots<double>{{base[0], base[1], base[2]}, base[3]}, sharpness);
+            }
+            const Angles<double> angles = angles_of(form);
+            for (int c = 0; c < 3; ++c) cot[3 * f + c] = angles.cot[c];
+            area[f] = angles.area;
+        }
+    });
+    return 0;
+}
+
+inline i64 triangle_angles(i64, i64 d, i64 m, const double* points, const i32* faces, const double* forms, double sharpness,
+                           double* cot, double* area, i32 threads) {
+    if (d == 2) return measure<2>(d, m, points, faces, forms, sharpness, cot, area, threads);
+    if (d == 3) return measure<3>(d, m, points, faces, forms, sharpness, cot, area, threads);
+    if (d == 4) return measure<4>(d, m, points, faces, forms, sharpness, cot, area, threads);
+    if (d == 6) return measure<6>(d, m, points, faces, forms, sharpness, cot, area, threads);
+    return measure<0>(d, m, points, faces, forms, sharpness, cot, area, threads);
+}
+
+// Cotangents (m, 3) and areas (m,) of triangles known by their forms (m, 4).
+inline i64 form_angles(i64 m, const double* forms, double* cot, double* area, i32 threads) {
+    parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
+        for (i64 f = begin; f < end; ++f) {
+            const double* form = forms + 4 * f;
+            const Angles<double> angles = angles_of(Dots<double>{{form[0], form[1], form[2]}, form[3]});
+            for (int c = 0; c < 3; ++c) cot[3 * f + c] = angles.cot[c];
+            area[f] = angles.area;
+        }
+    });
+    return 0;
+}
+
+// The forms (m, 4) of triangles whose corners (m, 3, d) are given one by one.
+inline i64 chart_forms(i64 m, i64 d, const double* charts, double* forms, i32 threads) {
+    parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
+        for (i64 f = begin; f < end; ++f) {
+            const Dots<double> form = form_of<double, 0>([&](int c, i64 q) { return charts[(3 * f + c) * d + q]; }, d);
+            for (int c = 0; c < 3; ++c) forms[4 * f + c] = form.dot[c];
+            forms[4 * f + 3] = form.det;
+        }
+    });
+    return 0;
+}
+
+// The bound (m,) of the eigenvalues of M^-1 L that each triangle allows.
+inline i64 triangle_bounds(i64 m, const double* cot, const double* area, i64 kind, double* bounds, i32 threads) {
+    for_mass(kind, [&]<Mass KIND>() {
+        parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
+            for (i64 f = begin; f < end; ++f) bounds[f] = bound<KIND>(cot + 3 * f, area[f]);
+        });
+    });
+    return 0;
+}
+
+// The mass (n,) of each vertex. c: the corners of the mesh, three for each triangle, in these and all that follow.
+inline i64 vertex_mass(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const double* cot, const double* area, i64 kind,
+                       double* mass, i32 threads) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    i64 done = 0;
+    for_mass(kind, [&]<Mass KIND>() {
+        done = checked_blocks(n, threads, [&](i64 begin, i64 end) {
+            if (!are_around(first, corners, begin, end, c)) return false;
+            for (i64 i = begin; i < end; ++i) {
+                double total = 0.0;
+                for (i64 t = first[i]; t < first[i + 1]; ++t) {
+                    const Corner at(corners[t]);
+                    total += share<KIND>(cot[at.c], cot[at.b], cot[at.d], area[at.triangle()]);
+                }
+                mass[i] = total;
+            }
+            return true;
+        });
+    });
+    return done;
+}
+
+// What each vertex gathers of d coordinates; those of corner c of the mesh stand at at(c).
+template <int D, class At> i64 gather_gradient(i64 n, i64 c, i64 d, const i64* first, const i32* corners, const double* cot,
+                                               const At& at, double* gradient, i32 threads) {
+    const i64 many = D ? D : d;
+    return checked_blocks(n, threads, [&](i64 begin, i64 end) {
+        if (!are_around(first, corners, begin, end, c)) return false;
+        for (i64 i = begin; i < end; ++i) {
+            double* sum = gradient + many * i;
+            for (i64 q = 0; q < many; ++q) sum[q] = 0.0;
+            for (i64 t = first[i]; t < first[i + 1]; ++t) {
+                const Corner corner(corners[t]);
+                const double at_j = cot[corner.b], at_k = cot[corner.d];
+                const double *x = at(corner.c), *x_j = at(corner.b), *x_k = at(corner.d);
+                for (i64 q = 0; q < many; ++q) sum[q] += pull(at_j, at_k, x[q], x_j[q], x_k[q]);
+            }
+        }
+        return true;
+    });
+}
+
+// The gradient (n, d) of the area with respect to points (n, d), in the metric of the cotangents.
+inline i64 area_gradient(i64 n, i64 c, i64 m, i64 d, const i64* first, const i32* corners, const i32* faces, const double* cot,
+                         const double* points, double* gradient, i32 threads) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    const auto of = [&]<int D>() {
+        const i64 many = D ? D : d;
+        const auto at = [&](std::uint32_t corner) { return points + many * faces[corner]; };
+        return gather_gradient<D>(n, c, d, first, corners, cot, at, gradient, threads);
+    };
+    if (d == 1) return of.template operator()<1>();
+    if (d == 2) return of.template operator()<2>();
+    if (d == 3) return of.template operator()<3>();
+    return of.template operator()<0>();
+}
+
+// The same of coordinates that each triangle's corners (m, 3, d) have in a chart of its own.
+inline i64 chart_gradient(i64 n, i64 c, i64 m, i64 d, const i64* first, const i32* corners, const double* cot,
+                          const double* charts, double* gradient, i32 threads) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    const auto at = [&](std::uint32_t corner) { return charts + d * corner; };
+    return gather_gradient<0>(n, c, d, first, corners, cot, at, gradient, threads);
+}
+
+// Half the outward conormal times the length of each boundary edge, -(cot_i (X_k - X_j) + cot_j (X_k - X_i)), is what the area
+// gradient (n, d) holds at both its ends for want of a triangle beyond; it is taken out. border (b,): the corners opposite to
+// them; charts (b, 3, d): the coordinates of the corners of their triangles.
+inline i64 border_conormals(i64 b, i64 m, i64 d, i64, const i64* border, const i32* faces, const double* cot,
+                            const double* charts, double* gradient) {
+    for (i64 t = 0; t < b; ++t) {
+        if (border[t] < 0 || border[t] >= 3 * m) return OUT_OF_RANGE;
+        const Corner at(static_cast<i32>(border[t]));
+        const std::uint32_t base = 3 * at.triangle();
+        const double* chart = charts + 3 * d * t;
+        const double *x_k = chart + d * (at.c - base), *x_i = chart + d * (at.b - base), *x_j = chart + d * (at.d - base);
+        double *at_i = gradient + d * faces[at.b], *at_j = gradient + d * faces[at.d];
+        for (i64 q = 0; q < d; ++q) {
+            const double half = 0.5 * (cot[at.b] * (x_k[q] - x_j[q]) + cot[at.d] * (x_k[q] - x_i[q]));
+            at_i[q] += half, at_j[q] += half;
+        }
+    }
+    return 0;
+}
+
+// The area (n,) of the triangles around each vertex after projecting them along its direction (n, 3), in R^3.
+inline i64 area_seen(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const i32* faces, const double* points,
+                     const double* directions, double* seen, i32 threads) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    return checked_blocks(n, threads, [&](i64 begin, i64 end) {
+        if (!are_around(first, corners, begin, end, c)) return false;
+        for (i64 i = begin; i < end; ++i) {
+            const double rx = directions[3 * i], ry = directions[3 * i + 1], rz = directions[3 * i + 2];
+            const double length = std::sqrt(rx * rx + ry * ry + rz * rz);
+            double total = 0.0;
+            for (i64 t = first[i]; t < first[i + 1]; ++t) {
+                const i32* face = faces + 3 * i64(Corner(corners[t]).triangle());
+                const double *x = points + 3 * i64(face[0]), *y = points + 3 * i64(face[1]), *z = points + 3 * i64(face[2]);
+                const double ux = y[0] - x[0], uy = y[1] - x[1], uz = y[2] - x[2];
+                const double vx = z[0] - x[0], vy = z[1] - x[1], vz = z[2] - x[2];
+                total += std::fabs(rx * (uy * vz - uz * vy) + ry * (uz * vx - ux * vz) + rz * (ux * vy - uy * vx));
+            }
+            seen[i] = length > 0.0 ? 0.5 * total / length : 0.0;
+        }
+        return true;
+    });
+}
+
+// The numbers (e,) of the stiffness in the pattern of the mesh: L, or L_ij (d_i . d_j) of directions (n, 3).
+template <bool MOVES> i64 fill(i64 n, i64 c, i64 e, const i64* first, const i32* corners, const i32* faces, const i32* indptr,
+                               const i32* slots, const i32* diagonal, const double* cot, const double* rays, double* data,
+                               i32 threads) {
+    const auto dot = [&](i64 i, i64 j) {
+        const double *a = rays + 3 * i, *b = rays + 3 * j;
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    };
+    return checked_blocks(n, threads, [&](i64 begin, i64 end) {
+        if (!are_around(first, corners, begin, end, c) || !are_rising(indptr, begin, end, e) ||
+            !are_below(slots + 2 * first[begin], 2 * (first[end] - first[begin]), e) ||
+            !are_below(diagonal + begin, end - begin, e))
+            return false;
+        for (i64 i = begin; i < end; ++i) {
+            for (i64 at = indptr[i]; at < indptr[i + 1]; ++at) data[at] = 0.0;
+            double own = 0.0;
+            for (i64 t = first[i]; t < first[i + 1]; ++t) {
+                const Corner at(corners[t]);
+                double to_j = 0.5 * cot[at.d], to_k = 0.5 * cot[at.b], both = 0.5 * (cot[at.b] + cot[at.d]);
+                if constexpr (MOVES) to_j *= dot(i, faces[at.b]), to_k *= dot(i, faces[at.d]), both *= dot(i, i);
+                data[slots[2 * t]] -= to_j;
+                data[slots[2 * t + 1]] -= to_k;
+                own += both;
+            }
+            data[diagonal[i]] += own;
+        }
+        return true;
+    });
+}
+
+inline i64 fill_stiffness(i64 n, i64 c, i64 m, i64 e, const i64* first, const i32* corners, const i32* faces, const i32* indptr,
+                          const i32* slots, const i32* diagonal, const double* cot, const double* rays, double* data, i32 threads) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    if (rays) return fill<true>(n, c, e, first, corners, faces, indptr, slots, diagonal, cot, rays, data, threads);
+    return fill<false>(n, c, e, first, corners, faces, indptr, slots, diagonal, cot, rays, data, threads);
+}
+
+}  // namespace meshflow

@@ -1,0 +1,322 @@
+"""Laws of the compiled loops over meshes: one for each thing that is compiled apart."""
+
+import hashlib
+import multiprocessing
+import os
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+from helpers import shapes
+
+from meshflow.flow.conjugate_gradients import conjugate_gradients
+from meshflow.geometry import blocks, curvature, delaunay, normals, operator
+from meshflow.geometry.connectivity import connect
+from meshflow.kernels import conjugate_gradients as cg_kernels
+from meshflow.kernels import mesh_blocks, mesh_connectivity, mesh_delaunay, mesh_normals, mesh_operator
+from meshflow.kernels.library import environment
+from meshflow.synthetic.shapes import sphere
+
+SHARPNESS = (1.0, 1.5, 2.0, 3.0)
+
+
+def everything(seed=0):
+    """Numbers of every loop, of meshes of several blocks, by name."""
+    rng, ball = np.random.default_rng(seed), sphere(6)
+    points, faces = ball.noisy("iso", 0.2, 3), ball.faces[40:]
+    n, m, found = len(points), len(faces), {}
+    c = connect((faces,), n)
+    pattern = c.pattern
+    found |= {"border": c.border, "indices": pattern.indices, "slots": pattern.slots}
+    for d in (1, 2, 3, 4, 5, 6):
+        wide = np.ascontiguousarray(np.concatenate([points, points], axis=1)[:, :d] + 0.01 * rng.normal(size=(n, d)))
+        charts = rng.normal(size=(m, 3, d))
+        if d > 1:
+            forms = operator.forms(charts)
+            for q in SHARPNESS:
+                found[f"sharpened {d} {q}"], _ = operator.cotangents(wide, faces, forms, q)
+            found[f"cot {d}"], _ = operator.cotangents(wide, faces)
+        cot, area = operator.cotangents(points, faces)
+        found[f"gradient {d}"] = operator.gather_gradient(c, cot, wide, True)
+        found[f"charts {d}"] = operator.gather_chart_gradient(c, cot, charts, True)
+    held = rng.random(n) < 0.1
+    of_blocks = blocks.blocked(points, faces)
+    assert of_blocks is not None
+    for kind, word in enumerate(operator.MASSES):
+        found[f"mass {word}"] = operator.gather_mass(c, cot, area, word)
+        found[f"bound {word}"] = operator.rate_bound(cot, area, word)
+        out, inverse = np.empty_like(points), np.empty(n)
+        blocks.march_blocks(of_blocks, points, kind, held, 1.0, 1e-4, out, inverse)
+        found |= {f"step {word}": out, f"inverse {word}": inverse}
+    rays = rng.normal(size=(n, 3))
+    found |= {"L": operator.fill_stiffness(c, cot).data, "along rays": operator.fill_stiffness(c, cot, rays).data}
+    found["seen"] = operator.gather_seen(c, points, rays)
+    across, (at, areas) = normals.beyond(faces), normals.measured(points, faces)
+    weights = normals.conductances(points, faces, across)
+    for q in (2.0, 4.0, 8.0, 3.0):
+        found[f"spread {q}"] = normals.spread(at, areas, weights, across, 1e-4, 2.0, q, 3)
+    found["followed"] = normals.followed(points, c, at, held, 3)
+    found["directed"] = curvature.directed(points, faces, 2.0)
+    found["flipped"], lengths = delaunay.delaunay(faces, delaunay.side_lengths(points, faces))
+    found["of lengths"], _ = delaunay.length_cotangents(lengths)
+    matrix = operator.stiffness(points, faces) + sparse.identity(n)
+    for k in range(1, 9):
+        found[f"solved {k}"], _ = conjugate_gradients(
+            sparse.csr_matrix(matrix), rng.normal(size=(n, k)), None, 1e-9, 60
+        )
+    return found
+
+
+def digests():
+    """What :func:`everything` finds, to the bit, in a line for each."""
+    return {
+        name: hashlib.sha256(np.ascontiguousarray(a).tobytes()).hexdigest()[:16] for name, a in everything().items()
+    }
+
+
+def test_no_loop_over_a_mesh_depends_on_the_number_of_threads(monkeypatch):
+    found = {}
+    for many in (1, 2, 5):
+        monkeypatch.setenv("MESHFLOW_NUM_THREADS", str(many))
+        found[many] = digests()
+    assert found[1] == found[2] == found[5]
+
+
+def test_no_loop_over_a_mesh_depends_on_the_instruction_set():
+    others = [level for level in ("v2", "v3") if level != environment().instruction_set]
+    if environment().instruction_set == "baseline" or not others:
+        pytest.skip("one instruction set on this kind of machine")
+    script = "import test_mesh_kernels as t; print(t.digests())"
+    env = {**os.environ, "MESHFLOW_ISA": others[0], "PYTHONPATH": os.pathsep.join(sys.path)}
+    told = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True)
+    if "cannot run the kernels" in told.stderr:
+        pytest.skip(told.stderr.splitlines()[-1])
+    assert told.stdout.splitlines()[-1] == str(digests()), told.stderr
+
+
+@pytest.mark.parametrize("sharpness", SHARPNESS)
+@pytest.mark.parametrize("d", [2, 3, 4, 5, 6])
+def test_triangles_measure_the_same_in_a_space_of_more_dimensions(d, sharpness):
+    rng = np.random.default_rng(d)
+    points, faces = shapes.soup(40, 70, d)
+    forms = operator.forms(rng.normal(size=(70, 3, 3)))
+    turned, _ = np.linalg.qr(rng.normal(size=(9, d)))
+    for base, q in ((None, 1.0), (forms, sharpness)):
+        here, there = (
+            operator.cotangents(points, faces, base, q),
+            operator.cotangents(points @ turned.T, faces, base, q),
+        )
+        for one, other in zip(here, there, strict=True):
+            assert np.abs(one - other).max() <= 1e-11 * np.abs(one).max()
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 4, 5])
+def test_coordinates_are_gathered_each_by_itself_and_by_charts_as_by_points(d):
+    points, faces = shapes.soup(40, 70, 3)
+    wide = np.random.default_rng(d).normal(size=(40, d))
+    c, (cot, _) = connect((faces,), 40), operator.cotangents(points, faces)
+    for linear in (False, True):
+        whole = operator.gather_gradient(c, cot, wide, linear)
+        for q in range(d):
+            assert np.array_equal(whole[:, q], operator.gather_gradient(c, cot, wide[:, q : q + 1], linear)[:, 0])
+        assert np.array_equal(whole, operator.gather_chart_gradient(c, cot, wide[c.faces], linear))
+
+
+def test_directions_that_are_all_one_unit_vector_leave_the_stiffness_as_it_is():
+    points, faces = shapes.soup(40, 70, 3)
+    c, (cot, _) = connect((faces,), 40), operator.cotangents(points, faces)
+    plain, along = operator.fill_stiffness(c, cot), operator.fill_stiffness(c, cot, np.tile([0.0, 0.0, 1.0], (40, 1)))
+    assert np.array_equal(plain.data, along.data)
+
+
+def test_the_pattern_of_a_mesh_is_that_of_vertices_that_share_a_triangle_however_wide_a_fan_is():
+    rng = np.random.default_rng(1)
+    ring = 5 + rng.permutation(400)
+    faces = np.concatenate(
+        [shapes.soup(60, 100, 3)[1], [[3, i, j] for i, j in zip(ring, np.roll(ring, 1), strict=True)]]
+    )
+    faces = np.concatenate([faces, [[7, 7, 9], [8, 8, 8]]])
+    c = connect((faces,), 500)
+    ones = sparse.coo_matrix((np.ones(3 * len(faces)), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))))
+    ones.resize(500, len(faces))
+    wanted = sparse.csr_matrix(ones @ ones.T + sparse.identity(500))
+    wanted.sort_indices()
+    pattern = c.pattern
+    assert np.array_equal(pattern.indptr, wanted.indptr)
+    assert np.array_equal(pattern.indices, wanted.indices)
+    assert np.array_equal(pattern.indices[pattern.diagonal], np.arange(500))
+    corner = c.corners
+    for side, turn in enumerate((1, 2)):
+        beside = c.faces[corner // 3, (corner + turn) % 3]
+        assert np.array_equal(pattern.indices[pattern.slots[:, side]], beside)
+    rows = np.repeat(np.arange(500), np.diff(c.first))
+    assert (pattern.slots.min(axis=1) >= pattern.indptr[rows]).all()
+    assert (pattern.slots.max(axis=1) < pattern.indptr[rows + 1]).all()
+
+
+def test_columns_of_a_system_are_solved_each_by_itself():
+    ball, rng = sphere(4), np.random.default_rng(2)
+    matrix = sparse.csr_matrix(operator.stiffness(ball.points, ball.faces) + sparse.identity(len(ball.points)))
+    right = rng.normal(size=(len(ball.points), 9))
+    for k in range(1, 10):
+        whole, _ = conjugate_gradients(matrix, right[:, :k], None, 0.0, 15)
+        for q in range(k):
+            alone, _ = conjugate_gradients(matrix, np.ascontiguousarray(right[:, q : q + 1]), None, 0.0, 15)
+            assert np.abs(whole[:, q] - alone[:, 0]).max() < 1e-13
+
+
+@pytest.mark.parametrize("sharpness", [2.0, 4.0, 8.0])
+def test_sharpnesses_by_products_are_limits_of_those_by_powers(sharpness):
+    ball = sphere(4)
+    points = ball.noisy("iso", 0.2, 1)
+    at, areas = normals.measured(points, ball.faces)
+    across = normals.beyond(ball.faces)
+    weights = normals.conductances(points, ball.faces, across)
+    one, other = (normals.spread(at, areas, weights, across, 1e-2, 2.0, q, 2) for q in (sharpness, sharpness + 1e-12))
+    assert np.abs(one - other).max() < 1e-11
+
+
+def sound_calls():
+    """A call of each kernel that reads indices: the kernel, its arguments, and which of them are indices."""
+    ball = sphere(2)
+    points, faces, n = ball.points, ball.faces.astype(np.int32), len(ball.points)
+    m, c = len(faces), connect((faces,), n)
+    p, (cot, area) = c.pattern, operator.cotangents(points, faces)
+    across = normals.beyond(faces)
+    b = blocks.blocked(points, faces)
+    assert b is not None
+    held, threes = np.zeros(n, bool), np.empty((m, 3))
+    around = (c.first, c.corners)
+    matrix = operator.fill_stiffness(c, cot)
+    order, block = np.arange(n, dtype=np.int32), (np.arange(n) // 60).astype(np.int32)
+    many = int(block.max()) + 1
+    first = np.empty(many + 1, np.int64)
+    held_by = mesh_blocks.count_blocks(faces, block, first)
+    to, vertices = np.empty((n, 3)), np.empty(3 * held_by + n, np.int32)
+    numbered = (vertices, np.empty(many + 1, np.int64), np.empty((held_by, 3), np.uint16))
+    sums = [np.ones(3) for _ in range(3)]
+    return [
+        (mesh_operator.triangle_angles, [points, faces, None, 1.0, threes, np.empty(m)], [1]),
+        (mesh_operator.vertex_mass, [*around, cot, area, 0, np.empty(n)], [0, 1]),
+        (mesh_operator.area_gradient, [*around, faces, cot, points, to], [0, 1, 2]),
+        (mesh_operator.chart_gradient, [*around, cot, np.zeros((m, 3, 3)), to], [0, 1]),
+        (mesh_operator.border_conormals, [np.arange(3), faces, cot, points[faces[:3]], to], [0, 1]),
+        (mesh_operator.area_seen, [*around, faces, points, points, np.empty(n)], [0, 1, 2]),
+        (
+            mesh_operator.fill_stiffness,
+            [*around, faces, p.indptr, p.slots, p.diagonal, cot, points, np.empty(len(p.indices))],
+            [0, 1, 2, 3, 4, 5],
+        ),
+        (mesh_connectivity.corners_around, [n, faces, np.empty(n + 1, np.int64), np.empty(3 * m, np.int32)], [1]),
+        (mesh_connectivity.mark_border, [*around, faces, np.empty(3 * m, bool)], [0, 1, 2]),
+        (mesh_connectivity.pattern_rows, [*around, faces, np.empty(n + 1, np.int32)], [0, 1, 2]),
+        (
+            mesh_connectivity.pattern_entries,
+            [*around, faces, p.indptr, p.indices.copy(), p.slots.copy(), p.diagonal.copy()],
+            [0, 1, 2, 3],
+        ),
+        (mesh_blocks.count_blocks, [faces, block, first.copy()], [0, 1]),
+        (mesh_blocks.number_blocks, [faces, order, block, 60, first, *numbered], [0, 1, 2, 4]),
+        (
+            mesh_blocks.march_blocks,
+            [
+                b.vertices,
+                b.start,
+                b.owned,
+                b.triangles,
+                b.first,
+                points,
+                0,
+                held,
+                1.0,
+                0.1,
+                to,
+                None,
+                np.empty(len(b.owned)),
+            ],
+            [0, 1, 2, 3, 4],
+        ),
+        (mesh_normals.triangle_normals, [points, faces, threes, np.empty(m)], [1]),
+        (mesh_normals.edge_conductances, [points, faces, across, threes], [1, 2]),
+        (mesh_normals.spread_normals, [cot, area, cot, across, 0.1, 1.0, -1.0, threes], [3]),
+        (mesh_normals.follow_normals, [points, *around, faces, cot, held, to], [1, 2, 3]),
+        (mesh_normals.directed_weights, [points, faces, points, 1.0, threes], [1]),
+        (mesh_delaunay.flip_edges, [faces.copy(), cot.copy(), np.full(3 * m, -1, np.int32)], [2]),
+        (cg_kernels.matrix_product, [matrix.indptr, matrix.indices, matrix.data, points, to], [0, 1]),
+        (
+            cg_kernels.conjugate_gradients,
+            [
+                matrix.indptr,
+                matrix.indices,
+                matrix.data,
+                np.ones(n),
+                np.zeros(3),
+                to,
+                to + 1,
+                to + 2,
+                to + 3,
+                *sums[:2],
+                1,
+            ],
+            [0, 1],
+        ),
+    ]
+
+
+CALLS = [call[0].name for call in sound_calls()]
+
+
+@pytest.mark.parametrize("which", range(len(CALLS)), ids=CALLS)
+def test_an_index_out_of_range_is_refused_wherever_it_stands(which):
+    kernel, sound, indices = sound_calls()[which]
+    kernel(*sound)
+    for at in indices:
+        top = np.iinfo(sound[at].dtype).max
+        for place in (0, sound[at].size // 2, sound[at].size - 1):
+            for wrong in (top, top - 3):
+                arguments = list(sound)
+                arguments[at] = sound[at].copy()
+                arguments[at].flat[place] = wrong
+                with pytest.raises(ValueError, match="indices|index"):
+                    kernel(*arguments)
+
+
+@pytest.mark.parametrize("which", range(len(CALLS)), ids=CALLS)
+def test_an_array_that_is_one_too_short_is_refused(which):
+    kernel, sound, _ = sound_calls()[which]
+    for at, array in enumerate(sound):
+        if isinstance(array, np.ndarray) and (kernel.name, at) != (
+            "count_blocks",
+            0,
+        ):  # it alone says how many there are
+            arguments = list(sound)
+            arguments[at] = array[:-1].copy()
+            with pytest.raises((TypeError, ValueError)):
+                kernel(*arguments)
+
+
+def _smoothed(seed):
+    ball = sphere(6)
+    points, faces = ball.noisy("nrm", 0.2, seed), ball.faces
+    return float(operator.area_gradient(points, faces).sum() + operator.stiffness(points, faces).data.sum())
+
+
+def test_a_child_that_is_forked_after_a_mesh_was_smoothed_smooths_another_one():
+    if "fork" not in multiprocessing.get_all_start_methods():
+        pytest.skip("no fork on this system")
+    script = """
+        import multiprocessing
+        from test_mesh_kernels import _smoothed
+        here = _smoothed(1)
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            assert pool.map(_smoothed, [1, 1, 1]) == [here] * 3
+        assert _smoothed(1) == here
+        print("well")
+    """
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "MESHFLOW_NUM_THREADS": "2"}
+    command = [sys.executable, "-c", textwrap.dedent(script)]
+    told = subprocess.run(command, env=env, capture_output=True, text=True, timeout=120)
+    assert told.stdout.strip() == "well", told.stderr
