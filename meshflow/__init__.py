@@ -55,9 +55,10 @@ if TYPE_CHECKING:
     from meshflow.results.result import Result
     from meshflow.smoothing import estimate_noise, smooth
     from meshflow.surfaces.camera import Orthographic, Pinhole
+    from meshflow.surfaces.free import Axes, Rays
     from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
     from meshflow.surfaces.scanner import Scanner, Spherical
-    from meshflow.surfaces.surface import Axes, Rays, Surface
+    from meshflow.surfaces.surface import Surface
     from meshflow.viewer.filming import film
 
 _HOMES = {
@@ -160,11 +161,8 @@ _HOMES = {
         "Scanner",
         "Spherical",
     ),
-    "surfaces.surface": (
-        "Axes",
-        "Rays",
-        "Surface",
-    ),
+    "surfaces.free": ("Axes", "Rays"),
+    "surfaces.surface": ("Surface",),
     "viewer.filming": ("film",),
 }
 __all__ = sorted(name for names in _HOMES.values() for name in names)  # pyright: ignore[reportUnsupportedDunderAll]

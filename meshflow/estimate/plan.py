@@ -92,15 +92,9 @@ class Plan:
         return float(self.method.twicing or 0.0) if isinstance(self.method, HeightMethod) else 0.0
 
     @property
-    def unit(self) -> float:
-        """Units of u for one of the caller's: the mesh engine counts channels times the contrast."""
-        return self.lift.contrast if isinstance(self.data, Mesh) and self.data.moves == "channels" else 1.0
-
-    @property
     def there(self) -> float:
         """The share of the samples that are there."""
-        missing = None if isinstance(self.data, Mesh) else self.data.missing
-        return 1.0 if missing is None else float(np.mean(~missing))
+        return 1.0 if isinstance(self.data, Mesh) else float(np.mean(~self.data.missing))
 
     @property
     def until(self) -> Until:
@@ -117,14 +111,14 @@ class Plan:
         if self.max_change is None:
             return None
         around = isinstance(self.data, Mesh) and self.data.moves == "points"
-        return Limit.of(start, self.max_change, size_of(self.data)[0], self.unit, around)
+        return Limit.of(start, self.max_change, size_of(self.data)[0], around)
 
     def _scale(self) -> Scale:
         """What makes the numbers of stops those of u."""
         shape, n = size_of(self.data)
-        k, unit = int(np.prod(shape)) // n, self.unit
+        k = int(np.prod(shape)) // n
         each = 1.0 if isinstance(self.data, Mesh) and self.data.moves != "channels" else float(np.sqrt(k))
-        return Scale(self.noise.sigma * self.request.strength * unit * each, self.there, unit, _Seen(shape, unit))
+        return Scale(self.noise.sigma * self.request.strength * each, self.there, _Seen(shape))
 
 
 @dataclass(frozen=True)
@@ -132,10 +126,9 @@ class _Seen:
     """Makes of u the values (h, w), (h, w, k) or (n, k) as the caller knows them, read-only."""
 
     shape: tuple[int, ...]
-    unit: float
 
     def __call__(self, u: Array) -> Array:
-        values = np.asarray(u / self.unit if self.unit != 1.0 else u).reshape(self.shape).view()
+        values = np.asarray(u).reshape(self.shape).view()
         values.flags.writeable = False
         return values
 

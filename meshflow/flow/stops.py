@@ -27,13 +27,11 @@ class Scale:
 
     :ivar sigma: the noise as the flow measures it, unit of u, of a sample with all its channels.
     :ivar there: the share of the samples that are there; those that are not do not move and are not counted.
-    :ivar unit: units of u for one of the caller's.
     :ivar seen: makes of u (n, k) the values as the caller knows them.
     """
 
     sigma: float = 0.0
     there: float = 1.0
-    unit: float = 1.0
     seen: Callable[[Array], Array] = _same
 
 
@@ -139,11 +137,11 @@ class Displacement:
 
     def excess(self, course: Course, u: Array, time: float) -> float:
         """Greatest displacement over what was asked for, minus 1."""
-        return self._moved(course.flow, u) / (self.most * course.scale.unit) - 1.0
+        return self._moved(course.flow, u) / self.most - 1.0
 
     def words(self, course: Course, u: Array, time: float) -> str:
         """As part of a sentence."""
-        return f"a displacement of {self._moved(course.flow, u) / course.scale.unit:.4g} ({self.most:g} asked for)"
+        return f"a displacement of {self._moved(course.flow, u):.4g} ({self.most:g} asked for)"
 
     def _moved(self, flow: Flow, u: Array) -> float:
         return flow.size((1.0, u), (-1.0, flow.start()))[1]

@@ -124,7 +124,7 @@ class Result:
             return np.einsum("ij,ij->i", self.removed, np.asarray(self.before.normals))
         if isinstance(self.before, Mesh):
             return self.removed
-        return self.removed if self.before.missing is None else self.removed[~self.before.missing]
+        return self.removed[~self.before.missing]
 
     @property
     def left(self) -> float:
@@ -157,8 +157,7 @@ class Result:
         if isinstance(self.before, Mesh) or not self.removed.any():
             return None
         planes = self.removed.reshape(*self.removed.shape[:2], -1)
-        missing = self.before.missing
-        there = np.ones((planes.shape[0], planes.shape[1]), bool) if missing is None else ~missing
+        there = ~self.before.missing
         planes = np.where(there[..., None], planes - planes[there].mean(axis=0), 0.0)
         power, found = float(np.mean(planes[there] ** 2)), []
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):

@@ -16,11 +16,12 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.controls import Control, FixedStep, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.mobility import slowed
 from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
-from meshflow.geometry.validation import Array, whole
+from meshflow.geometry.validation import whole
 from meshflow.results.result import History, Moment, Result, release
 from meshflow.surfaces.lift import Mesh, Noun, RangeImage
 
@@ -43,7 +44,7 @@ def run(data: Noun, request: Request, progress: Progress = None, *, record: bool
     start, end, moments = _run(_steered(engine, plan), plan, progress, record)
     done, warnings = plan.data, plan.warnings
     if plan.idle is None:
-        done = _lowered(plan, engine, end.u)
+        done = plan.data.lowered(end.u)
         warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
     if isinstance(engine, GridFlow):
         warnings += _alone(engine, plan) if record is not None else ()
@@ -95,14 +96,14 @@ def states(data: Noun, request: Request, count: int, progress: Progress = None) 
     if plan.points is not None and plan.points.once and time is not None:  # each state is one step from the start
         for mark in (share * time for share in shares):
             *_, state = march(flow, Until(time=mark), stepper, FixedStep(mark), limit=limit)
-            yield state.time, _lowered(plan, engine, state.u)
+            yield state.time, plan.data.lowered(state.u)
         return
     marks = () if time is None else tuple(share * time for share in shares)
     steps = frozenset() if until.steps is None else {round(share * until.steps) for share in shares}
     for state in march(flow, replace(until, marks=marks), stepper, control, progress, limit=limit):
         met = any(abs(state.time - mark) <= 1e-9 * mark for mark in marks) or state.step in steps
         if state.step > 0 and (met or state.reason is not None):
-            yield state.time, _lowered(plan, engine, state.u)
+            yield state.time, plan.data.lowered(state.u)
 
 
 def _engine(plan: Plan) -> Flow:
@@ -113,22 +114,13 @@ def _engine(plan: Plan) -> Flow:
     if plan.points is not None and plan.setting is not None:
         return plan.points.engine(surface, plan.setting)
     clamped = plan.request.compute.triangles == "clamped"
-    return MeshFlow(surface, plan.member, triangles="clamped" if clamped else "given")
+    return MeshFlow(surface, plan.member, Clamped() if clamped else None)
 
 
 def _steered(engine: Flow, plan: Plan) -> Flow:
     """The engine with the mobility and the data weights of a plan."""
     flow = slowed(engine, plan.mobility)
     return flow if plan.pull is None else Faithful(flow, plan.pull)
-
-
-def _lowered(plan: Plan, engine: Flow, u: Array) -> Noun:
-    """The data with the coordinates u (n, k)."""
-    if isinstance(plan.data, Mesh):
-        return plan.data.lowered(u, plan.lift)
-    if not isinstance(engine, GridFlow):
-        raise TypeError(f"a grid is moved by GridFlow, got {type(engine).__name__}")
-    return plan.data.holding(engine.planes(u))
 
 
 def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
@@ -196,8 +188,7 @@ def _hold(plan: Plan, flow: Flow) -> Hold | None:
     limit = plan.limit(flow.start())
     if plan.preserve is None or not isinstance(plan.data, Mesh):
         return limit
-    fixed = np.zeros(len(plan.data.points), bool) if plan.data.fixed is None else plan.data.fixed
-    free = free_of(plan.data.faces, fixed, plan.mobility, rim=plan.lift.boundary == "fixed")
+    free = free_of(plan.data.faces, plan.data.fixed, plan.mobility, rim=plan.lift.boundary == "fixed")
     kept = Kept(plan.preserve, plan.data.faces, flow.start(), free)
     return kept if limit is None else Both(kept, limit)
 
@@ -208,6 +199,4 @@ def _moment(state: State, plan: Plan) -> Moment:
     change, largest = (0.0, 0.0)
     if state.step > 0:
         change, largest = flow.size((1.0, state.u), (-1.0, flow.start()))
-    return Moment(
-        state.time, state.dt, state.area, float(change / np.sqrt(plan.there) / plan.unit), largest / plan.unit
-    )
+    return Moment(state.time, state.dt, state.area, float(change / np.sqrt(plan.there)), largest)

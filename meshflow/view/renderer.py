@@ -8,7 +8,6 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view import hillshade as relief
 from meshflow.view import vtk_scene as scene
@@ -96,7 +95,7 @@ class Stage:
     def _grid(self, noun: Noun) -> tuple[int, int]:
         """Rows and columns that are drawn."""
         assert not isinstance(noun, Mesh)
-        h, w = holes(noun)[:: self.step, :: self.step].shape
+        h, w = noun.missing[:: self.step, :: self.step].shape
         return h, w
 
 

@@ -110,7 +110,7 @@ def _bytes(noun: Noun) -> int:
 
 def _area(noun: Noun) -> float:
     surface = noun.lifted(Lift(diagonals="forward"))  # each triangle once
-    return operator.total_area(surface.points, surface.sheets[0])
+    return operator.total_area(surface.points, surface.triangulations[0])
 
 
 def _change(before: Noun, after: Noun) -> float:
@@ -120,7 +120,6 @@ def _change(before: Noun, after: Noun) -> float:
             return _rms(np.square(before.channels.astype(np.float64) - after.channels))
         return _rms(np.square(paired(before, after, None).removed.values))
     assert not isinstance(before, Mesh)
-    assert before.missing is not None
     if isinstance(before, RangeImage) and isinstance(after, RangeImage):
         squares = np.square(before.depth.astype(np.float64) - after.depth)
     else:

@@ -6,6 +6,7 @@ from typing import ClassVar
 from meshflow.flow.conservation import AlongNormals
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.metric import Clamped, Conformal, Given, metric_of
 from meshflow.flow.methods.beltrami import Mass, Member
 from meshflow.flow.methods.border_curve import Bordered
 from meshflow.flow.methods.points import PointMethod, PointSetting
@@ -37,7 +38,7 @@ class CurvatureFlow(PointMethod):
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
         """What moves the points (n, 3) of a surface."""
         inside = replace(surface, boundary="fixed") if setting.curve else surface
-        return bordered(MeshFlow(inside, self.member, False, setting.triangles), inside, setting)
+        return bordered(MeshFlow(inside, self.member, metric_of(setting.triangles)), inside, setting)
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
@@ -55,7 +56,8 @@ class ConformalFlow(CurvatureFlow):
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
         """What moves the points (n, 3) of a surface."""
         inside = replace(surface, boundary="fixed") if setting.curve else surface
-        return bordered(MeshFlow(inside, self.member, True, setting.triangles), inside, setting)
+        metric = Conformal(Clamped() if setting.triangles == "clamped" else Given())
+        return bordered(MeshFlow(inside, self.member, metric), inside, setting)
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array

@@ -5,6 +5,8 @@ from typing import ClassVar
 
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.metric import NormalChannels as Lengths
+from meshflow.flow.engines.metric import metric_of
 from meshflow.flow.methods.beltrami import Mass, Member
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.geometry.options import option
@@ -31,4 +33,6 @@ class NormalChannels(PointMethod):
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
         """What moves the points (n, 3) of a surface."""
         self.must_hold_border(setting)
-        return MeshFlow(surface, Member(mass=self.mass), False, setting.triangles, self.normal_weight or 1.0)
+        return MeshFlow(
+            surface, Member(mass=self.mass), Lengths(self.normal_weight or 1.0, metric_of(setting.triangles))
+        )

@@ -18,7 +18,7 @@ from meshflow.geometry.connectivity import connect
 from meshflow.geometry.laplacians import umbrella_generator
 from meshflow.geometry.options import option
 from meshflow.geometry.validation import Array, number, positive
-from meshflow.surfaces.surface import Axes, Surface
+from meshflow.surfaces.surface import Surface
 
 __all__ = ["ROUND", "FacetFlow", "NormalFilter"]
 
@@ -97,11 +97,10 @@ class FacetFlow(Dense):
     slivers = False
 
     def __init__(self, surface: Surface, how: NormalFilter | None = None) -> None:
-        if not isinstance(surface.free, Axes) or surface.free.columns != (0, 1, 2) or surface.points.shape[1] != 3:
+        if not surface.is_free or surface.points.shape[1] != 3:
             raise InputError("normal-filter: normals of triangles are kept where the points of a mesh in R^3 move")
-        assert surface.fixed is not None
         self.surface, self.how = surface, (how or NormalFilter()).filled()
-        self.connectivity = connect(surface.sheets, len(surface.points))
+        self.connectivity = connect(surface.triangulations, len(surface.points))
         faces = self.connectivity.faces
         self._across = facets.beyond(faces)
         self.step = facets.mean_edge(surface.points, faces)
@@ -128,7 +127,8 @@ class FacetFlow(Dense):
         weights = facets.conductances(x, faces, self._across)
         sweeps = max(1, round(dt / (SWEEP * self.step**2)))
         contrast, sharpness = how.crease_contrast or 2.0, how.crease_sharpness or 8.0
-        normals = facets.spread(normals, areas, weights, self._across, dt / sweeps, contrast, sharpness, sweeps)
+        by = facets.NormalDiffusion(areas, weights, self._across, contrast, sharpness)
+        normals = facets.spread(normals, by, dt / sweeps, sweeps)
         return facets.followed(x, self.connectivity, normals, self.held, FOLLOWED)
 
     def area(self, u: Array) -> float:

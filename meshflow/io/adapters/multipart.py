@@ -83,7 +83,6 @@ def _section(document: Document, noun: Mesh, rows: Array) -> Adopted:
     at = np.full(len(noun.points), -1)
     at[rows] = np.arange(len(rows))
     faces = at[noun.faces]
-    assert noun.fixed is not None
     part = replace(
         noun,
         points=noun.points[rows],

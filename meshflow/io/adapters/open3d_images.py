@@ -91,7 +91,6 @@ def _raw(thing: Any) -> Array:
 
 def _restored(thing: Any, raw: Array, start: Array, units: float, noun: RangeImage) -> Any:
     open3d = need("open3d", "scan")
-    assert noun.missing is not None
     still = noun.missing | (noun.depth == start)  # these keep the numbers that they had
     values = np.where(still, raw, noun.depth * np.float64(units)).astype(np.float32)
     if isinstance(thing, open3d.geometry.Image):

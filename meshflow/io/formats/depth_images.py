@@ -109,7 +109,6 @@ def write(
     about = document.about if isinstance(document.about, Depths) else None
     values, frame = merged(about.frame if about else document.about, document.noun)
     assert isinstance(document.noun, RangeImage)
-    assert document.noun.missing is not None
     missing = document.noun.missing
     if document.noun.camera.signed:
         raise FormatError(

@@ -89,7 +89,6 @@ def write(
     """
     exr, noun = need("OpenEXR", "exr"), document.noun
     assert isinstance(noun, RangeImage)
-    assert noun.missing is not None
     if noun.camera.signed:
         raise FormatError(
             f"{path.name}: values that count from a point of each sample's own may be 0, which a depth image keeps for what is "

@@ -91,7 +91,6 @@ def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[s
     tags = {name.removeprefix("meshflow:"): word for name, word in tags.items()}
     noun = document.noun
     assert isinstance(noun, RangeImage)
-    assert noun.missing is not None
     cloud = noun.cloud
     with beside(path) as temporary:
         if not isinstance(document.about, Scan):

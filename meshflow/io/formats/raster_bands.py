@@ -176,7 +176,6 @@ def save(
 def framed(noun: HeightField | Image | RangeImage, dtype: str) -> Frame:
     """A frame for samples that came from no raster: their missing samples, and a transform if their spacing is not 1."""
     values = layers(noun)
-    assert noun.missing is not None
     spacing = (1.0, 1.0) if isinstance(noun, RangeImage) else noun.spacing
     dx, dy = spacing
     plain = np.ndim(dx) > 0 or (dx, dy) == (1.0, 1.0)
