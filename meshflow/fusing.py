@@ -10,7 +10,8 @@ from meshflow.errors import InputError, NothingThere
 from meshflow.estimate.frames import Averaged, averaged
 from meshflow.estimate.parameters import Parameter
 from meshflow.geometry.validation import Array
-from meshflow.io.objects import Adopted, adopt
+from meshflow.io.metadata import ReadOptions
+from meshflow.io.objects import Adopted, taken_in
 from meshflow.results.result import Result
 from meshflow.smoothing import HINTS, smooth
 from meshflow.surfaces.range_image import RangeImage
@@ -45,7 +46,7 @@ def fuse(frames: Iterable[Any], *, full: bool = False, **options: Any) -> Any:
     still = bool((one.sigma[~gone] == 0).all())
     noun = replace(first, depth=depth, missing=gone, sigma=None if still else sigma)
     found: Result = smooth(noun, full=True, **options)
-    back = told.restore(replace(found.noun, sigma=first.sigma))
+    back = told.to_object(replace(found.noun, sigma=first.sigma))
     if not full:
         return back
     spread = not still and options.get("sigma") is None
@@ -82,7 +83,9 @@ class _Seen:
             raise InputError(f"frames: two or more with depths, of the same view, expected, got {used}{self._left_out}")
 
     def _taken(self, frame: Any) -> Adopted:
-        taken = adopt(frame, **{**({} if isinstance(frame, RangeImage) else {"kind": "depth"}), **self.hints})
+        taken = taken_in(
+            frame, ReadOptions.of({**({} if isinstance(frame, RangeImage) else {"kind": "depth"}), **self.hints})
+        )
         if not isinstance(taken.noun, RangeImage):
             raise InputError(f"frames: depth images expected, got {type(frame).__name__}")
         return taken

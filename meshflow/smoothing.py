@@ -22,10 +22,10 @@ from meshflow.flow.mobility import slowed
 from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.validation import Array, whole
-from meshflow.io.adapters.multipart import several
+from meshflow.io.adapters.multipart import multipart
 from meshflow.io.files import Document
-from meshflow.io.metadata import PER_SAMPLE
-from meshflow.io.objects import Adopted, adopt
+from meshflow.io.metadata import PER_SAMPLE, ReadOptions
+from meshflow.io.objects import Adopted, opened, taken_in
 from meshflow.results.multipart import Results, one_by_one
 from meshflow.results.result import Moment, Result, release
 from meshflow.surfaces.lift import HeightField, Mesh, Noun, RangeImage, from_disparity, in_disparity
@@ -33,9 +33,7 @@ from meshflow.surfaces.lift import HeightField, Mesh, Noun, RangeImage, from_dis
 __all__ = ["denoise", "flowing", "noise", "smooth", "smooth_document", "smooth_noun"]
 
 # What a thing may be told about itself (meshflow.io.objects).
-HINTS = frozenset(
-    {"kind", "spacing", "camera", "missing", "fixed", "channels", "moves", "jump", "measure", "pace", "depth_scale"}
-)
+HINTS = frozenset(ReadOptions.__dataclass_fields__)
 # Where depths come in steps, their inverses move by this much: within 5 % of the best patch and time on the frames of a Kinect.
 STEPPED_PATCH, STEPPED_TIME = 1.0, 15.0
 # Samples without a triangle that are worth a word: more than so many, and more than this share.
@@ -317,13 +315,14 @@ def smooth(
     """
     words = {"time": time, "scale": scale, "steps": steps, "method": method, "gamma": gamma, "strength": strength}
     known, fixed = _words({**(settings or {}), **words}, more)
-    parts = several(thing, **more)
+    thing, options = opened(thing, ReadOptions.of(more))
+    parts = multipart(thing, options)
     if parts is not None:
         found = one_by_one(parts, known, fixed, lambda part: _smoothed(part, known, fixed, progress, full or None))
         return found if full else found.thing
-    adopted = adopt(thing, **more)
+    adopted = taken_in(thing, options)
     found = _smoothed(adopted, known, fixed, progress, full or None)
-    back = adopted.restore(found.noun)
+    back = adopted.to_object(found.noun)
     return replace(found, thing=back, warnings=(*adopted.notes, *found.warnings)) if full else back
 
 
@@ -365,7 +364,7 @@ def smooth_document(
     :param words: fields of :class:`Settings` by name; numbers per sample as arrays of the noun.
     :param record: as of :func:`smooth_noun`.
     """
-    parts = several(document)
+    parts = multipart(document, ReadOptions())
     if parts is None:
         result = smooth_noun(document.noun, Settings(**words), progress, record=record)
         return document.holding(result.noun), result

@@ -20,6 +20,7 @@ from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.methods.fairing import LowPass
 from meshflow.flow.mobility import Slowed
 from meshflow.flow.steppers import SemiImplicit
+from meshflow.io.document import Source
 from meshflow.smoothing import denoise, smooth
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh
 
@@ -314,4 +315,4 @@ def test_every_mesh_format_says_which_names_it_has(tmp_path):
         mesh.export(tmp_path / name)
         with pytest.raises(InputError, match="there are none"):
             meshflow.read(tmp_path / name).samples("mark", "only")
-    assert replace(document, family="rasters").samples(mesh, "only") is mesh
+    assert replace(document, source=Source()).samples(mesh, "only") is mesh

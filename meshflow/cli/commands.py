@@ -19,7 +19,8 @@ from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.estimate.settings import Settings
 from meshflow.evaluate.facts import describe
 from meshflow.fusing import fuse as fused
-from meshflow.io.files import Document, writable, write
+from meshflow.io.document import Document, Writing
+from meshflow.io.files import writable, write
 from meshflow.results.multipart import Results
 from meshflow.results.result import Result
 from meshflow.smoothing import noise, smooth_document
@@ -246,7 +247,7 @@ def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
     return (*result.warnings, f"the surface lost {lost:.0%} of its area; a smaller --time keeps more")
 
 
-def _left(document: Document, target: Path, result: Result | Results) -> dict[str, float]:
+def _left(document: Document, target: Path, result: Result | Results) -> Writing:
     """For the writer of depth images, which rounds: the noise that is left."""
     if isinstance(result, Mapping) or writable(document, target, overwrite=True) != "depth_images":
         return {}

@@ -38,7 +38,7 @@ def opened(
         "spacing": spacing,
         "channels": channels,
         "moves": moves,
-        "pace": pace,
+        "time_unit": pace,
         "viewpoint": viewpoint,
     }
     return read(path, kind=kind, **{name: value for name, value in given.items() if value is not None})

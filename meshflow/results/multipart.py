@@ -11,9 +11,8 @@ import numpy as np
 from meshflow.errors import InputError, NotConverged
 from meshflow.estimate.parameters import Parameter
 from meshflow.geometry.validation import Array
-from meshflow.io.adapters.multipart import Several
+from meshflow.io.document import Adopted, Multipart
 from meshflow.io.metadata import PER_SAMPLE
-from meshflow.io.objects import Adopted
 from meshflow.results.result import Result, release
 from meshflow.surfaces.lift import Noun, together
 
@@ -126,7 +125,7 @@ class Results(Mapping[str, Result]):
 
 
 def one_by_one(
-    several: Several, words: dict[str, Any], fixed: str | None, smoothed: Callable[[Adopted], Result]
+    several: Multipart, words: dict[str, Any], fixed: str | None, smoothed: Callable[[Adopted], Result]
 ) -> Results:
     """A thing of several parts, each as if it were alone.
 
@@ -144,4 +143,4 @@ def one_by_one(
             found[name] = smoothed(part)
         except (InputError, NotConverged) as cause:
             raise type(cause)(f"part {name}: {cause}") from cause
-    return Results(several.restore([one.noun for one in found.values()]), found)
+    return Results(several.to_object([one.noun for one in found.values()]), found)
