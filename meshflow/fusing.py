@@ -12,7 +12,8 @@ from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import Array
-from meshflow.io.objects import Adopted, adopt
+from meshflow.io.metadata import ReadOptions
+from meshflow.io.objects import Adopted, taken_in
 from meshflow.results.result import Result
 from meshflow.smoothing import Metadata, must_exist, smooth_object
 from meshflow.surfaces.range_image import RangeImage
@@ -57,7 +58,7 @@ def fuse_frames(
     _, found = smooth_object(mean, request, progress)
     if not isinstance(found, Result):
         raise InputError("frames: depth images expected, each of one view")
-    back = told.restore(replace(found.after, sigma=first.sigma))
+    back = told.to_object(replace(found.after, sigma=first.sigma))
     spread = not still and request.noise is None
     return back, _told(replace(found, data=back, warnings=(*seen.warnings, *told.notes, *found.warnings)), one, spread)
 
@@ -86,7 +87,7 @@ class _Seen:
                 continue
             self.taken, used = self.taken or taken, used + 1
             image = taken[1]
-            yield image.depth if image.missing is None else np.where(image.missing, np.nan, image.depth)
+            yield np.where(image.missing, np.nan, image.depth)
         if used < 2:
             raise InputError(f"frames: two or more with depths, of the same view, expected, got {used}{self._left_out}")
 
@@ -101,7 +102,8 @@ class _Seen:
         return self.taken
 
     def _depths(self, frame: Any) -> tuple[Adopted, RangeImage]:
-        taken = adopt(frame, **{**({} if isinstance(frame, RangeImage) else {"kind": "depth"}), **self.metadata})
+        kind = {} if isinstance(frame, RangeImage) else {"kind": "depth"}
+        taken = taken_in(frame, ReadOptions.of({**kind, **self.metadata}))
         if not isinstance(taken.noun, RangeImage):
             raise InputError(f"frames: depth images expected, got {type(frame).__name__}")
         return taken, taken.noun

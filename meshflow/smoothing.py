@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any, Literal, TypedDict, TypeVar, Unpack, overload
+from typing import Any, Literal, TypeVar, Unpack, overload
 
 import numpy as np
 
@@ -28,13 +28,12 @@ from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
 from meshflow.geometry.options import nearest, options_of
-from meshflow.io.adapters.multipart import several
-from meshflow.io.files import Kind
-from meshflow.io.objects import Adopted, adopt
+from meshflow.io.adapters.multipart import multipart
+from meshflow.io.metadata import Metadata, ReadOptions
+from meshflow.io.objects import Adopted, from_object, opened, taken_in
 from meshflow.results.multipart import Results, one_by_one
 from meshflow.results.result import Result
 from meshflow.results.run import run
-from meshflow.surfaces.camera import Camera
 from meshflow.surfaces.lift import HeightField, RangeImage, from_disparity, in_disparity
 
 __all__ = ["Metadata", "estimate_noise", "must_exist", "noise_facts", "smooth", "smooth_object"]
@@ -47,21 +46,6 @@ PARTS = {
     "constraints": (Fixed, Mask, MaxChange, DataWeights, Mobility, MinComponent),
 }
 STEPPED = "depths in steps: the error of rounding is no noise whose risk could be estimated"
-
-
-class Metadata(TypedDict, total=False):
-    """What data does not say of itself."""
-
-    kind: Kind
-    spacing: Any
-    camera: Camera | str | None
-    missing: Any
-    channels: str
-    moves: Literal["points", "channels", "all"]
-    jump: Any
-    measure: Literal["depth", "range"]
-    pace: Literal["footprint", "length", "noise"]
-    depth_scale: float
 
 
 @overload
@@ -144,7 +128,7 @@ def smooth(
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param result: return a :class:`Result`, or :class:`Results` of several parts.
     :param metadata: what the data does not say of itself: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
-        ``camera``, ``missing``, ``channels``, ``moves``, ``jump``, ``measure``, ``pace``, ``depth_scale``.
+        ``camera``, ``missing``, ``unit``, ``channels``, ``moves``, ``jump``, ``measure``, ``time_unit``, ``depth_scale``.
     :returns: the same kind of data, smoothed; integers come back as floating point, since rounding would undo the smoothing.
     :raises InputError: for what cannot be smoothed or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.
@@ -171,14 +155,14 @@ def smooth_object(
     :param record: measure the surface after each step; where false the history holds the start and the end, and where None
         nothing.
     """
-    told = dict(metadata or {})
-    parts = several(data, **told)
+    data, options = opened(data, ReadOptions.of(metadata or {}))
+    parts = multipart(data, options)
     if parts is not None:
         results = one_by_one(parts, request.constraints, lambda part: _smoothed(part, request, progress, record))
         return results.data, results
-    adopted = adopt(data, **told)
+    adopted = taken_in(data, options)
     found = _smoothed(adopted, request, progress, record)
-    back = adopted.restore(found.after)
+    back = adopted.to_object(found.after)
     return back, replace(found, data=back, warnings=(*adopted.notes, *found.warnings))
 
 
@@ -231,7 +215,7 @@ def _in_disparity(data: RangeImage, request: Request, progress: Progress, record
     cleared, noise = plan.data, plan.noise
     if not isinstance(cleared, RangeImage):
         raise InputError(f"domain: of range images only, got {type(data).__name__}")
-    missing = np.zeros(cleared.depth.shape, bool) if cleared.missing is None else cleared.missing
+    missing = cleared.missing
     squares = np.square(cleared.depth[~missing].astype(np.float64))  # what a depth is off, times its inverse squared
     if request.noise is not None:
         noise = replace(noise, sigma=request.noise * float(np.median(squares)), how="given")
@@ -277,7 +261,7 @@ def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
     :raises InputError: for what cannot be smoothed.
     """
     must_exist(metadata)
-    return noise_in(adopt(data, **metadata).noun)
+    return noise_in(from_object(data, metadata).noun)
 
 
 def noise_facts(data: Any) -> dict[str, float]:
@@ -291,8 +275,7 @@ def noise_facts(data: Any) -> dict[str, float]:
     if len(found.channels) > 1:
         facts |= {f"noise of channel {i}": sigma for i, sigma in enumerate(found.channels)}
     if isinstance(data, RangeImage):
-        missing = np.zeros(data.depth.shape, bool) if data.missing is None else data.missing
-        growth = noise_growth(data.depth, missing)
+        growth = noise_growth(data.depth, data.missing)
         if growth is not None:
             facts |= {"noise a": growth.a, "noise b (per depth)": growth.b, "noise c (per depth²)": growth.c}
     return facts

@@ -135,12 +135,12 @@ def test_time_in_length_is_time_in_footprints_where_all_footprints_are_equal():
     depth = 2 + 0.01 * RNG.normal(size=(H, W))
     camera = Orthographic(0.02, 0.02)
     one = smooth(depth, camera=camera, time=5.0, kind="depth")
-    other = smooth(depth, camera=camera, time=5.0 * 0.02**2, kind="depth", pace="length")
+    other = smooth(depth, camera=camera, time=5.0 * 0.02**2, kind="depth", time_unit="length")
     assert np.abs(one - other).max() < 1e-12
     assert RangeImage(depth, camera, pace="length").step == pytest.approx(0.02)
-    assert np.array_equal(smooth(depth, camera=camera, pace="length"), smooth(depth, camera=camera)) or np.allclose(
-        smooth(depth, camera=camera, pace="length"), smooth(depth, camera=camera), atol=1e-12
-    )
+    assert np.array_equal(
+        smooth(depth, camera=camera, time_unit="length"), smooth(depth, camera=camera)
+    ) or np.allclose(smooth(depth, camera=camera, time_unit="length"), smooth(depth, camera=camera), atol=1e-12)
 
 
 def test_values_of_a_scanner_with_origins_of_its_own_may_be_zero_and_below():

@@ -183,7 +183,7 @@ def test_the_picture_is_drawn_beside_the_result(terrain, tmp_path):
         (("smooth", "{in}", "out.tif", "--dt", "1000", "--stepper", "explicit"), "the largest stable step is"),
         (("smooth", "{in}", "out.tif", "--contrast", "0"), "contrast: a positive finite number"),
         (("smooth", "{in}", "out.tif", "--steps", "-1"), "steps: a whole number"),
-        (("smooth", "{in}", "out.tif", "--depth-scale", "5000"), "the option depth_scale does not belong to rasters"),
+        (("smooth", "{in}", "out.tif", "--depth-scale", "5000"), "depth_scale: no option of a raster"),
         (("smooth", "{in}", "out.tif", "--picture", "p.txt"), "a picture ends in"),
         (("smooth", "{in}", "out.tif", "--picture", "{text}"), "exists; name another file"),
         (("info", "{empty}"), "is empty (0 bytes)"),

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from meshflow.errors import FormatError, InputError
+from meshflow.io.document import WriteOptions
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import arrays
-from meshflow.io.objects import adopt
+from meshflow.io.objects import from_object
+from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 
@@ -41,24 +43,26 @@ def moved(noun):
 
 
 def test_the_shape_and_the_camera_say_what_an_array_is():
-    assert isinstance(adopt(heights()).noun, HeightField)
-    assert isinstance(adopt(np.dstack([heights()] * 3)).noun, Image)
-    assert isinstance(adopt(heights(), kind="image").noun, Image)
-    depth = adopt(heights() + 1, camera=CAMERA).noun
+    assert isinstance(from_object(heights()).noun, HeightField)
+    assert isinstance(from_object(np.dstack([heights()] * 3)).noun, Image)
+    assert isinstance(from_object(heights(), {"kind": "image"}).noun, Image)
+    depth = from_object(heights() + 1, {"camera": CAMERA}).noun
     assert isinstance(depth, RangeImage)
     assert depth.jump == "noise"
-    assert isinstance(adopt((POINTS, FACES)).noun, Mesh)
-    assert isinstance(adopt([POINTS, FACES.tolist()]).noun, Mesh)
+    assert isinstance(from_object((POINTS, FACES)).noun, Mesh)
+    assert isinstance(from_object([POINTS, FACES.tolist()]).noun, Mesh)
 
 
 def test_hints_reach_the_noun():
     mask = np.zeros((6, 8), bool)
     mask[2, 3] = True
-    noun = adopt(heights(), spacing=(2.0, 3.0), missing=mask, fixed=~mask).noun
+    noun = from_object(heights(), {"spacing": (2.0, 3.0), "missing": mask, "fixed": ~mask}).noun
     assert noun.spacing == (2, 3)
     assert np.array_equal(noun.missing, mask)
     assert np.array_equal(noun.fixed, ~mask)
-    noun = adopt((POINTS, FACES), channels=np.arange(4.0), moves="channels", fixed=np.eye(4, dtype=bool)[0]).noun
+    noun = from_object(
+        (POINTS, FACES), {"channels": np.arange(4.0), "moves": "channels", "fixed": np.eye(4, dtype=bool)[0]}
+    ).noun
     assert noun.moves == "channels"
     assert noun.channels.shape == (4, 1)
     assert noun.fixed.tolist() == [True, False, False, False]
@@ -67,14 +71,19 @@ def test_hints_reach_the_noun():
 @pytest.mark.parametrize(
     ("thing", "hints", "expected"),
     [
-        (heights(), {"channels": 1}, "channels: no hint for an array of heights; it takes spacing, missing, fixed"),
-        (heights(), {"kind": "image", "moves": "all"}, "moves: no hint for an array of channels"),
-        (heights() + 1, {"camera": CAMERA, "spacing": 2}, "spacing: no hint for an array of depths"),
-        ((POINTS, FACES), {"spacing": 2, "camera": CAMERA}, r"camera, spacing: no hint for \(points, faces\)"),
+        (
+            heights(),
+            {"channels": 1},
+            "channels: no option of an array of heights, which takes kind, spacing, missing, fixed",
+        ),
+        (heights(), {"kind": "image", "moves": "all"}, "moves: no option of an array of channels"),
+        (heights() + 1, {"camera": CAMERA, "spacing": 2}, "spacing: no option of an array of depths"),
+        ((POINTS, FACES), {"spacing": 2, "camera": CAMERA}, r"camera, spacing: no option of \(points, faces\)"),
         (heights(), {"kind": "mesh"}, "terrain, image, depth expected for an array, got 'mesh'"),
         ((POINTS, FACES), {"kind": "terrain"}, "kind='terrain'"),
         (heights(), {"kind": "depth"}, "needs its camera"),
-        ("dem.tif", {}, "dem.tif: an array expected, got the name of a file; read it with meshflow.read"),
+        ("dem.tif", {}, "dem.tif: no such file"),
+        (heights(), {"spacng": 2}, "spacng: no such option; did you mean spacing"),
         ([[1, 2], [3, 4]], {}, r"\(points, faces\) of shapes .* make a grid of numbers an array first"),
         ((POINTS, FACES, FACES), {}, "expected of a tuple, got 3 parts"),
         ({"z": 1}, {}, "an array expected, got dict"),
@@ -85,14 +94,22 @@ def test_hints_reach_the_noun():
 )
 def test_what_cannot_be_adopted_is_refused_with_the_way_out(thing, hints, expected):
     with pytest.raises(InputError, match=expected):
-        adopt(thing, **hints)
+        from_object(thing, hints)
 
 
-def test_a_path_is_pointed_to_read():
-    with pytest.raises(InputError, match=r"meshflow\.read"):
-        arrays.adopt(Path("dem.tif"))
-    with pytest.raises(InputError, match=r"meshflow\.read"):
-        adopt(Path("dem.tif"))
+def test_a_path_is_read_and_what_comes_back_is_a_document(tmp_path):
+    np.save(tmp_path / "z.npy", heights())
+    fixed = heights() > heights().mean()
+    for path in (tmp_path / "z.npy", str(tmp_path / "z.npy")):
+        taken = from_object(path, {"spacing": 3.0, "fixed": fixed})
+        assert taken.noun.spacing == (3.0, 3.0)
+        assert np.array_equal(taken.noun.fixed, fixed)
+        back = taken.to_object(moved(taken.noun))
+        assert isinstance(back, Document)
+        assert np.array_equal(back.noun.z, moved(taken.noun).z)
+        assert np.array_equal(smooth(path, steps=2).noun.z, smooth(heights(), steps=2))
+    with pytest.raises(InputError, match="channels: no option of an array of heights"):
+        from_object(tmp_path / "z.npy", {"channels": "heat"})
 
 
 # --- what comes back
@@ -104,8 +121,8 @@ def test_a_path_is_pointed_to_read():
      (">f4", "f4"), (">i2", "f4"), (">f8", "f8"), ("bool", "f4")],
 )  # fmt: skip
 def test_numbers_come_back_as_native_floats_wide_enough(given, expected):
-    taken = adopt(heights(given))
-    back = taken.restore(moved(taken.noun))
+    taken = from_object(heights(given))
+    back = taken.to_object(moved(taken.noun))
     assert back.dtype == np.dtype(expected)
     assert back.dtype.isnative
     assert np.array_equal(back, heights(given).astype(expected) + np.float32(0.25))
@@ -114,13 +131,13 @@ def test_numbers_come_back_as_native_floats_wide_enough(given, expected):
 def test_what_comes_back_is_never_a_view_and_what_came_in_is_never_changed():
     for thing in (heights(), np.dstack([heights()] * 2), np.ma.masked_equal(heights(), 0)):
         before = np.array(thing, copy=True)
-        taken = adopt(thing)
-        back = taken.restore(taken.noun)
+        taken = from_object(thing)
+        back = taken.to_object(taken.noun)
         assert not np.shares_memory(np.asarray(back), np.asarray(thing))
         back[...] = -1
         assert np.array_equal(np.asarray(thing), before)
-    taken = adopt((POINTS, FACES))
-    points, faces = taken.restore(taken.noun)
+    taken = from_object((POINTS, FACES))
+    points, faces = taken.to_object(taken.noun)
     assert not np.shares_memory(points, POINTS)
     assert not np.shares_memory(faces, FACES)
 
@@ -137,8 +154,8 @@ def test_the_layout_in_memory_does_not_matter(layout):
     }
     thing = views[layout]
     thing.flags.writeable = layout != "read-only"
-    taken = adopt(thing)
-    back = taken.restore(moved(taken.noun))
+    taken = from_object(thing)
+    back = taken.to_object(moved(taken.noun))
     assert np.array_equal(back, z + 0.25)
     assert back.flags.writeable
 
@@ -147,8 +164,8 @@ def test_missing_samples_come_back_bit_for_bit():
     z = heights()
     z.view("uint32")[1, 1] = 0x7FC12345  # a NaN with a message
     z[2, 2] = np.inf
-    taken = adopt(z)
-    back = taken.restore(moved(taken.noun))
+    taken = from_object(z)
+    back = taken.to_object(moved(taken.noun))
     assert taken.noun.missing.sum() == 2
     assert back.view("uint32")[1, 1] == 0x7FC12345
     assert back[2, 2] == np.inf
@@ -156,9 +173,9 @@ def test_missing_samples_come_back_bit_for_bit():
 
 def test_masked_arrays_come_back_with_their_mask():
     z = np.ma.masked_equal(heights("int16"), 30)
-    taken = adopt(z)
+    taken = from_object(z)
     assert np.array_equal(taken.noun.missing, z.mask)
-    back = taken.restore(moved(taken.noun))
+    back = taken.to_object(moved(taken.noun))
     assert isinstance(back, np.ma.MaskedArray)
     assert np.array_equal(back.mask, z.mask)
     assert not np.shares_memory(back.mask, z.mask)
@@ -166,20 +183,20 @@ def test_masked_arrays_come_back_with_their_mask():
     assert back.dtype == np.float32
     channels = np.ma.array(np.dstack([heights()] * 2), mask=False)
     channels[1, 1, 0] = np.ma.masked
-    back = adopt(channels).restore(adopt(channels).noun)
+    back = from_object(channels).to_object(from_object(channels).noun)
     assert np.array_equal(back.mask, channels.mask)
-    assert np.ma.getmask(adopt(np.ma.array(heights())).restore(adopt(heights()).noun)) is np.ma.nomask
+    assert np.ma.getmask(from_object(np.ma.array(heights())).to_object(from_object(heights()).noun)) is np.ma.nomask
 
 
 def test_meshes_come_back_as_they_came():
-    taken = adopt((POINTS, FACES))
-    points, faces = taken.restore(replace(taken.noun, points=POINTS + 1))
+    taken = from_object((POINTS, FACES))
+    points, faces = taken.to_object(replace(taken.noun, points=POINTS + 1))
     assert np.array_equal(points, POINTS + 1)
     assert points.dtype == np.float32
     assert np.array_equal(faces, FACES)
     for channels in (np.arange(4.0), np.arange(8.0).reshape(4, 2)):
-        taken = adopt((POINTS, FACES), channels=channels, moves="channels")
-        _, _, back = taken.restore(taken.noun)
+        taken = from_object((POINTS, FACES), {"channels": channels, "moves": "channels"})
+        _, _, back = taken.to_object(taken.noun)
         assert np.array_equal(back, channels)
         assert not np.shares_memory(back, channels)
 
@@ -237,7 +254,7 @@ def test_points_and_faces_are_a_mesh_and_stay_one(tmp_path):
     with pytest.raises(FormatError, match="a mesh does not fit into .npy"):
         write(document, tmp_path / "b.npy")
     with pytest.raises(FormatError, match="a mesh is two arrays, points and faces; write .npz"):
-        arrays.write(document, tmp_path / "b.npy", tags={})
+        arrays.write(document, tmp_path / "b.npy", WriteOptions())
 
 
 def test_nodata_of_the_caller_is_missing_and_kept(tmp_path):
@@ -251,10 +268,10 @@ def test_nodata_of_the_caller_is_missing_and_kept(tmp_path):
 
 def test_what_a_raster_marks_as_missing_is_nan_in_an_array(tmp_path):
     missing = heights() == 30
-    terrain = Document(HeightField(heights(), missing=missing), "terrain", tmp_path / "a.tif", None, "rasters")
+    terrain = Document(HeightField(heights(), missing=missing), tmp_path / "a.tif")
     write(terrain, tmp_path / "b.npy")
     assert np.array_equal(np.isnan(np.load(tmp_path / "b.npy")), missing)
-    depth = Document(RangeImage(heights() + 1, CAMERA, missing), "depth", tmp_path / "a.png", None, "depths")
+    depth = Document(RangeImage(heights() + 1, CAMERA, missing), tmp_path / "a.png")
     write(depth, tmp_path / "c.npy")
     assert np.array_equal(np.load(tmp_path / "c.npy") == 0, missing)
 

@@ -11,6 +11,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import depth_images as depths
 from meshflow.io.formats.cameras import camera_for
+from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import RangeImage
 
@@ -82,7 +83,7 @@ def test_a_float_tiff_comes_out_as_it_came_in(tmp_path):
 def test_depths_that_do_not_fit_are_clipped_and_said_not_lost(tmp_path):
     depth = np.full((6, 8), 1.0, "float32")
     depth[0, :3] = 70.0, 0.0001, np.nan
-    document = Document(RangeImage(depth, CAMERA), "depth", tmp_path / "a.npy", None, "arrays")
+    document = Document(RangeImage(depth, CAMERA), tmp_path / "a.npy")
     notes = write(document, tmp_path / "a.png")
     assert stored(tmp_path / "a.png")[0][0, :4].tolist() == [65534, 1, 0, 1000]
     assert "2 depths do not fit into 16 bit at 1000 units per metre" in notes[1]
@@ -98,7 +99,7 @@ def test_other_kinds_of_pictures_are_refused(tmp_path):
     with pytest.raises(FormatError, match="one band of 16 bit .* got 3 of uint16"):
         read(path, camera=CAMERA)
     with pytest.raises(InputError, match="a depth image expected, got kind='terrain'"):
-        depths.read(path, kind="terrain", camera=CAMERA)
+        depths.read(path, ReadOptions(kind="terrain", camera=CAMERA))
     with pytest.raises(InputError, match="depth_scale: a positive finite number of units per metre expected, got 0"):
         read(make(tmp_path / "c.png", counts()), camera=CAMERA, depth_scale=0)
 
@@ -169,5 +170,7 @@ def test_a_json_that_is_no_camera_is_refused_with_an_example(tmp_path, words, ex
 def test_a_camera_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(FormatError, match=r"nowhere\.json cannot be read .*No such file"):
         camera_for(tmp_path / "nowhere.json", (6, 8), "a.png")
-    with pytest.raises(InputError, match="a name or the path of a file expected, got dict"):
+    with pytest.raises(
+        InputError, match="the path of a file, or a PinholeCameraIntrinsic of open3d expected, got dict"
+    ):
         camera_for(PLAIN, (6, 8), "a.png")

@@ -55,7 +55,7 @@ def test_measure_and_pace_are_handed_on(tmp_path):
     make(tmp_path / "a.png", counts())
     np.save(tmp_path / "a.npy", counts() / 1000)
     for name in ("a.png", "a.npy"):
-        noun = read(tmp_path / name, camera=NEAR, measure="range", pace="length").noun
+        noun = read(tmp_path / name, camera=NEAR, measure="range", time_unit="length").noun
         assert (noun.measure, noun.pace) == ("range", "length")
     assert read(tmp_path / "a.png", camera=Spherical((30, -30), (10, -10))).noun.measure == "range"
 
@@ -163,7 +163,7 @@ def test_values_that_may_be_zero_do_not_fit_into_a_depth_image(tmp_path):
     rays = Scanner(np.broadcast_to([0.0, 0.0, -1.0], (6, 8, 3)), np.zeros((6, 8, 3)))
     depth = np.zeros((6, 8))
     depth[0, 0] = np.nan
-    document = Document(RangeImage(depth, rays), "depth", Path("a.ply"), None, "range_grids")
+    document = Document(RangeImage(depth, rays), Path("a.ply"))
     with pytest.raises(FormatError, match=r"values .* may be 0.* write \.ply or \.npy"):
         write(document, tmp_path / "a.tif")
     write(document, tmp_path / "a.npy")

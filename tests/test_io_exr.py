@@ -8,7 +8,9 @@ import pytest
 
 from meshflow import Pinhole, RangeImage
 from meshflow.errors import FormatError, InputError, MissingPackage, NothingThere
-from meshflow.io.files import Document, read, write
+from meshflow.io.document import Document
+from meshflow.io.files import read, write
+from meshflow.io.formats.exr import Layers
 
 CAMERA = Pinhole(30.0, 30.0, 7.5, 5.5)
 DEPTH = (1 + np.random.default_rng(1).random((12, 16))).astype(np.float32)
@@ -31,7 +33,7 @@ def stored(path):
 def test_depths_are_those_of_z_of_y_or_of_the_only_channel(tmp_path, name):
     more = {"A": np.zeros_like(DEPTH)} if name != "depth" else {}
     document = read(made(tmp_path / "a.exr", {name: DEPTH, **more}), camera=CAMERA)
-    assert (document.kind, document.family, document.noun.unit) == ("depth", "exr", "m")
+    assert (document.kind, type(document.source), document.noun.unit) == ("depth", Layers, "m")
     assert np.argwhere(document.noun.missing).tolist() == [[0, i] for i in range(4)]
     there = ~document.noun.missing
     assert np.array_equal(document.noun.depth[there], DEPTH[there])
@@ -56,7 +58,7 @@ def test_an_exr_comes_out_as_it_came_in_with_its_other_channels_and_attributes(t
 def test_any_depths_are_written_and_read_again(tmp_path):
     pytest.importorskip("OpenEXR")
     noun = RangeImage(DEPTH, CAMERA, missing=DEPTH > 1e9)
-    document = Document(noun, "depth", tmp_path / "a.npy", None, "arrays")
+    document = Document(noun, tmp_path / "a.npy")
     write(document, tmp_path / "a.exr", depth_scale=1000)
     again = read(tmp_path / "a.exr", camera=CAMERA, depth_scale=1000).noun
     assert np.array_equal(again.missing, noun.missing)

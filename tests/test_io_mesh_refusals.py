@@ -13,6 +13,7 @@ from PIL import Image as Picture
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import read, write
 from meshflow.io.formats import meshes
+from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.lift import Mesh
 
 
@@ -147,7 +148,7 @@ def test_a_format_that_is_only_read_is_refused_on_the_way_out(tmp_path):
 def test_another_kind_or_an_unknown_format_is_refused(tmp_path):
     path = ply(tmp_path / "in.ply")
     with pytest.raises(FormatError, match="kind='terrain'"):
-        meshes.read(path, kind="terrain")
+        meshes.read(path, ReadOptions(kind="terrain"))
     path.rename(tmp_path / "in.xyz")
     with pytest.raises(FormatError, match="not a mesh format"):
         read(tmp_path / "in.xyz", kind="mesh")

@@ -276,7 +276,7 @@ def test_scalars_that_a_split_would_lose_are_refused_in_another_format(tmp_path)
 
 def test_a_mesh_that_came_from_arrays_is_written(tmp_path):
     noun = Mesh(np.eye(4, 3), np.array([[0, 1, 2], [0, 2, 3]]), np.arange(4.0))
-    document = Document(noun, "mesh", tmp_path / "x.npz", None, "arrays")
+    document = Document(noun, tmp_path / "x.npz")
     write(document, tmp_path / "out.vtp", tags={})
     back = read(tmp_path / "out.vtp", channels="channels").noun
     assert np.array_equal(back.points, noun.points)

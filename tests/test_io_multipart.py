@@ -14,7 +14,8 @@ import meshflow
 from meshflow.errors import InputError, MissingPackage
 from meshflow.estimate.constraints import Fixed, Mask, PreserveVolume
 from meshflow.flow.compute import Compute
-from meshflow.io.adapters.multipart import several
+from meshflow.io.adapters.multipart import multipart
+from meshflow.io.metadata import ReadOptions
 from meshflow.smoothing import smooth
 
 WORDS = {"method": "curvature", "steps": 2}
@@ -85,7 +86,7 @@ def test_what_is_of_one_thing_is_refused_for_several():
         smooth(scene(), constraints=Fixed(np.ones(600, bool)))
     with pytest.raises(InputError, match=r"trimesh.Scene: no triangles in it; a mesh expected"):
         smooth(trimesh.Scene([trimesh.PointCloud(np.eye(3))]))
-    assert several(ball()) is None
+    assert multipart(ball(), ReadOptions()) is None
 
 
 def mixed():
@@ -144,7 +145,7 @@ def test_what_is_no_surface_of_meshio_is_refused_with_the_way_out(cells, said):
 def test_hints_that_do_not_fit_meshio_are_refused(monkeypatch):
     for hints, said in (
         ({"channels": "het"}, "no such point data; there are heat, Normals"),
-        ({"spacing": 1.0}, "no hint for a meshio mesh"),
+        ({"spacing": 1.0}, "no option of a meshio mesh"),
         ({"kind": "terrain"}, "kind='terrain'"),
     ):
         with pytest.raises(InputError, match=said):

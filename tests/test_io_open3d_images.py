@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.io.objects import adopt
+from meshflow.io.objects import from_object
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
 
@@ -80,36 +80,38 @@ def test_colours_of_an_rgbd_image_are_copied():
 
 def test_an_rgbd_image_that_open3d_made_is_in_metres():
     made = LEGACY.RGBDImage.create_from_color_and_depth(LEGACY.Image(COLOURS), LEGACY.Image(COUNTS), depth_trunc=70.0)
-    noun = adopt(made, camera=CAMERA).noun
+    noun = from_object(made, {"camera": CAMERA}).noun
     assert noun.depth[10, 10] == pytest.approx(COUNTS[10, 10] / 1000)
 
 
 def test_units_come_from_the_hint_or_the_convention():
-    assert adopt(LEGACY.Image(COUNTS), camera=CAMERA, depth_scale=5000).noun.depth[9, 9] == pytest.approx(
+    assert from_object(LEGACY.Image(COUNTS), {"camera": CAMERA, "depth_scale": 5000}).noun.depth[9, 9] == pytest.approx(
         COUNTS[9, 9] / 5000
     )
     result = smooth(LEGACY.Image(COUNTS), time=1.0, camera=CAMERA, result=True)
     assert "depths of 1000 units per metre are taken" in " ".join(result.warnings)
     big = LEGACY.Image(np.full((480, 640), 5000, np.uint16))
-    assert adopt(big, camera="tum").noun.depth[0, 0] == 1.0
+    assert from_object(big, {"camera": "tum"}).noun.depth[0, 0] == 1.0
 
 
 def test_open3ds_own_intrinsics_are_a_camera():
     theirs = open3d.camera.PinholeCameraIntrinsic(W, H, 40, 41, 15.5, 11.5)
-    assert adopt(LEGACY.Image(COUNTS), camera=theirs).noun.camera == Pinhole(40, 41, 15.5, 11.5)
+    assert from_object(LEGACY.Image(COUNTS), {"camera": theirs}).noun.camera == Pinhole(40, 41, 15.5, 11.5)
 
 
 def test_other_hints_reach_the_range_image():
     fixed = np.zeros((H, W), bool)
     fixed[12, 12] = True
-    noun = adopt(
+    noun = from_object(
         LEGACY.Image(COUNTS),
-        camera=CAMERA,
-        missing=np.eye(H, W) > 0,
-        fixed=fixed,
-        jump=0.2,
-        measure="range",
-        pace="length",
+        {
+            "camera": CAMERA,
+            "missing": np.eye(H, W) > 0,
+            "fixed": fixed,
+            "jump": 0.2,
+            "measure": "range",
+            "time_unit": "length",
+        },
     ).noun
     assert noun.missing[7, 7]
     assert noun.fixed[12, 12]
@@ -125,7 +127,7 @@ BAD = [
         r"depths \(h, w\) in uint16 or float32 expected, got shape \(24, 32, 3\)",
     ),
     (lambda: tensor(COUNTS.astype(np.int32)), {"camera": CAMERA}, "expected, got shape .* in int32"),
-    (lambda: LEGACY.Image(COUNTS), {"camera": CAMERA, "channels": "colors"}, "channels: no hint for an open3d Image"),
+    (lambda: LEGACY.Image(COUNTS), {"camera": CAMERA, "channels": "colors"}, "channels: no option of an open3d Image"),
     (
         lambda: LEGACY.Image(COUNTS),
         {"camera": CAMERA, "kind": "image"},
@@ -148,7 +150,7 @@ BAD = [
 @pytest.mark.parametrize(("make", "hints", "words"), BAD, ids=[words[:40] for _, _, words in BAD])
 def test_images_that_are_no_depths_with_a_camera_are_refused(make, hints, words):
     with pytest.raises(InputError, match=words):
-        adopt(make(), **hints)
+        from_object(make(), hints)
 
 
 def test_a_process_that_smoothed_tensors_ends_well():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.io.objects import adopt
+from meshflow.io.objects import from_object
 
 pytestmark = pytest.mark.skipif(find_spec("open3d") is None, reason="open3d is not installed")
 
@@ -71,8 +71,8 @@ def parts(mesh):
 def test_attributes_come_back_in_their_types_and_points_move(make):
     mesh = make()
     before = parts(mesh)
-    taken = adopt(mesh)
-    back = taken.restore(replace(taken.noun, points=taken.noun.points + np.float32(0.5)))
+    taken = from_object(mesh)
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points + np.float32(0.5)))
     assert type(back) is type(mesh)
     after = parts(back)
     assert set(after) == set(before)
@@ -91,8 +91,8 @@ def test_attributes_come_back_in_their_types_and_points_move(make):
 def test_the_callers_mesh_keeps_its_bytes_and_shares_no_memory(make):
     mesh = make()
     before = {name: array.tobytes() for name, array in parts(mesh).items()}
-    taken = adopt(mesh, channels="colors", moves="all")
-    back = taken.restore(replace(taken.noun, points=taken.noun.points * 2, channels=taken.noun.channels * 0.5))
+    taken = from_object(mesh, {"channels": "colors", "moves": "all"})
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points * 2, channels=taken.noun.channels * 0.5))
     taken.noun.points[:] = 7
     views = (
         [np.asarray(getattr(back, name)) for name in LEGACY]
@@ -105,12 +105,12 @@ def test_the_callers_mesh_keeps_its_bytes_and_shares_no_memory(make):
 
 
 def test_textures_and_materials_come_back():
-    taken = adopt(legacy())
-    back = taken.restore(replace(taken.noun, points=taken.noun.points * 2))
+    taken = from_object(legacy())
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points * 2))
     np.testing.assert_array_equal(np.asarray(back.textures[0]), np.asarray(legacy().textures[0]))
     mesh = tensor()
-    taken = adopt(mesh)
-    back = taken.restore(replace(taken.noun, points=taken.noun.points * 2))
+    taken = from_object(mesh)
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points * 2))
     assert back.material.material_name == "defaultLit"
     np.testing.assert_array_equal(back.material.texture_maps["albedo"].as_tensor().numpy(), np.full((2, 2, 3), 7))
     back.material.texture_maps["albedo"].as_tensor()[:] = 1
@@ -120,9 +120,9 @@ def test_textures_and_materials_come_back():
 @pytest.mark.parametrize("make", [legacy, tensor])
 def test_normals_are_those_of_the_moved_shape(make):
     mesh = make()
-    taken = adopt(mesh)
+    taken = from_object(mesh)
     flat = taken.noun.points * taken.noun.points.dtype.type(1) * np.array([1, 1, 0.2], taken.noun.points.dtype)
-    back = taken.restore(replace(taken.noun, points=flat))
+    back = taken.to_object(replace(taken.noun, points=flat))
     fresh = type(mesh)(back) if make is legacy else back.clone()
     fresh.compute_vertex_normals()
     fresh.compute_triangle_normals()
@@ -135,21 +135,21 @@ def test_normals_are_those_of_the_moved_shape(make):
 
 def test_a_named_attribute_returns_in_its_type_and_shape():
     mesh = tensor()
-    taken = adopt(mesh, channels="label", moves="channels")
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels + 0.6))
+    taken = from_object(mesh, {"channels": "label", "moves": "channels"})
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + 0.6))
     assert back.vertex.label.numpy().dtype == np.int64
     np.testing.assert_array_equal(back.vertex.label.numpy(), mesh.vertex.label.numpy() + 1)
     np.testing.assert_array_equal(back.vertex.positions.numpy(), mesh.vertex.positions.numpy())
 
 
 def test_colours_return_as_what_they_were():
-    taken = adopt(tensor(), channels="colors", moves="channels")
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
+    taken = from_object(tensor(), {"channels": "colors", "moves": "channels"})
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
     np.testing.assert_array_equal(
         back.vertex.colors.numpy(), np.minimum(tensor().vertex.colors.numpy().astype(int) + 100, 255)
     )
-    taken = adopt(legacy(), channels="colors", moves="channels")
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels * 2))
+    taken = from_object(legacy(), {"channels": "colors", "moves": "channels"})
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels * 2))
     np.testing.assert_allclose(np.asarray(back.vertex_colors), np.asarray(legacy().vertex_colors) * 2)
 
 
@@ -161,10 +161,10 @@ def test_a_soup_is_joined():
     soup = open3d.geometry.TriangleMesh(
         open3d.utility.Vector3dVector(points), open3d.utility.Vector3iVector(np.arange(len(points)).reshape(-1, 3))
     )
-    taken = adopt(soup)
+    taken = from_object(soup)
     assert len(taken.noun.points) == len(sphere.vertices)
     assert taken.notes
-    assert len(taken.restore(taken.noun).vertices) == len(points)
+    assert len(taken.to_object(taken.noun).vertices) == len(points)
 
 
 @pytest.mark.parametrize("name", ["geometry.PointCloud", "t.geometry.PointCloud", "geometry.VoxelGrid"])
@@ -175,7 +175,7 @@ def test_what_is_no_mesh_is_refused_with_the_way_out(name):
     for word in name.split("."):
         thing = getattr(thing, word)
     with pytest.raises(InputError, match=r"TriangleMesh expected.*reconstruct"):
-        adopt(thing())
+        from_object(thing())
 
 
 @pytest.mark.parametrize("name", ["geometry", "t"])
@@ -184,14 +184,14 @@ def test_an_empty_mesh_is_refused(name):
 
     home = open3d.geometry if name == "geometry" else open3d.t.geometry
     with pytest.raises(InputError):
-        adopt(home.TriangleMesh())
+        from_object(home.TriangleMesh())
 
 
 @pytest.mark.parametrize(
     ("make", "hints", "what"),
     [
-        (legacy, {"missing": 1}, "missing: no hint for"),
-        (tensor, {"spacing": 1}, "spacing: no hint for"),
+        (legacy, {"missing": 1}, "missing: no option of"),
+        (tensor, {"spacing": 1}, "spacing: no option of"),
         (legacy, {"kind": "depth"}, "kind='depth'"),
         (legacy, {"channels": "heat"}, "it has colors"),
         (tensor, {"channels": "nothing"}, "it has .*heat"),
@@ -201,4 +201,4 @@ def test_an_empty_mesh_is_refused(name):
 )
 def test_a_hint_that_does_not_fit_is_refused(make, hints, what):
     with pytest.raises(InputError, match=what):
-        adopt(make(), **hints)
+        from_object(make(), hints)

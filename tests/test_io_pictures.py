@@ -13,6 +13,7 @@ from rasterio.enums import ColorInterp
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import pictures
+from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.lift import HeightField, Image
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
@@ -137,7 +138,7 @@ def test_a_transparent_entry_of_a_palette_is_missing(tmp_path):
     palette = {0: (255, 0, 0, 0), 1: (0, 128, 0, 255)}
     picture = samples(1) % 2
     document = read(make(tmp_path / "a.tif", picture, palette=palette), kind="image")
-    if document.about.alpha is None:  # TIFF has no room for alpha in its colour table
+    if document.source.frame.alpha is None:  # TIFF has no room for alpha in its colour table
         assert not document.noun.missing.any()
     path = make(tmp_path / "a.png", picture, palette=palette)
     document = read(path)
@@ -187,7 +188,7 @@ def test_a_float_tiff_keeps_every_bit(tmp_path):
 def test_an_image_of_arrays_is_written_where_its_type_is_said(tmp_path):
     values = np.full((4, 5, 3), 7.4, "float32")
     values[1, 1] = np.nan
-    document = Document(Image(values), "image", tmp_path / "a.npy", None, "arrays")
+    document = Document(Image(values), tmp_path / "a.npy")
     with pytest.raises(FormatError, match="uint8 or uint16 fits into .png, got float32; give it as dtype="):
         write(document, tmp_path / "a.png")
     notes = write(document, tmp_path / "a.png", dtype="uint8")
@@ -208,7 +209,7 @@ def test_an_image_of_arrays_is_written_where_its_type_is_said(tmp_path):
 def test_a_format_that_does_not_hold_the_picture_is_refused(tmp_path, name, count, dtype, expected):
     values = np.moveaxis(samples(count, dtype), 0, 2)
     noun = Image(values if count > 1 else values[..., 0])
-    document = Document(noun, "image", tmp_path / "a.npy", None, "arrays")
+    document = Document(noun, tmp_path / "a.npy")
     with pytest.raises(FormatError, match=expected):
         write(document, tmp_path / name, dtype=dtype)
     assert list(tmp_path.iterdir()) == []
@@ -224,12 +225,12 @@ def test_a_grey_picture_can_be_a_terrain_and_one_in_colour_cannot(tmp_path):
     document = read(make(tmp_path / "a.png", grey), kind="terrain")
     assert isinstance(document.noun, HeightField)
     assert np.array_equal(document.noun.z, grey[0])
-    assert isinstance(pictures.read(tmp_path / "a.png", kind="terrain").noun, HeightField)
+    assert isinstance(pictures.read(tmp_path / "a.png", ReadOptions(kind="terrain")).noun, HeightField)
     make(tmp_path / "c.png", samples(3))
     with pytest.raises(InputError, match="grey picture expected as a terrain, got 3 colours"):
-        pictures.read(tmp_path / "c.png", kind="terrain")
+        pictures.read(tmp_path / "c.png", ReadOptions(kind="terrain"))
     with pytest.raises(InputError, match="an image or a terrain, got kind='mesh'"):
-        pictures.read(tmp_path / "a.png", kind="mesh")
+        pictures.read(tmp_path / "a.png", ReadOptions(kind="mesh"))
 
 
 def test_a_broken_picture_is_refused(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 import pyvista
 
 from meshflow.errors import InputError
-from meshflow.io.objects import adopt
+from meshflow.io.objects import from_object
 from meshflow.surfaces.lift import HeightField, Image
 
 
@@ -40,8 +40,8 @@ def heights(h=4, w=5):
 
 def test_arrays_types_and_the_active_one_come_back_and_points_move():
     poly = ball()
-    taken = adopt(poly)
-    back = taken.restore(replace(taken.noun, points=taken.noun.points + 0.5))
+    taken = from_object(poly)
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points + 0.5))
     assert type(back) is pyvista.PolyData
     assert back.points.dtype == np.float64
     np.testing.assert_array_equal(back.points, poly.points + 0.5)
@@ -57,9 +57,9 @@ def test_arrays_types_and_the_active_one_come_back_and_points_move():
 def test_the_callers_polydata_keeps_its_bytes_and_shares_no_memory(make):
     poly = make()
     before, faces = everything(poly), poly.faces.copy()
-    taken = adopt(poly)
+    taken = from_object(poly)
     points = taken.noun.points + 1
-    back = taken.restore(replace(taken.noun, points=points))
+    back = taken.to_object(replace(taken.noun, points=points))
     assert not np.shares_memory(taken.noun.points, poly.points)
     assert not np.shares_memory(back.points, points)
     for name in poly.array_names:
@@ -74,18 +74,18 @@ def test_the_callers_polydata_keeps_its_bytes_and_shares_no_memory(make):
 def test_float32_points_stay_float32():
     poly = pyvista.Icosphere(nsub=1)
     poly.points = poly.points.astype(np.float32)
-    taken = adopt(poly)
+    taken = from_object(poly)
     assert (
-        taken.restore(replace(taken.noun, points=taken.noun.points.astype(np.float64) + 1 / 3)).points.dtype
+        taken.to_object(replace(taken.noun, points=taken.noun.points.astype(np.float64) + 1 / 3)).points.dtype
         == np.float32
     )
 
 
 def test_normals_of_points_and_cells_are_those_of_the_moved_shape():
     poly = pyvista.Icosphere(nsub=2).compute_normals(cell_normals=True, point_normals=True, split_vertices=False)
-    taken = adopt(poly)
+    taken = from_object(poly)
     flat = taken.noun.points * np.float32([1, 1, 0.2])
-    back = taken.restore(replace(taken.noun, points=flat))
+    back = taken.to_object(replace(taken.noun, points=flat))
     np.testing.assert_allclose(back.cell_data["Normals"], back.face_normals, atol=1e-5)
     assert np.abs(back.cell_data["Normals"] - poly.cell_data["Normals"]).max() > 0.3
     again = pyvista.PolyData(back.points, back.faces).compute_normals(split_vertices=False, consistent_normals=False)
@@ -97,9 +97,9 @@ def test_normals_of_points_and_cells_are_those_of_the_moved_shape():
 def test_hard_edges_of_a_split_cube_stay_hard_and_closed():
     cube = pyvista.Cube(clean=False).triangulate()
     assert cube.n_points == 24
-    taken = adopt(cube)
+    taken = from_object(cube)
     assert taken.noun.points.shape == (8, 3)
-    back = taken.restore(replace(taken.noun, points=taken.noun.points * np.float32([1, 2, 3])))
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points * np.float32([1, 2, 3])))
     np.testing.assert_allclose(back.point_data["Normals"], cube.point_data["Normals"], atol=1e-6)
     assert len(np.unique(back.points, axis=0)) == 8
 
@@ -107,14 +107,14 @@ def test_hard_edges_of_a_split_cube_stay_hard_and_closed():
 def test_polygons_and_strips_are_triangulated_and_that_is_said():
     plane = pyvista.Plane(i_resolution=3, j_resolution=2)
     plane.cell_data["patch"] = np.arange(6, dtype=np.int32)
-    taken = adopt(plane)
+    taken = from_object(plane)
     assert taken.noun.faces.shape == (12, 3)
     assert any("6 polygons triangulated: 6 faces became 12" in note for note in taken.notes)
-    back = taken.restore(taken.noun)
+    back = taken.to_object(taken.noun)
     assert back.cell_data["patch"].dtype == np.int32
     np.testing.assert_array_equal(np.sort(back.cell_data["patch"]), np.repeat(np.arange(6), 2))
     strip = pyvista.PolyData(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]]), strips=[4, 0, 1, 2, 3])
-    taken = adopt(strip)
+    taken = from_object(strip)
     assert taken.noun.faces.shape == (2, 3)
     assert any("1 strips triangulated" in note for note in taken.notes)
 
@@ -125,9 +125,9 @@ def test_lines_and_vertex_cells_stay_with_their_data(faces):
     poly = pyvista.PolyData(points, faces=faces, lines=[2, 0, 2], verts=[1, 3])
     poly.cell_data["n"] = np.arange(poly.n_cells)
     poly.cell_data["Normals"] = np.tile([0.0, 0, 9], (poly.n_cells, 1))
-    taken = adopt(poly)
+    taken = from_object(poly)
     assert any("1 vertex cells and 1 lines stay" in note for note in taken.notes)
-    back = taken.restore(replace(taken.noun, points=taken.noun.points[:, [2, 0, 1]]))
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points[:, [2, 0, 1]]))
     assert (back.n_lines, back.n_verts, len(taken.noun.faces)) == (1, 1, 2)
     np.testing.assert_array_equal(back.cell_data["n"][:2], [0, 1])
     np.testing.assert_array_equal(back.cell_data["Normals"], [[0, 0, 9], [0, 0, 9], [1, 0, 0], [1, 0, 0]])
@@ -135,8 +135,8 @@ def test_lines_and_vertex_cells_stay_with_their_data(faces):
 
 def test_a_named_array_returns_in_its_type_and_stays_active():
     poly = ball()
-    taken = adopt(poly, channels="heat", moves="channels")
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels * 2))
+    taken = from_object(poly, {"channels": "heat", "moves": "channels"})
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels * 2))
     np.testing.assert_allclose(back["heat"], poly["heat"] * 2, rtol=1e-6)
     assert back["heat"].dtype == np.float32
     assert back.active_scalars_name == "heat"
@@ -145,9 +145,9 @@ def test_a_named_array_returns_in_its_type_and_stays_active():
 
 def test_colours_are_rounded_and_clipped_and_alpha_stays():
     poly = ball()
-    taken = adopt(poly, channels="colors", moves="channels")
+    taken = from_object(poly, {"channels": "colors", "moves": "channels"})
     assert taken.noun.channels.shape == (poly.n_points, 3)
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
     np.testing.assert_array_equal(back["RGBA"][:, :3], np.minimum(poly["RGBA"][:, :3].astype(int) + 100, 255))
     np.testing.assert_array_equal(back["RGBA"][:, 3], poly["RGBA"][:, 3])
 
@@ -166,11 +166,11 @@ def test_an_image_is_a_height_field_with_its_north_up_and_returns_in_order(flat)
     image.point_data["other"] = np.arange(20)
     image.set_active_scalars("z")
     before = everything(image)
-    taken = adopt(image)
+    taken = from_object(image)
     assert isinstance(taken.noun, HeightField)
     np.testing.assert_array_equal(taken.noun.z, z[::-1])
     assert taken.noun.spacing == (0.5, 2.0)
-    back = taken.restore(replace(taken.noun, z=taken.noun.z + np.arange(20.0).reshape(4, 5)))
+    back = taken.to_object(replace(taken.noun, z=taken.noun.z + np.arange(20.0).reshape(4, 5)))
     np.testing.assert_array_equal(back["z"].reshape(4, 5), z + np.arange(20.0).reshape(4, 5)[::-1])
     np.testing.assert_array_equal(back["other"], np.arange(20))
     assert (back.dimensions, back.spacing, back.origin) == (image.dimensions, image.spacing, image.origin)
@@ -184,9 +184,9 @@ def test_an_image_is_a_height_field_with_its_north_up_and_returns_in_order(flat)
 def test_cell_scalars_are_taken_where_there_are_none_at_points():
     image = pyvista.ImageData(dimensions=(6, 5, 1))
     image.cell_data["z"] = heights().ravel()
-    taken = adopt(image, kind="image")
+    taken = from_object(image, {"kind": "image"})
     assert isinstance(taken.noun, Image)
-    back = taken.restore(replace(taken.noun, values=taken.noun.values * 2))
+    back = taken.to_object(replace(taken.noun, values=taken.noun.values * 2))
     np.testing.assert_array_equal(back.cell_data["z"], heights().ravel() * 2)
 
 
@@ -195,14 +195,14 @@ def test_integers_become_floating_point_and_stay_active_and_colours_return_as_th
     image.point_data["z"] = np.arange(20, dtype=np.int16)
     image.point_data["rgb"] = np.full((20, 3), 100, np.uint8)
     image.set_active_scalars("z")
-    taken = adopt(image)
+    taken = from_object(image)
     assert any("int16 becomes floating point" in note for note in taken.notes)
-    back = taken.restore(replace(taken.noun, z=taken.noun.z + np.float32(0.25)))
+    back = taken.to_object(replace(taken.noun, z=taken.noun.z + np.float32(0.25)))
     assert back["z"].dtype == np.float32
     np.testing.assert_array_equal(back["z"], np.arange(20) + 0.25)
     assert back.active_scalars_name == "z"
-    taken = adopt(image, channels="rgb")
-    back = taken.restore(replace(taken.noun, values=taken.noun.values + np.float32(0.6)))
+    taken = from_object(image, {"channels": "rgb"})
+    back = taken.to_object(replace(taken.noun, values=taken.noun.values + np.float32(0.6)))
     assert back["rgb"].dtype == np.uint8
     assert (back["rgb"] == 101).all()
     assert back.active_scalars_name == "z"
@@ -211,7 +211,7 @@ def test_integers_become_floating_point_and_stay_active_and_colours_return_as_th
 def test_spacing_and_fixed_of_the_caller_are_taken_in_the_order_of_the_object():
     image = pyvista.ImageData(dimensions=(5, 4, 1))
     image.point_data["z"] = heights().ravel()
-    taken = adopt(image, spacing=3.0, fixed=np.arange(20) == 1)
+    taken = from_object(image, {"spacing": 3.0, "fixed": np.arange(20) == 1})
     assert taken.noun.spacing == (3.0, 3.0)
     assert np.argwhere(taken.noun.fixed).tolist() == [[3, 1]]
 
@@ -227,14 +227,14 @@ def test_a_terrain_of_any_layout_is_a_height_field_with_its_north_up(layout, sig
     grid = pyvista.StructuredGrid(x, y, z)
     grid["heat"] = np.arange(20)
     before = everything(grid)
-    taken = adopt(grid)
+    taken = from_object(grid)
     noun = taken.noun
     assert isinstance(noun, HeightField)
     assert noun.z.shape == (4, 5)
     assert noun.spacing == (10.0, 30.0)
     assert (np.diff(noun.z, axis=1) == 10).all()  # east is right
     assert (np.diff(noun.z, axis=0) == -3000).all()  # north is up
-    back = taken.restore(replace(noun, z=noun.z * 2))
+    back = taken.to_object(replace(noun, z=noun.z * 2))
     np.testing.assert_array_equal(back.points, grid.points * [1, 1, 2])
     np.testing.assert_array_equal(back["heat"], np.arange(20))
     assert back.dimensions == grid.dimensions
@@ -248,7 +248,7 @@ def test_a_hole_in_a_terrain_is_missing():
     x, y = np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij")
     z = x + y
     z[2, 1] = np.nan
-    assert adopt(pyvista.StructuredGrid(x, y, z)).noun.missing.sum() == 1
+    assert from_object(pyvista.StructuredGrid(x, y, z)).noun.missing.sum() == 1
 
 
 @pytest.mark.parametrize(
@@ -258,8 +258,8 @@ def test_a_warped_grid_is_refused_with_the_way_out(bend):
     x, y = np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij")
     grid = pyvista.StructuredGrid(*bend(x, y), x * 0)
     with pytest.raises(InputError, match=r"\.extract_surface\(\)\.triangulate\(\)"):
-        adopt(grid)
-    assert len(adopt(grid.extract_surface(algorithm="dataset_surface").triangulate()).noun.faces) == 24
+        from_object(grid)
+    assert len(from_object(grid.extract_surface(algorithm="dataset_surface").triangulate()).noun.faces) == 24
 
 
 # refusals
@@ -287,7 +287,7 @@ def volume():
 )
 def test_what_is_no_surface_is_refused_with_the_way_out(thing, what):
     with pytest.raises(InputError, match=what):
-        adopt(thing)
+        from_object(thing)
 
 
 def flat_image():
@@ -306,22 +306,22 @@ def terrain():
 @pytest.mark.parametrize(
     ("make", "hints", "what"),
     [
-        (ball, {"missing": 1}, "missing: no hint for"),
-        (ball, {"spacing": 1}, "spacing: no hint for"),
+        (ball, {"missing": 1}, "missing: no option of"),
+        (ball, {"spacing": 1}, "spacing: no option of"),
         (ball, {"kind": "image"}, "kind='image'"),
         (ball, {"channels": "nothing"}, "no such point array; there are label, heat, RGBA"),
         (ball, {"channels": "patch"}, "cell_data_to_point_data"),
         (ball, {"moves": "all"}, "no channels"),
-        (flat_image, {"moves": "points"}, "moves: no hint for"),
+        (flat_image, {"moves": "points"}, "moves: no option of"),
         (flat_image, {"kind": "mesh"}, "kind='mesh'"),
         (flat_image, {"channels": "nothing"}, "no such array; there are z, rgb"),
         (flat_image, {"channels": np.zeros(20)}, "the name of an array"),
         (flat_image, {"channels": "rgb", "kind": "terrain"}, "3 components"),
         (flat_image, {"fixed": np.zeros((4, 5), bool)}, r"shape \(20,\)"),
-        (terrain, {"channels": "z"}, "channels: no hint for"),
+        (terrain, {"channels": "z"}, "channels: no option of"),
         (terrain, {"kind": "image"}, "kind='image'"),
     ],
 )
 def test_a_hint_that_does_not_fit_is_refused(make, hints, what):
     with pytest.raises(InputError, match=what):
-        adopt(make(), **hints)
+        from_object(make(), hints)

@@ -8,7 +8,9 @@ import trimesh
 
 import meshflow
 from meshflow.errors import FormatError, InputError
-from meshflow.io.files import Document, read, write
+from meshflow.io.document import Document
+from meshflow.io.files import read, write
+from meshflow.io.formats.range_grids import Scan
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import Lift, Mesh, RangeImage
@@ -67,7 +69,7 @@ def test_a_range_grid_that_did_not_move_comes_out_as_the_bytes_that_came_in(tmp_
     path = grid_ply(tmp_path / "a.ply", points, there, order)
     document = read(path)
     assert isinstance(document.noun, RangeImage)
-    assert (document.kind, document.family) == ("depth", "range_grids")
+    assert (document.kind, type(document.source)) == ("depth", Scan)
     assert np.array_equal(document.noun.missing, ~there)
     assert np.allclose(document.noun.cloud[there], points[there], rtol=1e-15)
     write(document, tmp_path / "b.ply")
@@ -87,8 +89,8 @@ def test_points_of_a_range_grid_move_along_their_lines_of_sight_and_nothing_else
     assert np.abs(after[:, 2] - before[:, 2]).max() > 0.02
     smooth_z = 0.02 * before[:, 0] ** 2 - 0.03 * before[:, 1] ** 2
     assert np.std(after[:, 2] - smooth_z) < 0.85 * np.std(before[:, 2] - smooth_z)
-    assert np.array_equal(again.about.file.vertices["confidence"], document.about.file.vertices["confidence"])
-    assert np.array_equal(again.about.index, document.about.index)
+    assert np.array_equal(again.source.file.vertices["confidence"], document.source.file.vertices["confidence"])
+    assert np.array_equal(again.source.index, document.source.index)
     assert document.noun.camera == again.noun.camera
 
 
@@ -138,7 +140,7 @@ def test_any_range_image_is_written_as_a_range_grid(tmp_path):
     depth = 1 + RNG.random((H, W))
     depth[2:4, 3] = 0
     noun = RangeImage(depth, Pinhole(20, 20, 7.5, 5.5))
-    document = Document(noun, "depth", tmp_path / "a.png", None, "depth_images")
+    document = Document(noun, tmp_path / "a.png")
     write(document, tmp_path / "b.ply", tags={"meshflow:time": "4"})
     again = read(tmp_path / "b.ply", viewpoint=(0, 0, 0)).noun
     assert np.array_equal(again.missing, noun.missing)
@@ -245,7 +247,7 @@ def test_viewpoints_and_kinds_that_cannot_be_are_refused(tmp_path):
     ]:
         with pytest.raises(InputError, match=words):
             read(tmp_path / "a.ply", viewpoint=viewpoint)
-    with pytest.raises(InputError, match="the option camera does not belong to ranges"):
+    with pytest.raises(InputError, match="camera: no option of a range grid"):
         read(tmp_path / "a.ply", camera="tum")
 
 

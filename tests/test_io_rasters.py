@@ -15,6 +15,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import raster_bands as bands
 from meshflow.io.formats import rasters
+from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.lift import HeightField, Image
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
@@ -74,7 +75,7 @@ def test_the_mask_of_missing_samples_survives(tmp_path, dtype, nodata):
     assert np.array_equal(document.noun.missing, gone)
     assert np.array_equal(again.noun.missing, gone)
     assert np.array_equal(again.noun.z[~gone], z[~gone])
-    assert again.about.nodata == pytest.approx(nodata, rel=1e-6, nan_ok=True)
+    assert again.source.frame.nodata == pytest.approx(nodata, rel=1e-6, nan_ok=True)
     assert notes == ()
 
 
@@ -82,21 +83,21 @@ def test_an_internal_mask_becomes_nodata(tmp_path):
     gone = np.zeros((6, 8), bool)
     gone[2:4, 3] = True
     document, again, _ = same(make(tmp_path / "a.tif", heights("int16"), mask=gone))
-    assert document.about.nodata is None
+    assert document.source.frame.nodata is None
     assert np.array_equal(document.noun.missing, gone)
     assert np.array_equal(again.noun.missing, gone)
-    assert again.about.nodata == -9999
+    assert again.source.frame.nodata == -9999
 
 
 def test_nodata_is_not_declared_where_nothing_is_missing(tmp_path):
-    assert same(make(tmp_path / "a.tif", heights()))[1].about.nodata is None
+    assert same(make(tmp_path / "a.tif", heights()))[1].source.frame.nodata is None
 
 
 def test_nan_without_a_nodata_value_gets_one(tmp_path):
     z = heights()
     z[0, 0] = np.nan
     _, again, _ = same(make(tmp_path / "a.tif", z))
-    assert again.about.nodata == -9999
+    assert again.source.frame.nodata == -9999
     assert np.argwhere(again.noun.missing).tolist() == [[0, 0]]
 
 
@@ -110,7 +111,7 @@ def test_a_sample_that_was_moved_onto_the_nodata_value_does_not_go_missing(tmp_p
     again = read(tmp_path / "b.tif")
     assert np.array_equal(again.noun.missing, document.noun.missing)
     assert again.noun.z[3, 3] == 0
-    assert again.about.nodata == -9999
+    assert again.source.frame.nodata == -9999
 
 
 def test_nodata_of_the_caller_stands_in_for_the_declared_one(tmp_path):
@@ -177,7 +178,7 @@ def test_alpha_is_carried_along_and_marks_what_is_missing(tmp_path):
     assert document.noun.values.shape == (6, 8, 3)
     assert np.argwhere(document.noun.missing).tolist() == [[1, 1]]
     assert np.array_equal(again.noun.missing, document.noun.missing)
-    assert np.array_equal(again.about.alpha, rgba[3])
+    assert np.array_equal(again.source.frame.alpha, rgba[3])
     write(document, tmp_path / "bytes.tif", dtype="source")
     with rasterio.open(tmp_path / "bytes.tif") as target:
         assert np.array_equal(target.read(), rgba)
@@ -204,7 +205,7 @@ def test_scale_and_offset_are_applied_once_and_said(tmp_path):
     assert np.array_equal(again.noun.z[there], document.noun.z[there])
     assert "scale 0.1 and offset 5" in document.notes[0]
     assert "as they are" in notes[0]
-    assert not again.about.scaled
+    assert not again.source.frame.scaled
     notes = write(document, tmp_path / "packed.tif", dtype="source")
     assert "in steps of 0.1" in notes[0]
     with rasterio.open(tmp_path / "packed.tif") as target:
@@ -221,7 +222,7 @@ def test_one_band_of_several_can_be_chosen(tmp_path):
         read(path, band=3)
     with pytest.raises(InputError, match="one band expected for a terrain, got 2; choose one: band=1"):
         read(path, kind="terrain")
-    assert isinstance(rasters.read(path, kind="image", band=1).noun, Image)
+    assert isinstance(rasters.read(path, ReadOptions(kind="image", band=1)).noun, Image)
 
 
 # --- quantisation, only when asked for
@@ -267,7 +268,7 @@ def test_an_ascii_grid_keeps_its_place_and_its_floats(tmp_path):
     document, again, notes = same(path)
     assert np.array_equal(again.noun.z, document.noun.z)
     assert np.array_equal(again.noun.missing, document.noun.missing)
-    assert (again.about.crs, again.about.transform) == (None, UP)
+    assert (again.source.frame.crs, again.source.frame.transform) == (None, UP)
     assert notes == ()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.asc", "again.asc"]
 
@@ -314,7 +315,7 @@ def test_a_wrong_extension_does_not_matter_where_gdal_sees_what_it_is(tmp_path):
 
 def test_a_kind_or_option_that_does_not_belong_is_refused(tmp_path):
     path = make(tmp_path / "a.tif", heights())
-    with pytest.raises(InputError, match="option depth_scale does not belong to rasters"):
+    with pytest.raises(InputError, match="depth_scale: no option of a raster"):
         read(path, depth_scale=1000)
     with pytest.raises(InputError, match="a terrain or an image, got kind='soup'"):
         read(path, kind="soup")
@@ -379,9 +380,9 @@ def test_an_existing_file_is_replaced_only_on_purpose(tmp_path):
 def test_a_terrain_from_elsewhere_keeps_its_spacing_and_holes(tmp_path):
     z = heights()
     z[2, 2] = np.nan
-    document = Document(HeightField(z, (30.0, 20.0)), "terrain", tmp_path / "a.npy", None, "arrays")
+    document = Document(HeightField(z, (30.0, 20.0)), tmp_path / "a.npy")
     write(document, tmp_path / "b.tif")
     again = read(tmp_path / "b.tif")
     assert again.noun.spacing == (30, 20)
     assert np.argwhere(again.noun.missing).tolist() == [[2, 2]]
-    assert again.about.nodata == -9999
+    assert again.source.frame.nodata == -9999

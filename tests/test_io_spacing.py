@@ -21,7 +21,7 @@ MARS = CRS.from_wkt(
 def test_a_turned_grid_has_the_lengths_of_its_columns(tmp_path):
     document, again, _ = same(make(tmp_path / "a.tif", heights(), transform=turned_by(30, 20, 10)))
     assert document.noun.spacing == pytest.approx((20, 10))
-    assert again.about.transform == document.about.transform
+    assert again.source.frame.transform == document.source.frame.transform
 
 
 def test_a_grid_from_south_to_north_is_as_good(tmp_path):
@@ -44,15 +44,15 @@ def test_no_georeference_is_one_pixel_and_said(tmp_path):
         document, again, _ = same(path)
     assert document.noun.spacing == (1, 1)
     assert "no georeference: the spacing is 1" in document.notes[0]
-    assert again.about.transform.is_identity
+    assert again.source.frame.transform.is_identity
 
 
 def test_ground_control_points_survive_and_the_spacing_is_said(tmp_path):
     points = [GroundControlPoint(r, c, 100 + c, 200 - r, 0) for r, c in ((0, 0), (0, 7), (5, 0), (5, 7))]
     document, again, _ = same(make(tmp_path / "a.tif", heights(), transform=None, crs=UTM, gcps=points))
     assert "ground control points only" in document.notes[0]
-    assert [(p.row, p.col, p.x, p.y) for p in again.about.gcps[0]] == [(p.row, p.col, p.x, p.y) for p in points]
-    assert again.about.gcps[1] == UTM
+    assert [(p.row, p.col, p.x, p.y) for p in again.source.frame.gcps[0]] == [(p.row, p.col, p.x, p.y) for p in points]
+    assert again.source.frame.gcps[1] == UTM
 
 
 def test_degrees_become_metres_on_the_earth():

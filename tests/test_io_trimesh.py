@@ -8,7 +8,7 @@ import trimesh
 from PIL import Image as Picture
 
 from meshflow.errors import InputError
-from meshflow.io.objects import adopt
+from meshflow.io.objects import from_object
 
 
 def ball(**more):
@@ -36,8 +36,8 @@ def textured():
 
 def test_colours_attributes_and_metadata_come_back_and_points_move():
     mesh = ball()
-    taken = adopt(mesh)
-    back = taken.restore(replace(taken.noun, points=taken.noun.points + 0.5))
+    taken = from_object(mesh)
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points + 0.5))
     assert type(back) is trimesh.Trimesh
     assert back is not mesh
     np.testing.assert_array_equal(back.vertices, mesh.vertices + 0.5)
@@ -53,8 +53,8 @@ def test_colours_attributes_and_metadata_come_back_and_points_move():
 def test_face_colours_come_back():
     mesh = trimesh.creation.icosphere(subdivisions=1)
     mesh.visual.face_colors = np.random.default_rng(0).integers(0, 255, (80, 4)).astype(np.uint8)
-    taken = adopt(mesh)
-    back = taken.restore(replace(taken.noun, points=taken.noun.points * 2))
+    taken = from_object(mesh)
+    back = taken.to_object(replace(taken.noun, points=taken.noun.points * 2))
     assert back.visual.kind == "face"
     np.testing.assert_array_equal(back.visual.face_colors, mesh.visual.face_colors)
 
@@ -69,9 +69,9 @@ def test_the_callers_mesh_keeps_its_bytes_and_shares_no_memory():
         "patch": mesh.face_attributes["patch"],
     }
     before = {name: np.asarray(array).tobytes() for name, array in arrays.items()}
-    taken = adopt(mesh, channels="heat", moves="all")
+    taken = from_object(mesh, {"channels": "heat", "moves": "all"})
     taken.noun.points[:] = 7
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels + 1))
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + 1))
     others = {
         "vertices": back.vertices,
         "faces": back.faces,
@@ -89,11 +89,11 @@ def test_the_callers_mesh_keeps_its_bytes_and_shares_no_memory():
 
 def test_texture_coordinates_and_material_come_back_and_the_seam_holds():
     mesh = textured()
-    taken = adopt(mesh)
+    taken = from_object(mesh)
     assert taken.noun.points.shape == (6, 3)
     assert any("8 stored vertices are 6" in note for note in taken.notes)
     shaken = taken.noun.points + np.random.default_rng(0).normal(size=(6, 3))
-    back = taken.restore(replace(taken.noun, points=shaken))
+    back = taken.to_object(replace(taken.noun, points=shaken))
     assert len(back.vertices) == 8
     np.testing.assert_array_equal(back.vertices[1], back.vertices[4])
     np.testing.assert_array_equal(back.vertices[2], back.vertices[7])
@@ -106,23 +106,23 @@ def test_texture_coordinates_and_material_come_back_and_the_seam_holds():
 def test_a_soup_is_joined_and_a_plain_mesh_is_not():
     soup = trimesh.creation.icosphere(subdivisions=1)
     soup.unmerge_vertices()
-    assert adopt(soup).noun.points.shape == (42, 3)
+    assert from_object(soup).noun.points.shape == (42, 3)
     plain = trimesh.Trimesh(np.concatenate([np.eye(3), np.eye(3)]), [[0, 1, 2], [3, 4, 5], [3, 5, 4]], process=False)
-    assert adopt(plain).noun.points.shape == (6, 3)
+    assert from_object(plain).noun.points.shape == (6, 3)
 
 
 def test_looking_at_normals_does_not_change_what_is_adopted():
     plain = trimesh.Trimesh(np.concatenate([np.eye(3), np.eye(3)]), [[0, 1, 2], [3, 4, 5], [3, 5, 4]], process=False)
     assert plain.vertex_normals.shape == (6, 3)
-    assert adopt(plain).noun.points.shape == (6, 3)
+    assert from_object(plain).noun.points.shape == (6, 3)
 
 
 def test_stored_normals_are_those_of_the_moved_shape():
     mesh = trimesh.creation.icosphere(subdivisions=2)
     round_ones = mesh.vertex_normals.copy()
-    taken = adopt(mesh)
+    taken = from_object(mesh)
     flat = taken.noun.points * [1, 1, 0.2]
-    back = taken.restore(replace(taken.noun, points=flat))
+    back = taken.to_object(replace(taken.noun, points=flat))
     assert "vertex_normals" in back._cache.cache
     expected = trimesh.Trimesh(flat, mesh.faces, process=False).vertex_normals
     np.testing.assert_allclose(back.vertex_normals, expected, atol=1e-12)
@@ -131,8 +131,8 @@ def test_stored_normals_are_those_of_the_moved_shape():
 
 def test_a_named_attribute_returns_in_its_type():
     mesh = ball()
-    taken = adopt(mesh, channels="label", moves="channels")
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels + 0.6))
+    taken = from_object(mesh, {"channels": "label", "moves": "channels"})
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + 0.6))
     assert back.vertex_attributes["label"].dtype == np.int64
     np.testing.assert_array_equal(back.vertex_attributes["label"], np.arange(42) + 1)
     np.testing.assert_array_equal(back.vertices, mesh.vertices)
@@ -140,8 +140,8 @@ def test_a_named_attribute_returns_in_its_type():
 
 def test_colours_are_rounded_and_clipped_and_alpha_stays():
     mesh = ball()
-    taken = adopt(mesh, channels="colors", moves="channels")
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
+    taken = from_object(mesh, {"channels": "colors", "moves": "channels"})
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
     old = mesh.visual.vertex_colors.astype(int)
     np.testing.assert_array_equal(back.visual.vertex_colors[:, :3], np.minimum(old[:, :3] + 100, 255))
     np.testing.assert_array_equal(back.visual.vertex_colors[:, 3], old[:, 3])
@@ -150,16 +150,16 @@ def test_colours_are_rounded_and_clipped_and_alpha_stays():
 def test_channels_that_differ_across_a_seam_keep_their_difference():
     mesh = textured()
     mesh.vertex_attributes["heat"] = np.arange(8.0)
-    taken = adopt(mesh, channels="heat", moves="channels")
+    taken = from_object(mesh, {"channels": "heat", "moves": "channels"})
     assert taken.noun.channels[1, 0] == (1 + 4) / 2
-    back = taken.restore(replace(taken.noun, channels=taken.noun.channels + 2))
+    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + 2))
     np.testing.assert_array_equal(back.vertex_attributes["heat"], np.arange(8.0) + 2)
 
 
 def test_channels_and_fixed_are_taken_as_arrays():
     mesh = textured()
     fixed = np.arange(8) == 4
-    taken = adopt(mesh, channels=np.arange(16.0).reshape(8, 2), moves="all", fixed=fixed)
+    taken = from_object(mesh, {"channels": np.arange(16.0).reshape(8, 2), "moves": "all", "fixed": fixed})
     assert taken.noun.channels.shape == (6, 2)
     np.testing.assert_array_equal(taken.noun.fixed, [False, True, False, False, False, False])
 
@@ -174,14 +174,14 @@ def test_channels_and_fixed_are_taken_as_arrays():
 )
 def test_what_is_no_trimesh_is_refused_with_the_way_out(thing, what):
     with pytest.raises(InputError, match=what):
-        adopt(thing)
+        from_object(thing)
 
 
 @pytest.mark.parametrize(
     ("hints", "what"),
     [
-        ({"missing": np.zeros(42, bool)}, "missing: no hint for"),
-        ({"spacing": 2.0}, "spacing: no hint for"),
+        ({"missing": np.zeros(42, bool)}, "missing: no option of"),
+        ({"spacing": 2.0}, "spacing: no option of"),
         ({"kind": "terrain"}, "kind='terrain'"),
         ({"channels": "nothing"}, "it has heat, label, colors"),
         ({"channels": np.zeros((41, 2))}, r"shape \(42, k\)"),
@@ -192,16 +192,16 @@ def test_what_is_no_trimesh_is_refused_with_the_way_out(thing, what):
 )
 def test_a_hint_that_does_not_fit_is_refused(hints, what):
     with pytest.raises(InputError, match=what):
-        adopt(ball(), **hints)
+        from_object(ball(), hints)
 
 
 def test_faces_that_name_no_vertex_and_nan_are_refused():
     with pytest.raises(InputError, match="vertices 0 to 2"):
-        adopt(trimesh.Trimesh(np.eye(3), [[0, 1, 5]], process=False))
+        from_object(trimesh.Trimesh(np.eye(3), [[0, 1, 5]], process=False))
     with pytest.raises(InputError, match="finite"):
-        adopt(trimesh.Trimesh([[0, 0, 0], [1, 0, np.nan], [0, 1, 0]], [[0, 1, 2]], process=False))
+        from_object(trimesh.Trimesh([[0, 0, 0], [1, 0, np.nan], [0, 1, 0]], [[0, 1, 2]], process=False))
 
 
 def test_a_noun_of_another_size_is_refused():
-    with pytest.raises(InputError, match=r"restore: .*\(42, 3\) expected"):
-        adopt(ball()).restore(adopt(textured()).noun)
+    with pytest.raises(InputError, match=r"to_object: .*\(42, 3\) expected"):
+        from_object(ball()).to_object(from_object(textured()).noun)

@@ -10,7 +10,7 @@ import pytest
 import rasterio
 
 from meshflow.errors import InputError
-from meshflow.io.objects import adopt
+from meshflow.io.objects import from_object
 from meshflow.surfaces.lift import HeightField, Image
 
 xr = pytest.importorskip("xarray")
@@ -39,8 +39,8 @@ def moved(noun):
 
 def through(array, **hints):
     """Adopted, moved by 0.4, restored."""
-    taken = adopt(array, **hints)
-    return taken.noun, taken.restore(moved(taken.noun))
+    taken = from_object(array, hints)
+    return taken.noun, taken.to_object(moved(taken.noun))
 
 
 @pytest.fixture(params=["with rioxarray", "without rioxarray"])
@@ -100,7 +100,7 @@ def test_bands_are_the_channels_of_one_image(rio):
     assert noun.values.shape == (6, 8, 3)
     assert back.dims == ("band", "y", "x")
     assert np.array_equal(back.values, array.values + np.float32(0.4))
-    assert isinstance(adopt(field(), kind="image").noun, Image)
+    assert isinstance(from_object(field(), {"kind": "image"}).noun, Image)
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "int32", "float32", "float64"])
@@ -167,23 +167,23 @@ def test_degrees_become_metres_by_row(rio, names):
     assert dx.shape == (6,)
     assert dx[0] / dx[-1] == pytest.approx(np.cos(np.radians(60)) / np.cos(np.radians(50)), rel=2e-3)
     assert dy == pytest.approx(2 * 111.27e3, rel=1e-3)
-    assert "degrees became metres" in adopt(array).notes[0]
+    assert "degrees became metres" in from_object(array).notes[0]
 
 
 def test_a_crs_says_what_x_and_y_are(rio):
     geographic = xr.DataArray(0, attrs={"crs_wkt": WGS84.to_wkt()})
     coords = {"y": [50.0, 49.0], "x": [7.0, 8.0], "spatial_ref": geographic}
     array = xr.DataArray(np.eye(2), dims=("y", "x"), coords=coords)
-    assert adopt(array).noun.spacing[1] == pytest.approx(111.23e3, rel=1e-3)
+    assert from_object(array).noun.spacing[1] == pytest.approx(111.23e3, rel=1e-3)
     projected = array.assign_coords(
         spatial_ref=xr.DataArray(0, attrs={"crs_wkt": rasterio.crs.CRS.from_epsg(32611).to_wkt()})
     )
-    assert adopt(projected).noun.spacing == (1, 1)
+    assert from_object(projected).noun.spacing == (1, 1)
 
 
 def test_spacing_of_the_caller_wins_and_no_coordinates_are_said(rio):
-    assert adopt(field(), spacing=(2, 3)).noun.spacing == (2, 3)
-    taken = adopt(xr.DataArray(heights(), dims=("row", "column")))
+    assert from_object(field(), {"spacing": (2, 3)}).noun.spacing == (2, 3)
+    taken = from_object(xr.DataArray(heights(), dims=("row", "column")))
     assert taken.noun.spacing == (1, 1)
     assert "no coordinates along row and column" in taken.notes[0]
 
@@ -191,9 +191,9 @@ def test_spacing_of_the_caller_wins_and_no_coordinates_are_said(rio):
 def test_coordinates_in_single_precision_count_as_regular(rio):
     longitudes = (119 + np.arange(8) / 1200).astype("float32")
     array = field().assign_coords(x=longitudes.astype("float64"), y=longitudes[:6])
-    assert adopt(field().assign_coords(x=longitudes)).noun.spacing[0] == pytest.approx(1 / 1200, rel=1e-2)
+    assert from_object(field().assign_coords(x=longitudes)).noun.spacing[0] == pytest.approx(1 / 1200, rel=1e-2)
     with pytest.raises(InputError, match="x: regular coordinates expected"):
-        adopt(array)
+        from_object(array)
 
 
 # --- refusals
@@ -207,7 +207,7 @@ def test_coordinates_in_single_precision_count_as_regular(rio):
         (lambda: field().isel(y=0), {}, "at least two dimensions expected"),
         (lambda: field().assign_coords(x=np.arange(8.0) ** 2), {}, "x: regular coordinates expected, .* 1 to 13; .*interp"),
         (lambda: field().assign_coords(x=list("abcdefgh")), {}, "x: at least two numbers expected along it"),
-        (field, {"camera": 1, "moves": "all"}, "camera, moves: no hint for a DataArray"),
+        (field, {"camera": 1, "moves": "all"}, "camera, moves: no option of a DataArray"),
         (field, {"kind": "depth"}, "terrain or image expected for a DataArray, got 'depth'"),
         (lambda: field().expand_dims(band=[1, 2]), {"kind": "terrain"}, r"band: one entry expected .*isel\(band=0\)"),
         (field, {"missing": np.zeros((2, 2), bool)}, r"missing: a mask of shape \(6, 8\) expected"),
@@ -216,12 +216,14 @@ def test_coordinates_in_single_precision_count_as_regular(rio):
 )  # fmt: skip
 def test_what_cannot_be_adopted_is_refused_with_the_way_out(rio, make, hints, expected):
     with pytest.raises(InputError, match=expected):
-        adopt(make(), **hints)
+        from_object(make(), hints)
 
 
 def test_packed_numbers_are_said():
     array = field(attrs={"scale_factor": 0.1, "add_offset": 0})
-    assert "scale_factor 0.1 and add_offset 0 stand in the attributes and were not applied" in adopt(array).notes[0]
+    assert (
+        "scale_factor 0.1 and add_offset 0 stand in the attributes and were not applied" in from_object(array).notes[0]
+    )
 
 
 # --- through files
@@ -301,7 +303,7 @@ def test_real_rasters_have_the_spacing_that_the_file_reader_finds(rioxarray, nam
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        noun = adopt(rioxarray.open_rasterio(SHARED / "dem" / name)).noun
+        noun = from_object(rioxarray.open_rasterio(SHARED / "dem" / name)).noun
     document = read(SHARED / "dem" / name)
     assert np.allclose(noun.spacing[0], document.noun.spacing[0], rtol=1e-9)
     assert noun.spacing[1] == pytest.approx(document.noun.spacing[1], rel=1e-9)

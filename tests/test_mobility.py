@@ -24,6 +24,7 @@ from meshflow.flow.low_pass import LowPass
 from meshflow.flow.methods import Fairing
 from meshflow.flow.mobility import Slowed
 from meshflow.flow.steppers import SemiImplicit
+from meshflow.io.document import Source
 from meshflow.smoothing import smooth
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh
 
@@ -339,4 +340,4 @@ def test_every_mesh_format_says_which_names_it_has(tmp_path):
         mesh.export(tmp_path / name)
         with pytest.raises(InputError, match="there are none"):
             meshflow.read(tmp_path / name).samples("mark", "mask")
-    assert replace(document, family="rasters").samples(mesh, "mask") is mesh
+    assert replace(document, source=Source()).samples(mesh, "mask") is mesh

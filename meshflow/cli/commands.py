@@ -21,7 +21,8 @@ from meshflow.cli.tables import methods_table, options_table
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.evaluate.facts import describe
 from meshflow.fusing import fuse_frames as fused
-from meshflow.io.files import Document, writable, write
+from meshflow.io.document import Document, Writing
+from meshflow.io.files import writable, write
 from meshflow.results.multipart import Results
 from meshflow.results.result import Result, release
 from meshflow.smoothing import noise_facts, smooth_object
@@ -63,14 +64,14 @@ def about(
         *only(FLOW, *TEN),
         *flags("kind", "camera", "picture", "report", "overwrite"),
         *(flag for flag in FLOW if flag.name not in TEN),
-        *flags(*READING[2:], "moves", "pace", "dtype", *SAYING[3:]),
+        *flags(*READING[2:], "moves", "time_unit", "dtype", *SAYING[3:]),
     ),
 )
 def smooth(given: Given) -> None:
     """Smooth IN and write the same kind of data to OUT; what is not given is estimated from the data."""
     source, target = given["source"], given["target"]
     quiet, overwrite = given["quiet"], given["overwrite"]
-    document = opened(source, {name: given[name] for name in (*READING, "moves", "pace")})
+    document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
     request = asked(given, partial(per_sample, document))
     _must_be_writable(document, target, given["picture"], given["report"], overwrite)
     tell_of_compiling(quiet)
@@ -188,7 +189,7 @@ def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
     return (*result.warnings, f"the surface lost {lost:.0%} of its area; a smaller --time keeps more")
 
 
-def _left(document: Document, target: Path, result: Result | Results) -> dict[str, float]:
+def _left(document: Document, target: Path, result: Result | Results) -> Writing:
     """For the writer of depth images, which rounds: the noise that is left."""
     if isinstance(result, Mapping) or writable(document, target, overwrite=True) != "depth_images":
         return {}

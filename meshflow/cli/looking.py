@@ -180,8 +180,7 @@ def _depths(path: Path, camera: str | None, depth_scale: float | None) -> tuple[
     image = document.noun
     if not isinstance(image, RangeImage):
         raise InputError(f"{path}: a depth image expected, got {type(image).__name__}")
-    depths = image.depth if image.missing is None else np.where(image.missing, np.nan, image.depth)
-    return depths, image.camera, document.notes
+    return np.where(image.missing, np.nan, image.depth), image.camera, document.notes
 
 
 def add_to(app: typer.Typer) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from meshflow.cli.flags import FIRST, Flag, only
-from meshflow.io.files import Kind
+from meshflow.io.metadata import Kind
 
 __all__ = ["ALL", "DRAWING", "FILES", "READING", "flags"]
 
@@ -64,7 +64,7 @@ ALL: tuple[Flag, ...] = (
         INPUT,
     ),
     Flag(
-        "pace",
+        "time_unit",
         Literal["footprint", "length", "noise"] | None,
         "What time of a range image is counted in: pixel footprints, length (metres squared), or footprints by noise.",
         INPUT,

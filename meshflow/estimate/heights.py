@@ -238,7 +238,7 @@ def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobil
         time, when = _time(request, 0.0, Decided("default", "no noise was found"))
         return plan.with_({"time": when}, time=time, idle=None if request.asked else no_noise(noise))
     plan = plan.with_({"noise": Decided("given" if noise.how == "given" else "estimated", why)})
-    there = (data.footprint > 0) if data.missing is None else ~data.missing & (data.footprint > 0)
+    there = ~data.missing & (data.footprint > 0)
     sigma = np.broadcast_to(data.sigma, there.shape) * request.strength
     if request.insisting and request.steps is None:
         return _searched_along(plan, data, np.where(there, sigma, noise.sigma))

@@ -39,7 +39,7 @@ def noise_in(data: Noun, mask: Array | None = None) -> Noise:
         if data.channels is None or data.moves == "points":
             return noise_on(data.points, data.faces, data.normals)
         return noise_on(data.channels, data.faces)
-    unseen = _unseen(data.missing, mask, data_of(data).shape[:2])
+    unseen = _unseen(data.missing, mask)
     return _noise_along(data, unseen)[0] if isinstance(data, RangeImage) else noise_of(data_of(data), unseen)
 
 
@@ -70,16 +70,15 @@ def plan(data: Noun, request: Request) -> Plan:
     return _ended(_held(replace(found, mobility=mobility, stays=stays)))
 
 
-def _unseen(missing: Array | None, mask: Array | None, shape: tuple[int, ...]) -> Array:
+def _unseen(missing: Array, mask: Array | None) -> Array:
     """The samples (h, w) in which noise is not looked for: missing, or outside of the mask where anything is inside."""
-    gone = np.zeros(shape, bool) if missing is None else missing
-    unseen = gone if mask is None else gone | ~mask
-    return gone if unseen.all() else unseen
+    unseen = missing if mask is None else missing | ~mask
+    return missing if unseen.all() else unseen
 
 
 def _staying(data: Noun, request: Request) -> Array:
     """The samples that the data or the caller fixes, (h, w) or (n,)."""
-    fixed = np.zeros(_samples(data), bool) if data.fixed is None else data.fixed
+    fixed = data.fixed
     given = request.constraints.fixed
     return fixed if given is None else fixed | mask_of(given, fixed.shape, "fixed")
 
@@ -99,18 +98,13 @@ def _constrained(data: Noun, request: Request, fixed: Array) -> tuple[Noun, Requ
     )  # fmt: skip
 
 
-def _samples(data: Noun) -> tuple[int, ...]:
-    """(h, w), or (n,) of a mesh."""
-    return data.points.shape[:1] if isinstance(data, Mesh) else data_of(data).shape[:2]
-
-
 def _with_noise(data: Noun, request: Request, mask: Array | None) -> tuple[Noun, Noise, str]:
     """The data with the noise of each depth, the noise, and how it grows, in words."""
     if isinstance(data, RangeImage):
         if request.noise is not None:
             data = replace(data, sigma=float(request.noise))
         inside = None if mask is None or not mask.any() else mask
-        noise, data, why = _noise_along(data, _unseen(data.missing, inside, data.depth.shape))
+        noise, data, why = _noise_along(data, _unseen(data.missing, inside))
     else:
         noise, why = noise_in(data, mask), ""
     if request.noise is not None:
@@ -195,7 +189,7 @@ def _stepped(data: Noun, request: Request) -> Request:
         return request
     values = data_of(data)
     there = np.isfinite(values)
-    if not isinstance(data, Mesh) and data.missing is not None:
+    if not isinstance(data, Mesh):
         gone = data.missing if values.ndim == 2 else data.missing[..., None]
         there = np.broadcast_to(~gone, values.shape)
     steps = steps_of(values[there])
@@ -208,9 +202,7 @@ def _stepped(data: Noun, request: Request) -> Request:
 
 def _still(data: Noun) -> bool:
     """Whether no sample may move."""
-    if data.fixed is None:
-        return False
-    still = data.fixed if isinstance(data, Mesh) or data.missing is None else data.fixed | data.missing
+    still = data.fixed if isinstance(data, Mesh) else data.fixed | data.missing
     return bool(still.all())
 
 

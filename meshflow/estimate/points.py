@@ -132,7 +132,7 @@ def _preserved(data: Mesh, request: Request, method: PointMethod) -> Keep | None
     """What is preserved where nobody says: of a conformal flow the volume by scaling, of an open mesh the area, where all points
     are free; the volume of normal channels, which shrink balls.
     """
-    fixed = data.fixed is not None and bool(data.fixed.any())
+    fixed = bool(data.fixed.any())
     filled = (
         is_closed(data.faces)
         and data.points.shape[1] == 3

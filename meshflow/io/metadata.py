@@ -1,42 +1,187 @@
-"""Hints of the caller about an object: which belong to it, and what they name."""
+"""What data does not say of itself: the options of readers, which of them apply to what, and the names of arrays."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from difflib import get_close_matches
+from os import PathLike
+from typing import Literal, Protocol, TypedDict, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, truth_of
+from meshflow.surfaces.camera import Camera, Measure
+from meshflow.surfaces.lift import Moves, Pace
 
-__all__ = ["MASKS", "PER_SAMPLE", "Found", "as_given", "belong", "looked_up", "must_be_mesh"]
+__all__ = [
+    "MASKS",
+    "PER_SAMPLE",
+    "CameraLike",
+    "Found",
+    "Intrinsics",
+    "Jump",
+    "Kind",
+    "Metadata",
+    "ReadOptions",
+    "SpacingLike",
+    "as_given",
+    "looked_up",
+]
 
-# Words of the front door that hold one number per sample, which may be the name of an array of the thing itself.
+Kind = Literal["terrain", "image", "depth", "mesh"]
+Jump = float | Literal["noise"] | None
+SpacingLike = float | Sequence[float | Array]
+# Options that hold one number per sample; each may be the name of an array that the data itself holds.
 PER_SAMPLE = ("fixed", "mask", "mobility", "data_weights", "max_change")
 MASKS = ("fixed", "mask")
 # The array of a name, and the names that there are.
-Found = tuple[Any, Iterable[str]]
+Found = tuple[Array | None, Iterable[str]]
 
 
-def belong(other: Mapping[str, object], thing: str, known: tuple[str, ...]) -> None:
-    """Refuse the hints that are left over when a thing has taken those that it knows.
+@runtime_checkable
+class Intrinsics(Protocol):
+    """A camera as open3d has it (``open3d.camera.PinholeCameraIntrinsic``)."""
 
-    :raises InputError: naming them, and those that would belong.
+    @property
+    def intrinsic_matrix(self) -> ArrayLike:
+        """(3, 3), in pixels."""
+        ...
+
+    @property
+    def width(self) -> int:
+        """Pixels."""
+        ...
+
+    @property
+    def height(self) -> int:
+        """Pixels."""
+        ...
+
+
+CameraLike = Camera | str | PathLike[str] | Intrinsics
+
+
+class Metadata(TypedDict, total=False):
+    """The fields of :class:`ReadOptions` as keywords."""
+
+    kind: Kind | None
+    spacing: SpacingLike | None
+    missing: ArrayLike | None
+    fixed: ArrayLike | None
+    unit: str | None
+    channels: ArrayLike | None
+    moves: Moves | None
+    camera: CameraLike | None
+    depth_scale: float | None
+    measure: Measure | None
+    time_unit: Pace | None
+    jump: Jump
+    viewpoint: Sequence[float] | None
+    band: int | None
+    nodata: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class ReadOptions:
+    """What the caller says of a file or an object that it does not say itself; None: not said.
+
+    :param kind: ``terrain | image | depth | mesh``, where the guess would be wrong.
+    :param spacing: of samples on a grid, one number or (dx, dy) in the horizontal unit; dx may be one number per row.
+    :param missing: (h, w), samples that are missing.
+    :param fixed: samples or vertices that stay: a mask, or the name of an array that the data holds.
+    :param unit: the name of the unit of heights or depths, for reports and pictures.
+    :param channels: of a mesh (n, k), or the name of an attribute of its vertices, or ``"colors"``.
+    :param moves: of a mesh with channels, ``points | channels | all``.
+    :param camera: of depths: the camera itself, the name of a convention, or the path of a file
+        (:func:`meshflow.read_camera`).
+    :param depth_scale: units per metre of stored depths.
+    :param measure: of depths, ``depth`` along the optical axis or ``range`` along the ray.
+    :param time_unit: of depths, ``footprint | length | noise``, as :class:`meshflow.RangeImage` has it.
+    :param jump: of depths, where neighbours are cut, as :class:`meshflow.RangeImage` has it; None: nowhere.
+    :param viewpoint: (x, y, z), where the scanner of a PLY range grid stood.
+    :param band: of a raster, the one to read, from 1.
+    :param nodata: of a raster or an array file, the value that marks missing samples.
     """
-    if other:
-        raise InputError(f"{', '.join(sorted(other))}: no hint for {thing}; it takes {', '.join(known)}")
+
+    kind: Kind | None = None
+    spacing: SpacingLike | None = None
+    missing: ArrayLike | None = None
+    fixed: ArrayLike | None = None
+    unit: str | None = None
+    channels: ArrayLike | None = None
+    moves: Moves | None = None
+    camera: CameraLike | None = None
+    depth_scale: float | None = None
+    measure: Measure | None = None
+    time_unit: Pace | None = None
+    jump: Jump = "noise"
+    viewpoint: Sequence[float] | None = None
+    band: int | None = None
+    nodata: float | None = None
+
+    @classmethod
+    def of(cls, metadata: Mapping[str, object]) -> "ReadOptions":
+        """The options of keywords.
+
+        :raises InputError: for a name that is no option, with the nearest that is one.
+        """
+        names = [field.name for field in fields(cls)]
+        for name in metadata:
+            if name not in names:
+                near = get_close_matches(name, names, 1)
+                meant = f"did you mean {near[0]}? There are" if near else "there are"
+                raise InputError(f"{name}: no such option; {meant} {', '.join(names)}")
+        return replace(cls(), **dict(metadata))
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The names of the options that differ from their defaults."""
+        return tuple(field.name for field in fields(self) if getattr(self, field.name) is not field.default)
+
+    @property
+    def missing_mask(self) -> Array | None:
+        """``missing`` as an array."""
+        return None if self.missing is None else np.asarray(self.missing)
+
+    @property
+    def fixed_mask(self) -> Array | None:
+        """``fixed`` as an array."""
+        return None if self.fixed is None else np.asarray(self.fixed)
+
+    @property
+    def attribute(self) -> str | None:
+        """``channels`` where it is a name."""
+        return self.channels if isinstance(self.channels, str) else None
+
+    def without(self, *names: str) -> "ReadOptions":
+        """The other options, those named as if they had not been given."""
+        defaults = {field.name: field.default for field in fields(self)}
+        return replace(self, **{name: defaults[name] for name in names})
+
+    def must_belong(self, what: str, takes: Collection[str]) -> None:
+        """Refuse the options that do not apply.
+
+        :param what: the data, with its article.
+        :param takes: the names of those that do.
+        :raises InputError: naming those that do not, and those that do.
+        """
+        others = sorted(set(self.given) - set(takes))
+        if others:
+            raise InputError(f"{', '.join(others)}: no option of {what}, which takes {', '.join(takes) or 'none'}")
+
+    def must_be_mesh(self, what: str, takes: Collection[str] = ("channels", "moves", "fixed")) -> None:
+        """Refuse what does not apply to a mesh: other options, and another kind.
+
+        :raises InputError: as :meth:`must_belong`, or for a ``kind`` that is not ``mesh``.
+        """
+        self.must_belong(what, ("kind", *takes))
+        if self.kind not in (None, "mesh"):
+            raise InputError(f"kind={self.kind!r}: {what} is a mesh and nothing else; leave the kind out")
 
 
-def must_be_mesh(kind: Any, thing: str) -> None:
-    """Refuse a ``kind`` that is not ``mesh``.
-
-    :raises InputError: otherwise.
-    """
-    if kind not in (None, "mesh"):
-        raise InputError(f"kind={kind!r}: {thing} is a mesh and nothing else; leave the hint out")
-
-
-def as_given(given: Any, word: str) -> Any:
-    """What a thing without names makes of a word that holds one number per sample: the array as it is.
+def as_given(given: ArrayLike | None, word: str) -> ArrayLike | None:
+    """What data without named arrays makes of an option that holds one number per sample: the array as it is.
 
     :raises InputError: for a name.
     """
@@ -49,7 +194,7 @@ def as_given(given: Any, word: str) -> Any:
 
 
 def looked_up(name: str, word: str, found: Found) -> Array:
-    """The numbers of a named array, of masks whether they are other than zero.
+    """The numbers (n,) of a named array, of masks whether they are other than zero.
 
     :param found: the array (n,) of that name, None where there is none, and the names that there are.
     :raises InputError: for a name that is not there, or an array that holds no number per sample.

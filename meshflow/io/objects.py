@@ -1,73 +1,93 @@
 """Other people's objects in, the same kind of object out."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import Any
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
 
 from meshflow.errors import InputError
-from meshflow.io.files import Document
-from meshflow.io.metadata import as_given
-from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.io.document import Adopted, Document, adopted_by
+from meshflow.io.files import read_with
+from meshflow.io.metadata import Metadata, ReadOptions
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 
-__all__ = ["Adopted", "adopt"]
-
-# Which module of this room knows the objects of which package, by the package of the object's class: nothing of theirs is
-# imported before one of their objects has come in.
-_HOMES = {
-    "numpy": "formats.arrays",
-    "builtins": "formats.arrays",
-    "xarray": "adapters.xarray",
-    "trimesh": "adapters.trimesh",
-    "pyvista": "adapters.pyvista",
-    "open3d": "adapters.open3d",
-    "meshio": "adapters.meshio",
-}
+__all__ = ["Adopted", "from_object", "opened", "taken_in"]
 
 
-@dataclass(frozen=True)
-class Adopted:
-    """An object of somebody else's, taken in.
-
-    :param noun: its data, shared or copied, never changed.
-    :param restore: a noun of the same kind and size becomes an object of the kind that came in; a new one.
-    :param notes: what was done on the way in, sentences for the user.
-    :param samples: what is given under a word of one number per sample, an array as the thing stores its samples or the name
-        of one that it holds, becomes an array of the noun's samples.
-    """
-
-    noun: Noun
-    restore: Callable[[Any], Any]
-    notes: tuple[str, ...] = ()
-    samples: Callable[[Any, str], Any] = as_given
-
-
-def adopt(thing: Any, **hints: Any) -> Adopted:
-    """Recognise what a thing is.
+def from_object(data: object, metadata: Metadata | None = None) -> Adopted:
+    """Recognise what data is.
 
     numpy arrays (h, w) are height fields, (h, w, k) images; ``(points, faces)`` is a mesh; objects of xarray, trimesh,
-    pyvista, open3d and meshio as they are; what :func:`meshflow.read` gives; the nouns of meshflow pass.
+    pyvista, open3d and meshio as they are; a path is read, and what :func:`meshflow.read` gives is taken; the data objects of
+    meshflow pass.
 
-    :param hints: ``kind`` (``terrain | image | depth | mesh``), ``spacing``, ``camera``, ``missing``, ``fixed``, ``channels``,
-        ``moves``: what the object itself does not say.
-    :raises InputError: for a thing that is none of these, or a hint that does not belong to it.
+    :param metadata: what the object itself does not say (:class:`ReadOptions`).
+    :raises InputError: for what is none of these, or an option that does not exist or does not belong to it.
+    :raises FormatError: for a file that cannot be read.
     """
-    hints = {name: hint for name, hint in hints.items() if hint is not None}
-    if isinstance(thing, (HeightField, Image, RangeImage, Mesh)):
-        if hints:
-            raise InputError(f"{type(thing).__name__} already says {', '.join(hints)}; set them there")
-        return Adopted(thing, lambda noun: noun)
-    if isinstance(thing, Document):
-        fixed = hints.pop("fixed", None)
-        if hints:
-            raise InputError(f"a file already says {', '.join(hints)}; read it with them: meshflow.read(path, ...)")
-        noun = thing.noun if fixed is None else replace(thing.noun, fixed=thing.samples(fixed, "fixed"))
-        return Adopted(noun, thing.holding, thing.notes, thing.samples)
-    for kind in type(thing).__mro__:  # a subclass of numpy.ndarray or trimesh.Trimesh is one of them
-        home = _HOMES.get(kind.__module__.partition(".")[0])
-        if home is not None and kind is not object:
-            return import_module(f"meshflow.io.{home}").adopt(thing, **hints)
-    raise InputError(
-        f"{type(thing).__module__}.{type(thing).__qualname__}: expected a numpy array, (points, faces), a mesh of "
-        "trimesh, pyvista, open3d or meshio, an xarray.DataArray, or a noun of meshflow; read a file with meshflow.read"
-    )
+    return taken_in(data, ReadOptions.of({} if metadata is None else metadata))
+
+
+def taken_in(data: object, options: ReadOptions) -> Adopted:
+    """:func:`from_object`, with options that have been checked."""
+    if isinstance(data, (HeightField, Image, RangeImage, Mesh)):
+        if options.given:
+            raise InputError(f"{type(data).__name__} already says {', '.join(options.given)}; set them there")
+        return Adopted(data, lambda noun: noun)
+    data, options = opened(data, options)
+    if isinstance(data, Document):
+        return _from_document(data, options)
+    adapter = _adapter(data)
+    if adapter is None:
+        raise InputError(
+            f"{type(data).__module__}.{type(data).__qualname__}: expected a numpy array, (points, faces), a mesh of "
+            "trimesh, pyvista, open3d or meshio, an xarray.DataArray, a path, or a data object of meshflow"
+        )
+    return adopted_by(adapter, data, options)
+
+
+def opened(data: object, options: ReadOptions) -> tuple[object, ReadOptions]:
+    """The document of a path, read with the options, of which ``fixed`` alone is left; anything else as it is.
+
+    :raises FormatError: for a file that cannot be read.
+    """
+    if not isinstance(data, (str, PathLike)):
+        return data, options
+    return read_with(Path(data), options.without("fixed")), ReadOptions(fixed=options.fixed)
+
+
+def _from_document(document: Document, options: ReadOptions) -> Adopted:
+    others = [name for name in options.given if name != "fixed"]
+    if others:
+        raise InputError(f"a file already says {', '.join(others)}; read it with them: meshflow.read(path, ...)")
+    noun = document.noun
+    if options.fixed is not None:
+        noun = replace(noun, fixed=document.samples(options.fixed, "fixed"))
+    return Adopted(noun, document.holding, document.notes, document.samples)
+
+
+def _adapter(data: object) -> Callable[[object, ReadOptions], Adopted] | None:
+    """What knows the objects of the package that the class of the data, or one that it is derived from, is of.
+
+    Nothing of that package is imported before one of its objects has come in.
+    """
+    for kind in type(data).__mro__:  # a subclass of numpy.ndarray or trimesh.Trimesh is one of them
+        match kind.__module__.partition(".")[0]:
+            case "numpy":
+                from meshflow.io.formats.arrays import from_object as adapter
+            case "builtins" if kind is not object:
+                from meshflow.io.formats.arrays import from_object as adapter
+            case "xarray":
+                from meshflow.io.adapters.xarray import from_object as adapter
+            case "trimesh":
+                from meshflow.io.adapters.trimesh import from_object as adapter
+            case "pyvista":
+                from meshflow.io.adapters.pyvista import from_object as adapter
+            case "open3d":
+                from meshflow.io.adapters.open3d import from_object as adapter
+            case "meshio":
+                from meshflow.io.adapters.meshio import from_object as adapter
+            case _:
+                continue
+        return adapter
+    return None

@@ -1,7 +1,5 @@
 """From floating point back to whole numbers, and the value that marks what is missing."""
 
-from typing import Any
-
 import numpy as np
 
 from meshflow.errors import FormatError
@@ -13,7 +11,7 @@ __all__ = ["DTYPES", "mark", "rounded"]
 DTYPES = ("uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
 
 
-def rounded(values: Array, gone: Array, dtype: np.dtype[Any]) -> tuple[Array, tuple[str, ...]]:
+def rounded(values: Array, gone: Array, dtype: np.dtype) -> tuple[Array, tuple[str, ...]]:
     """A copy of the values in another dtype, integers rounded and clipped, and a note of what was clipped.
 
     :param values: any shape, floating point.
@@ -30,7 +28,7 @@ def rounded(values: Array, gone: Array, dtype: np.dtype[Any]) -> tuple[Array, tu
     return whole, ()
 
 
-def mark(samples: Array, frame: Frame, dtype: np.dtype[Any]) -> float | None:
+def mark(samples: Array, frame: Frame, dtype: np.dtype) -> float | None:
     """A value for missing samples that no other sample has: the file's own, else -9999, else an end of the range, or NaN.
 
     None where the file declared no such value and nothing is missing, or an alpha band says what is (GDAL asks it of whole
@@ -52,7 +50,7 @@ def mark(samples: Array, frame: Frame, dtype: np.dtype[Any]) -> float | None:
     )
 
 
-def _fits(value: float, dtype: np.dtype[Any]) -> bool:
+def _fits(value: float, dtype: np.dtype) -> bool:
     if dtype.kind == "f":
         return not np.isfinite(value) or abs(value) <= np.finfo(dtype).max
     return bool(np.isfinite(value)) and value == int(value) and np.iinfo(dtype).min <= value <= np.iinfo(dtype).max

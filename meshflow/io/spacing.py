@@ -1,16 +1,18 @@
 """How far apart the samples of a raster are, in metres where its grid is in degrees."""
 
 import re
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, Spacing
 
-__all__ = ["Spacing", "between_samples", "height_unit", "on_ellipsoid", "units_disagree"]
+if TYPE_CHECKING:
+    from affine import Affine
+    from rasterio.crs import CRS
 
-Spacing = tuple[Array | float, float]
+__all__ = ["between_samples", "height_unit", "on_ellipsoid", "units_disagree"]
 
 _METRES = {
     "m": 1.0,
@@ -27,7 +29,7 @@ _METRES = {
 }
 
 
-def between_samples(crs: Any, transform: Any, shape: tuple[int, int]) -> tuple[Spacing, tuple[str, ...]]:
+def between_samples(crs: "CRS | None", transform: "Affine", shape: tuple[int, int]) -> tuple[Spacing, tuple[str, ...]]:
     """(dx, dy) of a grid of h x w samples, and notes for the user.
 
     A projected or unknown CRS: the lengths of the two columns of the transform, in the linear unit of the CRS; a turned grid
@@ -54,7 +56,7 @@ def between_samples(crs: Any, transform: Any, shape: tuple[int, int]) -> tuple[S
     return on_ellipsoid(crs, f + (np.arange(shape[0]) + 0.5) * e, dx, dy)
 
 
-def on_ellipsoid(crs: Any, latitudes: Array, dlon: float, dlat: float) -> tuple[Spacing, tuple[str, ...]]:
+def on_ellipsoid(crs: "CRS", latitudes: Array, dlon: float, dlat: float) -> tuple[Spacing, tuple[str, ...]]:
     """(dx, dy) in metres of a grid in degrees (or the angular unit of the CRS), and a note.
 
     dx_i = N(phi_i) cos(phi_i) dlon, one per row, with N = a / sqrt(1 - e^2 sin^2 phi) the radius of curvature in the prime
@@ -83,7 +85,7 @@ def on_ellipsoid(crs: Any, latitudes: Array, dlon: float, dlat: float) -> tuple[
     return (widths, dy), (note,)
 
 
-def height_unit(crs: Any, declared: str | None) -> str:
+def height_unit(crs: "CRS | None", declared: str | None) -> str:
     """The name of the unit of heights: what the band declares, else what a vertical CRS says, else ``""``."""
     if declared or crs is None:
         return declared or ""
@@ -91,7 +93,7 @@ def height_unit(crs: Any, declared: str | None) -> str:
     return vertical.group(1) if vertical else ""
 
 
-def units_disagree(crs: Any, unit: str) -> tuple[str, ...]:
+def units_disagree(crs: "CRS | None", unit: str) -> tuple[str, ...]:
     """A note where heights and grid are known to be in different units: slopes would be wrong by their ratio."""
     if crs is None:
         return ()
@@ -105,7 +107,7 @@ def units_disagree(crs: Any, unit: str) -> tuple[str, ...]:
     )
 
 
-def _ellipsoid(crs: Any) -> tuple[float, float]:
+def _ellipsoid(crs: "CRS") -> tuple[float, float]:
     """Semi-major axis in metres and flattening (0 of a sphere)."""
     wkt = crs.to_wkt(version="WKT2_2019")
     found = re.search(r'ELLIPSOID\["[^"]*",\s*([\d.eE+-]+),\s*([\d.eE+-]+)', wkt)

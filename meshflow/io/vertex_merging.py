@@ -6,19 +6,18 @@ it carries. Moved one by one the copies would tear the surface open along these 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, mask_of, real, truth_of
+from meshflow.io.document import Section
 from meshflow.io.metadata import MASKS, Found, looked_up
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.lift import Mesh, Moves
 
-__all__ = ["Section", "Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
+__all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
 
-# A mesh of a file of several: its name, and its vertices in the noun.
-Section = tuple[str, Array]
 # Names of parts that a sentence lists.
 LISTED = 6
 
@@ -49,9 +48,9 @@ class Skin:
         faces: Array,
         *,
         split: bool | Array = False,
-        channels: Array | None = None,
-        moves: Any = None,
-        fixed: Any = None,
+        channels: ArrayLike | None = None,
+        moves: Moves | None = None,
+        fixed: ArrayLike | None = None,
     ) -> "Skin":
         """Take a mesh in.
 
@@ -66,13 +65,10 @@ class Skin:
         )
         stays = np.zeros(len(first), bool)
         stays[home[mask_of(fixed, (len(points),), "fixed")]] = True
-        if channels is not None:
-            channels = _columns(channels, len(points))
-        mean = None if channels is None else _mean(channels, home, len(first))
-        noun = Mesh(
-            points[first], _in_range(faces, home), mean, fixed=stays, **({"moves": moves} if moves is not None else {})
-        )
-        return cls(points, np.asarray(faces), channels, first, home, noun)
+        stored = None if channels is None else _columns(channels, len(points))
+        mean = None if stored is None else _mean(stored, home, len(first))
+        noun = Mesh(points[first], _in_range(faces, home), mean, moves, stays)
+        return cls(points, np.asarray(faces), stored, first, home, noun)
 
     @property
     def note(self) -> tuple[str, ...]:
@@ -85,7 +81,7 @@ class Skin:
             "which the format splits at seams, move together",
         )
 
-    def samples(self, given: Any, word: str, find: Callable[[str], Found]) -> Any:
+    def samples(self, given: ArrayLike | None, word: str, find: Callable[[str], Found]) -> ArrayLike | None:
         """One number per vertex of the noun, from one per stored vertex; of joined vertices that which holds most.
 
         :param given: an array (n, ...), or the name of one; anything else is handed on as it is.
@@ -108,7 +104,7 @@ class Skin:
         """
         if not isinstance(noun, Mesh) or noun.points.shape != self.noun.points.shape:
             raise InputError(
-                f"restore: a mesh with points of shape {self.noun.points.shape} expected, got {_shape_of(noun)}"
+                f"to_object: a mesh with points of shape {self.noun.points.shape} expected, got {_shape_of(noun)}"
             )
         return noun.points[self.home].astype(self.points.dtype, copy=False)
 
@@ -154,7 +150,7 @@ def said_of(sections: tuple[Section, ...]) -> tuple[str, ...]:
     return (f"{len(sections)} parts: {names}{more}",) if sections else ()
 
 
-def fitted(values: Array, kind: np.dtype[Any]) -> Array:
+def fitted(values: Array, kind: np.dtype) -> Array:
     """Values in another type: whole numbers are rounded, and clipped to what the type holds."""
     if kind.kind in "iu":
         limits = np.iinfo(kind)
@@ -182,7 +178,7 @@ def _apart(n: int) -> tuple[Array, Array]:
     return np.arange(n), np.arange(n)
 
 
-def _columns(channels: Array, n: int) -> Array:
+def _columns(channels: ArrayLike, n: int) -> Array:
     values = real(np.array(channels), "channels")
     values = values[:, None] if values.ndim == 1 else values
     if values.ndim != 2 or len(values) != n:
@@ -207,5 +203,5 @@ def _in_range(faces: Array, home: Array) -> Array:
     return home[faces] if faces.size else np.zeros((0, 3), np.int64)
 
 
-def _shape_of(noun: Any) -> str:
+def _shape_of(noun: object) -> str:
     return str(noun.points.shape) if isinstance(noun, Mesh) else type(noun).__name__

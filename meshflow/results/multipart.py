@@ -12,8 +12,7 @@ from meshflow.errors import InputError, NotConverged
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.parameters import Parameter
 from meshflow.geometry.validation import Array
-from meshflow.io.adapters.multipart import Several
-from meshflow.io.objects import Adopted
+from meshflow.io.document import Adopted, Multipart
 from meshflow.results.result import Result, release
 from meshflow.surfaces.lift import Noun, together
 
@@ -130,7 +129,7 @@ class Results(Mapping[str, Result]):
     correlation = None
 
 
-def one_by_one(several: Several, constraints: Constraints, smoothed: Callable[[Adopted], Result]) -> Results:
+def one_by_one(several: Multipart, constraints: Constraints, smoothed: Callable[[Adopted], Result]) -> Results:
     """Data of several parts, each as if it were alone.
 
     :param constraints: of the caller, before they are aligned with any part.
@@ -146,4 +145,4 @@ def one_by_one(several: Several, constraints: Constraints, smoothed: Callable[[A
             found[name] = smoothed(part)
         except (InputError, NotConverged) as cause:
             raise type(cause)(f"part {name}: {cause}") from cause
-    return Results(several.restore([one.after for one in found.values()]), found)
+    return Results(several.to_object([one.after for one in found.values()]), found)

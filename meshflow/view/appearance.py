@@ -7,7 +7,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.files import Document
-from meshflow.io.objects import adopt
+from meshflow.io.objects import from_object
 from meshflow.surfaces.lift import Mesh, Noun
 from meshflow.view.texture import Textured, image_of, texture_of
 
@@ -27,7 +27,7 @@ _OF_COLOUR = (
 def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]:
     """The noun of a thing, and what was done on the way.
 
-    :param thing: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.adopt` recognises.
+    :param thing: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognises.
     :param own_colours: of a mesh, with the colours (n, 3) of its vertices, or of its texture at them, as channels that ride
         along, as the texture itself does.
     :raises InputError: where colours are asked for and there are none.
@@ -35,7 +35,7 @@ def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]
     if isinstance(thing, Document):
         noun, notes = thing.noun, thing.notes
     else:
-        adopted = adopt(thing)
+        adopted = from_object(thing)
         noun, notes = adopted.noun, adopted.notes
     if not own_colours:
         return noun, notes
@@ -80,7 +80,7 @@ def carried(thing: Any, noun: Mesh) -> dict[str, Array]:
 def _column(thing: Any, name: Any, noun: Mesh) -> Array | None:
     """A point array (n, k) of an object that is no trimesh's; None for what is no channel, as text or the wrong length."""
     try:
-        channels = adopt(thing, channels=name, moves="channels").noun
+        channels = from_object(thing, {"channels": name, "moves": "channels"}).noun
     except InputError:  # an array that cannot move does not ride along as one
         return None
     assert isinstance(channels, Mesh)
@@ -91,7 +91,8 @@ def _column(thing: Any, name: Any, noun: Mesh) -> Array | None:
 def _as_trimesh(thing: Any, noun: Mesh) -> Any:
     """The thing as a trimesh.Trimesh, where it is one or was read from a file; else None."""
     if isinstance(thing, Document):
-        return thing.about.scene(noun).to_mesh() if hasattr(thing.about, "scene") else None
+        scene = thing.source.scene(noun) if isinstance(noun, Mesh) else None
+        return None if scene is None else scene.to_mesh()
     return thing if hasattr(thing, "visual") else None
 
 
@@ -111,7 +112,7 @@ def _colours(thing: Any, noun: Mesh) -> Array | None:
     mesh = _as_trimesh(thing, noun)
     if mesh is None and not isinstance(thing, Document):
         try:
-            found = adopt(thing, channels="colors", moves="points").noun
+            found = from_object(thing, {"channels": "colors", "moves": "points"}).noun
         except InputError:  # it has none; the caller says so
             return None
         assert isinstance(found, Mesh)

@@ -76,7 +76,7 @@ def compare(
     are symmetric about 0 and end at the 99th percentile of its size. Numbers are those of all of the data; what is drawn of
     grids is thinned to 1000 samples a side, and that is said.
 
-    :param before: a noun, a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.adopt` recognises.
+    :param before: a noun, a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognises.
     :param after: the same kind of thing on the same samples.
     :param path: the picture to write (.png, .jpg, .tif; to blink .gif or .png); None: a window.
     :param quantity: ``removed``; or before and after in the colours of their ``curvature``, ``edges``, ``triangles`` or

@@ -54,9 +54,10 @@ def ruled(length: float | None, unit: str, page: float, north: bool) -> Ruler:
 
 def grounded(thing: Any, noun: Noun) -> Ground:
     """The ground of a noun, and of the file that it came from."""
-    about = thing.about if isinstance(thing, Document) else None
-    unit = getattr(about, "ground_unit", "") or getattr(noun, "unit", "")
-    return Ground(unit, bool(getattr(about, "north_up", False)))
+    own = getattr(noun, "unit", "")
+    return (
+        Ground(thing.source.ground_unit or own, thing.source.north_up) if isinstance(thing, Document) else Ground(own)
+    )
 
 
 def _words(length: float, unit: str) -> str:

@@ -1,55 +1,62 @@
 """open3d triangle meshes in, new ones out: the legacy class and the tensor class."""
 
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from meshflow.errors import InputError, need
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters import open3d_images as images
-from meshflow.io.metadata import Found, belong, must_be_mesh
-from meshflow.io.objects import Adopted
+from meshflow.io.document import Adopted
+from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.lift import Mesh
 
-__all__ = ["adopt"]
+if TYPE_CHECKING:
+    import open3d
+
+__all__ = ["from_object"]
 
 
-def adopt(
-    thing: Any, *, channels: Any = None, moves: Any = None, fixed: Any = None, kind: Any = None, **other: Any
-) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Adopted:
     """Take a TriangleMesh in, legacy or tensor; what comes back is a new one of the same class, attributes and all.
 
     Vertex and triangle normals are recomputed where there are some. Depth images go to :mod:`meshflow.io.adapters.open3d_images`.
 
-    :param channels: (n, k), or ``"colors"``; of a tensor mesh also the name of a vertex attribute.
-    :param moves: ``points | channels | all``.
-    :param fixed: (n,), vertices that stay.
-    :raises InputError: for a point cloud or another geometry, an unknown name, or a hint that does not belong.
+    :param options: ``channels`` (n, k), or ``"colors"``, of a tensor mesh also the name of a vertex attribute; ``moves``;
+        ``fixed`` (n,), vertices that stay.
+    :raises InputError: for a point cloud or another geometry, an unknown name, or an option that does not belong.
     """
-    if images.is_image(thing):
-        meant = {"channels": channels, "moves": moves, "fixed": fixed, "kind": kind}
-        return images.adopt(thing, **{name: hint for name, hint in meant.items() if hint is not None}, **other)
-    belong(other, "an open3d mesh", ("channels", "moves", "fixed"))
-    must_be_mesh(kind, "an open3d mesh")
-    open3d = need("open3d", "scan")
-    is_legacy = isinstance(thing, open3d.geometry.TriangleMesh)
-    if not is_legacy and not isinstance(thing, open3d.t.geometry.TriangleMesh):
-        raise InputError(
-            f"{type(thing).__module__}.{type(thing).__name__}: a TriangleMesh expected; a cloud has no surface, "
-            "reconstruct one first (TriangleMesh.create_from_point_cloud_poisson)"
-        )
-    taken = _Legacy(thing) if is_legacy else _Tensor(thing)
+    if images.is_image(data):
+        return images.from_object(data, options)
+    options.must_be_mesh("an open3d mesh")
+    taken = _taken(data)
     points, faces = taken.array("positions"), taken.faces()
-    name = channels if isinstance(channels, str) else None
-    values: Any = taken.array(name) if name is not None else channels
-    skin = Skin.of(points, faces, split=is_soup(faces, len(points)), channels=values, moves=moves, fixed=fixed)
+    name = options.attribute
+    values = taken.array(name) if name is not None else options.channels
+    skin = Skin.of(
+        points, faces, split=is_soup(faces, len(points)), channels=values, moves=options.moves, fixed=options.fixed
+    )
     samples = partial(skin.samples, find=taken.found)
-    return Adopted(skin.noun, partial(_restored, taken, skin, name), skin.note, samples)
+    return Adopted(skin.noun, partial(_to_object, taken, skin, name), skin.note, samples)
 
 
-def _restored(taken: Any, skin: Skin, name: str | None, noun: Mesh) -> Any:
+def _taken(data: object) -> "_Legacy | _Tensor":
+    module = need("open3d", "scan")
+    if isinstance(data, module.geometry.TriangleMesh):
+        return _Legacy(cast("open3d.geometry.TriangleMesh", data))
+    if isinstance(data, module.t.geometry.TriangleMesh):
+        return _Tensor(cast("open3d.t.geometry.TriangleMesh", data))
+    raise InputError(
+        f"{type(data).__module__}.{type(data).__name__}: a TriangleMesh expected; a cloud has no surface, "
+        "reconstruct one first (TriangleMesh.create_from_point_cloud_poisson)"
+    )
+
+
+def _to_object(
+    taken: "_Legacy | _Tensor", skin: Skin, name: str | None, noun: Mesh
+) -> "open3d.geometry.TriangleMesh | open3d.t.geometry.TriangleMesh":
     new = taken.copy()
     points = skin.points_of(noun)
     if skin.has_moved(noun):
@@ -69,7 +76,7 @@ class _Legacy:
 
     _HOMES = {"positions": "vertices", "normals": "vertex_normals", "colors": "vertex_colors"}
 
-    def __init__(self, mesh: Any) -> None:
+    def __init__(self, mesh: "open3d.geometry.TriangleMesh") -> None:
         self.mesh = type(mesh)(mesh)
 
     def copy(self) -> "_Legacy":
@@ -108,7 +115,7 @@ class _Legacy:
 class _Tensor:
     """open3d.t.geometry.TriangleMesh, any attributes in any type."""
 
-    def __init__(self, mesh: Any) -> None:
+    def __init__(self, mesh: "open3d.t.geometry.TriangleMesh") -> None:
         self.mesh = (
             mesh.clone()
         )  # copy.deepcopy shares the memory of all attributes; clone() leaves the material behind

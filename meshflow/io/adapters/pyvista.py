@@ -1,20 +1,19 @@
 """pyvista objects in, new ones out: PolyData here, grids in :mod:`meshflow.io.adapters.pyvista_grids`."""
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pyvista
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.adapters.pyvista_grids import adopt_image, adopt_terrain
-from meshflow.io.metadata import Found, belong, must_be_mesh
-from meshflow.io.objects import Adopted
+from meshflow.io.adapters.pyvista_grids import from_image_data, from_structured_grid
+from meshflow.io.document import Adopted
+from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.lift import Mesh
 
-__all__ = ["adopt"]
+__all__ = ["from_object"]
 
 # What is refused, and the way out of it.
 _ELSEWHERE = {
@@ -26,88 +25,89 @@ _ELSEWHERE = {
 }
 
 
-def adopt(thing: Any, **hints: Any) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Adopted:
     """Take a PolyData, a flat ImageData or a terrain (StructuredGrid) in; what comes back is a new one, arrays and all.
 
     Polygons and strips are triangulated. Arrays keep their types; normals are recomputed.
 
-    :param hints: of PolyData: ``channels`` ((n, k), the name of a point array, or ``"colors"``), ``moves``, ``fixed`` (n,);
-        of grids: ``kind`` (``terrain | image``), ``spacing``, ``channels`` (the name of an array), ``fixed`` (per sample, in
+    :param options: of PolyData ``channels`` ((n, k), the name of a point array, or ``"colors"``), ``moves``, ``fixed`` (n,);
+        of grids ``kind`` (``terrain | image``), ``spacing``, ``channels`` (the name of an array), ``fixed`` (per sample, in
         the order of the object).
-    :raises InputError: for other kinds of data sets, with the way out, and for hints that do not belong.
+    :raises InputError: for other kinds of data sets, with the way out, and for options that do not belong.
     """
-    if isinstance(thing, pyvista.PolyData):
-        return _adopt_polydata(thing, **hints)
-    if isinstance(thing, (pyvista.ImageData, pyvista.StructuredGrid)):
-        return (adopt_image if isinstance(thing, pyvista.ImageData) else adopt_terrain)(thing, **hints)
-    name = type(thing).__name__
+    if isinstance(data, pyvista.PolyData):
+        return _from_polydata(data, options)
+    if isinstance(data, pyvista.ImageData):
+        return from_image_data(data, options)
+    if isinstance(data, pyvista.StructuredGrid):
+        return from_structured_grid(data, options)
+    name = type(data).__name__
     advice = _ELSEWHERE.get(name, "hand over a PolyData, a flat ImageData or a StructuredGrid")
     raise InputError(
         f"pyvista.{name}: a surface expected (PolyData, flat ImageData, StructuredGrid of one layer); {advice}"
     )
 
 
-def _adopt_polydata(
-    thing: Any, *, channels: Any = None, moves: Any = None, fixed: Any = None, kind: Any = None, **other: Any
-) -> Adopted:
-    belong(other, "a PolyData", ("channels", "moves", "fixed"))
-    must_be_mesh(kind, "a PolyData")
-    poly, notes = _triangles(thing)
+def _from_polydata(data: pyvista.PolyData, options: ReadOptions) -> Adopted:
+    options.must_be_mesh("a PolyData")
+    poly, notes = _triangles(data)
     faces = poly.faces.reshape(-1, 4)[:, 1:]
-    name = _array_name(poly, channels) if isinstance(channels, str) else None
-    values: Any = np.array(poly.point_data[name]) if name is not None else channels
-    if isinstance(channels, str) and channels == "colors":
-        values = values[:, :3]
-    split = poly.active_texture_coordinates is not None or _normals_name(poly.point_data) is not None
-    skin = Skin.of(
-        poly.points, faces, split=split or is_soup(faces, poly.n_points), channels=values, moves=moves, fixed=fixed
+    name = None if options.attribute is None else _array_name(poly, options.attribute)
+    values = options.channels if name is None else np.array(poly.point_data[name])
+    if name is not None and options.attribute == "colors":
+        values = np.asarray(values)[:, :3]
+    split = (
+        poly.active_texture_coordinates is not None
+        or _normals_name(poly.point_data) is not None
+        or is_soup(faces, poly.n_points)
     )
+    skin = Skin.of(poly.points, faces, split=split, channels=values, moves=options.moves, fixed=options.fixed)
     samples = partial(skin.samples, find=partial(_point_array, poly))
-    return Adopted(skin.noun, partial(_restored, poly, faces, skin, name), (*skin.note, *notes), samples)
+    return Adopted(skin.noun, partial(_to_object, poly, faces, skin, name), (*skin.note, *notes), samples)
 
 
-def _triangles(thing: Any) -> tuple[Any, tuple[str, ...]]:
+def _triangles(data: pyvista.PolyData) -> tuple[pyvista.PolyData, tuple[str, ...]]:
     """A deep copy whose polygons are triangles, and what had to be done."""
-    if not thing.GetNumberOfPolys() and not thing.n_strips:
+    if not data.GetNumberOfPolys() and not data.n_strips:
         raise InputError(
-            f"PolyData: polygons expected, got {thing.n_points} points, {thing.n_lines} lines and none; a cloud has "
+            f"PolyData: polygons expected, got {data.n_points} points, {data.n_lines} lines and none; a cloud has "
             "no surface, reconstruct one first: .reconstruct_surface() or .delaunay_2d()"
         )
-    others = [f"{count} {word}" for count, word in ((thing.n_verts, "vertex cells"), (thing.n_lines, "lines")) if count]
+    others = [f"{count} {word}" for count, word in ((data.n_verts, "vertex cells"), (data.n_lines, "lines")) if count]
     notes = (f"{' and '.join(others)} stay, and follow their points",) if others else ()
-    sizes = np.diff(pyvista.convert_array(thing.GetPolys().GetOffsetsArray()))
-    if not thing.n_strips and (sizes == 3).all():
-        return thing.copy(deep=True), notes
-    poly = _triangulated(thing)
-    what = f"{int((sizes != 3).sum())} polygons" + (f" and {thing.n_strips} strips" if thing.n_strips else "")
-    notes += (f"{what} triangulated: {len(sizes) + thing.n_strips} faces became {poly.GetNumberOfPolys()}",)
+    sizes = np.diff(pyvista.convert_array(data.GetPolys().GetOffsetsArray()))
+    if not data.n_strips and (sizes == 3).all():
+        return data.copy(deep=True), notes
+    poly = _triangulated(data)
+    what = f"{int((sizes != 3).sum())} polygons" + (f" and {data.n_strips} strips" if data.n_strips else "")
+    notes += (f"{what} triangulated: {len(sizes) + data.n_strips} faces became {poly.GetNumberOfPolys()}",)
     return poly, notes
 
 
-def _triangulated(thing: Any) -> Any:
+def _triangulated(data: pyvista.PolyData) -> pyvista.PolyData:
     """A deep copy with triangles for polygons and strips, each with the cell data of what it is a part of.
 
     The polygons go through VTK alone: where there are lines and vertex cells beside them, its filter leaves the cell data of
     these uninitialised.
     """
-    polygons = pyvista.PolyData(np.array(thing.points))
+    polygons = pyvista.PolyData(np.array(data.points))
     polygons.verts = np.zeros(0, int)
-    polygons.faces, polygons.strips = np.array(thing.faces), np.array(thing.strips)
-    first = thing.n_verts + thing.n_lines  # VTK counts cells in this order: vertices, lines, polygons, strips
-    polygons.cell_data["came from"] = np.arange(first, thing.n_cells)
+    polygons.faces, polygons.strips = np.array(data.faces), np.array(data.strips)
+    first = data.n_verts + data.n_lines  # VTK counts cells in this order: vertices, lines, polygons, strips
+    polygons.cell_data["came from"] = np.arange(first, data.n_cells)
     triangles = polygons.triangulate()
     source = np.concatenate([np.arange(first), triangles.cell_data["came from"]])
-    poly = thing.copy(deep=True)
-    data = {name: np.array(values)[source] for name, values in poly.cell_data.items()}
+    poly = data.copy(deep=True)
+    columns: dict[str, Array] = {name: np.array(values)[source] for name, values in poly.cell_data.items()}
     actives = poly.cell_data.active_scalars_name, poly.cell_data.active_normals_name
     poly.cell_data.clear()
     poly.strips, poly.faces = np.zeros(0, int), np.array(triangles.faces)
-    poly.cell_data.update(data)
+    poly.cell_data.update(columns)
     poly.cell_data.active_scalars_name, poly.cell_data.active_normals_name = actives
     return poly
 
 
-def _array_name(poly: Any, name: str) -> str:
+def _array_name(poly: pyvista.PolyData, name: str) -> str:
     if name == "colors":
         name = next((word for word in ("RGB", "RGBA") if word in poly.point_data), name)
     if name in poly.point_data:
@@ -119,15 +119,15 @@ def _array_name(poly: Any, name: str) -> str:
     raise InputError(f"channels={name!r}: no such point array; there are {', '.join(poly.point_data.keys()) or 'none'}")
 
 
-def _point_array(poly: Any, name: str) -> Found:
+def _point_array(poly: pyvista.PolyData, name: str) -> Found:
     return (np.array(poly.point_data[name]) if name in poly.point_data else None), poly.point_data.keys()
 
 
-def _normals_name(data: Any) -> str | None:
+def _normals_name(data: pyvista.DataSetAttributes) -> str | None:
     return data.active_normals_name or ("Normals" if "Normals" in data else None)
 
 
-def _restored(poly: Any, faces: Array, skin: Skin, name: str | None, noun: Mesh) -> Any:
+def _to_object(poly: pyvista.PolyData, faces: Array, skin: Skin, name: str | None, noun: Mesh) -> pyvista.PolyData:
     new = poly.copy(deep=True)
     points = skin.points_of(noun)
     if skin.has_moved(noun):
@@ -140,12 +140,12 @@ def _restored(poly: Any, faces: Array, skin: Skin, name: str | None, noun: Mesh)
     return new
 
 
-def _renew_normals(poly: Any, faces: Array, before: Array) -> None:
+def _renew_normals(poly: pyvista.PolyData, faces: Array, before: Array) -> None:
     """Normals of points and of cells anew, where the object has them."""
     name = _normals_name(poly.point_data)
     if name is not None:
         normals = poly.point_data[name]
-        normals[:] = normals_after(np.asarray(poly.points), faces, before, np.array(normals))
+        np.copyto(normals, normals_after(np.asarray(poly.points), faces, before, np.array(normals)))
     name = _normals_name(poly.cell_data)
     if name is not None:
         a, b, c = (np.asarray(poly.points, np.float64)[faces[:, k]] for k in range(3))

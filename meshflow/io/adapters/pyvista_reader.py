@@ -7,7 +7,7 @@ name for: such files are read by trimesh, into the arrays that VTK would have ma
 
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array
-from meshflow.io.formats.ply import KNOWN, TEXTURE, elements_of, has, stacked, values_of
+from meshflow.io.formats.ply import KNOWN, TEXTURE, Elements, elements_of, has, stacked, values_of
 
 __all__ = ["read_ply"]
 
@@ -75,7 +75,7 @@ def _beyond_vtk(path: Path) -> Iterator[tuple[str, bool]]:
                     yield f"{name} of {element}", False
 
 
-def _polydata(elements: Mapping[str, Any], path: Path) -> Any:
+def _polydata(elements: Elements, path: Path) -> Any:
     import pyvista
 
     faces = _cells(elements, path)
@@ -97,7 +97,7 @@ def _polydata(elements: Mapping[str, Any], path: Path) -> Any:
     return poly
 
 
-def _cells(elements: Mapping[str, Any], path: Path) -> Array | None:
+def _cells(elements: Elements, path: Path) -> Array | None:
     """The polygons as pyvista has them, each behind its length; None of a cloud."""
     face = elements.get("face")
     if face is None or not face["length"]:
@@ -111,7 +111,7 @@ def _cells(elements: Mapping[str, Any], path: Path) -> Array | None:
     return np.insert(found.astype(np.int64), 0, found.shape[1], axis=1).ravel()
 
 
-def _fill(data: Any, elements: Mapping[str, Any], element: str) -> None:
+def _fill(data: Any, elements: Elements, element: str) -> None:
     """Colours as VTK names them, and every other property that is a number."""
     kinds = elements[element]["properties"]
     for names in (("red", "green", "blue", "alpha"), ("red", "green", "blue")):

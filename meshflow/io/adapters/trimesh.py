@@ -1,44 +1,42 @@
 """trimesh.Trimesh in, a new trimesh.Trimesh out."""
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import trimesh
+from trimesh.visual import ColorVisuals, TextureVisuals
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.metadata import Found, belong, must_be_mesh
-from meshflow.io.objects import Adopted
+from meshflow.io.document import Adopted
+from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.lift import Mesh
 
-__all__ = ["adopt", "attribute_of", "carries", "channel_of", "stored_normals", "with_changes"]
+__all__ = ["attribute_of", "carries", "channel_of", "from_object", "stored_normals", "with_changes"]
 
 
-def adopt(
-    thing: Any, *, channels: Any = None, moves: Any = None, fixed: Any = None, kind: Any = None, **other: Any
-) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Adopted:
     """Take a Trimesh in; what comes back is a new one with colours, attributes, texture and metadata of the first.
 
-    :param channels: (n, k), or the name of a vertex attribute, or ``"colors"``; a named one returns to where it was.
-    :param moves: ``points | channels | all``.
-    :param fixed: (n,), vertices that stay.
-    :raises InputError: for a Scene or a PointCloud, an unknown name, or a hint that does not belong.
+    :param options: ``channels`` (n, k), or the name of a vertex attribute, or ``"colors"``: a named one returns to where it was;
+        ``moves``; ``fixed`` (n,), vertices that stay.
+    :raises InputError: for a Scene or a PointCloud, an unknown name, or an option that does not belong.
     """
-    belong(other, "a trimesh mesh", ("channels", "moves", "fixed"))
-    must_be_mesh(kind, "a trimesh mesh")
-    _must_be_trimesh(thing)
-    mesh = thing.copy()
-    normals = stored_normals(thing)
-    name = channels if isinstance(channels, str) else None
-    values: Any = channel_of(mesh, name) if name is not None else channels
-    skin = Skin.of(mesh.vertices, mesh.faces, split=carries(mesh), channels=values, moves=moves, fixed=fixed)
+    options.must_be_mesh("a trimesh mesh")
+    read = _trimesh(data)
+    mesh = read.copy()
+    normals = stored_normals(read)
+    name = options.attribute
+    values = channel_of(mesh, name) if name is not None else options.channels
+    skin = Skin.of(
+        mesh.vertices, mesh.faces, split=carries(mesh), channels=values, moves=options.moves, fixed=options.fixed
+    )
     samples = partial(skin.samples, find=partial(attribute_of, mesh))
-    return Adopted(skin.noun, partial(_restored, mesh, normals, skin, name), skin.note, samples)
+    return Adopted(skin.noun, partial(_to_object, mesh, normals, skin, name), skin.note, samples)
 
 
-def carries(mesh: Any) -> bool:
+def carries(mesh: trimesh.Trimesh) -> bool:
     """Whether the mesh has vertices that are split: it carries texture coordinates, or is a soup of triangles.
 
     (Normals do not count here: trimesh makes them whenever somebody looks.)
@@ -46,17 +44,17 @@ def carries(mesh: Any) -> bool:
     return getattr(mesh.visual, "uv", None) is not None or is_soup(np.asarray(mesh.faces), len(mesh.vertices))
 
 
-def stored_normals(mesh: Any) -> Array | None:
+def stored_normals(mesh: trimesh.Trimesh) -> Array | None:
     """Vertex normals (n, 3) if the mesh has them now; the exporters of trimesh ask its cache in the same way."""
     return np.array(mesh.vertex_normals) if "vertex_normals" in mesh._cache.cache else None
 
 
-def attribute_of(mesh: Any, name: str) -> Found:
+def attribute_of(mesh: trimesh.Trimesh, name: str) -> Found:
     """A vertex attribute, or None, and the names of those that there are."""
     return mesh.vertex_attributes.get(name), mesh.vertex_attributes
 
 
-def channel_of(mesh: Any, name: str) -> Array:
+def channel_of(mesh: trimesh.Trimesh, name: str) -> Array:
     """A vertex attribute by its name, or the colours (n, 3) as ``"colors"``.
 
     :raises InputError: when the mesh has no such attribute; the message names those that it has.
@@ -73,7 +71,9 @@ def channel_of(mesh: Any, name: str) -> Array:
     )
 
 
-def with_changes(mesh: Any, points: Array | None, normals: Array | None, name: str | None, values: Array | None) -> Any:
+def with_changes(
+    mesh: trimesh.Trimesh, points: Array | None, normals: Array | None, name: str | None, values: Array | None
+) -> trimesh.Trimesh:
     """A copy with other positions, and other values of a named channel; whatever else it has is copied.
 
     :param points: (n, 3), or None where they stay.
@@ -86,13 +86,11 @@ def with_changes(mesh: Any, points: Array | None, normals: Array | None, name: s
         if normals is not None:
             normals = normals_after(points, np.asarray(mesh.faces), np.asarray(mesh.vertices), normals)
     if name == "colors" and values is not None:
-        colors = _colors(new)
-        assert colors is not None
-        colors = np.array(colors)
+        colors = np.array(_colors(new))
         colors[:, :3] = fitted(values, colors.dtype)
-        if new.visual.kind == "texture":
+        if isinstance(new.visual, TextureVisuals):
             new.visual.vertex_attributes["color"] = colors
-        else:
+        elif isinstance(new.visual, ColorVisuals):
             new.visual.vertex_colors = colors
     elif name is not None and values is not None:
         old = new.vertex_attributes[name]
@@ -102,32 +100,35 @@ def with_changes(mesh: Any, points: Array | None, normals: Array | None, name: s
     return new
 
 
-def _colors(mesh: Any) -> Array | None:
+def _colors(mesh: trimesh.Trimesh) -> Array | None:
     """Vertex colours, wherever trimesh keeps them: in the visual, or beside the texture coordinates."""
-    if mesh.visual.kind == "vertex":
-        return np.asarray(mesh.visual.vertex_colors)
-    if mesh.visual.kind == "texture":
-        return mesh.visual.vertex_attributes.get("color")
-    return None
+    visual = mesh.visual
+    if isinstance(visual, TextureVisuals):
+        return visual.vertex_attributes.get("color")
+    return np.asarray(visual.vertex_colors) if isinstance(visual, ColorVisuals) and visual.kind == "vertex" else None
 
 
-def _restored(mesh: Any, normals: Array | None, skin: Skin, name: str | None, noun: Mesh) -> Any:
+def _to_object(
+    mesh: trimesh.Trimesh, normals: Array | None, skin: Skin, name: str | None, noun: Mesh
+) -> trimesh.Trimesh:
     points = skin.points_of(noun) if skin.has_moved(noun) else None
     return with_changes(mesh, points, normals, name, skin.channels_of(noun))
 
 
-def _must_be_trimesh(thing: Any) -> None:
-    if isinstance(thing, trimesh.Scene):
+def _trimesh(data: object) -> trimesh.Trimesh:
+    """The mesh, or a word on what came instead."""
+    if isinstance(data, trimesh.Scene):
         raise InputError(
-            f"trimesh.Scene of {len(thing.geometry)} parts: one trimesh.Trimesh expected here; meshflow.smooth takes scenes "
+            f"trimesh.Scene of {len(data.geometry)} parts: one trimesh.Trimesh expected here; meshflow.smooth takes scenes "
             "part by part, or all as one with scene.to_mesh()"
         )
-    if isinstance(thing, trimesh.PointCloud):
+    if isinstance(data, trimesh.PointCloud):
         raise InputError(
-            f"trimesh.PointCloud of {len(thing.vertices)} points: a mesh with triangles expected; a cloud has no "
+            f"trimesh.PointCloud of {len(data.vertices)} points: a mesh with triangles expected; a cloud has no "
             "surface, reconstruct one first (open3d: create_from_point_cloud_poisson)"
         )
-    if not isinstance(thing, trimesh.Trimesh):
+    if not isinstance(data, trimesh.Trimesh):
         raise InputError(
-            f"trimesh.{type(thing).__name__}: a trimesh.Trimesh expected; a path or a voxel grid is no surface"
+            f"trimesh.{type(data).__name__}: a trimesh.Trimesh expected; a path or a voxel grid is no surface"
         )
+    return data

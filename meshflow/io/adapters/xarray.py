@@ -1,19 +1,24 @@
 """xarray.DataArray in, xarray.DataArray out: dimensions, coordinates, attributes and CRS kept."""
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, mask_of, real
-from meshflow.io.metadata import belong
-from meshflow.io.objects import Adopted
-from meshflow.io.spacing import Spacing, between_samples, height_unit, on_ellipsoid, units_disagree
+from meshflow.geometry.validation import Array, Spacing, mask_of, real, spacing_of
+from meshflow.io.document import Adopted
+from meshflow.io.metadata import ReadOptions
+from meshflow.io.spacing import between_samples, height_unit, on_ellipsoid, units_disagree
 from meshflow.surfaces.lift import HeightField, Image
 
-__all__ = ["adopt"]
+if TYPE_CHECKING:
+    from rasterio.crs import CRS
+    from xarray import DataArray
+
+__all__ = ["from_object"]
 
 _CHANNELS = ("band", "bands", "channel", "channels", "rgb")
 _NAMES = (("y", "x"), ("lat", "lon"), ("latitude", "longitude"))
@@ -36,58 +41,62 @@ _NODATA = -9999.0
 class _Layout:
     """Which dimension of an array is what: ``leading`` ones have one entry each."""
 
-    y: str
-    x: str
-    channel: str | None
-    leading: tuple[str, ...]
+    y: Hashable
+    x: Hashable
+    channel: Hashable | None
+    leading: tuple[Hashable, ...]
 
     @property
-    def order(self) -> tuple[str, ...]:
+    def order(self) -> tuple[Hashable, ...]:
         return (*self.leading, self.y, self.x, *((self.channel,) if self.channel else ()))
 
 
-def adopt(
-    array: Any, *, kind: Any = None, spacing: Any = None, missing: Any = None, fixed: Any = None, **other: object
-) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Adopted:
     """Take in a DataArray: a height field over its last two dimensions, or an image of its bands.
 
     Rows and columns are what rioxarray calls x and y, else dimensions named y and x, lat and lon, latitude and longitude, else
     the last two. A dimension named band, channel or rgb holds the channels of an image; any other must have one entry. The
     spacing is that of the coordinates, in metres by row where they are degrees. NaN and the declared nodata are missing.
 
-    What is restored is a new DataArray of float32 or float64, with a nodata value in its encoding, so that ``to_raster``
+    What comes back is a new DataArray of float32 or float64, with a nodata value in its encoding, so that ``to_raster``
     and ``to_netcdf`` neither quantise it nor forget what is missing.
 
-    :param hints: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``, ``fixed``.
-    :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or a strange hint.
+    :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``, ``fixed``.
+    :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or a strange option.
     """
-    if not hasattr(array, "dims") or not hasattr(array, "encoding") or hasattr(array, "data_vars"):
-        names = ", ".join(map(str, getattr(array, "data_vars", ())))
-        raise InputError(
-            f"an xarray.DataArray expected, got {type(array).__name__}; choose one of its variables: {names or '(none)'}"
-        )
-    belong(other, "a DataArray", ("kind", "spacing", "missing", "fixed"))
+    array = _data_array(data)
+    options.must_belong("a DataArray", ("kind", "spacing", "missing", "fixed"))
     layout = _layout(array)
-    _check_kind(kind, array, layout)
+    _check_kind(options.kind, array, layout)
     ordered = array.transpose(*layout.order)
     values = real(ordered.to_numpy(), str(array.name or "DataArray")).reshape(ordered.shape[len(layout.leading) :])
     gone = _gone(array, values)
     notes = _unscaled(array)
-    if spacing is None:
+    if options.spacing is None:
         spacing, more = _spacing(array, layout)
         notes += more
-    missing = gone | mask_of(None if missing is None else np.asarray(missing), gone.shape, "missing")
-    fixed = None if fixed is None else np.asarray(fixed)
-    if layout.channel or kind == "image":
-        noun: HeightField | Image = Image(values, spacing, missing, fixed)
+    else:
+        spacing = spacing_of(options.spacing, len(values))
+    missing = gone | mask_of(options.missing_mask, gone.shape, "missing")
+    if layout.channel or options.kind == "image":
+        noun: HeightField | Image = Image(values, spacing, missing, options.fixed_mask)
     else:
         unit = height_unit(_crs(array), array.attrs.get("units"))
         notes += units_disagree(_crs(array), unit)
-        noun = HeightField(values, spacing, missing, fixed, unit)
-    return Adopted(noun, lambda smoothed: _restored(array, ordered, smoothed, bool(gone.any())), notes)
+        noun = HeightField(values, spacing, missing, options.fixed_mask, unit)
+    return Adopted(noun, lambda smoothed: _to_object(array, ordered, smoothed, bool(gone.any())), notes)
 
 
-def _check_kind(kind: Any, array: Any, layout: _Layout) -> None:
+def _data_array(data: object) -> "DataArray":
+    if not hasattr(data, "dims") or not hasattr(data, "encoding") or hasattr(data, "data_vars"):
+        names = ", ".join(map(str, getattr(data, "data_vars", ())))
+        raise InputError(
+            f"an xarray.DataArray expected, got {type(data).__name__}; choose one of its variables: {names or '(none)'}"
+        )
+    return cast("DataArray", data)
+
+
+def _check_kind(kind: str | None, array: "DataArray", layout: _Layout) -> None:
     if kind not in (None, "terrain", "image"):
         raise InputError(
             f"kind: terrain or image expected for a DataArray, got {kind!r}; give depths as an array with a camera"
@@ -99,7 +108,7 @@ def _check_kind(kind: Any, array: Any, layout: _Layout) -> None:
         )
 
 
-def _unscaled(array: Any) -> tuple[str, ...]:
+def _unscaled(array: "DataArray") -> tuple[str, ...]:
     scale, offset = array.attrs.get("scale_factor", 1), array.attrs.get("add_offset", 0)
     if (scale, offset) == (1, 0):
         return ()
@@ -109,7 +118,7 @@ def _unscaled(array: Any) -> tuple[str, ...]:
     )
 
 
-def _layout(array: Any) -> _Layout:
+def _layout(array: "DataArray") -> _Layout:
     if array.ndim < 2:
         raise InputError(f"a DataArray of at least two dimensions expected, got {array.dims} of shape {array.shape}")
     y, x = _plane(array)
@@ -124,14 +133,14 @@ def _layout(array: Any) -> _Layout:
     return _Layout(y, x, channel, tuple(name for name in array.dims if name not in (y, x, channel)))
 
 
-def _plane(array: Any) -> tuple[str, str]:
+def _plane(array: "DataArray") -> tuple[Hashable, Hashable]:
     rioxarray = _rioxarray()
     if rioxarray is not None:
         try:
             return array.rio.y_dim, array.rio.x_dim
         except rioxarray.exceptions.MissingSpatialDimensionError:
             pass  # none of its names: perhaps one of ours
-    return next((pair for pair in _NAMES if set(pair) <= set(array.dims)), array.dims[-2:])
+    return next((pair for pair in _NAMES if set(pair) <= set(array.dims)), (array.dims[-2], array.dims[-1]))
 
 
 def _rioxarray() -> ModuleType | None:
@@ -144,7 +153,7 @@ def _rioxarray() -> ModuleType | None:
     return rioxarray
 
 
-def _crs(array: Any) -> Any:
+def _crs(array: "DataArray") -> "CRS | None":
     from rasterio.crs import CRS
 
     if _rioxarray() is not None:
@@ -153,7 +162,7 @@ def _crs(array: Any) -> Any:
     return next((CRS.from_wkt(wkt) for wkt in words if wkt), None)
 
 
-def _spacing(array: Any, layout: _Layout) -> tuple[Spacing, tuple[str, ...]]:
+def _spacing(array: "DataArray", layout: _Layout) -> tuple[Spacing, tuple[str, ...]]:
     crs, shape = _crs(array), (array.sizes[layout.y], array.sizes[layout.x])
     if layout.y not in array.coords or layout.x not in array.coords:
         turned = array.rio.transform() if _rioxarray() is not None else None
@@ -170,13 +179,13 @@ def _spacing(array: Any, layout: _Layout) -> tuple[Spacing, tuple[str, ...]]:
     return on_ellipsoid(crs if crs is not None else _wgs84(), rows.to_numpy().astype(np.float64), dx, dy)
 
 
-def _wgs84() -> Any:
+def _wgs84() -> "CRS":
     from rasterio.crs import CRS
 
     return CRS.from_epsg(4326)
 
 
-def _regular(coordinate: Any) -> float:
+def _regular(coordinate: "DataArray") -> float:
     """The distance of neighbours along a coordinate, ascending or descending, of which every step is the same within 1e-3."""
     along = np.asarray(coordinate)
     name = coordinate.name
@@ -194,7 +203,7 @@ def _regular(coordinate: Any) -> float:
     return abs(step)
 
 
-def _gone(array: Any, values: Array) -> Array:
+def _gone(array: "DataArray", values: Array) -> Array:
     """(h, w): not finite, or the nodata value that an array opened without masking says in its attributes."""
     declared = array.attrs.get("_FillValue", array.attrs.get("nodata"))
     gone: Array = np.logical_not(np.isfinite(values))
@@ -203,7 +212,9 @@ def _gone(array: Any, values: Array) -> Array:
     return gone if gone.ndim == 2 else np.any(gone, axis=2)
 
 
-def _restored(array: Any, ordered: Any, noun: HeightField | Image, anything_missing: bool) -> Any:
+def _to_object(
+    array: "DataArray", ordered: "DataArray", noun: HeightField | Image, anything_missing: bool
+) -> "DataArray":
     values = noun.z if isinstance(noun, HeightField) else noun.values
     smoothed = ordered.copy(data=np.array(values).reshape(ordered.shape)).transpose(*array.dims)
     smoothed.encoding = {key: value for key, value in array.encoding.items() if key not in _PACKING}

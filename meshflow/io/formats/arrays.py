@@ -1,34 +1,54 @@
 """Arrays of numpy, in memory and in .npy and .npz files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from os import PathLike
 from pathlib import Path
-from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, spacing_of
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, in_metres
-from meshflow.io.files import Document, Kind
+from meshflow.io.document import Adopted, Document, Source, WriteOptions, samples_of
 from meshflow.io.formats.cameras import calibration_for, camera_for
-from meshflow.io.formats.raster_bands import Frame
-from meshflow.io.metadata import belong, must_be_mesh
-from meshflow.io.objects import Adopted
-from meshflow.surfaces.camera import Camera, Measure
-from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, Pace, RangeImage
+from meshflow.io.metadata import Kind, ReadOptions
+from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 
-__all__ = ["adopt", "read", "write"]
+__all__ = ["can_write", "from_object", "read", "write"]
 
+NAME: str = "an array file"
+READS: tuple[str, ...] = (
+    "kind",
+    "spacing",
+    "nodata",
+    "camera",
+    "jump",
+    "measure",
+    "time_unit",
+    "depth_scale",
+    "channels",
+    "moves",
+    "unit",
+)
+WRITES: tuple[str, ...] = ()
 _KEYS = ("z", "values", "depth", "data")
+# What each kind of array takes, and what it is called.
+_TAKES: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
+    "terrain": ("an array of heights", ("spacing", "missing", "fixed", "unit")),
+    "image": ("an array of channels", ("spacing", "missing", "fixed")),
+    "depth": (
+        "an array of depths",
+        ("camera", "missing", "fixed", "jump", "measure", "time_unit", "unit"),
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
-    """What a file of arrays held besides the noun.
+class Stored(Source):
+    """What a file of arrays held besides the data.
 
     :param dtype: of the array as it was stored.
     :param key: its name in an .npz.
@@ -39,67 +59,61 @@ class Stored:
     key: str = "values"
     others: Mapping[str, Array] = field(default_factory=dict)
 
+    @property
+    def stored_as(self) -> str:
+        """The type of the array."""
+        return self.dtype
 
-def read(
-    path: Path,
-    *,
-    kind: Kind | None = None,
-    spacing: Any = None,
-    nodata: float | None = None,
-    camera: Camera | str | Path | None = None,
-    jump: float | None = None,
-    measure: Measure | None = None,
-    pace: Pace | None = None,
-    depth_scale: float | None = None,
-) -> Document:
+
+def read(path: Path, options: ReadOptions) -> Document:
     """Read an array: (h, w) is a terrain, (h, w, k) an image, with a camera (h, w) are depths, whole numbers as in a PNG.
 
     An ``.npz`` holds one array, or one of the name z, values, depth or data; or ``points`` and ``faces``: a mesh.
 
-    :param nodata: a value that marks missing samples, as NaN always does.
-    :param depth_scale: units per metre of depths, as of :func:`meshflow.io.formats.depth_images.read`.
+    :param options: ``nodata``, a value that marks missing samples, as NaN always does; ``depth_scale``, units per metre of
+        depths, as of :func:`meshflow.io.formats.depth_images.read`; ``channels`` of a mesh are those of the file.
     :raises FormatError: for a file that numpy cannot read, Python objects, or several arrays of other names.
-    :raises InputError: for an array that is no noun, or an option that does not belong to it.
+    :raises InputError: for an array that is no data, or an option that does not belong to it.
     """
-    arrays, notes, unit = _load(path), (), ""
-    hints = {"spacing": spacing, "camera": camera, "jump": jump, "measure": measure, "pace": pace}
-    if {"points", "faces"} <= arrays.keys() and kind in (None, "mesh"):
-        thing: Any = (arrays.pop("points"), arrays.pop("faces"))
-        hints["channels"] = arrays.get("channels")
-        about = Stored(str(thing[0].dtype), "points", arrays)
-    else:
-        key = _key(path, arrays)
-        thing = arrays.pop(key)
-        about = Stored(str(thing.dtype), key, arrays)
-        if nodata is not None:
-            marked = thing == nodata
-            hints["missing"] = marked if marked.ndim == 2 else marked.any(axis=-1)
-        if camera is not None and kind in (None, "depth") and thing.ndim == 2 and thing.dtype.kind in "fiu":
-            calibration = calibration_for(camera, thing.shape, path.name)
-            found = in_metres(thing, calibration, depth_scale, path.name)
-            thing, notes, unit = found.depth, found.notes, "m"
-            hints["missing"], hints["camera"] = found.missing | hints.get("missing", False), calibration.camera
-        elif depth_scale is not None:
-            raise InputError(
-                f"{path.name}: depth_scale {depth_scale} belongs to depths (h, w) with a camera; leave it out"
-            )
-    noun = adopt(thing, kind=kind, **{name: hint for name, hint in hints.items() if hint is not None}).noun
-    noun = replace(noun, unit=unit) if isinstance(noun, RangeImage) else noun
-    kinds: dict[type, Kind] = {HeightField: "terrain", Image: "image", RangeImage: "depth", Mesh: "mesh"}
-    return Document(noun, kinds[type(noun)], path, about, "arrays", notes)
+    arrays = _load(path)
+    if {"points", "faces"} <= arrays.keys() and options.kind in (None, "mesh"):
+        points, faces = arrays.pop("points"), arrays.pop("faces")
+        own = options if options.channels is not None else replace(options, channels=arrays.get("channels"))
+        return Document(from_object((points, faces), own).noun, path, Stored(str(points.dtype), "points", arrays))
+    key = _key(path, arrays)
+    array = arrays.pop(key)
+    source, notes = Stored(str(array.dtype), key, arrays), ()
+    scale, options = options.depth_scale, options.without("depth_scale")
+    if options.nodata is not None:
+        marked = array == options.nodata
+        options = replace(options.without("nodata"), missing=marked if marked.ndim == 2 else marked.any(axis=-1))
+    if options.camera is not None and options.kind in (None, "depth") and array.ndim == 2 and array.dtype.kind in "fiu":
+        calibration = calibration_for(options.camera, (array.shape[0], array.shape[1]), path.name)
+        found = in_metres(array, calibration, scale, path.name)
+        array, notes = found.depth, found.notes
+        missing = found.missing if options.missing is None else found.missing | np.asarray(options.missing)
+        options = replace(options, missing=missing, camera=calibration.camera, unit=options.unit or "m")
+    elif scale is not None:
+        raise InputError(f"{path.name}: depth_scale {scale} belongs to depths (h, w) with a camera; leave it out")
+    return Document(from_object(array, options).noun, path, source, notes)
 
 
-def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[str, ...]:
-    """Write the values of a noun, floating point, as ``.npy`` or ``.npz``; a mesh as points and faces (``.npz``).
+def can_write(document: Document, suffix: str) -> bool:
+    """Whether it is no mesh, or goes into an ``.npz``."""
+    return suffix == ".npz" or (suffix == ".npy" and not isinstance(document.noun, Mesh))
+
+
+def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
+    """Write the values of the data, floating point, as ``.npy`` or ``.npz``; a mesh as points and faces (``.npz``).
 
     What was missing in a raster or a picture is NaN (0 in a depth image); in an array it stays as it was. The other arrays of
     an ``.npz`` that was read are written again.
 
-    :param tags: there is no room for them.
+    :param options: there is no room for tags.
     :returns: notes: what the array could not hold.
     :raises FormatError: when the file cannot be written.
     """
-    about = document.about if isinstance(document.about, Stored) else Stored("")
+    source = document.source if isinstance(document.source, Stored) else Stored("")
     zipped = path.suffix.lower() == ".npz"
     if isinstance(document.noun, Mesh):
         if not zipped:
@@ -107,101 +121,81 @@ def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[s
         channels = {} if document.noun.channels is None else {"channels": document.noun.channels}
         arrays = {"points": document.noun.points, "faces": document.noun.faces, **channels}
     else:
-        arrays = {about.key: _marked(document)}
+        arrays = {source.key: _marked(document)}
     with beside(path) as temporary:
         if zipped:
-            np.savez_compressed(temporary, allow_pickle=False, **{**about.others, **arrays})
+            np.savez_compressed(temporary, allow_pickle=False, **{**source.others, **arrays})
         else:
-            np.save(temporary, arrays[about.key], allow_pickle=False)
-    frame = getattr(document.about, "frame", document.about)
-    if isinstance(frame, Frame) and (frame.crs is not None or frame.georeferenced or frame.alpha is not None):
+            np.save(temporary, arrays[source.key], allow_pickle=False)
+    if document.source.placed:
         return (f"{path.suffix} has no room for CRS, transform, alpha and tags; .tif has",)
     return ()
 
 
-def adopt(thing: Any, **hints: Any) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Adopted:
     """Take in an array, a masked array, or ``(points, faces)``.
 
-    (h, w) is a height field, (h, w, k) an image; with a camera (h, w) are depths. What is restored is a new array in native byte
+    (h, w) is a height field, (h, w, k) an image; with a camera (h, w) are depths. What comes back is a new array in native byte
     order, masked with the same mask if a masked one came in, of floating point: integers come out as float32 or float64, since
-    rounding would undo the smoothing. Of a mesh, ``(points, faces)`` is restored, with ``channels`` behind if they came in.
+    rounding would undo the smoothing. Of a mesh ``(points, faces)`` come back, with ``channels`` behind if they came in.
 
-    :param hints: ``kind``; ``spacing``, ``missing``, ``fixed`` of grids; ``camera``, ``missing``, ``fixed``, ``jump``,
-        ``measure``, ``pace`` of depths; ``channels``, ``moves``, ``fixed`` of meshes.
-    :raises InputError: for anything else, or a hint that does not belong.
+    :param options: ``kind``; ``spacing``, ``missing``, ``fixed`` of grids, ``unit`` of heights; ``camera``, ``missing``,
+        ``fixed``, ``jump``, ``measure``, ``time_unit``, ``unit`` of depths; ``channels``, ``moves``, ``fixed`` of meshes.
+    :raises InputError: for anything else, or an option that does not belong.
     """
-    if isinstance(thing, (str, PathLike)):
-        raise InputError(f"{thing}: an array expected, got the name of a file; read it with meshflow.read")
-    kind = hints.pop("kind", None)
-    hints = {name: hint for name, hint in hints.items() if hint is not None}
-    if isinstance(thing, (tuple, list)):
-        if len(thing) != 2 or [np.ndim(part) for part in thing] != [2, 2]:
+    if isinstance(data, (tuple, list)):
+        if len(data) != 2 or [np.ndim(part) for part in data] != [2, 2]:
             raise InputError(
-                f"(points, faces) of shapes (n, d) and (m, 3) expected of a {type(thing).__name__}, got {len(thing)} parts; "
+                f"(points, faces) of shapes (n, d) and (m, 3) expected of a {type(data).__name__}, got {len(data)} parts; "
                 "make a grid of numbers an array first: numpy.array(...)"
             )
-        must_be_mesh(kind, "(points, faces)")
-        return _mesh(*thing, **hints)
-    if not isinstance(thing, np.ndarray):
+        options.must_be_mesh("(points, faces)")
+        return _mesh(data[0], data[1], options)
+    if not isinstance(data, np.ndarray):
         raise InputError(
-            f"an array expected, got {type(thing).__name__} {str(thing)[:40]!r}; make it one: numpy.array(...)"
+            f"an array expected, got {type(data).__name__} {str(data)[:40]!r}; make it one: numpy.array(...)"
         )
-    kind = kind or ("depth" if "camera" in hints else "image" if thing.ndim == 3 else "terrain")
-    if kind not in _MAKERS:
-        raise InputError(f"kind: {', '.join(_MAKERS)} expected for an array, got {kind!r}; a mesh is (points, faces)")
-    return Adopted(_MAKERS[kind](thing, **hints), lambda smoothed: _like(thing, _values(smoothed)))
+    kind = options.kind or ("depth" if options.camera is not None else "image" if data.ndim == 3 else "terrain")
+    if kind not in _TAKES:
+        raise InputError(f"kind: {', '.join(_TAKES)} expected for an array, got {kind!r}; a mesh is (points, faces)")
+    what, takes = _TAKES[kind]
+    options.must_belong(what, ("kind", *takes))
+    return Adopted(_on_grid(data, kind, options), lambda smoothed: _like(data, _values(smoothed)))
 
 
-def _terrain(
-    z: Array, *, spacing: Any = (1.0, 1.0), missing: Any = None, fixed: Any = None, **other: object
-) -> HeightField:
-    belong(other, "an array of heights", ("spacing", "missing", "fixed"))
-    return HeightField(z, spacing, missing, fixed)
+def _on_grid(data: Array, kind: Kind, options: ReadOptions) -> HeightField | Image | RangeImage:
+    missing, fixed = options.missing_mask, options.fixed_mask
+    if kind == "depth":
+        seen_by = camera_for(options.camera, (data.shape[0], data.shape[1]), "the array")
+        if data.dtype.kind in "ui" and (missing is None or missing.shape == data.shape):
+            missing = (data == LARGEST) | (False if missing is None else missing.astype(bool))
+        time_unit = options.time_unit or "footprint"
+        return RangeImage(
+            data, seen_by, missing, fixed, options.jump, options.measure, time_unit, unit=options.unit or ""
+        )
+    spacing = (1.0, 1.0) if options.spacing is None else spacing_of(options.spacing, len(data))
+    if kind == "image":
+        return Image(data, spacing, missing, fixed)
+    return HeightField(data, spacing, missing, fixed, options.unit or "")
 
 
-def _image(
-    values: Array, *, spacing: Any = (1.0, 1.0), missing: Any = None, fixed: Any = None, **other: object
-) -> Image:
-    belong(other, "an array of channels", ("spacing", "missing", "fixed"))
-    return Image(values, spacing, missing, fixed)
+def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Adopted:
+    channels = None if options.channels is None else np.asarray(options.channels)
+    noun = Mesh(np.asarray(points), np.array(faces), channels, options.moves, options.fixed_mask)
 
-
-def _depths(
-    depth: Array,
-    *,
-    camera: Any = None,
-    missing: Any = None,
-    fixed: Any = None,
-    jump: Any = "noise",
-    measure: Any = None,
-    pace: Any = "footprint",
-    **other: object,
-) -> RangeImage:
-    belong(other, "an array of depths", ("camera", "missing", "fixed", "jump", "measure", "pace"))
-    seen_by = camera_for(camera, depth.shape[:2], "the array")
-    if depth.dtype.kind in "ui" and np.shape(missing) in ((), depth.shape):
-        missing = (depth == LARGEST) | (False if missing is None else np.asarray(missing, bool))
-    return RangeImage(depth, seen_by, missing, fixed, jump, measure, pace)
-
-
-_MAKERS: dict[str, Callable[..., Noun]] = {"terrain": _terrain, "image": _image, "depth": _depths}
-
-
-def _mesh(
-    points: Any, faces: Any, *, channels: Any = None, moves: Any = None, fixed: Any = None, **other: object
-) -> Adopted:
-    belong(other, "(points, faces)", ("channels", "moves", "fixed"))
-    noun = Mesh(np.asarray(points), np.array(faces), channels, moves, fixed)
-
-    def restore(smoothed: Mesh) -> tuple[Array, ...]:
+    def to_object(smoothed: Mesh) -> tuple[Array, ...]:
         if smoothed.channels is None:
             return np.array(smoothed.points), np.array(faces)
-        return np.array(smoothed.points), np.array(faces), np.array(smoothed.channels).reshape(np.shape(channels))
+        return (
+            np.array(smoothed.points),
+            np.array(faces),
+            np.array(smoothed.channels).reshape(() if channels is None else channels.shape),
+        )
 
-    return Adopted(noun, restore)
+    return Adopted(noun, to_object)
 
 
-def _values(noun: Noun) -> Array:
+def _values(noun: HeightField | Image | RangeImage) -> Array:
     match noun:
         case HeightField():
             return noun.z
@@ -209,22 +203,21 @@ def _values(noun: Noun) -> Array:
             return noun.values
         case RangeImage():
             return noun.depth
-    raise InputError(f"samples on a grid expected, got a {type(noun).__name__}")
 
 
-def _like(thing: Array, values: Array) -> Array:
+def _like(data: Array, values: Array) -> Array:
     """A new array, masked as the one that came in."""
-    if not isinstance(thing, np.ma.MaskedArray):
+    if not isinstance(data, np.ma.MaskedArray):
         return np.array(values)
-    return np.ma.MaskedArray(np.array(values), mask=np.ma.getmask(thing), copy=True)
+    return np.ma.MaskedArray(np.array(values), mask=np.ma.getmask(data), copy=True)
 
 
 def _marked(document: Document) -> Array:
-    values = np.array(_values(document.noun))
-    if not isinstance(document.about, Stored):
-        assert not isinstance(document.noun, Mesh)
-        zero = isinstance(document.noun, RangeImage) and not document.noun.camera.signed
-        values[document.noun.missing] = 0.0 if zero else np.nan
+    noun = samples_of(document)
+    values = np.array(_values(noun))
+    if not isinstance(document.source, Stored):
+        zero = isinstance(noun, RangeImage) and not noun.camera.signed
+        values[np.asarray(noun.missing)] = 0.0 if zero else np.nan
     return values
 
 

@@ -121,7 +121,7 @@ def _scalar(word: str) -> Any:
     return word.strip()
 
 
-def _numbers(values: Any, count: int | None, what: str, name: str) -> tuple[float, ...]:
+def _numbers(values: object, count: int | None, what: str, name: str) -> tuple[float, ...]:
     if (
         not isinstance(values, Sequence)
         or any(isinstance(v, str) for v in values)

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -12,6 +13,7 @@ import numpy as np
 from meshflow.errors import FormatError, InputError
 from meshflow.io.atomic_write import beside
 from meshflow.io.formats.camera_info import said_in, words_for
+from meshflow.io.metadata import CameraLike, Intrinsics
 from meshflow.surfaces.camera import Camera, Orthographic, Pinhole
 from meshflow.surfaces.scanner import Scanner, Spherical
 
@@ -49,12 +51,12 @@ CONVENTIONS: Mapping[str, Calibration] = {
 }
 
 
-def camera_for(camera: Camera | str | Path | None, shape: tuple[int, int], name: str) -> Camera:
+def camera_for(camera: CameraLike | None, shape: tuple[int, int], name: str) -> Camera:
     """The camera of an image of h x w pixels: :func:`calibration_for`, without what is said beside."""
     return calibration_for(camera, shape, name).camera
 
 
-def calibration_for(camera: Camera | str | Path | None, shape: tuple[int, int], name: str) -> Calibration:
+def calibration_for(camera: CameraLike | None, shape: tuple[int, int], name: str) -> Calibration:
     """The camera of an image of h x w pixels, from what a caller gives for it.
 
     :param camera: itself, or what :func:`read_camera` reads.
@@ -71,7 +73,8 @@ def calibration_for(camera: Camera | str | Path | None, shape: tuple[int, int], 
         )
     found = _calibration(camera, shape)
     if found.shape is not None and found.shape != tuple(shape):
-        what = f"camera {Path(camera).name} saw {found.shape[1]} x {found.shape[0]} pixels"
+        called = f"camera {Path(camera).name}" if isinstance(camera, (str, PathLike)) else "camera"
+        what = f"{called} saw {found.shape[1]} x {found.shape[0]} pixels"
         raise InputError(
             f"{what}, {name} has {shape[1]} x {shape[0]}; give the camera of this image, or scale fx, fy, cx, cy with its size"
         )
@@ -135,11 +138,14 @@ def write_camera(
 
 
 def _calibration(source: object, shape: tuple[int, int]) -> Calibration:
-    """What a name or a file says."""
-    if not isinstance(source, (str, Path)):
+    """What a name, a file, or a camera of open3d says."""
+    if isinstance(source, Intrinsics):
+        k = np.asarray(source.intrinsic_matrix)
+        return Calibration(Pinhole(k[0, 0], k[1, 1], k[0, 2], k[1, 2]), (source.height, source.width))
+    if not isinstance(source, (str, PathLike)):
         raise InputError(
-            f"camera: a Pinhole or another camera, a name or the path of a file expected, got {type(source).__name__}; "
-            "a dictionary of OpenCV or ROS is Pinhole(fx, fy, cx, cy, distortion)"
+            "camera: a Pinhole or another camera, a name or the path of a file, or a PinholeCameraIntrinsic of open3d expected, "
+            f"got {type(source).__name__}; a dictionary of OpenCV or ROS is Pinhole(fx, fy, cx, cy, distortion)"
         )
     if str(source).lower() in CONVENTIONS:
         return CONVENTIONS[str(source).lower()]
@@ -190,7 +196,7 @@ def _camera(said: Mapping[str, Any], path: Path) -> Camera:
     return Pinhole(*_focal(said["intrinsic_matrix"], path), lens)
 
 
-def _focal(matrix: Any, path: Path) -> tuple[float, float, float, float]:
+def _focal(matrix: object, path: Path) -> tuple[float, float, float, float]:
     """fx, fy, cx, cy of nine numbers column by column, as Open3D writes them, or of three rows of three, as people do."""
     nested = isinstance(matrix, list) and len(matrix) == 3 and all(isinstance(row, list) for row in matrix)
     numbers = np.array(matrix, dtype=np.float64)

@@ -1,70 +1,58 @@
 """Depth images: whole numbers in a PNG, metres in a TIFF; a camera tells what they see."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, positive
 from meshflow.io.depth_units import LARGEST, default_units, in_metres
-from meshflow.io.files import Document, Kind
+from meshflow.io.document import Document, WriteOptions, depths_of
 from meshflow.io.formats.cameras import calibration_for
-from meshflow.io.formats.raster_bands import Frame, load, merged, save
-from meshflow.surfaces.camera import Camera, Measure
-from meshflow.surfaces.lift import Pace, RangeImage
+from meshflow.io.formats.raster_bands import Encoding, Framed, load, merged, save
+from meshflow.io.metadata import ReadOptions
+from meshflow.surfaces.lift import RangeImage
 
-__all__ = ["read", "write"]
+__all__ = ["can_write", "read", "write"]
+
+NAME: str = "a depth image"
+READS: tuple[str, ...] = ("kind", "camera", "depth_scale", "measure", "time_unit", "jump")
+WRITES: tuple[str, ...] = ("depth_scale", "left")
 
 # An error of rounding of this share of the noise beside it adds an eighth to that.
 ADDS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Depths:
-    """What a depth image held besides metres.
+class Depths(Framed):
+    """What a depth image held besides metres; the frame is that of its one band.
 
-    :param frame: of its one band.
     :param scale: units per metre.
     :param whole: whether it holds whole numbers.
     :param raw: (h, w), the numbers as stored, of which the missing ones are written again.
     """
 
-    frame: Frame
     scale: float
     whole: bool
     raw: Array
 
 
-def read(
-    path: Path,
-    *,
-    kind: Kind | None = None,
-    camera: Camera | str | Path | None = None,
-    depth_scale: float | None = None,
-    measure: Measure | None = None,
-    pace: Pace = "footprint",
-    jump: float | Literal["noise"] | None = "noise",
-) -> Document:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a depth image, in metres.
 
     0 is missing, and in whole numbers 65535 too.
 
-    :param camera: a :class:`Pinhole` or another one, the name of a convention, or the path of a file: what
-        :func:`meshflow.io.formats.cameras.read_camera` reads.
-    :param depth_scale: units per metre; by default what the camera says, 1000 for other whole numbers (millimetres), and 1 for
-        floating point.
-    :param measure: ``depth`` along the optical axis or ``range`` along the ray; by default what suits the camera.
-    :param pace: as of :class:`RangeImage`.
-    :param jump: as that of :class:`RangeImage`.
+    :param options: ``camera``, a :class:`Pinhole` or another one, the name of a convention, or the path of a file: what
+        :func:`meshflow.io.formats.cameras.read_camera` reads. ``depth_scale``, units per metre: by default what the camera
+        says, 1000 for other whole numbers (millimetres), and 1 for floating point. ``measure``, by default what suits the
+        camera. ``time_unit`` and ``jump`` as of :class:`RangeImage`.
     :raises FormatError: when the file cannot be read, or holds no depths of 16 bit or floating point, or turned ones.
     :raises InputError: without a camera, or with one of an image of another size.
     """
-    if kind not in (None, "depth"):
+    if options.kind not in (None, "depth"):
         raise InputError(
-            f"{path.name}: a depth image expected, got kind={kind!r}; leave the camera out to read something else"
+            f"{path.name}: a depth image expected, got kind={options.kind!r}; leave the camera out to read something else"
         )
     values, frame = load(path)
     if len(values) != 1 or frame.palette is not None or frame.dtype not in ("uint16", "int16", "float32", "float64"):
@@ -72,45 +60,43 @@ def read(
             f"{path.name}: one band of 16 bit or floating point expected in a depth image, got {len(values)} of "
             f"{frame.dtype}; a picture in 8 bit or colour shows depths, it does not hold them"
         )
-    calibration = calibration_for(camera, values.shape[1:], path.name)
+    calibration = calibration_for(options.camera, (values.shape[1], values.shape[2]), path.name)
     whole = not frame.dtype.startswith("float")
     raw = values[0].astype(frame.dtype) if whole and not frame.scaled else values[0]
-    found = in_metres(raw, calibration, depth_scale, path.name)
+    found = in_metres(raw, calibration, options.depth_scale, path.name)
     noun = RangeImage(
         found.depth,
         calibration.camera,
         found.missing | frame.gone[0],
-        jump=jump,
-        measure=measure,
-        pace=pace,
+        jump=options.jump,
+        measure=options.measure,
+        pace=options.time_unit or "footprint",
         unit="m",
     )
-    return Document(noun, "depth", path, Depths(frame, found.units, whole, values[0]), "depth_images", found.notes)
+    return Document(noun, path, Depths(frame, found.units, whole, values[0]), found.notes)
 
 
-def write(
-    document: Document,
-    path: Path,
-    *,
-    tags: Mapping[str, str],
-    depth_scale: float | None = None,
-    left: float | None = None,
-) -> tuple[str, ...]:
+def can_write(document: Document, suffix: str) -> bool:
+    """Whether it is a range image and goes into a PNG or a TIFF."""
+    return isinstance(document.noun, RangeImage) and suffix in (".png", ".tif", ".tiff")
+
+
+def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write depths: ``.png`` rounded to whole numbers of 16 bit, ``.tif`` exactly, as metres with nodata 0.
 
     Missing samples come out as they came in, 0 or 65535 or NaN, or as 0 where the format is another.
 
-    :param depth_scale: units per metre of the file; by default as it was read, 1000 in a PNG and 1 in a TIFF where it was not.
-    :param left: standard deviation of the noise that is still in the depths, metres, which rounding is compared with; None: not
-        known, then rounding is compared with what has changed since they were read.
+    :param options: ``depth_scale``, units per metre of the file: by default as it was read, 1000 in a PNG and 1 in a TIFF where
+        it was not. ``left``, standard deviation of the noise that is still in the depths, metres, which rounding is compared
+        with; None: not known, then rounding is compared with what has changed since they were read.
     :returns: notes of what rounding costs, in millimetres, where that is half a millimetre or more, or much of what was gained.
     :raises FormatError: when the file cannot be written, or 0 would be a sample.
     """
-    about = document.about if isinstance(document.about, Depths) else None
-    values, frame = merged(about.frame if about else document.about, document.noun)
-    assert isinstance(document.noun, RangeImage)
-    missing = document.noun.missing
-    if document.noun.camera.signed:
+    about = document.source if isinstance(document.source, Depths) else None
+    noun, left = depths_of(document), options.left
+    values, frame = merged(document.source, noun)
+    missing = np.asarray(noun.missing)
+    if noun.camera.signed:
         raise FormatError(
             f"{path.name}: values that count from a point of each sample's own may be 0, which a depth image keeps for what is "
             "missing; write .ply or .npy"
@@ -118,27 +104,20 @@ def write(
     whole = path.suffix.lower() == ".png"
     same = about is not None and about.whole == whole
     default = about.scale if about is not None and same else default_units(whole)
-    scale = positive(default if depth_scale is None else depth_scale, "depth_scale", "units per metre")
+    scale = positive(default if options.depth_scale is None else options.depth_scale, "depth_scale", "units per metre")
     counts = values[0] * np.float64(scale)
     if whole:
         kept = _missing_as_read(about.raw, values[0]) if about is not None and same else 0
         changed = None if about is None else (values[0] - about.raw / about.scale)[~missing] * scale
         counts = np.rint(np.where(missing, 1, counts))
         samples = np.where(missing, kept, counts.clip(1, LARGEST - 1)).astype(np.uint16)
-        save(samples[None], frame.bare(), path, driver="PNG", nodata=None, tags={})
+        save(samples[None], frame.bare(), path, Encoding("PNG"), {})
         much = None if changed is None else float(np.sqrt(np.mean(np.square(changed))))
         return _cost(counts, scale, much, None if left is None else left * scale)
     samples = np.where(missing, np.where(np.isnan(values[0]), np.nan, 0), counts).astype(values.dtype)
+    creation = {"compress": "deflate", "predictor": 3, "bigtiff": "IF_SAFER"}
     save(
-        samples[None],
-        replace(frame.without_scale(), alpha=None),
-        path,
-        driver="GTiff",
-        nodata=0.0,
-        tags=tags,
-        compress="deflate",
-        predictor=3,
-        bigtiff="IF_SAFER",
+        samples[None], replace(frame.without_scale(), alpha=None), path, Encoding("GTiff", 0.0, creation), options.tags
     )
     return ()
 

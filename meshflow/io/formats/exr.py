@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 
@@ -11,12 +10,16 @@ from meshflow.errors import FormatError, InputError, need
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import in_metres
-from meshflow.io.files import Document, Kind
+from meshflow.io.document import Document, Source, WriteOptions, depths_of
 from meshflow.io.formats.cameras import calibration_for
-from meshflow.surfaces.camera import Camera, Measure
-from meshflow.surfaces.lift import Pace, RangeImage
+from meshflow.io.metadata import ReadOptions
+from meshflow.surfaces.lift import RangeImage
 
-__all__ = ["read", "write"]
+__all__ = ["can_write", "read", "write"]
+
+NAME: str = "an EXR"
+READS: tuple[str, ...] = ("kind", "camera", "depth_scale", "measure", "time_unit", "jump")
+WRITES: tuple[str, ...] = ("depth_scale",)
 
 # What renderers write where a ray meets nothing (Blender 1e10), unit of the file.
 NOTHING = 1e9
@@ -25,7 +28,7 @@ _OF_STORAGE = frozenset({"channels", "chunkCount", "tiles", "type", "version", "
 
 
 @dataclass(frozen=True, eq=False)
-class Layers:
+class Layers(Source):
     """What an EXR held besides the depths.
 
     :param header: its attributes.
@@ -33,76 +36,77 @@ class Layers:
     :param scale: units per metre.
     """
 
-    header: Mapping[str, Any]
+    header: Mapping[str, object]
     others: Mapping[str, Array]
     name: str
     scale: float
 
 
-def read(
-    path: Path,
-    *,
-    kind: Kind | None = None,
-    camera: Camera | str | Path | None = None,
-    depth_scale: float | None = None,
-    measure: Measure | None = None,
-    pace: Pace = "footprint",
-    jump: float | Literal["noise"] | None = "noise",
-) -> Document:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read the depths of an EXR, in metres: of its channel Z, of Y, of the one whose last part is Z, or of its only one.
 
     0, NaN, infinity and 1e9 and more, a ray that meets nothing, are missing.
 
-    :param camera: as of :func:`meshflow.io.formats.depth_images.read`, and so the others.
+    :param options: as of :func:`meshflow.io.formats.depth_images.read`.
     :raises MissingPackage: without OpenEXR.
     :raises FormatError: when the file cannot be read, or has no such channel.
     :raises InputError: without a camera, or with one of an image of another size.
     """
-    if kind not in (None, "depth"):
-        raise InputError(f"{path.name}: an EXR is read as a depth image, got kind={kind!r}; leave it out")
+    if options.kind not in (None, "depth"):
+        raise InputError(f"{path.name}: an EXR is read as a depth image, got kind={options.kind!r}; leave it out")
     header, channels = _loaded(path)
     name = _depth_of(path, channels)
     raw = channels[name]
-    calibration = calibration_for(camera, (raw.shape[0], raw.shape[1]), path.name)
+    calibration = calibration_for(options.camera, (raw.shape[0], raw.shape[1]), path.name)
     values = raw.astype(np.float32) if raw.dtype == np.float16 else raw
     near = np.where(values < NOTHING, values, values.dtype.type(0))
-    found = in_metres(near, calibration, depth_scale, path.name)
+    found = in_metres(near, calibration, options.depth_scale, path.name)
     notes = found.notes
     if raw.dtype == np.float16:
         step = float(np.spacing(np.float16(np.median(raw[~found.missing])))) / found.units
         notes += (f"its depths are of half precision: steps of {1000 * step:.3g} mm in the middle of the scene",)
-    noun = RangeImage(found.depth, calibration.camera, found.missing, jump=jump, measure=measure, pace=pace, unit="m")
-    return Document(noun, "depth", path, Layers(header, channels, name, found.units), "exr", notes)
+    noun = RangeImage(
+        found.depth,
+        calibration.camera,
+        found.missing,
+        jump=options.jump,
+        measure=options.measure,
+        pace=options.time_unit or "footprint",
+        unit="m",
+    )
+    return Document(noun, path, Layers(header, channels, name, found.units), notes)
 
 
-def write(
-    document: Document, path: Path, *, tags: Mapping[str, str], depth_scale: float | None = None
-) -> tuple[str, ...]:
+def can_write(document: Document, suffix: str) -> bool:
+    """Whether it is a range image and goes into an EXR."""
+    return isinstance(document.noun, RangeImage) and suffix == ".exr"
+
+
+def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write depths in float32; of an EXR that was read with all its other channels and attributes.
 
     Missing samples come out as they came in, or as 0 where they came from another format.
 
-    :param tags: kept as attributes.
-    :param depth_scale: units per metre of the file; by default as it was read, else 1.
+    :param options: tags are kept as attributes; ``depth_scale``, units per metre of the file: by default as it was read, else 1.
     :raises MissingPackage: without OpenEXR.
     :raises FormatError: where 0 would be a sample, or the file cannot be written.
     """
-    exr, noun = need("OpenEXR", "exr"), document.noun
-    assert isinstance(noun, RangeImage)
+    exr, noun = need("OpenEXR", "exr"), depths_of(document)
     if noun.camera.signed:
         raise FormatError(
             f"{path.name}: values that count from a point of each sample's own may be 0, which a depth image keeps for what is "
             "missing; write .ply or .npy"
         )
-    about = document.about if isinstance(document.about, Layers) else Layers({}, {}, "Z", 1.0)
-    scale = about.scale if depth_scale is None else depth_scale
+    about = document.source if isinstance(document.source, Layers) else Layers({}, {}, "Z", 1.0)
+    scale = about.scale if options.depth_scale is None else options.depth_scale
     raw = about.others.get(about.name)
     gone = np.zeros(noun.depth.shape, np.float32) if raw is None else raw
+    missing = np.asarray(noun.missing)
     if raw is not None:  # what was there and has been dropped is written as missing
-        gone = np.where(noun.missing & (noun.depth == 0) & (raw > 0) & (raw < NOTHING), 0, raw)
-    z = np.where(noun.missing, gone, noun.depth * np.float64(scale)).astype(np.float32)
+        gone = np.where(missing & (noun.depth == 0) & (raw > 0) & (raw < NOTHING), 0, raw)
+    z = np.where(missing, gone, noun.depth * np.float64(scale)).astype(np.float32)
     header = {key: value for key, value in about.header.items() if key not in _OF_STORAGE}
-    header |= {"type": exr.scanlineimage, "compression": header.get("compression", exr.ZIP_COMPRESSION), **tags}
+    header |= {"type": exr.scanlineimage, "compression": header.get("compression", exr.ZIP_COMPRESSION), **options.tags}
     with beside(path) as temporary:
         try:
             with exr.File(header, {**about.others, about.name: z}) as made:
@@ -112,7 +116,7 @@ def write(
     return ()
 
 
-def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+def _loaded(path: Path) -> tuple[dict[str, object], dict[str, Array]]:
     """Header and channels (h, w) of an EXR of one part."""
     exr = need("OpenEXR", "exr")
     try:

@@ -5,33 +5,20 @@ for positions, normals and the channel that moved; the others go through the lib
 """
 
 import struct
-from collections.abc import Mapping
-from importlib import import_module
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import beside
-from meshflow.io.files import Document
+from meshflow.io.document import Document, MeshSource, WriteOptions
+from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.lift import Mesh
 
-__all__ = ["Held", "read", "write"]
+__all__ = ["can_write", "read", "write"]
 
-# The module of this room that holds each format. Never VTK for .ply: its reader ends the process (SIGSEGV) on 64-bit
-# integers and on elements before the vertices.
-_HOMES = {
-    ".ply": "ply",
-    ".obj": "obj",
-    ".off": "off",
-    ".vtp": "vtk",
-    ".vtk": "vtk",
-    ".vtm": "vtm",
-    ".stl": "scenes",
-    ".glb": "scenes",
-    ".gltf": "scenes",
-    ".3mf": "scenes",
-}
+NAME: str = "a mesh file"
+READS: tuple[str, ...] = ("kind", "channels", "moves")
+WRITES: tuple[str, ...] = ()
 _WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtk", ".vtm")
 
 # What the readers raise on a file that is not what it claims to be; they share no class of their own.
@@ -54,42 +41,74 @@ _BROKEN = (
 )
 
 
-class Held(Protocol):
-    """A mesh file that was read: what its module keeps of it; ``sections`` are its meshes where it holds several."""
+def _ply(path: Path, options: ReadOptions) -> Document:
+    """Never VTK for .ply: its reader ends the process (SIGSEGV) on 64-bit integers and on elements before the vertices."""
+    from meshflow.io.formats import ply
 
-    noun: Mesh
-    notes: tuple[str, ...]
-    suffixes: tuple[str, ...]
-    sections: tuple[tuple[str, Array], ...]
-
-    def samples(self, given: Any, word: str) -> Any:
-        """An array of one number per vertex of the noun, given by the name of an attribute or as it is (:class:`Adopted`)."""
-        ...
-
-    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the file again at ``path``, which then becomes ``target``, around another noun; one of its ``suffixes``."""
-        ...
-
-    def scene(self, noun: Mesh) -> Any:
-        """The same as a ``trimesh.Scene``, for any other format."""
-        ...
+    return ply.read(path, options)
 
 
-def read(path: Path, *, kind: str | None = None, channels: str | None = None, moves: str | None = None) -> Document:
+def _obj(path: Path, options: ReadOptions) -> Document:
+    from meshflow.io.formats import obj
+
+    return obj.read(path, options)
+
+
+def _off(path: Path, options: ReadOptions) -> Document:
+    from meshflow.io.formats import off
+
+    return off.read(path, options)
+
+
+def _vtk(path: Path, options: ReadOptions) -> Document:
+    from meshflow.io.formats import vtk
+
+    return vtk.read(path, options)
+
+
+def _vtm(path: Path, options: ReadOptions) -> Document:
+    from meshflow.io.formats import vtm
+
+    return vtm.read(path, options)
+
+
+def _scene(path: Path, options: ReadOptions) -> Document:
+    from meshflow.io.formats import scenes
+
+    return scenes.read(path, options)
+
+
+_READERS: Mapping[str, Callable[[Path, ReadOptions], Document]] = {
+    ".ply": _ply,
+    ".obj": _obj,
+    ".off": _off,
+    ".vtp": _vtk,
+    ".vtk": _vtk,
+    ".vtm": _vtm,
+    ".stl": _scene,
+    ".glb": _scene,
+    ".gltf": _scene,
+    ".3mf": _scene,
+}
+
+
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a mesh file.
 
-    :param channels: the name of a vertex attribute in the file, or ``"colors"``: it becomes the channels of the noun, and
-        goes back to where it came from.
-    :param moves: ``points | channels | all``; by default the channels where they are named.
+    :param options: ``channels``, the name of a vertex attribute in the file, or ``"colors"``: it becomes the channels of the
+        mesh, and goes back to where it came from; ``moves``, ``points | channels | all``: by default the channels where
+        they are named.
     :raises FormatError: for a broken file, one without triangles, and a file with NaN; the message names the file.
     """
-    if kind not in (None, "mesh"):
-        raise FormatError(f"{path.name}: a mesh file holds a mesh; kind={kind!r} was asked for, leave it out")
-    home = _HOMES.get(path.suffix.lower())
-    if home is None:
-        raise FormatError(f"{path.name}: not a mesh format that is read here; use {' '.join(sorted(_HOMES))}")
+    if options.kind not in (None, "mesh"):
+        raise FormatError(f"{path.name}: a mesh file holds a mesh; kind={options.kind!r} was asked for, leave it out")
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise FormatError(f"{path.name}: not a mesh format that is read here; use {' '.join(sorted(_READERS))}")
+    if options.channels is not None and options.attribute is None:
+        raise InputError(f"{path.name}: channels of a mesh file are named, got {type(options.channels).__name__}")
     try:
-        held: Held = import_module(f"meshflow.io.formats.{home}").read(path, channels, moves)
+        return reader(path, options)
     except FormatError:
         raise
     except InputError as cause:
@@ -100,17 +119,23 @@ def read(path: Path, *, kind: str | None = None, channels: str | None = None, mo
             f"{path.name} cannot be read as {path.suffix.lower()[1:].upper()}: {reason}; "
             "is it whole, and does its extension tell the truth?"
         ) from cause
-    return Document(held.noun, "mesh", path, held, "meshes", held.notes)
 
 
-def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[str, ...]:
+def can_write(document: Document, suffix: str) -> bool:
+    """Whether it is a mesh; formats that are only read are refused by :func:`write`, by name."""
+    return isinstance(document.noun, Mesh)
+
+
+def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write a mesh in the format of the extension: its own, or another one.
 
-    :param tags: kept as comments (PLY, OBJ, OFF) or field data (VTP, VTK); the other formats have no room for them.
+    :param options: tags are kept as comments (PLY, OBJ, OFF) or field data (VTP, VTK); the other formats have no room for them.
     :returns: what the format could not hold.
     :raises FormatError: for a format that is only read, or cannot hold the mesh; nothing is then written.
     """
-    tags = {name.removeprefix("meshflow:"): word for name, word in tags.items()}  # the formats below put it before each
+    tags = {
+        name.removeprefix("meshflow:"): word for name, word in options.tags.items()
+    }  # the formats put it before each
     suffix = path.suffix.lower()
     if suffix not in _WRITTEN:
         raise FormatError(
@@ -121,12 +146,12 @@ def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[s
         raise InputError(
             f"{path.name}: a mesh of points in R^3 expected, got {type(noun).__name__}; keep others as .npz"
         )
-    held: Held | None = document.about if document.family == "meshes" else None
-    if suffix == ".vtm" and (held is None or suffix not in held.suffixes):
+    source = document.source if isinstance(document.source, MeshSource) else None
+    if suffix == ".vtm" and (source is None or not source.writes(suffix)):
         raise FormatError(f"{path.name}: blocks are written of what came in blocks; use .vtp or .glb")
     with beside(path) as temporary:
-        if held is not None and suffix in held.suffixes:
-            return held.save(noun, temporary, path, tags)
+        if source is not None and source.writes(suffix):
+            return source.save(noun, temporary, path, tags)
         from meshflow.io.conversions import bare_scene, save
 
-        return save(bare_scene(noun) if held is None else held.scene(noun), temporary, path, tags)
+        return save(bare_scene(noun) if source is None else source.scene(noun), temporary, path, tags)

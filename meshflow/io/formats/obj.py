@@ -10,31 +10,34 @@ import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 import trimesh
+from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 from trimesh.geometry import triangulate_quads
 from trimesh.resolvers import FilePathResolver
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.vertex_merging import Section, Skin, is_soup, said_of
+from meshflow.io.document import Document, MeshSource, Section
+from meshflow.io.metadata import ReadOptions
+from meshflow.io.vertex_merging import Skin, is_soup, said_of
 from meshflow.surfaces.lift import Mesh
 
 __all__ = ["Obj", "read"]
 
 
 @dataclass(frozen=True, eq=False)
-class Obj:
+class Obj(MeshSource):
     """An OBJ file that was read.
 
     :param lines: its text, Latin-1, so that every byte has a character.
     :param rows: the lines of the positions (n,).
     :param normal_rows: the lines of the normals.
     :param corners: (m, 3), the normal of each corner of each triangle, -1 for none.
+    :param parts: names, and vertices of the mesh, of its objects or groups; empty where there is one.
     """
 
     path: Path
@@ -43,16 +46,18 @@ class Obj:
     normal_rows: Array
     corners: Array
     skin: Skin
-    notes: tuple[str, ...]
-    sections: tuple[Section, ...]
-    suffixes: tuple[str, ...] = (".obj",)
+    parts: tuple[Section, ...]
 
     @property
-    def noun(self) -> Mesh:
-        """The mesh as it was read."""
-        return self.skin.noun
+    def sections(self) -> tuple[Section, ...]:
+        """Its objects, or its groups where it is one object."""
+        return self.parts
 
-    def samples(self, given: Any, word: str) -> Any:
+    def writes(self, suffix: str) -> bool:
+        """Whether it is ``.obj``."""
+        return suffix == ".obj"
+
+    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
         """An array of one number per vertex; an OBJ has no attributes to name one by."""
         return self.skin.samples(given, word, lambda name: (None, ()))
 
@@ -61,7 +66,7 @@ class Obj:
         path.write_bytes(self._encoded(noun, tags))
         return tuple(self._companions(target))
 
-    def scene(self, noun: Mesh) -> Any:
+    def scene(self, noun: Mesh) -> trimesh.Scene:
         """The mesh with materials and texture as trimesh reads them, one part per material."""
         return trimesh.load_scene(
             io.BytesIO(self._encoded(noun, {})),
@@ -112,7 +117,7 @@ class Obj:
                     yield from _copied(image, self.path.parent, target.parent)
 
 
-def read(path: Path, channels: str | None, moves: str | None) -> Obj:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read an OBJ file: all of it is one noun; its objects (``o``), or where there is one its groups (``g``), are sections, those
     that share vertices together.
 
@@ -124,6 +129,7 @@ def read(path: Path, channels: str | None, moves: str | None) -> Obj:
     if not polygons:
         raise FormatError(f"{path.name}: no faces in {len(rows)} vertices; a mesh with triangles expected")
     words = [lines[row].split() for row in rows]
+    channels = options.attribute
     points = np.array([word[1:4] for word in words], dtype=np.float64)
     if channels not in (None, "colors"):
         raise InputError(f"channels={channels!r}: an OBJ has no vertex attributes but colors")
@@ -135,7 +141,7 @@ def read(path: Path, channels: str | None, moves: str | None) -> Obj:
     objects = _linked(labels["o"], polygons, np.arange(len(points)))
     split = is_soup(faces, len(points)) or bool(len(normal_rows)) or any(line.startswith("vt ") for line in lines)
     skin = Skin.of(
-        points, faces, split=_numbered(objects, len(points)) if split else False, channels=colors, moves=moves
+        points, faces, split=_numbered(objects, len(points)) if split else False, channels=colors, moves=options.moves
     )
     named = _linked(labels["o" if len(objects) > 1 else "g"], polygons, skin.home)
     sections = named if len(named) > 1 else ()
@@ -145,7 +151,7 @@ def read(path: Path, channels: str | None, moves: str | None) -> Obj:
             f"{len(polygons)} polygons are smoothed as {len(faces)} triangles; an OBJ written again keeps the polygons",
         )
     at = np.array(normal_rows, dtype=np.int64)
-    return Obj(path, tuple(lines), np.array(rows), at, corners, skin, notes, sections)
+    return Document(skin.noun, path, Obj(path, tuple(lines), np.array(rows), at, corners, skin, sections), notes)
 
 
 def _linked(names: list[str], polygons: list[list[int]], home: Array) -> tuple[Section, ...]:

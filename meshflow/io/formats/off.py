@@ -9,18 +9,21 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
+from meshflow.io.document import Document, MeshSource
 from meshflow.io.formats.obj import rewritten
-from meshflow.io.vertex_merging import Section, Skin, is_soup
+from meshflow.io.metadata import ReadOptions
+from meshflow.io.vertex_merging import Skin, is_soup
 from meshflow.surfaces.lift import Mesh
 
 __all__ = ["Off", "read"]
 
 
 @dataclass(frozen=True, eq=False)
-class Off:
+class Off(MeshSource):
     """An OFF file that was read.
 
     :param lines: its text, Latin-1.
@@ -30,16 +33,12 @@ class Off:
     lines: tuple[str, ...]
     rows: Array
     skin: Skin
-    notes: tuple[str, ...]
-    suffixes: tuple[str, ...] = (".off",)
-    sections: tuple[Section, ...] = ()
 
-    @property
-    def noun(self) -> Mesh:
-        """The mesh as it was read."""
-        return self.skin.noun
+    def writes(self, suffix: str) -> bool:
+        """Whether it is ``.off``."""
+        return suffix == ".off"
 
-    def samples(self, given: Any, word: str) -> Any:
+    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
         """An array of one number per vertex; an OFF file has no attributes to name one by."""
         return self.skin.samples(given, word, lambda name: (None, ()))
 
@@ -48,7 +47,7 @@ class Off:
         path.write_bytes(self._encoded(noun, tags))
         return ()
 
-    def scene(self, noun: Mesh) -> Any:
+    def scene(self, noun: Mesh) -> trimesh.Scene:
         """The mesh as a scene of one part."""
         return trimesh.load_scene(io.BytesIO(self._encoded(noun, {})), file_type="off", process=False)
 
@@ -63,14 +62,14 @@ class Off:
         )
 
 
-def read(path: Path, channels: str | None, moves: str | None) -> Off:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read an OFF file.
 
     :raises FormatError: when it is cut off or no OFF.
     :raises InputError: for channels, which OFF has not, or whatever the noun refuses.
     """
-    if channels is not None:
-        raise InputError(f"channels={channels!r}: an OFF file has no vertex attributes that are read")
+    if options.channels is not None:
+        raise InputError(f"channels={options.channels!r}: an OFF file has no vertex attributes that are read")
     content = path.read_bytes()
     lines = content.decode("latin-1").split("\n")
     told = [number for number, line in enumerate(lines) if line.split("#")[0].strip()]
@@ -100,10 +99,11 @@ def read(path: Path, channels: str | None, moves: str | None) -> Off:
     if mesh is None or not faces:
         raise FormatError(f"{path.name}: no faces in {vertices} vertices; a mesh with triangles expected")
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    skin = Skin.of(points, triangles, split=is_soup(triangles, len(points)), moves=moves)
+    skin = Skin.of(points, triangles, split=is_soup(triangles, len(points)), moves=options.moves)
     notes = skin.note
     if faces != len(triangles):
         notes += (
             f"{faces} polygons are smoothed as {len(triangles)} triangles; an OFF written again keeps the polygons",
         )
-    return Off(tuple(lines), np.array(told[first : first + vertices]), skin, notes)
+    rows = np.array(told[first : first + vertices])
+    return Document(skin.noun, path, Off(tuple(lines), rows, skin), notes)

@@ -1,7 +1,6 @@
 """Pictures: PNG, JPEG, BMP, WebP and TIFF of 8 and 16 bit, grey or colour, with or without alpha."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +8,18 @@ from rasterio.enums import ColorInterp
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.files import Document, Kind
-from meshflow.io.formats.raster_bands import Frame, load, merged, save
+from meshflow.io.document import Document, WriteOptions, samples_of
+from meshflow.io.formats.raster_bands import Encoding, Frame, Framed, load, merged, save
+from meshflow.io.formats.rasters import Raster
+from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import DTYPES, rounded
 from meshflow.surfaces.lift import HeightField, Image
 
-__all__ = ["read", "write"]
+__all__ = ["Picture", "can_write", "read", "write"]
+
+NAME: str = "a picture"
+READS: tuple[str, ...] = ("kind",)
+WRITES: tuple[str, ...] = ("dtype",)
 
 # What each driver holds without a change: types of samples, numbers of colours, and whether there is room for alpha.
 _ROOM = {
@@ -26,22 +31,28 @@ _ROOM = {
     ".tif": ("GTiff", DTYPES, None, True),
     ".tiff": ("GTiff", DTYPES, None, True),
 }
-_CREATION = {
+_CREATION: dict[str, dict[str, str | int | bool]] = {
     "JPEG": {"quality": 95},
     "WEBP": {"lossless": True, "exact": True},
     "GTiff": {"compress": "deflate", "bigtiff": "IF_SAFER"},
 }
 
 
-def read(path: Path, *, kind: Kind | None = None) -> Document:
+@dataclass(frozen=True, eq=False)
+class Picture(Framed):
+    """A picture that was read."""
+
+
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a picture, values as stored: 0 to 255, or 0 to 65535.
 
     A palette is expanded. Alpha is carried along untouched; samples that are fully transparent are missing.
 
-    :param kind: ``image``, or ``terrain`` for a grey picture whose values are heights.
+    :param options: ``kind``: ``image``, or ``terrain`` for a grey picture whose values are heights.
     :raises FormatError: when the file cannot be read.
     :raises InputError: for a terrain in colour.
     """
+    kind = options.kind
     if kind not in (None, "image", "terrain"):
         raise InputError(f"{path.name}: a picture is an image or a terrain, got kind={kind!r}")
     values, frame = load(path)
@@ -55,22 +66,27 @@ def read(path: Path, *, kind: Kind | None = None) -> Document:
     if kind == "terrain":
         if len(values) > 1:
             raise InputError(f"{path.name}: a grey picture expected as a terrain, got {len(values)} colours")
-        return Document(HeightField(values[0], missing=missing), "terrain", path, frame, "pictures", notes)
+        return Document(HeightField(values[0], missing=missing), path, Picture(frame), notes)
     channels = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
-    return Document(Image(channels, missing=missing), "image", path, frame, "pictures", notes)
+    return Document(Image(channels, missing=missing), path, Picture(frame), notes)
 
 
-def write(document: Document, path: Path, *, tags: Mapping[str, str], dtype: str | None = None) -> tuple[str, ...]:
+def can_write(document: Document, suffix: str) -> bool:
+    """Whether it is an image, of no raster that has a place on the ground: that is for :mod:`.rasters`."""
+    return isinstance(document.noun, Image) and suffix in _ROOM and not isinstance(document.source, Raster)
+
+
+def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write a picture; rounded and clipped to the type of the one that was read.
 
-    :param tags: kept in TIFF; the other formats have no room for them.
-    :param dtype: ``uint8`` or ``uint16``, or ``float32`` (TIFF only), in place of that type.
+    :param options: tags are kept in TIFF, the other formats have no room for them; ``dtype``, ``uint8`` or ``uint16``, or
+        ``float32`` (TIFF only), in place of that type.
     :returns: notes: what was clipped, alpha that did not fit.
     :raises FormatError: when the format holds no such picture, or the file cannot be written.
     """
-    values, frame = merged(document.about, document.noun)
+    values, frame = merged(document.source, samples_of(document))
     driver, dtypes, counts, room = _ROOM[path.suffix.lower()]
-    kind = frame.dtype if dtype in (None, "source") else dtype
+    kind = frame.dtype if options.dtype in (None, "source") else options.dtype
     if kind not in dtypes:
         raise FormatError(
             f"{path.name}: {' or '.join(dtypes)} fits into {path.suffix}, got {kind}; give it as dtype= "
@@ -88,15 +104,8 @@ def write(document: Document, path: Path, *, tags: Mapping[str, str], dtype: str
     if kind not in ("float32", "float64") and not np.isfinite(values).all():
         notes += (f"{int((~np.isfinite(values)).sum())} missing samples (NaN) became 0",)
     samples, clipped = rounded(values, frame.gone, np.dtype(kind))
-    save(
-        samples,
-        _coloured(frame, len(values)),
-        path,
-        driver=driver,
-        nodata=frame.nodata,
-        tags=tags if driver == "GTiff" else {},
-        **_CREATION.get(driver, {}),
-    )
+    encoding = Encoding(driver, frame.nodata, _CREATION.get(driver, {}))
+    save(samples, _coloured(frame, len(values)), path, encoding, options.tags if driver == "GTiff" else {})
     return notes + clipped
 
 

@@ -9,27 +9,39 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import trimesh
+from numpy.typing import ArrayLike
 from trimesh.resolvers import FilePathResolver
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.metadata import Found
-from meshflow.io.vertex_merging import Section, Skin, fitted, is_soup, normals_after
+from meshflow.io.document import Document, MeshSource
+from meshflow.io.metadata import Found, ReadOptions
+from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.lift import Mesh
 
 __all__ = ["KNOWN", "TEXTURE", "Ply", "elements_of", "has", "read", "stacked", "values_of"]
 
+
+class Element(TypedDict):
+    """An element as trimesh reads it: how many, the types of its properties by name, and the columns of numbers by name."""
+
+    length: int
+    properties: Mapping[str, str]
+    data: Any
+
+
+Elements = Mapping[str, Element]
 COLORS = ("red", "green", "blue")
 TEXTURE = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
 KNOWN = {"x", "y", "z", "nx", "ny", "nz", *COLORS, "alpha", *(name for pair in TEXTURE for name in pair)}
 
 
 @dataclass(frozen=True, eq=False)
-class Ply:
+class Ply(MeshSource):
     """A PLY file that was read.
 
     :param header: its bytes up to and with ``end_header``.
@@ -41,19 +53,15 @@ class Ply:
     path: Path
     header: bytes
     body: bytes
-    elements: Mapping[str, Any]
+    elements: Elements
     skin: Skin
     names: tuple[str, ...]
-    notes: tuple[str, ...]
-    suffixes: tuple[str, ...] = (".ply",)
-    sections: tuple[Section, ...] = ()
 
-    @property
-    def noun(self) -> Mesh:
-        """The mesh as it was read."""
-        return self.skin.noun
+    def writes(self, suffix: str) -> bool:
+        """Whether it is ``.ply``."""
+        return suffix == ".ply"
 
-    def samples(self, given: Any, word: str) -> Any:
+    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
         """An array of one number per vertex, as it is or by the name of a vertex property."""
         return self.skin.samples(given, word, self._property)
 
@@ -66,7 +74,7 @@ class Ply:
         path.write_bytes(self._encoded(noun, tags))
         return ()
 
-    def scene(self, noun: Mesh) -> Any:
+    def scene(self, noun: Mesh) -> trimesh.Scene:
         """The mesh with its texture as a scene of one part; custom scalars are vertex attributes."""
         # texture coordinates of the faces split vertices along seams; those of the vertices must not make it renumber them
         seams = "texcoord" in self.elements["face"]["properties"]
@@ -139,7 +147,7 @@ class Ply:
         return ("\n".join(lines) + "\n").encode("utf-8")
 
 
-def read(path: Path, channels: str | None, moves: str | None) -> Ply:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a PLY file.
 
     :raises FormatError: when it holds no faces, is cut off, or mixes polygons in binary.
@@ -165,15 +173,15 @@ def read(path: Path, channels: str | None, moves: str | None) -> Ply:
         )
     textured = any(has(elements, *pair) for pair in TEXTURE) or "texcoord" in elements["face"]["properties"]
     split = textured or has(elements, "nx", "ny", "nz") or is_soup(np.asarray(mesh.faces), len(points))
-    names = _named(elements, channels)
+    names = _named(elements, options.attribute)
     values = stacked(elements, names) if names else None
-    skin = Skin.of(points, np.asarray(mesh.faces), split=split, channels=values, moves=moves)
+    skin = Skin.of(points, np.asarray(mesh.faces), split=split, channels=values, moves=options.moves)
     notes = (*skin.note, *_polygons(elements, len(mesh.faces)))
     end = content.index(b"\n", content.index(b"end_header")) + 1
-    return Ply(path, content[:end], content[end:], elements, skin, names, notes)
+    return Document(skin.noun, path, Ply(path, content[:end], content[end:], elements, skin, names), notes)
 
 
-def elements_of(path: Path) -> Mapping[str, Any]:
+def elements_of(path: Path) -> Elements:
     """All that is in a PLY file of a mesh or a cloud: name of an element -> length, properties, data.
 
     :raises FormatError: when it is cut off, mixes polygons in binary, or has no vertices.
@@ -205,7 +213,7 @@ def _loaded(path: Path, content: bytes) -> Any:
     return next(iter(scene.geometry.values()), None)
 
 
-def _must_be_whole(path: Path, elements: Mapping[str, Any]) -> None:
+def _must_be_whole(path: Path, elements: Elements) -> None:
     """trimesh stops quietly at the end of an ASCII file, and takes the size of all lists of a binary one from the first."""
     for name, element in elements.items():
         data, length = element.get("data"), element["length"]
@@ -221,7 +229,7 @@ def _must_be_whole(path: Path, elements: Mapping[str, Any]) -> None:
                 )
 
 
-def _named(elements: Mapping[str, Any], channels: str | None) -> tuple[str, ...]:
+def _named(elements: Elements, channels: str | None) -> tuple[str, ...]:
     """The vertex properties that a name of channels stands for."""
     if channels is None:
         return ()
@@ -235,12 +243,12 @@ def _named(elements: Mapping[str, Any], channels: str | None) -> tuple[str, ...]
     raise InputError(f"channels={channels!r}: no such vertex property; the file has {', '.join(rest) or 'none'}")
 
 
-def has(elements: Mapping[str, Any], *names: str) -> bool:
+def has(elements: Elements, *names: str) -> bool:
     """Whether the vertices have all these properties."""
     return all(name in elements["vertex"]["properties"] for name in names)
 
 
-def values_of(elements: Mapping[str, Any], element: str, name: str) -> Array:
+def values_of(elements: Elements, element: str, name: str) -> Array:
     """A property of vertices or faces (n,) or, of a list, (n, k), in native byte order."""
     column = elements[element]["data"][name]
     if column.dtype.names:
@@ -249,12 +257,12 @@ def values_of(elements: Mapping[str, Any], element: str, name: str) -> Array:
     return column[:, 0] if column.ndim == 2 and column.shape[1] == 1 else column
 
 
-def stacked(elements: Mapping[str, Any], names: tuple[str, ...]) -> Array:
+def stacked(elements: Elements, names: tuple[str, ...]) -> Array:
     """Properties of the vertices (n, k)."""
     return np.column_stack([values_of(elements, "vertex", name) for name in names])
 
 
-def _places(vertex: Mapping[str, Any]) -> dict[str, int]:
+def _places(vertex: Element) -> dict[str, int]:
     """The word of an ASCII line at which each property of a vertex stands."""
     places, at = {}, 0
     for name, kind in vertex["properties"].items():
@@ -264,7 +272,7 @@ def _places(vertex: Mapping[str, Any]) -> dict[str, int]:
     return places
 
 
-def _polygons(elements: Mapping[str, Any], triangles: int) -> tuple[str, ...]:
+def _polygons(elements: Elements, triangles: int) -> tuple[str, ...]:
     polygons = elements["face"]["length"]
     if polygons == triangles:
         return ()

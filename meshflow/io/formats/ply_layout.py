@@ -14,7 +14,7 @@ import numpy as np
 from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array
 
-__all__ = ["Element", "PlyBytes", "loaded"]
+__all__ = ["Element", "PlyBytes", "has_grid", "loaded"]
 
 _TYPES = {
     name: code
@@ -100,6 +100,12 @@ class PlyBytes:
                 words[(new.dtype.names or ()).index(axis)] = str(new[axis][row])
             lines[row] = " ".join(words)
         return header + self.before + "\n".join([*lines, ""]).encode() + self.after
+
+
+def has_grid(path: Path) -> bool:
+    """Whether the header of a PLY names a range grid."""
+    with path.open("rb") as file:
+        return b"element range_grid" in file.read(65536).partition(b"end_header")[0]
 
 
 def loaded(path: Path) -> PlyBytes:

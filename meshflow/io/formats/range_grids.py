@@ -6,19 +6,23 @@ Each point moves along its line of sight; the file comes out with the same bytes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, number
 from meshflow.io.atomic_write import beside
-from meshflow.io.files import Document, Kind
+from meshflow.io.document import Document, Source, WriteOptions, depths_of
 from meshflow.io.formats.ply_layout import PlyBytes, loaded
-from meshflow.surfaces.lift import Pace, RangeImage
+from meshflow.io.metadata import ReadOptions
+from meshflow.surfaces.lift import RangeImage
 from meshflow.surfaces.scanner import Scanner
 
-__all__ = ["has_grid", "read", "write"]
+__all__ = ["can_write", "read", "write"]
+
+NAME: str = "a range grid"
+READS: tuple[str, ...] = ("kind", "viewpoint", "jump", "time_unit")
+WRITES: tuple[str, ...] = ()
 
 # A Cyberware scanner looks along -z.
 ALONG = (0.0, 0.0, -1.0)
@@ -27,7 +31,7 @@ SPARSE = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class Scan(Source):
     """A PLY that was read.
 
     :param file: its bytes.
@@ -40,32 +44,24 @@ class Scan:
     start: Array
 
 
-def read(
-    path: Path,
-    *,
-    kind: Kind | None = None,
-    viewpoint: Sequence[float] | None = None,
-    jump: float | Literal["noise"] | None = "noise",
-    pace: Pace = "footprint",
-) -> Document:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a scan as a range image of a :class:`Scanner`, in the unit of the points.
 
     With a viewpoint (given, an ``obj_info viewpoint x y z``, or the camera element of VCG) values are distances from it. Without,
     lines of sight are parallel to z, seen from above as a Cyberware scanner does: values are then -z.
 
-    :param viewpoint: (x, y, z), where the scanner stood, in the frame of the points.
-    :param jump: as of :class:`RangeImage`; a share works with a viewpoint only.
-    :param pace: as of :class:`RangeImage`.
+    :param options: ``viewpoint`` (x, y, z), where the scanner stood, in the frame of the points; ``jump`` as of
+        :class:`RangeImage`, where a share works with a viewpoint only; ``time_unit``.
     :raises FormatError: for a file without a range grid and without a camera that says where its points belong, or a broken one.
     :raises InputError: for another kind, or a viewpoint that is no point or one of the scan's.
     """
-    if kind not in (None, "depth"):
-        raise InputError(f"{path.name}: a range grid is a depth image, got kind={kind!r}; leave it out")
+    if options.kind not in (None, "depth"):
+        raise InputError(f"{path.name}: a range grid is a depth image, got kind={options.kind!r}; leave it out")
     file = loaded(path)
-    index = _by_grid(path, file) if file.grid is not None else _by_camera(path, file)
+    index = _by_grid(path, file, file.grid) if file.grid is not None else _by_camera(path, file)
     if not (index >= 0).any():
         raise FormatError(f"{path.name}: none of the {index.size} cells of the grid has a point; is it whole?")
-    eye, how = _viewpoint(path, file, viewpoint)
+    eye, how = _viewpoint(path, file, options.viewpoint)
     points = np.where((index >= 0)[..., None], file.points[index], np.nan)
     if eye is None:
         along = np.broadcast_to(ALONG, points.shape)
@@ -78,44 +74,49 @@ def read(
                 f"{path.name}: viewpoint {tuple(map(float, eye))} is a point of the scan; it is where the scanner stood"
             )
         camera = Scanner(np.where(np.isnan(points), np.nan, points - eye), eye)
-    noun = RangeImage(values, camera, index < 0, jump=jump, pace=pace)
-    return Document(noun, "depth", path, Scan(file, index, noun.depth), "range_grids", (how,))
+    noun = RangeImage(values, camera, index < 0, jump=options.jump, pace=options.time_unit or "footprint")
+    return Document(noun, path, Scan(file, index, noun.depth), (how,))
 
 
-def write(document: Document, path: Path, *, tags: Mapping[str, str]) -> tuple[str, ...]:
+def can_write(document: Document, suffix: str) -> bool:
+    """Whether it is a range image and goes into a PLY."""
+    return isinstance(document.noun, RangeImage) and suffix == ".ply"
+
+
+def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write a PLY range grid: a scan that was read as the same bytes around new positions, any other range image as float.
 
-    :param tags: kept as comments.
+    :param options: tags are kept as comments.
     :raises FormatError: when the file cannot be written.
+    :raises InputError: for anything but a range image.
     """
-    tags = {name.removeprefix("meshflow:"): word for name, word in tags.items()}
-    noun = document.noun
-    assert isinstance(noun, RangeImage)
-    cloud = noun.cloud
+    tags = {name.removeprefix("meshflow:"): word for name, word in options.tags.items()}
+    noun = depths_of(document)
+    there, cloud = ~np.asarray(noun.missing), noun.cloud
     with beside(path) as temporary:
-        if not isinstance(document.about, Scan):
-            temporary.write_bytes(_fresh(cloud, ~noun.missing, tags))
+        scan = document.source
+        if not isinstance(scan, Scan):
+            temporary.write_bytes(_fresh(cloud, there, tags))
             return ()
-        scan, points = document.about, document.about.file.points
-        moved = ~noun.missing & (noun.depth != scan.start)  # the others keep their bits
+        points = scan.file.points
+        moved = there & (noun.depth != scan.start)  # the others keep their bits
         points[scan.index[moved]] = cloud[moved]
         temporary.write_bytes(scan.file.holding(points, tags))
         normals = {"nx", "ny", "nz"} & set(scan.file.vertices.dtype.names or ())
     return ("its vertex normals are those from before; compute them again",) if normals else ()
 
 
-def _by_grid(path: Path, file: PlyBytes) -> Array:
+def _by_grid(path: Path, file: PlyBytes, grid: Array) -> Array:
     """(h, w) of the cells of a range grid."""
-    assert file.grid is not None
     try:
         w, h = int(file.info["num_cols"]), int(file.info["num_rows"])
     except (KeyError, ValueError) as cause:
         raise FormatError(
             f"{path.name}: obj_info num_cols and num_rows expected beside a range_grid, got none"
         ) from cause
-    if w * h != file.grid.size:
-        raise FormatError(f"{path.name}: a range_grid of {w} x {h} = {w * h} cells expected, got {file.grid.size}")
-    return file.grid.reshape(h, w)
+    if w * h != grid.size:
+        raise FormatError(f"{path.name}: a range_grid of {w} x {h} = {w * h} cells expected, got {grid.size}")
+    return grid.reshape(h, w)
 
 
 def _by_camera(path: Path, file: PlyBytes) -> Array:
@@ -176,10 +177,9 @@ def _eye(file: PlyBytes) -> Array:
 def _viewpoint(path: Path, file: PlyBytes, given: Sequence[float] | None) -> tuple[Array | None, str]:
     """Where it was seen from, and the sentence that tells."""
     if given is not None:
-        eye: Any = [number(x, "viewpoint") for x in np.ravel(given)]
-        how = "as given"
+        eye, how = np.array([number(x, "viewpoint") for x in np.ravel(given)]), "as given"
     elif "viewpoint" in file.info:
-        eye, how = [_float(word) for word in file.info["viewpoint"].split()], "as its header says"
+        eye, how = np.array([_float(word) for word in file.info["viewpoint"].split()]), "as its header says"
     elif all(f"view_p{part}" in file.camera for part in "xyz"):
         eye, how = _eye(file), "as its camera says"
     else:
@@ -188,7 +188,7 @@ def _viewpoint(path: Path, file: PlyBytes, given: Sequence[float] | None) -> tup
             "no viewpoint is known: points move along z, as a scanner that looks along -z sees them (viewpoint)",
         )
     if len(eye) != 3 or not np.isfinite(eye).all():
-        raise InputError(f"{path.name}: viewpoint of three numbers x, y, z expected, got {tuple(eye)}")
+        raise InputError(f"{path.name}: viewpoint of three numbers x, y, z expected, got {tuple(eye.tolist())}")
     return np.array(
         eye, dtype=np.float64
     ), f"seen from ({eye[0]:g}, {eye[1]:g}, {eye[2]:g}), {how}: points move along their rays"
@@ -220,9 +220,3 @@ def _fresh(cloud: Array, there: Array, tags: Mapping[str, str]) -> bytes:
     for at, is_there in zip(vertex, there.ravel(), strict=True):
         cells.append(b"\x01" + int(at).to_bytes(4, "little") if is_there else b"\x00")
     return "\n".join([*lines, ""]).encode() + cloud[there].astype("<f4").tobytes() + b"".join(cells)
-
-
-def has_grid(path: Path) -> bool:
-    """Whether the header of a PLY names a range grid."""
-    with path.open("rb") as file:
-        return b"element range_grid" in file.read(65536).partition(b"end_header")[0]

@@ -5,21 +5,28 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import rasterio
 from rasterio._err import CPLE_BaseError  # GDAL's own errors leak through rasterio, which has no public name for them
+from rasterio.control import GroundControlPoint
+from rasterio.crs import CRS
 from rasterio.enums import ColorInterp, MaskFlags, Resampling
 from rasterio.errors import NodataShadowWarning, NotGeoreferencedWarning, RasterioError
+from rasterio.io import DatasetReader, DatasetWriter
+from rasterio.rpc import RPC
 from rasterio.transform import Affine
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, real
 from meshflow.io.atomic_write import beside
-from meshflow.surfaces.lift import HeightField, Image, Noun, RangeImage
+from meshflow.io.document import Source
+from meshflow.surfaces.lift import HeightField, Image, RangeImage
 
-__all__ = ["Frame", "framed", "layers", "load", "merged", "save"]
+__all__ = ["Encoding", "Frame", "Framed", "framed", "layers", "load", "merged", "save"]
+
+T = TypeVar("T")
 
 # Without this GDAL (3.10) reads a PNG of 8 bit that is cut short as whole, what is not there out of unset memory.
 _SAFE = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": False}
@@ -43,10 +50,10 @@ class Frame:
     gone: Array
     alpha: Array | None = None
     nodata: float | None = None
-    crs: Any = None
+    crs: CRS | None = None
     transform: Affine = field(default_factory=Affine.identity)
-    gcps: tuple[Any, Any] = ((), None)
-    rpcs: Any = None
+    gcps: tuple[Sequence[GroundControlPoint], CRS | None] = ((), None)
+    rpcs: RPC | None = None
     scales: tuple[float, ...] = ()
     offsets: tuple[float, ...] = ()
     units: tuple[str | None, ...] = ()
@@ -96,6 +103,50 @@ class Frame:
         return Frame(self.dtype, self.gone, nodata=self.nodata, transform=self.transform)
 
 
+@dataclass(frozen=True, eq=False)
+class Framed(Source):
+    """What is kept of a file that GDAL reads.
+
+    :param frame: everything around its samples.
+    """
+
+    frame: Frame
+
+    @property
+    def ground_unit(self) -> str:
+        """The unit of the lengths between samples."""
+        return self.frame.ground_unit
+
+    @property
+    def north_up(self) -> bool:
+        """Whether the file lies on a map, north up."""
+        return self.frame.north_up
+
+    @property
+    def stored_as(self) -> str:
+        """The type in which samples were stored."""
+        return self.frame.dtype
+
+    @property
+    def placed(self) -> bool:
+        """Whether there is a CRS, a transform, or an alpha band."""
+        return self.frame.crs is not None or self.frame.georeferenced or self.frame.alpha is not None
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How GDAL stores samples.
+
+    :param driver: of GDAL.
+    :param nodata: the value that marks missing samples; None: no such mark.
+    :param creation: creation options of the driver.
+    """
+
+    driver: str
+    nodata: float | None = None
+    creation: Mapping[str, Any] = field(default_factory=dict)
+
+
 def load(path: Path, *, bands: Sequence[int] | None = None, nodata: float | None = None) -> tuple[Array, Frame]:
     """Samples (k, h, w) as float32 or float64, scale and offset applied, and their frame.
 
@@ -127,23 +178,12 @@ def load(path: Path, *, bands: Sequence[int] | None = None, nodata: float | None
     return values, replace(frame, gone=gone | ~np.isfinite(values), alpha=alpha)
 
 
-def save(
-    samples: Array,
-    frame: Frame,
-    path: Path,
-    *,
-    driver: str,
-    nodata: float | None,
-    tags: Mapping[str, str],
-    **creation: Any,
-) -> None:
+def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Mapping[str, str]) -> None:
     """Write samples (k, h, w), in their own dtype, and all of the frame that the driver has room for; then read them back.
 
     (GDAL may report a full disk to nobody: only what was read back is known to be there.)
 
-    :param nodata: the value that marks missing samples; None: no such mark.
     :param tags: words on top of the frame's; ``name:key`` goes to the namespace ``name``, since GDAL splits at the colon.
-    :param creation: creation options of the driver.
     :raises FormatError: when the file could not be written whole; the old one is then as it was.
     """
     count = len(samples)
@@ -156,17 +196,17 @@ def save(
                 with rasterio.open(
                     temporary,
                     "w",
-                    driver=driver,
+                    driver=encoding.driver,
                     dtype=samples.dtype,
-                    nodata=nodata,
+                    nodata=encoding.nodata,
                     **shape,
                     **_place(frame),
-                    **creation,
+                    **encoding.creation,
                 ) as target:
                     _describe(target, frame, count, tags)
                     target.write(samples)
-                _verify(temporary, samples, driver)
-                if driver == "GTiff" and frame.overviews:
+                _verify(temporary, samples, encoding.driver)
+                if encoding.driver == "GTiff" and frame.overviews:
                     with rasterio.open(temporary, "r+") as target:
                         target.build_overviews(list(frame.overviews), Resampling.average)
         except (RasterioError, CPLE_BaseError) as cause:
@@ -175,19 +215,16 @@ def save(
 
 def framed(noun: HeightField | Image | RangeImage, dtype: str) -> Frame:
     """A frame for samples that came from no raster: their missing samples, and a transform if their spacing is not 1."""
-    values = layers(noun)
+    values, missing = layers(noun), np.asarray(noun.missing)
     spacing = (1.0, 1.0) if isinstance(noun, RangeImage) else noun.spacing
     dx, dy = spacing
     plain = np.ndim(dx) > 0 or (dx, dy) == (1.0, 1.0)
     transform = Affine.identity() if plain else Affine(dx, 0, 0, 0, -dy, dy * values.shape[1])
-    return Frame(dtype, np.broadcast_to(noun.missing, values.shape) | ~np.isfinite(values), transform=transform)
+    return Frame(dtype, np.broadcast_to(missing, values.shape) | ~np.isfinite(values), transform=transform)
 
 
-def layers(noun: Noun) -> Array:
-    """The samples of a noun on a grid as bands (k, h, w).
-
-    :raises InputError: for a mesh.
-    """
+def layers(noun: HeightField | Image | RangeImage) -> Array:
+    """The samples of data on a grid as bands (k, h, w)."""
     match noun:
         case HeightField():
             return noun.z[None]
@@ -195,17 +232,15 @@ def layers(noun: Noun) -> Array:
             return noun.depth[None]
         case Image():
             return noun.values[None] if noun.values.ndim == 2 else np.moveaxis(noun.values, 2, 0)
-    raise InputError(f"samples on a grid expected, got a {type(noun).__name__}; write it as .ply, .obj or .vtp")
 
 
-def merged(about: object, noun: Noun, dtype: str = "float32") -> tuple[Array, Frame]:
-    """The samples (k, h, w) of a noun and the frame that they came in, or a plain one.
+def merged(source: Source, noun: HeightField | Image | RangeImage) -> tuple[Array, Frame]:
+    """The samples (k, h, w) of data on a grid and the frame that they came in, or a plain one.
 
-    :raises InputError: for a mesh, or when samples and frame differ in shape.
+    :raises InputError: when samples and frame differ in shape.
     """
     values = layers(noun)
-    assert isinstance(noun, (HeightField, Image, RangeImage))
-    frame = about if isinstance(about, Frame) else framed(noun, str(getattr(about, "dtype", dtype)))
+    frame = source.frame if isinstance(source, Framed) else framed(noun, source.stored_as)
     if frame.gone.shape != values.shape:
         raise InputError(
             f"samples of shape {frame.gone.shape}, as they were read, expected for the frame of the file, got {values.shape}; "
@@ -223,7 +258,7 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _check_bands(path: Path, source: Any, chosen: list[int]) -> None:
+def _check_bands(path: Path, source: DatasetReader, chosen: list[int]) -> None:
     if not chosen:
         inside = ", ".join(source.subdatasets[:4])
         raise FormatError(
@@ -236,7 +271,7 @@ def _check_bands(path: Path, source: Any, chosen: list[int]) -> None:
             )
 
 
-def _gone(source: Any, raw: Array, chosen: list[int], nodata: float | None) -> Array:
+def _gone(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Array:
     """What is missing, per band; a nodata value of the caller's stands in for the declared one, an internal mask stays."""
     if nodata is None:
         return source.read_masks(chosen) == 0
@@ -245,8 +280,8 @@ def _gone(source: Any, raw: Array, chosen: list[int], nodata: float | None) -> A
     return masked | (raw == float(nodata))
 
 
-def _frame(source: Any, raw: Array, chosen: list[int], nodata: float | None) -> Frame:
-    def of(each: Sequence[Any]) -> tuple[Any, ...]:
+def _frame(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Frame:
+    def of(each: Sequence[T]) -> tuple[T, ...]:
         return tuple(each[i - 1] for i in chosen)
 
     spaces = [
@@ -278,14 +313,14 @@ def _frame(source: Any, raw: Array, chosen: list[int], nodata: float | None) -> 
     )
 
 
-def _place(frame: Frame) -> dict[str, Any]:
+def _place(frame: Frame) -> Mapping[str, object]:
     points, crs = frame.gcps
     if points:
         return {"gcps": points, "crs": crs}
     return {"crs": frame.crs} | ({"transform": frame.transform} if frame.georeferenced else {})
 
 
-def _describe(target: Any, frame: Frame, count: int, tags: Mapping[str, str]) -> None:
+def _describe(target: DatasetWriter, frame: Frame, count: int, tags: Mapping[str, str]) -> None:
     """Everything but samples, for the driver to take or to leave."""
     if frame.rpcs:
         target.rpcs = frame.rpcs
@@ -308,7 +343,7 @@ def _describe(target: Any, frame: Frame, count: int, tags: Mapping[str, str]) ->
         target.update_tags(**({"ns": space} if space else {}), **{key: word})
 
 
-def _alpha_as(alpha: Array, dtype: np.dtype[Any]) -> Array:
+def _alpha_as(alpha: Array, dtype: np.dtype) -> Array:
     """Alpha in another type: what was opaque stays so among whole numbers; as it was in floating point."""
     if alpha.dtype.kind == "u" and dtype.kind == "u":
         return np.rint(alpha * (np.iinfo(dtype).max / np.iinfo(alpha.dtype).max)).astype(dtype)

@@ -1,66 +1,81 @@
 """Rasters with a place on the ground: whatever GDAL opens in, GeoTIFF or ESRI ASCII out."""
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array
-from meshflow.io.files import Document, Kind
-from meshflow.io.formats.raster_bands import Frame, load, merged, save
+from meshflow.geometry.validation import Array, Spacing, spacing_of
+from meshflow.io.document import Document, WriteOptions, samples_of
+from meshflow.io.formats.raster_bands import Encoding, Frame, Framed, load, merged, save
+from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import DTYPES, mark, rounded
-from meshflow.io.spacing import Spacing, between_samples, height_unit, units_disagree
+from meshflow.io.spacing import between_samples, height_unit, units_disagree
 from meshflow.surfaces.lift import HeightField, Image
 
-__all__ = ["read", "write"]
+__all__ = ["Raster", "can_write", "read", "write"]
+
+NAME: str = "a raster"
+READS: tuple[str, ...] = ("kind", "band", "nodata", "spacing")
+WRITES: tuple[str, ...] = ("dtype",)
 
 _TILE = 256
 
 
-def read(
-    path: Path, *, kind: Kind | None = None, band: int | None = None, nodata: float | None = None, spacing: Any = None
-) -> Document:
+@dataclass(frozen=True, eq=False)
+class Raster(Framed):
+    """A raster that was read."""
+
+
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a raster: one band is a terrain, several are an image.
 
     Values have scale and offset applied; the horizontal unit is that of the CRS, metres where the CRS is in degrees; pixels
     where nothing is said. Missing is what nodata, an internal mask or an alpha of 0 says, and NaN.
 
-    :param kind: ``terrain`` or ``image``, where the number of bands would mislead.
-    :param band: the one to read, from 1.
-    :param nodata: in place of the value that the file declares.
-    :param spacing: one number or (dx, dy), in place of what the file says.
+    :param options: ``kind``, ``terrain`` or ``image``, where the number of bands would mislead; ``band``, the one to read, from
+        1; ``nodata``, in place of the value that the file declares; ``spacing``, in place of what the file says.
     :raises FormatError: when GDAL cannot read the file.
     :raises InputError: for a band that is not there, several bands as one terrain, or a grid that is sheared.
     """
+    kind, band = options.kind, options.band
     if kind not in (None, "terrain", "image"):
         raise InputError(f"{path.name}: a raster is a terrain or an image, got kind={kind!r}")
-    values, frame = load(path, bands=None if band is None else [band], nodata=nodata)
+    values, frame = load(path, bands=None if band is None else [band], nodata=options.nodata)
     if kind == "terrain" and len(values) > 1:
         raise InputError(f"{path.name}: one band expected for a terrain, got {len(values)}; choose one: band=1")
     notes: tuple[str, ...] = ()
     unit = height_unit(frame.crs, frame.units[0])
-    if spacing is None:
+    if options.spacing is None:
         spacing, notes = _spacing(frame, unit)
+    else:
+        spacing = spacing_of(options.spacing, values.shape[1])
     notes += _about_values(frame)
     missing: Array = np.any(frame.gone, axis=0)
     if len(values) == 1 and kind != "image":
-        return Document(HeightField(values[0], spacing, missing, unit=unit), "terrain", path, frame, "rasters", notes)
+        return Document(HeightField(values[0], spacing, missing, unit=unit), path, Raster(frame), notes)
     channels = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
-    return Document(Image(channels, spacing, missing), "image", path, frame, "rasters", notes)
+    return Document(Image(channels, spacing, missing), path, Raster(frame), notes)
 
 
-def write(document: Document, path: Path, *, tags: Mapping[str, str], dtype: str | None = None) -> tuple[str, ...]:
+def can_write(document: Document, suffix: str) -> bool:
+    """Whether it is a terrain or an image, and goes into a GeoTIFF or an ASCII grid."""
+    return isinstance(document.noun, (HeightField, Image)) and suffix in (".tif", ".tiff", ".asc")
+
+
+def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write a terrain or an image as GeoTIFF, or a terrain as ``.asc``.
 
     Same grid, CRS, tags, units, descriptions, colours and missing samples; float32 or float64, so that nothing is quantised.
 
-    :param dtype: another one, or ``source`` for that of the file: integers are rounded and clipped, which the notes say.
+    :param options: tags are kept; ``dtype``, another one, or ``source`` for that of the file: integers are rounded and clipped,
+        which the notes say.
     :returns: notes: rounding, what the format could not hold.
     :raises FormatError: when the file cannot be written or the format cannot hold the data.
     """
-    values, frame = merged(document.about, document.noun)
+    values, frame = merged(document.source, samples_of(document))
+    dtype = options.dtype
     kind = _dtype(dtype, frame, values)
     notes: tuple[str, ...] = ()
     if frame.scaled and not (dtype == "source" and kind.kind in "iu"):
@@ -81,8 +96,8 @@ def write(document: Document, path: Path, *, tags: Mapping[str, str], dtype: str
         samples[frame.gone] = nodata
         if frame.gone.any() and not _alike(nodata, frame.nodata):
             notes += (f"missing samples are marked by nodata {nodata:g}",)
-    options = {"driver": "AAIGrid"} if ascii_grid else _geotiff(samples)
-    save(samples, frame, path, nodata=nodata, tags=tags, **options)
+    encoding = Encoding("AAIGrid", nodata) if ascii_grid else Encoding("GTiff", nodata, _geotiff(samples))
+    save(samples, frame, path, encoding, options.tags)
     return notes + clipped
 
 
@@ -115,7 +130,7 @@ def _about_values(frame: Frame) -> tuple[str, ...]:
     return notes
 
 
-def _dtype(name: str | None, frame: Frame, values: Array) -> np.dtype[Any]:
+def _dtype(name: str | None, frame: Frame, values: Array) -> np.dtype:
     name = str(values.dtype) if name is None else frame.dtype if name == "source" else name
     if name not in DTYPES:
         raise InputError(f"dtype: source or one of {', '.join(DTYPES)} expected, got {name!r}")
@@ -137,9 +152,9 @@ def _fit_into_ascii(path: Path, frame: Frame) -> tuple[Frame, tuple[str, ...]]:
     return frame.bare(), (".asc has no room for the CRS and the tags; .tif has",) if lost else ()
 
 
-def _geotiff(samples: Array) -> dict[str, Any]:
+def _geotiff(samples: Array) -> dict[str, str | int | bool]:
     predictor = 3 if samples.dtype.kind == "f" else 2
-    options = {"driver": "GTiff", "compress": "deflate", "predictor": predictor, "bigtiff": "IF_SAFER"}
+    options: dict[str, str | int | bool] = {"compress": "deflate", "predictor": predictor, "bigtiff": "IF_SAFER"}
     if min(samples.shape[1:]) >= _TILE:
         options |= {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE}
     return options

@@ -3,21 +3,21 @@
 import json
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import ArrayLike
 from trimesh.exchange.stl import export_stl_ascii
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stored_normals, with_changes
-from meshflow.io.metadata import Found, belong, must_be_mesh
-from meshflow.io.objects import Adopted
+from meshflow.io.document import Adopted, Document, MeshSource, Section
+from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, joined, said_of
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.lift import Mesh, Noun
 
 __all__ = ["Parts", "read", "taken_apart"]
 
@@ -34,7 +34,7 @@ class Part:
     name: str
     frame: Array
     family: int
-    mesh: Any
+    mesh: trimesh.Trimesh
     normals: Array | None
 
     @property
@@ -44,25 +44,28 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """A file of one mesh or several; the noun has them one after the other."""
+class Parts(MeshSource):
+    """A file of one mesh or several; the mesh of the document has them one after the other, in the coordinates of the scene.
 
-    scene_read: Any
+    :param channels: the name of those that move.
+    :param suffix: of its format; empty of a scene in memory.
+    :param ascii: it is an STL in text.
+    """
+
+    scene_read: trimesh.Scene
     parts: tuple[Part, ...]
     skin: Skin
     channels: str | None
-    notes: tuple[str, ...]
-    suffixes: tuple[str, ...]
-    ascii: bool
+    suffix: str = ""
+    ascii: bool = False
+
+    def writes(self, suffix: str) -> bool:
+        """Whether it is that of the file."""
+        return suffix == self.suffix
 
     @property
-    def noun(self) -> Mesh:
-        """All parts as one mesh, in the coordinates of the scene."""
-        return self.skin.noun
-
-    @property
-    def sections(self) -> tuple[tuple[str, Array], ...]:
-        """Its meshes, the primitives of one glTF mesh as one: names, and vertices of the noun."""
+    def sections(self) -> tuple[Section, ...]:
+        """Its meshes, the primitives of one glTF mesh as one: names, and vertices of the mesh of the document."""
         names: dict[int, list[str]] = {}
         for part in self.parts:
             names.setdefault(part.family, []).append(part.name)
@@ -72,22 +75,23 @@ class Parts:
         family = stored[self.skin.first]
         return tuple((", ".join(own), np.flatnonzero(family == one)) for one, own in names.items())
 
-    def samples(self, given: Any, word: str) -> Any:
+    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
         """An array of one number per vertex, all parts one after the other, as it is or by the name of an attribute of all."""
         return self.skin.samples(given, word, self._attribute)
 
     def _attribute(self, name: str) -> Found:
         found = [attribute_of(part.mesh, name) for part in self.parts]
+        columns = [values for values, _ in found if values is not None]
         there = [word for word in found[0][1] if all(word in names for _, names in found)]
-        return (np.concatenate([values for values, _ in found]) if name in there else None), there
+        return (np.concatenate(columns) if len(columns) == len(found) else None), there
 
-    def scene(self, noun: Mesh) -> Any:
+    def scene(self, noun: Mesh) -> trimesh.Scene:
         """The scene with names, transforms and materials as they were, its parts moved."""
-        scene = self.scene_read.copy()
+        scene: trimesh.Scene = self.scene_read.copy()
         self.put(scene, noun)
         return scene
 
-    def put(self, scene: Any, noun: Mesh) -> None:
+    def put(self, scene: trimesh.Scene, noun: Mesh) -> None:
         """Its parts into a copy of the scene, moved."""
         points = self.skin.points_of(noun)
         values, start = self.skin.channels_of(noun), 0
@@ -102,15 +106,15 @@ class Parts:
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the scene in the format that it came in."""
         scene = self.scene(noun)
-        if self.suffixes == (".stl",) and self.ascii:
+        if self.ascii:
             path.write_text("".join(export_stl_ascii(scene.geometry[part.name]) for part in self.parts))
             return ()
-        content = scene.export(file_type=self.suffixes[0][1:])
-        path.write_bytes(content)
+        content = scene.export(file_type=self.suffix[1:])
+        path.write_bytes(content if isinstance(content, bytes) else str(content).encode())
         return ()
 
 
-def read(path: Path, channels: str | None, moves: str | None) -> Parts:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a scene: every mesh in it, in one noun.
 
     :raises FormatError: when it holds no triangles, is compressed in a way that is not read, or is cut off.
@@ -125,59 +129,61 @@ def read(path: Path, channels: str | None, moves: str | None) -> Parts:
     if others:
         notes.append(f"{others} parts without triangles (points, lines) stay as they are")
     stored = sum(3 * len(part.mesh.faces) for part in parts)
-    points, faces, family, values = _one_after_the_other(parts, channels)
-    skin = Skin.of(points, faces, split=suffix != ".stl" and family, channels=values, moves=moves)
+    points, faces, family, values = _one_after_the_other(parts, options.attribute)
+    skin = Skin.of(points, faces, split=False if suffix == ".stl" else family, channels=values, moves=options.moves)
     if suffix == ".stl":
         notes.append(
             f"STL stores every corner apart: {stored} corners at bit-identical positions are {len(points)} vertices"
         )
         if any(np.any(part.mesh.face_attributes.get("stl", 0)) for part in parts):
             notes.append("the two bytes of every STL triangle, where some programs keep colours, are not written again")
-    found = Parts(scene, parts, skin, channels, (*skin.note, *notes), (suffix,), is_ascii)
-    return replace(found, notes=(*found.notes, *said_of(found.sections)))
+    source = Parts(scene, parts, skin, options.attribute, suffix, is_ascii)
+    return Document(skin.noun, path, source, (*skin.note, *notes, *said_of(source.sections)))
 
 
 def taken_apart(
-    scene: Any, *, channels: Any = None, moves: Any = None, fixed: Any = None, kind: Any = None, **other: Any
-) -> tuple[tuple[tuple[str, Adopted], ...], Callable[[Sequence[Any]], Any]]:
-    """The parts of a ``trimesh.Scene``, and the way back to a scene from their nouns; names, transforms and all else stay.
+    scene: trimesh.Scene, options: ReadOptions
+) -> tuple[tuple[tuple[str, Adopted], ...], Callable[[Sequence[Noun]], trimesh.Scene]]:
+    """The parts of a ``trimesh.Scene``, and the way back to a scene from their data; names, transforms and all else stay.
 
-    :param channels: the name of a vertex attribute of every part, or ``"colors"``.
-    :raises InputError: for a scene without triangles, arrays where names are expected, or hints that do not belong.
+    :param options: ``channels``, the name of a vertex attribute of every part, or ``"colors"``; ``moves``.
+    :raises InputError: for a scene without triangles, arrays where names are expected, or options that do not belong.
     """
-    belong(other, "a trimesh scene", ("channels", "moves", "fixed"))
-    must_be_mesh(kind, "a trimesh scene")
-    for word, given in (("channels", channels), ("fixed", fixed)):
+    options.must_be_mesh("a trimesh scene")
+    for word, given in (("channels", options.channels), ("fixed", options.fixed)):
         if given is not None and not isinstance(given, str):
             raise InputError(f"{word}: of several parts the name of an attribute expected, got {type(given).__name__}")
-    copy: Any = scene.copy()
+    copy: trimesh.Scene = scene.copy()
     made: list[Parts] = []
     parts = _parts_of("trimesh.Scene", copy, "")
     families: dict[int, list[Part]] = {}
     for part in parts:
         families.setdefault(part.family, []).append(part)
     for mine in families.values():
-        points, faces, _, values = _one_after_the_other(tuple(mine), channels)
+        points, faces, _, values = _one_after_the_other(tuple(mine), options.attribute)
         split = len(mine) > 1 or carries(mine[0].mesh)
-        skin = Skin.of(points, faces, split=split, channels=values, moves=moves)
-        made.append(Parts(copy, tuple(mine), skin, channels, skin.note, (), False))
+        skin = Skin.of(points, faces, split=split, channels=values, moves=options.moves)
+        made.append(Parts(copy, tuple(mine), skin, options.attribute))
 
-    def restore(nouns: Sequence[Any]) -> Any:
-        new = copy.copy()
+    def to_object(nouns: Sequence[Noun]) -> trimesh.Scene:
+        new: trimesh.Scene = copy.copy()
         for one, noun in zip(made, nouns, strict=True):
+            if not isinstance(noun, Mesh):
+                raise InputError(f"a scene is made of meshes, got a {type(noun).__name__}")
             one.put(new, noun)
         return new
 
     adopted = (
-        (", ".join(p.name for p in one.parts), Adopted(one.noun, one.scene, one.notes, one.samples)) for one in made
+        (", ".join(p.name for p in one.parts), Adopted(one.skin.noun, one.scene, one.skin.note, one.samples))
+        for one in made
     )
-    return tuple(adopted), restore
+    return tuple(adopted), to_object
 
 
-def _parts_of(title: str, scene: Any, suffix: str) -> tuple[Part, ...]:
+def _parts_of(title: str, scene: trimesh.Scene, suffix: str) -> tuple[Part, ...]:
     nodes: dict[str, str] = {}
     for node in scene.graph.nodes_geometry:
-        nodes.setdefault(scene.graph[node][1], node)
+        nodes.setdefault(str(scene.graph[node][1]), str(node))
     parts, families = [], {}
     for name, mesh in scene.geometry.items():
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
@@ -188,7 +194,7 @@ def _parts_of(title: str, scene: Any, suffix: str) -> tuple[Part, ...]:
                 f"{title}: part {name} is flattened by a transform without inverse; apply its transforms first"
             )
         parent = scene.graph.transforms.parents.get(nodes.get(name))
-        family = (parent or name) if mesh.metadata.get("from_gltf_primitive") else name
+        family = str(parent or name) if mesh.metadata.get("from_gltf_primitive") else str(name)
         mesh = _without_copies(mesh) if suffix == ".stl" else mesh
         parts.append(Part(name, frame, families.setdefault(family, len(families)), mesh, stored_normals(mesh)))
     if not parts:
@@ -211,7 +217,7 @@ def _one_after_the_other(parts: tuple[Part, ...], channels: str | None) -> tuple
     return points, np.concatenate(faces), family, values
 
 
-def _without_copies(mesh: Any) -> Any:
+def _without_copies(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """The mesh of an STL, its corners joined where they are at bit-identical positions."""
     first, home = joined(np.asarray(mesh.vertices))
     return trimesh.Trimesh(

@@ -6,55 +6,51 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError
-from meshflow.geometry.validation import Array
-from meshflow.io.adapters.pyvista import adopt
-from meshflow.io.objects import Adopted
+from meshflow.io.adapters.pyvista import from_object
+from meshflow.io.document import Adopted, Document, MeshSource
+from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.lift import Mesh
 
-__all__ = ["VtkFile", "listened", "read", "scene_mesh"]
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
+
+__all__ = ["VtkFile", "listened", "read", "save_polydata", "scene_mesh"]
 
 
 @dataclass(frozen=True, eq=False)
-class VtkFile:
+class VtkFile(MeshSource):
     """A polygonal mesh of VTK that was read."""
 
     adopted: Adopted
-    suffixes: tuple[str, ...] = (".vtp", ".vtk")
-    sections: tuple[tuple[str, Array], ...] = ()
 
-    @property
-    def noun(self) -> Mesh:
-        """The mesh as it was read."""
-        assert isinstance(self.adopted.noun, Mesh)
-        return self.adopted.noun
+    def writes(self, suffix: str) -> bool:
+        """Whether it is ``.vtp`` or ``.vtk``."""
+        return suffix in (".vtp", ".vtk")
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was done on the way in."""
-        return self.adopted.notes
-
-    def samples(self, given: Any, word: str) -> Any:
+    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
         """An array of one number per vertex, as it is or by the name of a point array."""
         return self.adopted.samples(given, word)
 
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the mesh with all its arrays; tags become field data."""
-        save_polydata(self.adopted.restore(noun), path, tags)
+        save_polydata(self.adopted.to_object(noun), path, tags)
         return ()
 
-    def scene(self, noun: Mesh) -> Any:
+    def scene(self, noun: Mesh) -> "trimesh.Scene":
         """The mesh as a scene of one part."""
         import trimesh
 
-        return trimesh.Scene(scene_mesh(self.adopted.restore(noun)))
+        return trimesh.Scene(scene_mesh(self.adopted.to_object(noun)))
 
 
-def scene_mesh(poly: Any) -> Any:
+def scene_mesh(poly: "pyvista.PolyData") -> "trimesh.Trimesh":
     """A PolyData of triangles as a ``trimesh.Trimesh``: point and cell data are attributes, RGB and RGBA colours."""
     import trimesh
     from trimesh.visual import TextureVisuals
@@ -76,14 +72,14 @@ def scene_mesh(poly: Any) -> Any:
     return mesh
 
 
-def save_polydata(poly: Any, path: Path, tags: Mapping[str, str]) -> None:
+def save_polydata(poly: "pyvista.PolyData", path: Path, tags: Mapping[str, str]) -> None:
     """Write a PolyData, tags as field data."""
     for name, word in tags.items():
         poly.add_field_data([str(word)], f"meshflow:{name}")
     poly.save(str(path))
 
 
-def read(path: Path, channels: str | None, moves: str | None) -> VtkFile:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a VTP or legacy VTK file.
 
     :raises FormatError: for a broken file, and for another data set than PolyData.
@@ -102,7 +98,8 @@ def read(path: Path, channels: str | None, moves: str | None) -> VtkFile:
             f"{path.name}: polygons (PolyData) expected, got {type(thing).__name__}; open it with pyvista.read and "
             "hand the object over, or take its surface: .extract_surface().triangulate().save('surface.vtp')"
         )
-    return VtkFile(adopt(thing, channels=channels, moves=moves))
+    adopted = from_object(thing, options.without("kind"))
+    return Document(adopted.noun, path, VtkFile(adopted), adopted.notes)
 
 
 @contextmanager

@@ -3,36 +3,43 @@
 import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.adapters.multipart import Several, several
+from meshflow.io.adapters.pyvista_blocks import from_blocks
+from meshflow.io.document import Document, MeshSource, Multipart, Section
 from meshflow.io.formats.vtk import listened, scene_mesh
-from meshflow.io.vertex_merging import Section, said_of
+from meshflow.io.metadata import ReadOptions
+from meshflow.io.vertex_merging import said_of
 from meshflow.surfaces.lift import Mesh, together
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
 
 __all__ = ["VtkBlocks", "read"]
 
 
 @dataclass(frozen=True, eq=False)
-class VtkBlocks:
-    """Blocks that were read; the noun has their surfaces one after the other."""
+class VtkBlocks(MeshSource):
+    """Blocks that were read; the mesh of the document has their surfaces one after the other.
+
+    :param meshes: the surface of each block.
+    """
 
     path: Path
-    blocks: Several
-    notes: tuple[str, ...]
-    suffixes: tuple[str, ...] = (".vtm",)
+    blocks: Multipart
+    meshes: tuple[Mesh, ...]
 
-    @cached_property
-    def noun(self) -> Mesh:
-        """All surfaces as one mesh."""
-        return together([part.noun for _, part in self.blocks.parts])
+    def writes(self, suffix: str) -> bool:
+        """Whether it is ``.vtm``."""
+        return suffix == ".vtm"
 
     @property
     def sections(self) -> tuple[Section, ...]:
@@ -43,27 +50,23 @@ class VtkBlocks:
     @property
     def _rows(self) -> list[Array]:
         """The vertices of each block in the noun."""
-        sizes = np.cumsum([0, *(len(noun.points) for noun in self._nouns)])
+        sizes = np.cumsum([0, *(len(noun.points) for noun in self.meshes)])
         return [np.arange(start, stop) for start, stop in zip(sizes[:-1], sizes[1:], strict=True)]
 
-    @property
-    def _nouns(self) -> list[Mesh]:
-        return [part.noun for _, part in self.blocks.parts if isinstance(part.noun, Mesh)]
-
-    def samples(self, given: Any, word: str) -> Any:
+    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
         """An array of one number per vertex, all blocks one after the other, as it is or by the name of an array of all."""
         if not isinstance(given, str):
             return given
-        return np.concatenate([part.samples(given, word) for _, part in self.blocks.parts])
+        return np.concatenate([np.asarray(part.samples(given, word)) for _, part in self.blocks.parts])
 
-    def _back(self, noun: Mesh) -> Any:
+    def _back(self, noun: Mesh) -> "pyvista.MultiBlock":
         """The blocks with the points and channels of a noun."""
         made: list[Mesh] = []
-        for rows, one in zip(self._rows, self._nouns, strict=True):
+        for rows, one in zip(self._rows, self.meshes, strict=True):
             points = noun.points[rows].astype(one.points.dtype)
             channels = one.channels if one.channels is None or noun.channels is None else noun.channels[rows]
             made.append(replace(one, points=points, channels=channels))
-        return self.blocks.restore(made)
+        return self.blocks.to_object(made)
 
     def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the index, and the blocks into a folder beside it; whatever else is in a folder of that name stays."""
@@ -83,7 +86,7 @@ class VtkBlocks:
             shutil.rmtree(data, ignore_errors=True)
         return (f"written beside {target.name}: the folder {folder.name}",)
 
-    def scene(self, noun: Mesh) -> Any:
+    def scene(self, noun: Mesh) -> "trimesh.Scene":
         """The surfaces as a scene of as many parts."""
         import trimesh
 
@@ -93,7 +96,7 @@ class VtkBlocks:
         return scene
 
 
-def _leaves(blocks: Any) -> Iterator[Any]:
+def _leaves(blocks: "pyvista.MultiBlock") -> Iterator["pyvista.PolyData"]:
     import pyvista
 
     for block in blocks:
@@ -103,7 +106,7 @@ def _leaves(blocks: Any) -> Iterator[Any]:
             yield block
 
 
-def read(path: Path, channels: str | None, moves: str | None) -> VtkBlocks:
+def read(path: Path, options: ReadOptions) -> Document:
     """Read a VTM file with the files that it names.
 
     :raises FormatError: for a broken file, one that names files that are not there, or blocks that are no surfaces.
@@ -117,12 +120,12 @@ def read(path: Path, channels: str | None, moves: str | None) -> VtkBlocks:
         raise FormatError(f"{path.name} cannot be read: {heard[0]}; are the files beside it that it names?")
     if not isinstance(blocks, pyvista.MultiBlock):
         raise FormatError(f"{path.name}: blocks expected, got {type(blocks).__name__}")
-    hints = {"channels": channels, "moves": moves}
-    found = several(blocks, **{name: hint for name, hint in hints.items() if hint is not None})
-    assert found is not None
-    flat = [name for name, part in found.parts if not isinstance(part.noun, Mesh)]
-    if flat:
+    found = from_blocks(blocks, options.without("kind"))
+    parts = found.parts
+    meshes = tuple(part.noun for _, part in parts if isinstance(part.noun, Mesh))
+    if len(meshes) < len(parts):
+        flat = [name for name, part in parts if not isinstance(part.noun, Mesh)]
         raise InputError(f"block {flat[0]}: a surface of polygons expected, got a grid; smooth it in Python")
-    notes = [f"{name}: {note}" for name, part in found.parts for note in part.notes]
-    made = VtkBlocks(path, found, ())
-    return replace(made, notes=(*notes, *said_of(made.sections)))
+    notes = [f"{name}: {note}" for name, part in parts for note in part.notes]
+    source = VtkBlocks(path, found, meshes)
+    return Document(together(meshes), path, source, (*notes, *said_of(source.sections)))

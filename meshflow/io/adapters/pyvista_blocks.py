@@ -1,0 +1,49 @@
+"""Blocks of pyvista, each a part."""
+
+from collections.abc import Sequence
+
+import pyvista
+
+from meshflow.errors import InputError
+from meshflow.io.adapters.pyvista import from_object
+from meshflow.io.document import Adopted, Multipart, adopted_by, told_apart
+from meshflow.io.metadata import ReadOptions
+from meshflow.surfaces.lift import Noun
+
+__all__ = ["from_blocks"]
+
+
+def from_blocks(blocks: pyvista.MultiBlock, options: ReadOptions) -> Multipart:
+    """The blocks, those within blocks too; empty ones stay."""
+    parts: list[tuple[str, Adopted]] = []
+    inner: list[tuple[int, Multipart]] = []
+    for i, block in enumerate(blocks):
+        name = str(blocks.get_block_name(i) or i)
+        if block is None:
+            continue
+        try:
+            found = (
+                from_blocks(block, options)
+                if isinstance(block, pyvista.MultiBlock)
+                else _alone(adopted_by(from_object, block, options))
+            )
+        except InputError as cause:
+            raise InputError(f"block {name}: {cause}") from cause
+        inner.append((i, found))
+        parts += [(f"{name}/{own}" if own else name, part) for own, part in found.parts]
+    if not parts:
+        raise InputError("pyvista.MultiBlock: at least one block with a surface expected, got none")
+
+    def to_object(nouns: Sequence[Noun]) -> pyvista.MultiBlock:
+        new, start = blocks.copy(deep=True), 0
+        for i, found in inner:
+            stop = start + len(found.parts)
+            new.replace(i, found.to_object(nouns[start:stop]))
+            start = stop
+        return new
+
+    return Multipart(told_apart(parts), to_object)
+
+
+def _alone(adopted: Adopted) -> Multipart:
+    return Multipart((("", adopted),), lambda nouns: adopted.to_object(nouns[0]))

@@ -1,0 +1,273 @@
+"""What a file or an object becomes inside: its data, what must survive around them, and the way back."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict
+
+from numpy.typing import ArrayLike
+
+from meshflow.errors import InputError
+from meshflow.geometry.validation import Array
+from meshflow.io.metadata import Kind, ReadOptions, as_given
+from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = [
+    "Adopted",
+    "Document",
+    "Format",
+    "MeshSource",
+    "Section",
+    "Source",
+    "WriteOptions",
+    "Writing",
+    "depths_of",
+    "kind_of",
+    "samples_of",
+]
+
+# A mesh of a file of several: its name, and its vertices in the data (rows).
+Section = tuple[str, Array]
+_KINDS: Mapping[type, Kind] = {HeightField: "terrain", Image: "image", RangeImage: "depth", Mesh: "mesh"}
+
+
+class Source:
+    """What a reader keeps of a file beside its data; each format has its own, which its writer understands.
+
+    What is here is what holds of files that are nothing but samples.
+    """
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """The meshes of a file of several; empty where there is one thing."""
+        return ()
+
+    @property
+    def ground_unit(self) -> str:
+        """The unit of the lengths between samples; empty where the file does not say it."""
+        return ""
+
+    @property
+    def north_up(self) -> bool:
+        """Whether the file lies on a map, its rows from north to south and its columns from west to east."""
+        return False
+
+    @property
+    def stored_as(self) -> str:
+        """The type in which samples were stored, as numpy names it."""
+        return "float32"
+
+    @property
+    def placed(self) -> bool:
+        """Whether the file says more than samples: a CRS, a transform, an alpha band."""
+        return False
+
+    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
+        """One number per sample of the data, given as an array or by the name of one that the file holds.
+
+        :raises InputError: for a name, where the file holds no named arrays, or none of that name.
+        """
+        return as_given(given, word)
+
+    def scene(self, noun: Mesh) -> "trimesh.Scene | None":
+        """The file as a scene around another mesh of as many vertices; None for what is no mesh file."""
+        return None
+
+
+class MeshSource(Source, ABC):
+    """What a reader keeps of a mesh file."""
+
+    @abstractmethod
+    def writes(self, suffix: str) -> bool:
+        """Whether an extension, in lower case, is that of the format that it came in."""
+
+    @abstractmethod
+    def scene(self, noun: Mesh) -> "trimesh.Scene":
+        """The file as a scene around another mesh of as many vertices, for any other format."""
+
+    @abstractmethod
+    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the file again at ``path``, which then becomes ``target``, around another mesh.
+
+        :returns: what the format could not hold, and what was written beside it.
+        """
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a file held.
+
+    :param noun: the data, as a height field, image, range image or mesh.
+    :param path: where it came from.
+    :param source: everything that must survive around the data.
+    :param notes: what was done on the way in, sentences for the user.
+    """
+
+    noun: Noun
+    path: Path
+    source: Source = field(default_factory=Source)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> Kind:
+        """``terrain | image | depth | mesh``."""
+        return kind_of(self.noun)
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """The meshes of a file of several: name and vertices of the data (rows) of each; empty where there is one thing."""
+        return self.source.sections
+
+    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
+        """One number per sample of the data: of a mesh also by the name of a vertex attribute of the file.
+
+        :param given: an array, or a name.
+        :param word: ``fixed | mask | mobility | data_weights | max_change``: what it is for.
+        :raises InputError: for a name that is not there, with those that there are.
+        """
+        return self.source.samples(given, word)
+
+    def holding(self, noun: Noun) -> "Document":
+        """The same document around other data of the same kind and size."""
+        return replace(self, noun=noun)
+
+
+@dataclass(frozen=True)
+class Adopted:
+    """An object of somebody else's, taken in.
+
+    :param noun: its data, shared or copied, never changed.
+    :param to_object: data of the same kind and size becomes an object of the kind that came in; a new one.
+    :param notes: what was done on the way in, sentences for the user.
+    :param samples: what is given for an option of one number per sample, an array as the object stores its samples or the
+        name of one that it holds, becomes an array of the samples of the data.
+    """
+
+    noun: Noun
+    to_object: Callable[[Any], Any]
+    notes: tuple[str, ...] = ()
+    samples: Callable[[ArrayLike | None, str], ArrayLike | None] = as_given
+
+
+@dataclass(frozen=True)
+class Multipart:
+    """Data of several parts that do not influence each other.
+
+    :param parts: name and part; no name twice.
+    :param to_object: their data, in the same order, become an object of the kind that came in; a new one.
+    :param whole: one number per sample may come as one array for all of them; otherwise by name alone.
+    """
+
+    parts: tuple[tuple[str, Adopted], ...]
+    to_object: Callable[[Sequence[Noun]], Any]
+    whole: bool = False
+
+
+class Writing(TypedDict, total=False):
+    """The fields of :class:`WriteOptions` as keywords, but for the tags."""
+
+    dtype: str | None
+    depth_scale: float | None
+    left: float | None
+
+
+@dataclass(frozen=True)
+class WriteOptions:
+    """How a file is to be written; None: as it was read.
+
+    :param tags: words about the run, kept in the file where the format has room for them.
+    :param dtype: of the samples of a raster or a picture; ``source``: that of the file.
+    :param depth_scale: units per metre of stored depths.
+    :param left: standard deviation of the noise that is still in the depths, metres, which rounding is compared with.
+    """
+
+    tags: Mapping[str, str] = field(default_factory=dict)
+    dtype: str | None = None
+    depth_scale: float | None = None
+    left: float | None = None
+
+
+class Format(Protocol):
+    """A family of files, read and written by one module of :mod:`meshflow.io.formats`: the module itself is the format.
+
+    :ivar NAME: what a file of it is, with its article, for the messages.
+    :ivar READS: the options that its reader takes.
+    :ivar WRITES: the options that its writer takes.
+    """
+
+    NAME: str
+    READS: tuple[str, ...]
+    WRITES: tuple[str, ...]
+
+    def read(self, path: Path, options: ReadOptions) -> Document:
+        """Read a file.
+
+        :raises FormatError: when it cannot be read; the message says why and what would be read.
+        """
+        ...
+
+    def can_write(self, document: Document, suffix: str) -> bool:
+        """Whether files of this extension, in lower case, hold such data."""
+        ...
+
+    def write(self, document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
+        """Write the data and what the source keeps of the file that they came from.
+
+        :returns: what the user should know: rounding, what the format could not hold.
+        :raises FormatError: when the file cannot be written, or cannot hold the data.
+        """
+        ...
+
+
+def kind_of(noun: Noun) -> Kind:
+    """What kind of data this is: ``terrain | image | depth | mesh``."""
+    return next(kind for cls, kind in _KINDS.items() if isinstance(noun, cls))
+
+
+def depths_of(document: Document) -> RangeImage:
+    """The range image of a document.
+
+    :raises InputError: where it holds other data.
+    """
+    if not isinstance(document.noun, RangeImage):
+        raise InputError(f"{document.path.name}: a range image expected, got a {type(document.noun).__name__}")
+    return document.noun
+
+
+def samples_of(document: Document) -> HeightField | Image | RangeImage:
+    """The data of a document of samples on a grid.
+
+    :raises InputError: for a mesh.
+    """
+    if isinstance(document.noun, Mesh):
+        raise InputError(
+            f"{document.path.name}: samples on a grid expected, got a Mesh; write it as .ply, .obj or .vtp"
+        )
+    return document.noun
+
+
+def adopted_by(adapter: Callable[[object, ReadOptions], Adopted], data: object, options: ReadOptions) -> Adopted:
+    """An object, taken in by the adapter that knows it; what stays may be the name of an array that the object holds.
+
+    :raises InputError: as the adapter, or for a name that is not there.
+    """
+    if not isinstance(options.fixed, str):
+        return adapter(data, options)
+    adopted = adapter(data, options.without("fixed"))
+    return replace(adopted, noun=replace(adopted.noun, fixed=adopted.samples(options.fixed, "fixed")))
+
+
+def told_apart(parts: Iterable[tuple[str, Adopted]]) -> tuple[tuple[str, Adopted], ...]:
+    """Parts with a number behind each name that has been there before."""
+    made: dict[str, Adopted] = {}
+    for name, part in parts:
+        count, own = 1, name
+        while own in made:
+            count += 1
+            own = f"{name} ({count})"
+        made[own] = part
+    return tuple(made.items())
