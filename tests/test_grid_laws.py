@@ -277,12 +277,13 @@ def test_ctrl_c_stops_a_long_run_within_a_second_and_leaves_the_array_as_it_was(
     code = """
         import sys, time
         import numpy as np, meshflow
-        meshflow.smooth(np.random.default_rng(0).normal(size=(64, 64)), gamma=0, time=1.0)  # compiled
+        flow = meshflow.Beltrami(gamma=0)
+        meshflow.smooth(np.random.default_rng(0).normal(size=(64, 64)), method=flow, time=1.0)  # compiled
         z = np.random.default_rng(0).normal(size=(3000, 3000))
         copy = z.copy()
         print("begun", flush=True)
         try:
-            meshflow.smooth(z, time=1e5, gamma=0, stepper="explicit")
+            meshflow.smooth(z, time=1e5, method=flow, compute=meshflow.Compute(stepper="explicit"))
         except KeyboardInterrupt:
             print("stopped", (z == copy).all(), flush=True)
     """

@@ -80,7 +80,7 @@ def test_blocks_are_smoothed_one_by_one_and_stay_where_they_were():
 
 
 def test_what_is_of_one_thing_is_refused_for_several():
-    with pytest.raises(InputError, match="only: of several parts the name"):
+    with pytest.raises(InputError, match="mask: of several parts the name"):
         smooth(scene(), constraints=Mask(np.ones(600, bool)))
     with pytest.raises(InputError, match="fixed: of several parts the name"):
         smooth(scene(), constraints=Fixed(np.ones(600, bool)))

@@ -14,6 +14,7 @@ import meshflow.viewer.session
 from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError
 from meshflow.estimate.constraints import Fixed, Mask
+from meshflow.estimate.request import Request
 from meshflow.flow.stops import Steps
 from meshflow.io.files import read, write
 from meshflow.smoothing import smooth
@@ -202,7 +203,7 @@ def test_blocks_keep_the_files_of_others_in_their_folder(tmp_path):
 def test_what_shows_all_parts_in_one_flow_says_so(tmp_path):
     path = glb(tmp_path / "in.glb", ("a", ball()), ("b", BOX))
     notes = meshflow.viewer.session.view(
-        read(path), way="page", page=tmp_path / "p.html", count=2, settings={"time": 0.01}
+        read(path), way="page", page=tmp_path / "p.html", count=2, request=Request.of(time=0.01)
     )
     assert any("all parts flow together here" in note for note in notes)
     assert flowing_together(read(glb(tmp_path / "one.glb", ("a", ball())))) == ()

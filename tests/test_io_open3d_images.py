@@ -160,7 +160,7 @@ def test_a_process_that_smoothed_tensors_ends_well():
         "image = o.Image(open3d.core.Tensor(np.full((24, 32), 2.0, np.float32)))\n"
         "meshflow.smooth(image, camera=meshflow.Pinhole(40, 40, 15.5, 11.5), time=1.0)\n"
         "ball = o.TriangleMesh.create_sphere(1.0, 8)\n"
-        "meshflow.smooth(ball, steps=2)\n"
+        "meshflow.smooth(ball, stop=meshflow.Steps(2))\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
