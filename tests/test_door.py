@@ -200,7 +200,7 @@ def test_what_is_fully_named_is_not_searched_for(monkeypatch):
 
     monkeypatch.setattr("meshflow.estimate.heights.searched_on_grid", refused)
     monkeypatch.setattr("meshflow.estimate.points.searched", refused)
-    smooth(Z, method=Beltrami(gamma=0.0), time=1.0)
+    smooth(Z, method=Beltrami(gamma=0.0, contrast=2.0), time=1.0)
     smooth(Z, method="quick")
     ball = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], float)
     faces = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])

@@ -29,4 +29,4 @@ def test_names_of_meshflow_in_python_blocks_exist(block):
 def test_flags_in_shell_lines_exist(line):
     command = COMMANDS[line.split()[1]]
     known = {word for p in command.params for word in (*p.opts, *p.secondary_opts)}
-    assert {word for word in re.findall(r"(?<=\s)--[a-z-]+", line)} <= known | {"--help"}
+    assert set(re.findall(r"(?<=\s)--[a-z-]+", line)) <= known | {"--help"}

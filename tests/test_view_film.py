@@ -8,7 +8,6 @@ from meshflow import film
 from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import Beltrami
 from meshflow.flow.stops import Residual, Steps
 from meshflow.results.run import run, states
 from meshflow.surfaces.camera import Pinhole
@@ -20,7 +19,7 @@ from meshflow.view.look import terrain_view
 
 SIZE = (320, 240)
 ROUGH = HeightField(np.random.default_rng(0).normal(size=(40, 50)) + 5.0 * (np.arange(50) > 25), unit="m")
-GIVEN = Request.of(method=Beltrami(contrast=0.74), time=2.0, boundary="natural")
+GIVEN = Request.of(method="beltrami", time=2.0)
 
 
 @pytest.fixture(autouse=True)
@@ -91,7 +90,7 @@ def test_the_time_in_a_frame_is_a_number_in_full_with_its_unit(tmp_path, monkeyp
     drawn, labels = page.single_page, []
 
     def listened(*given):
-        labels.extend(given[6])
+        labels.extend(label for _, label in given[5])
         return drawn(*given)
 
     monkeypatch.setattr(page, "single_page", listened)
@@ -110,7 +109,7 @@ def test_colours_of_a_film_are_the_same_in_all_frames(tmp_path):
 
 def test_images_and_range_images_are_filmed_as_they_are(tmp_path):
     picture = Image(np.random.default_rng(0).random((30, 40, 3)) * 255)
-    assert film(picture, tmp_path / "a.gif", count=3, request=Request.of(time=1.0), size=SIZE).how == "relief"
+    assert film(picture, tmp_path / "a.gif", count=3, request=Request.of(time=1.0), size=SIZE).renderer == "hillshade"
     scan = RangeImage(2.0 + 0.01 * ROUGH.z, Pinhole(60.0, 60.0, 24.5, 19.5))
     assert len(frames(film(scan, tmp_path / "b.gif", count=3, size=SIZE).path)) == 3
 
@@ -197,7 +196,7 @@ def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):
         ({"count": 1}, "count: a whole number, 2 or more"),
         ({"rate": 0.0}, "rate: 0.1 to 60 frames per second"),
         ({"rate": float("nan")}, "rate: 0.1 to 60 frames per second"),
-        ({"turn": 90.0, "how": "relief"}, "turn: degrees"),
+        ({"turn": 90.0, "renderer": "hillshade"}, "turn: degrees"),
         ({"colours": "virids"}, "viridis"),
         ({"request": Request.of(domain="disparity")}, "only lengths are shown"),
         ({"fps": 3}, "fps: no such option of a picture"),

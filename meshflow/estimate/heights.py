@@ -100,7 +100,7 @@ def tuned(data: Noun, request: Request, noise: Noise, mobility: Array | None = N
         return plan.with_({"time": Decided("default", "nothing to remove")})
     large = isinstance(data, Mesh) and len(data.points) > MESH_ENOUGH
     # A method by its exponents has a contrast by rule; one of a name, contrasts of its own to choose from.
-    ruled = request.named and (asked.ruled or asked.contrast is not None)
+    ruled = request.named and asked.ruled
     known = timed is not None and (ruled or timed == 0)
     open_ = request.searching and sigma > 0 and request.steps is None
     if open_ and not (large or known or is_rounded(noise)):

@@ -1,7 +1,7 @@
-"""What a surface is like at each of its samples: curvature, edges, triangles, what is missing. From all of the data."""
+"""Quantities at each sample of a surface: curvature, edges, quality of triangles, what is missing. All samples count."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -23,7 +23,7 @@ _STRIP = 400_000  # samples of a grid that are lifted at a time: their triangles
 _KINDS = ("move", "fixed", "missing")
 
 
-def measured(thing: Any, quantity: Quantity, contrast: float = 1.0) -> Scale:
+def measured(thing: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
     """A quantity on a surface, with its unit and its colours.
 
     ``curvature``: the mean curvature (11), of the graph of a grid in its true proportions; positive where the surface bulges

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """States of a noun on its way.
+    """The states of a flow.
 
     :ivar moments: of each state, the start first.
     :ivar unit: of time.
@@ -115,11 +116,15 @@ def _area(noun: Noun) -> float:
 
 def _change(before: Noun, after: Noun) -> float:
     """Root mean square of what was removed, as the noise is counted: per channel; of points along their normals."""
-    if isinstance(before, Mesh) and isinstance(after, Mesh):
+    if isinstance(before, Mesh) or isinstance(after, Mesh):
+        before, after = cast(Mesh, before), cast(Mesh, after)  # they are of one kind
         if before.moves == "channels" and before.channels is not None and after.channels is not None:
             return _rms(np.square(before.channels.astype(np.float64) - after.channels))
         return _rms(np.square(paired(before, after, None).removed.values))
-    assert not isinstance(before, Mesh)
+    if isinstance(before, Mesh):
+        raise InputError(
+            f"timeline: states of one kind expected, got {type(before).__name__} and {type(after).__name__}"
+        )
     if isinstance(before, RangeImage) and isinstance(after, RangeImage):
         squares = np.square(before.depth.astype(np.float64) - after.depth)
     else:

@@ -104,12 +104,10 @@ class HeightMethod:
     :ivar word: what the command calls it.
     :ivar gamma: exponent of the edge indicator, see :class:`Member`; ``sharpness`` and ``patch`` likewise.
     :ivar contrasts: what a search tries, in sample distances over the noise.
-    :ivar ruled: where the time is given, the contrast is taken by rule and not searched for.
     """
 
     word: ClassVar[str] = ""
     contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0)
-    ruled: ClassVar[bool] = False
 
     contrast: float | None = option(
         None,
@@ -135,6 +133,11 @@ class HeightMethod:
         return {}
 
     @property
+    def ruled(self) -> bool:
+        """Whether the contrast is taken by rule, and not searched for, where the time is given."""
+        return self.contrast is not None
+
+    @property
     def member(self) -> Member:
         """The exponents, the edge indicator and the mass, as engines take them."""
         return Member(indicator=self.indicator, mass=self.mass, **self.exponents)
@@ -146,7 +149,6 @@ class Beltrami(HeightMethod):
 
     word: ClassVar[str] = "beltrami"
     contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
-    ruled: ClassVar[bool] = True
 
     gamma: float = option(
         0.0,
@@ -160,6 +162,11 @@ class Beltrami(HeightMethod):
     def exponents(self) -> dict[str, float]:
         """gamma, sharpness and patch."""
         return {"gamma": self.gamma, "sharpness": self.sharpness, "patch": self.patch}
+
+    @property
+    def ruled(self) -> bool:
+        """Also where the caller chooses exponents of their own."""
+        return self.contrast is not None or (self.gamma, self.sharpness, self.patch) != (0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
