@@ -71,7 +71,7 @@ def attempt() -> None:
         for words in (["smooth", source, target, "-q"], ["info", target]):
             subprocess.run([sys.executable, "-m", "meshflow", *map(str, words)], check=True, stdout=subprocess.DEVNULL)
         assert len(trimesh.load(target, process=False).vertices) == len(rough.vertices)
-        meshflow.view.compare(slope + noise, heights, picture, how="relief")
+        meshflow.view.compare(slope + noise, heights, picture, renderer="hillshade")
         assert picture.stat().st_size > 10_000
     print("every kind of data works on", sys.version.split()[0], "with numpy", np.__version__)
 

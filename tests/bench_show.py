@@ -162,7 +162,7 @@ def test_time_to_the_first_picture_and_frames_per_second(tmp_path):
     )
     field = meshflow.HeightField(fractal_terrain(1000))
     _timed("a picture more", lambda: view.show(field, tmp_path / "b.png"))
-    _timed("the first without OpenGL", lambda: view.show(field, tmp_path / "c.png", how="relief"))
+    _timed("the first without OpenGL", lambda: view.show(field, tmp_path / "c.png", renderer="hillshade"))
     _timed("compare, three panels", lambda: view.compare(field, field, tmp_path / "d.png"))
     large = meshflow.HeightField(fractal_terrain(4096).astype(np.float32))
     told = _timed("4096 x 4096", lambda: view.show(large, tmp_path / "e.png"))

@@ -83,7 +83,7 @@ def test_the_time_in_a_frame_is_a_number_in_full_with_its_unit(tmp_path, monkeyp
     drawn, labels = page.single_page, []
 
     def listened(*given):
-        labels.extend(given[6])
+        labels.extend(label for _, label in given[5])
         return drawn(*given)
 
     monkeypatch.setattr(page, "single_page", listened)
@@ -102,7 +102,7 @@ def test_colours_of_a_film_are_the_same_in_all_frames(tmp_path):
 
 def test_images_and_range_images_are_filmed_as_they_are(tmp_path):
     picture = Image(np.random.default_rng(0).random((30, 40, 3)) * 255)
-    assert film(picture, tmp_path / "a.gif", count=3, settings={"time": 1.0}, size=SIZE).how == "relief"
+    assert film(picture, tmp_path / "a.gif", count=3, settings={"time": 1.0}, size=SIZE).renderer == "hillshade"
     scan = RangeImage(2.0 + 0.01 * ROUGH.z, Pinhole(60.0, 60.0, 24.5, 19.5))
     assert len(frames(film(scan, tmp_path / "b.gif", count=3, size=SIZE).path)) == 3
 
@@ -187,7 +187,7 @@ def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):
         ({"count": 1}, "count: a whole number, 2 or more"),
         ({"rate": 0.0}, "rate: 0.1 to 60 frames per second"),
         ({"rate": float("nan")}, "rate: 0.1 to 60 frames per second"),
-        ({"turn": 90.0, "how": "relief"}, "turn: degrees"),
+        ({"turn": 90.0, "renderer": "hillshade"}, "turn: degrees"),
         ({"colours": "virids"}, "viridis"),
         ({"settings": {"space": "disparity"}}, "only lengths are shown"),
         ({"fps": 3}, "fps: no such option of a picture"),

@@ -11,9 +11,8 @@ from matplotlib.image import imread
 from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.view import compare, page, show
-from meshflow.view import hillshade as relief
-from meshflow.view.geometry import as_shown, drawable, embodied
+from meshflow.view import compare, hillshade, page, show
+from meshflow.view.geometry import as_shown, drawable, geometry_of
 from meshflow.view.look import Look
 from meshflow.view.pair import paired
 from meshflow.view.scale import Scale
@@ -35,7 +34,7 @@ def plane(east=0.0, north=0.0, shape=(12, 15)):
 
 
 def shade(noun, **look):
-    return relief.shaded(embodied(noun), noun.missing.shape, Look(**look))
+    return hillshade.shaded(geometry_of(noun, Look()), noun.missing.shape, Look(**look))
 
 
 def panels(path, aspect, look):
@@ -98,7 +97,7 @@ def test_a_large_grid_is_thinned_in_place_and_says_so():
     assert step == 3
     assert "every 3rd sample" in notes
     for noun in (plane(1.0, 0.5), RangeImage(1 + 0.01 * plane(1.0).z, CAMERA)):
-        whole, thin = embodied(noun), embodied(noun, step=2)
+        whole, thin = geometry_of(noun, Look()), geometry_of(noun, Look(), step=2)
         grid = np.full((noun.missing.size, 3), np.nan)
         grid[whole.samples] = whole.points
         kept = np.arange(noun.missing.size).reshape(noun.missing.shape)[::2, ::2].ravel()[thin.samples]
@@ -106,7 +105,7 @@ def test_a_large_grid_is_thinned_in_place_and_says_so():
 
 
 def test_colours_are_symmetric_about_no_change():
-    colours = relief.coloured(Scale(np.array([[-2.0, -1, 0, 1, 2, np.nan]]), -2, 2, "RdBu_r", "x")).astype(int)[0]
+    colours = hillshade.coloured(Scale(np.array([[-2.0, -1, 0, 1, 2, np.nan]]), -2, 2, "RdBu_r", "x")).astype(int)[0]
     assert np.ptp(colours[2]) <= 1
     assert colours[0, 2] > colours[0, 0]  # blue is lower
     assert colours[4, 0] > colours[4, 2]  # red is higher
@@ -117,7 +116,7 @@ def test_colours_are_symmetric_about_no_change():
 def test_an_image_is_shown_as_it_is(full):
     values = np.random.default_rng(0).random((20, 30, 3))
     image = Image(values * full)
-    np.testing.assert_allclose(relief.imaged(image, 1, as_shown(image)), 255 * values, atol=0.51)
+    np.testing.assert_allclose(hillshade.imaged(image, 1, as_shown(image)), 255 * values, atol=0.51)
 
 
 def test_two_panels_differ_where_the_data_differ_and_the_third_says_how(tmp_path):
@@ -127,7 +126,7 @@ def test_two_panels_differ_where_the_data_differ_and_the_third_says_how(tmp_path
     z[20:40, 10:30] -= 1.0
     look = Look(size=(900, 700), exaggeration=1)
     told = compare(before, HeightField(z), tmp_path / "a.png", size=look.size, exaggeration=1)
-    assert told.how == "relief"
+    assert told.renderer == "hillshade"
     first, second, removed = panels(told.path, 90 / 60, look)
     differs = np.argwhere((np.abs(first - second) > 8).any(axis=2)) / first.shape[:2]
     assert len(differs) > 100
@@ -161,7 +160,7 @@ def test_a_thing_that_did_not_change_has_nothing_removed(noun, tmp_path):
 def test_where_vtk_cannot_draw_a_relief_is_made_and_the_reason_given(tmp_path):
     for noun in (plane(1.0), RangeImage(np.full((9, 9), 2.0), CAMERA)):
         told = compare(noun, noun, tmp_path / "a.png", size=(320, 240), overwrite=True)
-        assert told.how == "relief"
+        assert told.renderer == "hillshade"
         assert any("MESHFLOW_RENDERING=off" in note for note in told.notes)
 
 
@@ -169,7 +168,7 @@ def test_what_only_vtk_can_draw_is_refused_with_the_reason(tmp_path, monkeypatch
     for call in (
         lambda: compare(TRIANGLE, TRIANGLE, tmp_path / "a.png"),
         lambda: show(TRIANGLE, tmp_path / "a.png"),
-        lambda: show(plane(), tmp_path / "a.png", how="pyvista"),
+        lambda: show(plane(), tmp_path / "a.png", renderer="pyvista"),
     ):
         with pytest.raises(MissingPackage, match="MESHFLOW_RENDERING=off"):
             call()
@@ -198,7 +197,7 @@ def test_scalars_colour_a_thing_and_leave_out_what_is_missing(tmp_path):
 
 def test_anything_that_the_edge_recognises_can_be_compared(tmp_path):
     z = plane(1.0).z
-    assert compare(z, z + 1, tmp_path / "a.png", unit="m", size=(320, 240)).how == "relief"
+    assert compare(z, z + 1, tmp_path / "a.png", unit="m", size=(320, 240)).renderer == "hillshade"
     assert paired(z, z + 1, "m").removed.label == "height before − after [m]"
     np.testing.assert_array_equal(paired(z, z + 1, "m").removed.values, -1.0)
 
@@ -292,9 +291,9 @@ def test_two_things_that_cannot_be_compared_are_refused(before, after, says, tmp
         (RangeImage(np.ones((3, 3)), CAMERA), {"exaggeration": 2}, "of height fields only"),
         (plane(), {"up": "z"}, "of meshes only"),
         (TRIANGLE, {"up": "w"}, "up: y or z expected"),
-        (plane(), {"how": "opengl"}, "pyvista or relief expected"),
-        (TRIANGLE, {"how": "relief"}, "a mesh has no grid"),
-        (Image(np.ones((3, 3))), {"how": "pyvista"}, "as the image it is"),
+        (plane(), {"renderer": "opengl"}, "pyvista or hillshade expected"),
+        (TRIANGLE, {"renderer": "hillshade"}, "a mesh has no grid"),
+        (Image(np.ones((3, 3))), {"renderer": "pyvista"}, "as the image it is"),
         (plane(), {"scalars": np.ones((3, 3))}, r"of shape \(12, 15\); got \(3, 3\)"),
         (plane(), {"scalars": np.full((12, 15), np.nan)}, "at least one finite number"),
         (HeightField([[1.0, np.nan], [np.nan, 1.0]]), {}, "nothing to draw"),
@@ -325,4 +324,4 @@ def test_a_window_needs_a_display_and_vtk(monkeypatch):
             call()
     monkeypatch.setenv("DISPLAY", ":0")
     with pytest.raises(InputError, match="not windows"):
-        show(plane(), how="relief")
+        show(plane(), renderer="hillshade")

@@ -11,7 +11,8 @@ from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.synthetic import shapes
 from meshflow.view import measured, quantity
-from meshflow.view.geometry import embodied
+from meshflow.view.geometry import geometry_of
+from meshflow.view.look import Look
 from meshflow.view.scale import Scale, together
 
 ROWS, COLUMNS = np.mgrid[:40, :50]
@@ -112,11 +113,11 @@ def test_two_scales_together_saturate_no_more_than_alone():
 def test_a_thinned_grid_keeps_its_cuts_and_its_noise():
     cut = Cuts(np.zeros((40, 49), bool), np.zeros((39, 50), bool))
     cut.right[:, 24] = True
-    body = embodied(replace(PLANE, cuts=cut), step=2)
+    body = geometry_of(replace(PLANE, cuts=cut), Look(), step=2)
     crossing = np.sort(body.samples[body.faces] % 25, axis=1)
     assert not ((crossing[:, 0] <= 12) & (crossing[:, 2] >= 13)).any()
     noisy = RangeImage(np.full((40, 50), 2.0), CAMERA, sigma=np.full((40, 50), 0.01))
-    assert len(embodied(noisy, step=2).faces) == 2 * 19 * 24
+    assert len(geometry_of(noisy, Look(), step=2).faces) == 2 * 19 * 24
 
 
 @pytest.mark.parametrize(

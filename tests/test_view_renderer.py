@@ -6,12 +6,11 @@ import pytest
 from meshflow.errors import InputError
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
-from meshflow.view import compare, page, show
-from meshflow.view import vtk_scene as scene
-from meshflow.view.geometry import embodied
+from meshflow.view import compare, page, show, vtk_scene
+from meshflow.view.geometry import geometry_of
 from meshflow.view.look import Look
 from meshflow.view.probe import Rendering
-from meshflow.view.renderer import staged
+from meshflow.view.renderer import renderer_for
 from meshflow.view.scale import Scale
 
 pytestmark = pytest.mark.needs_gl
@@ -46,16 +45,16 @@ def noisy(noun):
 def panels(told, look, noun):
     from matplotlib.image import imread
 
-    stage = staged((noun, noun), look, None, window=False)
-    boxes = page.layout(look, stage.aspect(*stage.bodies(noun), noun)).panels
+    stage = renderer_for((noun, noun), look, window=False)
+    boxes = page.layout(look, stage.aspect(*stage.geometries(noun), noun)).panels
     picture = np.round(imread(told.path)[..., :3] * 255).astype(int)
     bottom = [look.size[1] - box.bottom for box in boxes]
     return [picture[b - x.height : b, x.left : x.left + x.width] for x, b in zip(boxes, bottom, strict=True)]
 
 
 def drawn(noun, scale=None, look=None):
-    (body,) = staged((noun,), look or Look(), None, window=False).bodies(noun)
-    return scene.drawn(body, look or Look(), (200, 150), scale).astype(int)
+    (body,) = renderer_for((noun,), look or Look(), window=False).geometries(noun)
+    return vtk_scene.drawn(body, look or Look(), (200, 150), scale).astype(int)
 
 
 def colourful(picture):
@@ -66,7 +65,7 @@ def colourful(picture):
 def test_before_and_after_differ_in_the_picture_as_in_the_data(noun, tmp_path):
     rough = noisy(noun)
     told = compare(rough, noun, tmp_path / "a.png", size=SIZE)
-    assert told.how == "pyvista"
+    assert told.renderer == "pyvista"
     first, second, removed = panels(told, Look(size=SIZE), rough)
     body = (second < 250).all(axis=2)
     assert body.mean() > 0.2, "the body does not fill the frame"
@@ -123,7 +122,7 @@ def test_a_range_image_is_seen_as_its_camera_saw_it():
 
 def test_light_from_the_west_brightens_western_slopes():
     picture = drawn(hill(20.0), look=Look(azimuth=270.0, exaggeration=1.0)).sum(axis=2)
-    (body,) = staged((hill(20.0),), Look(), None, window=False).bodies(hill(20.0))
+    (body,) = renderer_for((hill(20.0),), Look(), window=False).geometries(hill(20.0))
     assert body.view.right[0] > 0.9, "east is not to the right"
     middle = picture[60:90]
     assert middle[:, 65:95].mean() > middle[:, 105:135].mean() + 30
@@ -141,9 +140,12 @@ def test_faces_are_shaded_flat():
 
 def test_what_is_up_of_a_mesh_is_guessed_or_told():
     ends = {"bust": (0.8, 1.0, 0.7), "horse": (0.8, 1.8, 1.5), "terrain": (1.0, 1.0, 0.1)}
-    ups = {name: embodied(Mesh(np.eye(3) * extent, np.array([[0, 1, 2]]))).view.up for name, extent in ends.items()}
+    ups = {
+        name: geometry_of(Mesh(np.eye(3) * extent, np.array([[0, 1, 2]])), Look()).view.up
+        for name, extent in ends.items()
+    }
     assert {name: "xyz"[int(np.argmax(up))] for name, up in ups.items()} == {"bust": "y", "horse": "z", "terrain": "z"}
-    told = embodied(Mesh(np.eye(3), np.array([[0, 1, 2]])), up="y").view.up
+    told = geometry_of(Mesh(np.eye(3), np.array([[0, 1, 2]])), Look(up="y")).view.up
     assert np.argmax(told) == 1
 
 
@@ -202,7 +204,7 @@ def test_a_window_shows_all_panels_from_one_camera(noun, monkeypatch):
     monkeypatch.setattr("meshflow.view.pictures.displayed", lambda: True)
     monkeypatch.setattr("meshflow.view.renderer.rendering", lambda: Rendering(True, None, "for this test"))
     told = compare(noun, noun, size=(600, 400))
-    assert (told.path, told.how) == (None, "pyvista")
+    assert (told.path, told.renderer) == (None, "pyvista")
     assert seen["picture"].shape == (400, 600, 3)
     assert len(seen["cameras"]) == 1
     upper, lower = seen["picture"][30:195], seen["picture"][205:]

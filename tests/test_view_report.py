@@ -205,7 +205,7 @@ def test_where_a_mesh_cannot_be_drawn_the_report_says_so_and_holds_the_rest(mesh
     def refused(*_, **__):
         raise MissingPackage("VTK cannot draw here")
 
-    monkeypatch.setattr(findings, "staged", refused)
+    monkeypatch.setattr(findings, "renderer_for", refused)
     page = html(mesh, tmp_path)
     assert "no pictures: VTK cannot draw here" in page
     assert mesh.reason in page

@@ -11,7 +11,7 @@ from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.view import page, show
 from meshflow.view.look import Look
-from meshflow.view.scale_bar import Ground, grounded, ruled
+from meshflow.view.scale_bar import Ground, ground_of, scale_bar_of
 from meshflow.view.scene import of_one
 
 SIZE = (800, 600)
@@ -37,15 +37,15 @@ def bar(picture):
 
 def test_a_bar_over_a_relief_is_as_long_as_it_says(tmp_path):
     told = show(FIELD, tmp_path / "a.png", size=SIZE)
-    assert told.how == "relief"
+    assert told.renderer == "hillshade"
     picture = imread(told.path)
     wide = np.flatnonzero((picture[:500, :, :3].min(axis=2) < 0.97).any(axis=0))
     metres = 800 / (wide[-1] + 1 - wide[0])
-    ruler = of_one(FIELD, LOOK, None, False, None, None, None, 1.0)
+    ruler = of_one(FIELD, LOOK)
     (box,) = page.layout(LOOK, ruler.aspect, panels=1).panels
     foot = ruler.foot(box.size, UNIT)
-    assert foot.ruler.words.endswith(" m")
-    said = float(foot.ruler.words.split()[0])
+    assert foot.scale_bar.words.endswith(" m")
+    said = float(foot.scale_bar.words.split()[0])
     assert bar(picture) * metres == pytest.approx(said, rel=0.04)
 
 
@@ -54,13 +54,13 @@ def test_a_bar_below_a_mesh_is_as_long_as_it_says(tmp_path):
     picture = imread(show(SQUARE, tmp_path / "a.png", size=SIZE).path)
     wide = np.flatnonzero((picture[:540, :, :3].min(axis=2) < 0.97).any(axis=0))
     length = 3 / (wide[-1] + 1 - wide[0])
-    words = ruled(length, "", UNIT, False).words
+    words = scale_bar_of(length, "", UNIT, False).words
     assert bar(picture) * length == pytest.approx(float(words), rel=0.04)
 
 
 def test_a_bar_is_round_and_at_most_an_eighth_of_the_page():
     for length in (0.00123, 0.5, 1.0, 7.7, 420.0):
-        ruler = ruled(length, "m", 1.0, False)
+        ruler = scale_bar_of(length, "m", 1.0, False)
         assert 220 / 2.5 <= ruler.pixels <= 220
         digit = ruler.pixels * length / 10.0 ** np.floor(np.log10(ruler.pixels * length) + 1e-9)
         assert round(digit, 6) in (1, 2, 5)
@@ -69,8 +69,8 @@ def test_a_bar_is_round_and_at_most_an_eighth_of_the_page():
 def test_what_has_no_length_that_holds_everywhere_has_no_bar():
     seen = RangeImage(np.full((48, 64), 2.0), Pinhole(60.0, 60.0, 31.5, 23.5))
     for thing in (seen, Image(FIELD.z)):
-        sight = of_one(thing, LOOK, None, False, None, None, None, 1.0)
-        assert sight.foot((400, 300), UNIT).ruler.pixels == 0
+        sight = of_one(thing, LOOK)
+        assert sight.foot((400, 300), UNIT).scale_bar.pixels == 0
 
 
 def raster(path, transform, crs="EPSG:32632"):
@@ -87,21 +87,23 @@ def test_an_arrow_points_north_on_maps_alone(tmp_path):
     turned = raster(tmp_path / "b.tif", Affine(8, 6, 6e5, 6, -8, 5e6))
     nowhere = raster(tmp_path / "c.tif", Affine(10, 0, 6e5, 0, -10, 5e6), crs=None)
 
-    def north(thing, seen=None, how=None):
-        sight = of_one(thing, Look(size=SIZE, seen=seen), how, False, None, None, None, 1.0)
-        return sight.foot((400, 300), UNIT).ruler.north
+    def north(thing, seen=None, renderer=None):
+        sight = of_one(thing, Look(size=SIZE, seen=seen, renderer=renderer))
+        return sight.foot((400, 300), UNIT).scale_bar.north
 
     assert north(upright, seen="front")
-    assert north(upright, how="relief")
+    assert north(upright, renderer="hillshade")
     assert not north(upright), "aslant, north is not up"
     assert not any(north(thing, seen="front") for thing in (turned, nowhere, FIELD))
 
 
 def test_the_unit_of_the_ground_is_that_of_its_map_and_degrees_are_measured_in_metres(tmp_path):
     feet = raster(tmp_path / "a.tif", Affine(10, 0, 9e5, 0, -10, 2e5), crs="EPSG:2263")
-    assert "foot" in grounded(feet, feet.noun).unit
+    assert "foot" in ground_of(feet, feet.noun).unit
     degrees = raster(tmp_path / "b.tif", Affine(0.001, 0, 8, 0, -0.001, 47), crs="EPSG:4326")
-    assert grounded(degrees, degrees.noun) == Ground("m", north=True)
-    assert grounded(FIELD, FIELD) == Ground("m")
-    words = [ruled(length / 220, unit, 1.0, False).words for length, unit in ((7e3, "m"), (0.03, "m"), (3.1, "foot"))]
+    assert ground_of(degrees, degrees.noun) == Ground("m", north=True)
+    assert ground_of(FIELD, FIELD) == Ground("m")
+    words = [
+        scale_bar_of(length / 220, unit, 1.0, False).words for length, unit in ((7e3, "m"), (0.03, "m"), (3.1, "foot"))
+    ]
     assert words == ["5 km", "20 mm", "2 foot"]

@@ -49,7 +49,7 @@ def test_curvature_of_a_pair_is_shown_so_that_both_are_seen_and_shares_are_not_b
     smooth = 5.0 * np.sin(x)[None, :] * np.ones((48, 1))
     pair = HeightField(smooth + RNG.normal(size=smooth.shape)), HeightField(smooth)
     for quantity, bends in (("curvature", True), ("triangles", False)):
-        sight = of_two(*pair, Look(), "relief", False, "beside", None, quantity, 1.0)
+        sight = of_two(*pair, Look(renderer="hillshade"), quantity, window=False)
         assert [scale.bend is not None for _, scale in sight.counted] == [bends, bends]
 
 
@@ -58,7 +58,7 @@ def test_a_histogram_with_a_peak_counts_by_powers_of_ten_and_says_so(values, kin
     scale = symmetric(values * 1.0, "height", "m", "nothing was removed")
     look = Look(size=(800, 600))
     panels = [("", np.zeros((4, 4, 3), np.uint8))] * 3
-    figure = page.compared_page(page.layout(look, 1.0), panels, (("", scale),), look, page.Foot(""))
+    figure = page.compared_page(page.layout(look, 1.0), panels, (("", scale),), page.Foot(""))
     axes = next(axes for axes in figure.axes if axes.patches)
     assert axes.get_yscale() == kind
     assert any("logarithmic" in text.get_text() for text in axes.texts) == (kind == "log")

@@ -12,7 +12,7 @@ from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
 from meshflow.synthetic import shapes
 from meshflow.view import compare, measured, page, plotter, show
 from meshflow.view.appearance import taken
-from meshflow.view.geometry import Body, embodied
+from meshflow.view.geometry import Geometry, geometry_of
 from meshflow.view.look import Look, picture_view, side_view
 from meshflow.view.turning import coarse
 from meshflow.viewer.screen import Screen
@@ -115,9 +115,9 @@ def test_a_range_image_from_the_side_is_seen_from_beside_its_camera_and_above():
 
 
 def test_a_terrain_from_the_front_is_its_map():
-    body = embodied(ROUGH, seen="front")
+    body = geometry_of(ROUGH, Look(seen="front"))
     np.testing.assert_allclose(body.view.toward, picture_view().toward)
-    around = [embodied(BALL, seen=seen).view.toward for seen in (None, "side")]
+    around = [geometry_of(BALL, Look(seen=seen)).view.toward for seen in (None, "side")]
     assert abs(np.dot(*around)) < 0.3  # a quarter turn
 
 
@@ -152,14 +152,14 @@ def test_a_texture_is_taken_at_the_vertices_seams_and_all():
 def test_files_can_be_shown_as_they_were_read(tmp_path):
     np.save(tmp_path / "a.npy", ROUGH.z)
     document = meshflow.read(tmp_path / "a.npy")
-    assert show(document, tmp_path / "a.png", size=SIZE).how == "relief"
+    assert show(document, tmp_path / "a.png", size=SIZE).renderer == "hillshade"
     assert compare(document, document, tmp_path / "b.png", size=SIZE).path == tmp_path / "b.png"
 
 
 @pytest.mark.parametrize("quantity", ["curvature", "edges", "triangles", "samples"])
 def test_before_and_after_wear_one_scale_of_a_quantity(quantity, tmp_path):
     told = compare(ROUGH, FLAT, tmp_path / "a.png", quantity=quantity, size=SIZE)
-    assert told.how == "relief"
+    assert told.renderer == "hillshade"
     boxes = page.layout(Look(size=SIZE), 64 / 48, 2).panels
     assert boxes[0].size == boxes[1].size
     one = show(ROUGH, tmp_path / "b.png", quantity=quantity, colours="cividis", size=SIZE)
@@ -185,7 +185,7 @@ def test_a_plotter_is_ours_to_draw_and_to_add_to():
 
 def test_a_coarse_body_is_the_same_surface_in_fewer_triangles():
     fine = shapes.sphere(6)
-    body = Body(fine.points, fine.faces, np.arange(len(fine.points)), picture_view())
+    body = Geometry(fine.points, fine.faces, np.arange(len(fine.points)), picture_view())
     few = coarse(body, 24)
     assert len(few.faces) < len(body.faces) / 4
     np.testing.assert_array_equal(few.points, fine.points[few.samples])
@@ -285,7 +285,7 @@ def test_what_is_heavy_is_coarse_on_both_sides_of_a_divider_while_it_turns(monke
         ({"quantity": "colour"}, "quantity: one of curvature"),
         ({"colours": "nonsense"}, "got 'nonsense'; viridis, cividis, RdBu_r"),
         ({"seen": "behind"}, "seen: front or side expected, got 'behind'"),
-        ({"seen": "side", "how": "relief"}, "is seen from the front"),
+        ({"seen": "side", "renderer": "hillshade"}, "is seen from the front"),
         ({"own_colours": True}, "own_colours: of meshes only, this is a HeightField"),
         ({"color": "red"}, "color: no such option of a picture; there are exaggeration"),
     ],

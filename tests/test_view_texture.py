@@ -17,7 +17,7 @@ from meshflow.surfaces.lift import Mesh
 from meshflow.synthetic import shapes
 from meshflow.view import compare, plotter, show
 from meshflow.view.appearance import taken
-from meshflow.view.geometry import embodied
+from meshflow.view.geometry import geometry_of
 from meshflow.view.look import Look
 from meshflow.view.texture import Textured
 from meshflow.view.turning import coarse
@@ -66,7 +66,7 @@ def test_a_texture_rides_along_with_the_points_and_with_the_triangles_that_are_l
     *_, (_, last) = flowing(ball, Settings(method="curvature", scale=0.2), 3, None)
     assert isinstance(last, Textured)
     assert last.texture is ball.texture
-    few = coarse(embodied(last, own_colours=True), 6)
+    few = coarse(geometry_of(last, Look(own_colours=True)), 6)
     assert len(few.texture.corners) == len(few.faces) < len(ball.faces)
     np.testing.assert_array_equal(few.texture.corners, ball.texture.corners[few.triangles])
 

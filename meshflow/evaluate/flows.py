@@ -147,7 +147,8 @@ def compare_flows(
 
     What is matched is the roughness, the mean angle between neighbouring triangles that do not touch the rim: the ray flow runs
     for ``time``, and each of the others until it is as smooth. Steps are semi-implicit, the last one is cut where the roughness
-    is met. A flow that does not come to it within three times ``time`` is measured there and says so.
+    is met. A flow that does not come to it within three times ``time`` is measured there and says so. (More than six parameters:
+    each is a part of what is compared, and none belongs to another.)
 
     :param depth: (h, w); 0 and NaN are missing.
     :param camera: what :class:`RangeImage` takes.

@@ -48,6 +48,7 @@ def _of_plane(one: Array, other: Array, peak: float) -> float:
     from scipy.ndimage import uniform_filter
 
     def mean(values: Array) -> Array:
+        """Means over windows."""
         return np.asarray(uniform_filter(values, WINDOW))
 
     count = WINDOW * WINDOW

@@ -1,8 +1,9 @@
-"""Things as they are to be drawn: files, objects and nouns as nouns, meshes in their own colours where that is asked."""
+"""Data as it is to be drawn: of files and objects, and meshes in their own colours where that is asked."""
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
@@ -24,8 +25,8 @@ _OF_COLOUR = (
 )  # read as colours, or no quantity on the surface
 
 
-def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]:
-    """The noun of a thing, and what was done on the way.
+def taken(thing: object, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]:
+    """The data of an object or a file as a height field, image, range image or mesh, and notes on what was done.
 
     :param thing: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognises.
     :param own_colours: of a mesh, with the colours (n, 3) of its vertices, or of its texture at them, as channels that ride
@@ -50,8 +51,8 @@ def taken(thing: Any, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]
     return Textured(noun.points, noun.faces, colours, "points", noun.fixed, texture), notes
 
 
-def carried(thing: Any, noun: Mesh) -> dict[str, Array]:
-    """What rides along with the points of a mesh: arrays (n, k), one row for each vertex of the noun, by their names.
+def carried(thing: object, noun: Mesh) -> dict[str, Array]:
+    """The vertex attributes of a mesh by name: arrays (n, k), one row for each vertex.
 
     :param thing: what the noun came from, as :func:`taken` has it.
     :returns: ``colours`` first, 0 to 255, those of the vertices or of a texture at them; then other vertex attributes of
@@ -77,18 +78,17 @@ def carried(thing: Any, noun: Mesh) -> dict[str, Array]:
     return found
 
 
-def _column(thing: Any, name: Any, noun: Mesh) -> Array | None:
-    """A point array (n, k) of an object that is no trimesh's; None for what is no channel, as text or the wrong length."""
+def _column(thing: object, name: str, noun: Mesh) -> Array | None:
+    """A point array (n, k) of an object that is no trimesh; None where it cannot be a channel (text, a wrong length)."""
     try:
         channels = from_object(thing, {"channels": name, "moves": "channels"}).noun
     except InputError:  # an array that cannot move does not ride along as one
         return None
-    assert isinstance(channels, Mesh)
-    fits = channels.channels is not None and len(channels.channels) == len(noun.points)
-    return channels.channels.astype(np.float64) if fits and channels.channels is not None else None
+    found = channels.channels if isinstance(channels, Mesh) else None
+    return None if found is None or len(found) != len(noun.points) else found.astype(np.float64)
 
 
-def _as_trimesh(thing: Any, noun: Mesh) -> Any:
+def _as_trimesh(thing: object, noun: Mesh) -> Any:
     """The thing as a trimesh.Trimesh, where it is one or was read from a file; else None."""
     if isinstance(thing, Document):
         scene = thing.source.scene(noun) if isinstance(noun, Mesh) else None
@@ -96,16 +96,16 @@ def _as_trimesh(thing: Any, noun: Mesh) -> Any:
     return thing if hasattr(thing, "visual") else None
 
 
-def flowing_together(thing: Any) -> tuple[str, ...]:
-    """A sentence where the parts of a file are shown in one flow."""
+def flowing_together(thing: object) -> tuple[str, ...]:
+    """A note for files of several parts, which are smoothed together here."""
     if isinstance(thing, Document) and thing.sections:
         return (
-            "all parts flow together here, with one noise, way and time; meshflow smooth takes each as if it were alone",
+            "all parts are smoothed together here, with one noise, method and time; meshflow smooth smooths each by itself",
         )
     return ()
 
 
-def _colours(thing: Any, noun: Mesh) -> Array | None:
+def _colours(thing: object, noun: Mesh) -> Array | None:
     """The colours (n, 3), 0 to 255, of the vertices of a noun; None where the thing has none."""
     if isinstance(thing, Mesh):
         return None
@@ -115,8 +115,8 @@ def _colours(thing: Any, noun: Mesh) -> Array | None:
             found = from_object(thing, {"channels": "colors", "moves": "points"}).noun
         except InputError:  # it has none; the caller says so
             return None
-        assert isinstance(found, Mesh)
-        assert found.channels is not None
+        if not isinstance(found, Mesh) or found.channels is None:
+            return None
         bright = found.channels.astype(np.float64)
         return bright * 255.0 if bright.max() <= 1.0 else bright
     worn = None if mesh is None else _worn(mesh)
@@ -126,8 +126,8 @@ def _colours(thing: Any, noun: Mesh) -> Array | None:
     return colours[_nearest(points, noun)].astype(np.float64)
 
 
-def _nearest(points: Any, noun: Mesh) -> Array:
-    """Of each vertex of a noun the one among these that lies there: textures split vertices, and places tell which is which."""
+def _nearest(points: ArrayLike, noun: Mesh) -> Array:
+    """For each vertex of a mesh the index of the nearest of these points: textures split vertices, and places identify them."""
     from scipy.spatial import KDTree
 
     _, nearest = KDTree(np.asarray(points, dtype=np.float64)).query(noun.points[:, :3])

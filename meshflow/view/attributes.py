@@ -1,7 +1,6 @@
-"""What rides along on two meshes that are at the same place: what of it differs, and by how much."""
+"""Differences of vertex attributes between two meshes with identical geometry."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -46,16 +45,16 @@ class Riding:
 
     @property
     def told(self) -> str:
-        """A sentence for the user."""
+        """What is compared, as a sentence."""
         more = f"; so do {', '.join(self.others)}" if self.others else ""
         return f"before and after are equal in their points; {self.name} differ, and are what is compared{more}"
 
     def worn(self, mesh: Mesh, values: Array) -> Mesh:
-        """A mesh with this attribute as what moves."""
+        """The mesh with this attribute as the channels that move."""
         return replace(mesh, channels=values, moves="channels")
 
 
-def riding(before: Any, after: Any, one: Mesh, other: Mesh) -> Riding | None:
+def riding(before: object, after: object, one: Mesh, other: Mesh) -> Riding | None:
     """The attribute in which two meshes of the same points differ, colours first; None where they differ in none.
 
     :param before: what ``one`` came from, as :func:`meshflow.view.appearance.taken` has it.

@@ -54,7 +54,7 @@ def labelled(what: str, unit: str) -> str:
 
 
 def histogram(values: Array, sigma: float, unit: str) -> Chart:
-    """How often what was removed has which size, with the normal curve of the noise that was found.
+    """The histogram of what was removed, with the normal curve of the estimated noise.
 
     :param values: any shape, finite ones are counted; not all zero.
     :param sigma: 0: no curve.
@@ -67,6 +67,7 @@ def histogram(values: Array, sigma: float, unit: str) -> Chart:
     density = counts / (len(values) * (edges[1] - edges[0]))
 
     def draw(axes: "Axes") -> None:
+        """Bars of the values, and the curve of normal noise."""
         axes.bar(edges[:-1], density, np.diff(edges), align="edge", color="#8d949b", linewidth=0)
         if sigma > 0:
             x = np.linspace(-end, end, 301)
@@ -99,6 +100,7 @@ def course(
     colours = (STRONG, FAINT)
 
     def draw(axes: "Axes") -> None:
+        """Lines with a dot at each state, and the level that they are compared with."""
         for colour, (name, numbers) in zip(colours, lines.items(), strict=False):
             mark = "result, by twicing" if name == next(reversed(lines)) else None
             axes.plot(times[run], numbers[run], ".-", color=colour, linewidth=1.2, markersize=4, label=name)
@@ -125,6 +127,7 @@ def risks(curves: tuple[Curve, ...], time: float, units: tuple[str, str]) -> Cha
     top = max(max(curve.values[0] for curve in curves) * 1.25, max(curves[0].values) * 1.05)
 
     def draw(axes: "Axes") -> None:
+        """The curves, the chosen one on top, and its time."""
         for k, curve in enumerate(curves[1:]):
             axes.plot(curve.times, curve.values, color=PALE, linewidth=0.9, label="others tried" if k == 0 else None)
         axes.plot(curves[0].times, curves[0].values, ".-", color=STRONG, linewidth=1.8, markersize=4, label="chosen")

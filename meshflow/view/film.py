@@ -1,4 +1,4 @@
-"""A film of a surface on its way: one look, one frame, one scale of colours, the time written into it."""
+"""Films of a surface while it is smoothed: one look, one frame, one colour scale, and the time in each picture."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -10,17 +10,17 @@ from meshflow.errors import InputError
 from meshflow.surfaces.lift import Noun
 from meshflow.view import page
 from meshflow.view.frames import FILMS, Frames
-from meshflow.view.geometry import Body, embodied, raised, thinned
+from meshflow.view.geometry import Geometry, geometry_of, raised, thinned
 from meshflow.view.look import Look
 from meshflow.view.numbers import plain
 from meshflow.view.pair import paired
 from meshflow.view.pictures import Pictured, writable
 from meshflow.view.quantity import Quantity, measured
-from meshflow.view.renderer import How, Stage, staged
+from meshflow.view.renderer import Renderer, renderer_for
 from meshflow.view.scale import Scale
 from meshflow.view.scene import Removed
 
-__all__ = ["filmable", "filmed"]
+__all__ = ["Reel", "filmable", "filmed"]
 
 _SAMPLES = 600  # of a grid, a side: as many as a frame has pixels
 _PAUSE = 1.5  # seconds for which the last frame stays
@@ -36,116 +36,124 @@ class _Moment:
 
 
 def filmable(path: str | Path, overwrite: bool) -> Path:
-    """A path that a film can be written to: asked before anything is computed.
+    """Check that a film can be written to a path, before anything is computed.
 
     :param overwrite: replace a file that is there.
     :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
     """
-    target = writable(path, FILMS, overwrite)
-    assert target is not None
-    return target
+    return writable(path, FILMS, overwrite)
+
+
+@dataclass(frozen=True)
+class Reel:
+    """How a film runs.
+
+    :param rate: frames per second.
+    :param turn: degrees by which the viewer walks around the surface meanwhile; 0: the camera stands still.
+    :param time_unit: written behind the time.
+    """
+
+    rate: float = 12.0
+    turn: float = 0.0
+    time_unit: str = ""
 
 
 def filmed(
     states: Iterable[tuple[float, Noun]],
     path: str | Path,
     look: Look,
-    *,
-    time_unit: str = "",
-    rate: float = 12.0,
-    turn: float = 0.0,
+    reel: Reel = Reel(),
     quantity: Quantity | Removed | None = None,
-    contrast: float = 1.0,
-    how: How | None = None,
     overwrite: bool = False,
 ) -> Pictured:
-    """Draw states of a noun one after the other. Colours, light and frame are the same in all of them.
+    """Draw states of data one after the other. Colours, light and frame are the same in all of them.
 
-    :param states: times and nouns of one kind and size, the start first.
+    :param states: times and data of one kind and size, the start first.
     :param path: ``.mp4`` (needs ``meshflow[film]``) or ``.gif``.
-    :param time_unit: written behind the time.
-    :param rate: frames per second.
-    :param turn: degrees by which the viewer walks around the surface meanwhile; 0: the camera stands still.
+    :param look: as in :func:`meshflow.view.show`.
+    :param reel: frames per second, and how the camera moves.
     :param quantity: what colour stands for: ``removed`` so far, or a quantity; None: the surface as it is.
-    :param how: as in :func:`meshflow.view.compare`.
     :param overwrite: replace a file that is there.
     :raises InputError: for no state, nothing to draw, or options that make no sense.
     :raises FormatError: for a path that cannot be written, or must not.
     :raises MissingPackage: for ``.mp4`` where ffmpeg is not installed, and where only VTK would do and it cannot draw.
     """
     target = filmable(path, overwrite)
-    with Frames(target, rate) as frames:
-        moments, stage = _moments(states, look, how, quantity, contrast, turn)
+    with Frames(target, reel.rate) as frames:
+        moments, renderer = _moments(states, look, quantity, reel.turn)
         scale = _common([moment.scale for moment in moments])
-        bodies = _framed([_body(moment.noun, stage) for moment in moments], turn)
-        plan = page.layout(look, stage.aspect(bodies[0], moments[0].noun), 1, labelled=True, scaled=scale is not None)
-        stay = round(_PAUSE * rate)
-        for k, (moment, body) in enumerate(zip(moments, bodies, strict=True)):
+        geometries = _framed([_geometry(moment.noun, renderer) for moment in moments], reel.turn)
+        plan = page.layout(
+            look, renderer.aspect(geometries[0], moments[0].noun), 1, labelled=True, scaled=scale is not None
+        )
+        stay = round(_PAUSE * reel.rate)
+        for k, (moment, geometry) in enumerate(zip(moments, geometries, strict=True)):
             hue = None if scale is None or moment.scale is None else replace(scale, values=moment.scale.values)
-            picture = stage.panel(moment.noun, body, plan.panels[0].size, hue)
-            label = f"time {plain(moment.time, moments[-1].time)} {time_unit}".rstrip()
+            picture = renderer.panel(moment.noun, geometry, plan.panels[0].size, hue)
+            label = f"time {plain(moment.time, moments[-1].time)} {reel.time_unit}".rstrip()
             sheet = page.single_page(
-                plan, picture, scale, look, page.Foot(stage.foot()), stage.pixel(moment.noun), (label,)
+                plan, picture, scale, page.Foot(renderer.foot()), renderer.pixel(moment.noun), ((0.5, label),)
             )
             drawn = page.pixels(sheet)
             for _ in range(1 + stay * (k == len(moments) - 1)):
                 frames.add(drawn)
-    return Pictured(target, stage.how, stage.notes)
+    return Pictured(target, renderer.name, renderer.notes)
 
 
 def _moments(
     states: Iterable[tuple[float, Noun]],
     look: Look,
-    how: How | None,
     quantity: Quantity | Removed | None,
-    contrast: float,
     turn: float,
-) -> tuple[list[_Moment], Stage]:
+) -> tuple[list[_Moment], Renderer]:
     """All states, measured and thinned as they come, and how they are drawn."""
     moments: list[_Moment] = []
-    stage: Stage | None = None
+    renderer: Renderer | None = None
     first: Noun | None = None
     for time, noun in states:
         first = noun if first is None else first
-        if stage is None:
+        if renderer is None:
             seen = raised(noun, look.seen)
-            if turn and (how == "relief" or not np.isfinite(turn)):
-                raise InputError(f"turn: degrees, of what VTK draws in space, expected; got {turn} with how={how!r}")
-            stage = staged((seen,), look, "pyvista" if turn else how, window=False, most=_SAMPLES)
+            if turn and (look.renderer == "hillshade" or not np.isfinite(turn)):
+                raise InputError(
+                    f"turn: degrees, of what VTK draws in space, expected; got {turn} with renderer={look.renderer!r}"
+                )
+            chosen = replace(look, renderer="pyvista") if turn else look
+            renderer = renderer_for((seen,), chosen, window=False, most=_SAMPLES)
         if quantity == "removed":
             scale = paired(first, noun, None).removed
         else:
-            scale = None if quantity is None else measured(noun, quantity, contrast)
-        scale = None if scale is None else scale.wearing(look.colours).thinned(stage.step)
-        moments.append(_Moment(time, thinned(raised(noun, look.seen), stage.step), scale))
-    if stage is None:
+            scale = None if quantity is None else measured(noun, quantity, look.contrast)
+        scale = None if scale is None else scale.wearing(look.colours).thinned(renderer.step)
+        moments.append(_Moment(time, thinned(raised(noun, look.seen), renderer.step), scale))
+    if renderer is None:
         raise InputError("film: states of a noun expected, got none")
-    return moments, replace(stage, step=1)
+    return moments, replace(renderer, step=1)
 
 
 def _common(scales: list[Scale | None]) -> Scale | None:
-    """One scale for all: that of the widest ends."""
+    """One scale for all states: the widest."""
     there = [scale for scale in scales if scale is not None and "nothing" not in scale.ends]
     if not there:
         return scales[-1]
     return max(there, key=lambda scale: scale.high - scale.low)
 
 
-def _body(noun: Noun, stage: Stage) -> Body:
-    look = stage.look
-    return embodied(noun, 1, stage.exaggeration, stage.shown, look.up, look.seen, look.own_colours)
+def _geometry(noun: Noun, renderer: Renderer) -> Geometry:
+    return geometry_of(noun, renderer.look, 1, renderer.exaggeration, renderer.shown)
 
 
-def _framed(bodies: list[Body], turn: float) -> list[Body]:
-    """The bodies seen in one frame, turned from the first to the last."""
-    view, many = bodies[0].view, max(len(bodies) - 1, 1)
+def _framed(geometries: list[Geometry], turn: float) -> list[Geometry]:
+    """The geometries in one frame, turned from the first to the last."""
+    view, many = geometries[0].view, max(len(geometries) - 1, 1)
     if not turn:
-        view = view.framing(*(body.points for body in bodies))
-        return [replace(body, view=view) for body in bodies]
-    views = [view.turned(turn * k / many).framing(body.points) for k, body in enumerate(bodies)]
+        view = view.framing(*(geometry.points for geometry in geometries))
+        return [replace(geometry, view=view) for geometry in geometries]
+    views = [view.turned(turn * k / many).framing(geometry.points) for k, geometry in enumerate(geometries)]
     half = np.max([seen.extent for seen in views], axis=0) / 2
     middles = [np.mean(seen.frame, axis=0) for seen in views]
     frames = [(tuple(middle - half), tuple(middle + half)) for middle in middles]
     return [
-        replace(body, view=replace(seen, frame=frame)) for body, seen, frame in zip(bodies, views, frames, strict=True)
+        replace(geometry, view=replace(seen, frame=frame))
+        for geometry, seen, frame in zip(geometries, views, frames, strict=True)
     ]

@@ -1,4 +1,4 @@
-"""What a report of a run shows, made ready: pictures, charts, tables of words. How it is laid out is said in report.py."""
+"""What a report of a run shows: pictures, charts and tables. Their layout is in report.py."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.charts import Chart, Curve, course, histogram, risks
 from meshflow.view.look import Look
 from meshflow.view.pair import Pair, paired
-from meshflow.view.renderer import staged
+from meshflow.view.renderer import renderer_for
 from meshflow.view.scale import Scale
 
 __all__ = ["Findings", "Panel", "Run", "found"]
@@ -155,21 +155,21 @@ def _shown(noun: Noun) -> tuple[Noun, str | None]:
 
 def _panels(pair: Pair, scale: Scale) -> tuple[tuple[Panel, ...], str, tuple[str, ...]]:
     """Before, after and removed, drawn; what to say below; and notes. Grids sample by sample, from above or from their camera."""
-    look = Look()
+    look = Look(renderer=None if isinstance(pair.before, Mesh) else "hillshade")
     try:
-        stage = staged(
-            (pair.before, pair.after), look, None if isinstance(pair.before, Mesh) else "relief", window=False
-        )
-        bodies = stage.bodies(pair.before, pair.after)
+        renderer = renderer_for((pair.before, pair.after), look, window=False)
+        geometries = renderer.geometries(pair.before, pair.after)
     except (InputError, MissingPackage) as cause:
         return (), "", (f"no pictures: {cause}",)
-    aspect = stage.aspect(bodies[0], pair.before)
+    aspect = renderer.aspect(geometries[0], pair.before)
     size = _WIDE, round(min(max(_WIDE / aspect, _WIDE / 2), _TALLEST))
-    pixel = stage.pixel(pair.before)
-    shown = (("before", pair.before, bodies[0], None), ("after", pair.after, bodies[1], None))
-    shown = (*shown, ("removed", pair.after, bodies[1], scale.thinned(stage.step)))
-    panels = tuple(Panel(label, stage.panel(noun, body, size, hue), pixel) for label, noun, body, hue in shown)
-    return panels, stage.foot(), stage.notes
+    pixel = renderer.pixel(pair.before)
+    shown = (("before", pair.before, geometries[0], None), ("after", pair.after, geometries[1], None))
+    shown = (*shown, ("removed", pair.after, geometries[1], scale.thinned(renderer.step)))
+    panels = tuple(
+        Panel(label, renderer.panel(noun, geometry, size, hue), pixel) for label, noun, geometry, hue in shown
+    )
+    return panels, renderer.foot(), renderer.notes
 
 
 def _charts(run: Run, pair: Pair, unit: str) -> tuple[Chart, ...]:

@@ -18,7 +18,7 @@ _QUALITY = 7  # of imageio, 0 to 10
 
 
 class Frames:
-    """A file of frames, written beside the old one and put in its place at the end; on an error nothing is left behind.
+    """A file of frames. It replaces an old file only when it is complete; after an error nothing is left behind.
 
     :param path: ``.gif``; ``.png``, animated; or ``.mp4`` (H.264; needs ``meshflow[film]``).
     :param rate: frames per second.
@@ -77,7 +77,7 @@ class Frames:
 
 
 def _in_few_colours(pictures: list[Any]) -> list[Any]:
-    """Pictures of one palette, so that nothing flickers that does not change; white stays white, and no bands appear."""
+    """Pictures with one common palette, so that what does not change does not flicker; white stays white."""
     from PIL import Image
 
     first = pictures[0]

@@ -1,4 +1,4 @@
-"""A noun as a body in space: its triangles, its colours, its side to the viewer. numpy only, but for the way to VTK."""
+"""Data as geometry in space: triangles, colours, and the view. It needs numpy only, except for the conversion to VTK."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,13 +12,13 @@ from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.surfaces.triangles import grid_sheets, triangles_there
-from meshflow.view.look import Look, Seen, Up, View, camera_view, mesh_view, picture_view, side_view, terrain_view
+from meshflow.view.look import Look, Seen, View, camera_view, mesh_view, picture_view, side_view, terrain_view
 from meshflow.view.texture import Texture, Textured
 
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["SAMPLES", "Body", "as_shown", "drawable", "embodied", "raised", "thinned"]
+__all__ = ["SAMPLES", "Geometry", "as_shown", "drawable", "geometry_of", "raised", "thinned"]
 
 SAMPLES = 1000  # a side: more than a panel has pixels
 _RELIEF = 0.15  # height of a relief over its width where the exaggeration is ours to choose
@@ -26,8 +26,8 @@ _FORWARD = Lift(diagonals="forward")  # a surface is drawn with one diagonal per
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
-    """What is drawn of a noun.
+class Geometry:
+    """Triangles in space, and from where they are seen.
 
     :param points: (n, 3), those that triangles use.
     :param faces: (m, 3).
@@ -68,7 +68,7 @@ class Body:
 
 
 def drawable(noun: Noun, look: Look, most: int = SAMPLES) -> tuple[int, float, tuple[str, ...]]:
-    """What is chosen once for all panels: every which sample, the exaggeration, and what to say of both.
+    """The thinning and the exaggeration that all panels share, and notes on both.
 
     :param most: samples of a side that are drawn.
     :raises InputError: for an exaggeration of what has no heights, an axis of what is no mesh.
@@ -88,28 +88,26 @@ def drawable(noun: Noun, look: Look, most: int = SAMPLES) -> tuple[int, float, t
     return step, exaggeration, tuple(notes)
 
 
-def embodied(
+def geometry_of(
     noun: Noun,
+    look: Look,
     step: int = 1,
     exaggeration: float = 1.0,
     shown: Callable[[Array], Array] | None = None,
-    up: Up | None = None,
-    seen: Seen | None = None,
-    own_colours: bool = False,
-) -> Body:
-    """The body of a noun.
+) -> Geometry:
+    """The triangles of data, their colours, and from where they are seen.
 
+    :param look: of it the side, the axis that is up, and whether channels of a mesh are its colours; images that are seen from
+        the side are :func:`raised` before.
     :param step: take every ``step``-th sample of a grid.
     :param exaggeration: factor on the heights of a height field.
     :param shown: for an image, its channels as colours: :func:`as_shown`.
-    :param up: for a mesh, the axis that is up.
-    :param seen: from which side, as :class:`meshflow.view.look.Look` has it; images are :func:`raised` before.
-    :param own_colours: channels of a mesh are its colours, whether they move or not.
     :raises InputError: when there is no triangle to draw.
     """
+    seen = look.seen
     if isinstance(noun, Mesh):
-        points, faces, colours = _three(noun.points), noun.faces, _mesh_colours(noun, own_colours)
-        view = mesh_view(points, up, seen)
+        points, faces, colours = _three(noun.points), noun.faces, _mesh_colours(noun, look.own_colours)
+        view = mesh_view(points, look.up, seen)
     elif isinstance(noun, Image):
         points, faces, colours = _sheet(noun, step, shown or as_shown(noun))
         view = picture_view()
@@ -127,14 +125,14 @@ def embodied(
     used = np.zeros(len(points), bool)
     used[faces] = True
     samples, place = np.flatnonzero(used), np.cumsum(used) - 1
-    texture = noun.texture if own_colours and isinstance(noun, Textured) else None
-    return Body(
+    texture = noun.texture if look.own_colours and isinstance(noun, Textured) else None
+    return Geometry(
         points[samples], place[faces], samples, view, None if colours is None else colours[samples], texture=texture
     )
 
 
 def raised(noun: Noun, seen: Seen | None) -> Noun:
-    """An image that is to be seen from the side as the terrain of its brightness, the mean of its channels; all else as it is."""
+    """Data to be seen from the side: an image as the heights of its brightness (mean of the channels); other data unchanged."""
     if seen != "side" or not isinstance(noun, Image):
         return noun
     values = noun.values if noun.values.ndim == 2 else noun.values.mean(axis=2)
@@ -142,7 +140,7 @@ def raised(noun: Noun, seen: Seen | None) -> Noun:
 
 
 def _thinning(noun: Noun, most: int) -> int:
-    """Every which sample is drawn, so that a side has no more than a screen can show; of a mesh all."""
+    """The step between samples that are drawn, so that a side has no more than a screen can show; 1 for a mesh."""
     return 1 if isinstance(noun, Mesh) else -(-max(holes(noun).shape) // most)
 
 
@@ -161,6 +159,7 @@ def as_shown(*images: Image) -> Callable[[Array], Array]:
             break
 
     def shown(channels: Array) -> Array:
+        """Channels (..., k) as colours (..., 3)."""
         coloured = channels.shape[-1] in (3, 4)
         three = channels[..., :3] if coloured else np.repeat(channels.mean(axis=-1, keepdims=True), 3, axis=-1)
         bright = np.clip((np.nan_to_num(three, nan=black) - black) / (white - black), 0, 1)
@@ -191,6 +190,7 @@ def _thinned_cuts(cuts: Cuts, step: int) -> Cuts:
     """Edges between every ``step``-th sample: cut where one of those that they stand for is."""
 
     def of_rows(edges: Array) -> Array:
+        """Edges along rows: cut where one of the edges that it stands for is."""
         edges = edges[::step]
         count = edges.shape[1] // step
         return np.logical_or.reduce(edges[:, : count * step].reshape(len(edges), count, step), axis=2)

@@ -7,7 +7,7 @@ import numpy as np
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import Image
-from meshflow.view.geometry import Body
+from meshflow.view.geometry import Geometry
 from meshflow.view.look import Look
 from meshflow.view.scale import Scale
 
@@ -18,20 +18,20 @@ _MISSING = np.array([0.80, 0.84, 0.88])
 _AMBIENT = 0.18
 
 
-def shaded(body: Body, shape: tuple[int, int], look: Look) -> Array:
+def shaded(geometry: Geometry, shape: tuple[int, int], look: Look) -> Array:
     """Hillshade (h, w), NaN where there is no triangle.
 
     Lambert's law for one triangle of each cell, as it lies, without averaging: noise is to be seen, not to be hidden.
 
-    :param body: of a grid; its faces start at the right angle and turn counter-clockwise for the viewer.
+    :param geometry: of a grid; its faces start at the right angle and turn counter-clockwise for the viewer.
     :param shape: (h, w) of that grid.
     """
-    a, b, c = body.points[body.faces].transpose(1, 0, 2)
+    a, b, c = geometry.points[geometry.faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
-    light = np.clip(normals @ (look.light @ body.view.ground) / np.where(length > 0, length, 1.0), 0.0, None)
+    light = np.clip(normals @ (look.light @ geometry.view.ground) / np.where(length > 0, length, 1.0), 0.0, None)
     shade = np.full(shape, np.nan)
-    corners = body.samples[body.faces]
+    corners = geometry.samples[geometry.faces]
     lower = corners[:, 1] < corners[:, 0]
     for kind in (lower, ~lower):  # the last one counts: the triangle to the lower right, where there is one
         for corner in (2, 1, 0):
@@ -39,12 +39,12 @@ def shaded(body: Body, shape: tuple[int, int], look: Look) -> Array:
     return shade
 
 
-def pictured(body: Body, shape: tuple[int, int], look: Look) -> Array:
+def pictured(geometry: Geometry, shape: tuple[int, int], look: Look) -> Array:
     """A relief as colours (h, w, 3) in uint8; missing samples in a neutral blue grey.
 
     The ground, where it is level, is equally bright whatever the altitude of the light.
     """
-    shade = shaded(body, shape, look) * (0.62 / max(look.light[2], 0.3))
+    shade = shaded(geometry, shape, look) * (0.62 / max(look.light[2], 0.3))
     bright = (_AMBIENT + (1 - _AMBIENT) * np.clip(shade, 0.0, 1.0))[..., None]
     return _bytes(np.where(np.isnan(bright), _MISSING, bright * _STONE))
 

@@ -1,7 +1,7 @@
-"""The look of a picture: its light, its size, and where the viewer stands."""
+"""The look of a picture: its light, its size, its arrangement, and the position of the viewer."""
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, TypedDict, Unpack, get_args
+from typing import Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 
@@ -10,8 +10,11 @@ from meshflow.geometry.validation import Array, positive
 from meshflow.view.scale import known_colours
 
 __all__ = [
+    "Arrange",
     "Look",
     "Looks",
+    "OF_PAIRS",
+    "RendererName",
     "Seen",
     "Up",
     "View",
@@ -25,10 +28,14 @@ __all__ = [
 
 Up = Literal["y", "z"]
 Seen = Literal["front", "side"]
+RendererName = Literal["pyvista", "hillshade"]
+Arrange = Literal["beside", "wipe", "blink"]
+OF_PAIRS = ("arrange", "at", "labels")
+"""Options that only two things have."""
 
 
 class Looks(TypedDict, total=False):
-    """The fields of :class:`Look` as keywords."""
+    """The options of :class:`Look` as keywords."""
 
     exaggeration: float | None
     azimuth: float
@@ -39,11 +46,17 @@ class Looks(TypedDict, total=False):
     seen: Seen | None
     colours: str | None
     own_colours: bool
+    renderer: RendererName | None
+    contrast: float
+    unit: str | None
+    arrange: Arrange
+    at: float
+    labels: tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Look:
-    """How things are to be shown.
+    """How data is to be shown.
 
     :param exaggeration: factor on the heights of a height field; None: one that makes the relief visible.
     :param azimuth: degrees from which the light comes, clockwise from north; of a mesh or a range image, which have no
@@ -57,7 +70,15 @@ class Look:
     :param colours: the name of a colour map of matplotlib for what is shown as colour; by default one that is two-sided
         about 0, or perceptually uniform.
     :param own_colours: meshes in the colours of their vertices, or in their texture, instead of stone.
-    :raises InputError: for a size, an exaggeration or an altitude that cannot be, or a colour map that is not there.
+    :param renderer: ``pyvista`` (VTK, in space) or ``hillshade`` (a grid from above or from its camera, without OpenGL); by
+        default VTK where it can draw, and images always as images.
+    :param contrast: length per unit of the values, for the quantity ``edges``.
+    :param unit: of what was removed, or of the scalars; by default the one that the data names.
+    :param arrange: before and after ``beside`` each other; ``wipe``: one view, before to the left of a divider (that a window
+        lets you drag) and after to its right; ``blink``: one after the other (in a window at the space bar).
+    :param at: where the divider stands, a share of the width from the left.
+    :param labels: what the two are, where they are not before and after.
+    :raises InputError: for a value that cannot be, or a colour map that is not there; the message says what is expected.
     """
 
     exaggeration: float | None = None
@@ -69,6 +90,12 @@ class Look:
     seen: Seen | None = None
     colours: str | None = None
     own_colours: bool = False
+    renderer: RendererName | None = None
+    contrast: float = 1.0
+    unit: str | None = None
+    arrange: Arrange = "beside"
+    at: float = 0.5
+    labels: tuple[str, str] = ("before", "after")
 
     def __post_init__(self) -> None:
         if self.exaggeration is not None:
@@ -79,6 +106,12 @@ class Look:
             raise InputError(f"seen: front or side expected, got {self.seen!r}")
         if self.colours is not None:
             known_colours(self.colours)
+        if self.renderer is not None and self.renderer not in get_args(RendererName):
+            raise InputError(f"renderer: pyvista or hillshade expected, got {self.renderer!r}")
+        if self.arrange not in get_args(Arrange):
+            raise InputError(f"arrange: one of {', '.join(get_args(Arrange))} expected, got {self.arrange!r}")
+        if not 0.0 <= self.at <= 1.0:
+            raise InputError(f"at: the place of the divider, 0 (left) to 1 (right), expected, got {self.at}")
         if not (np.isfinite(self.azimuth) and 0 < self.altitude <= 90):
             raise InputError(
                 f"light: an azimuth in degrees and an altitude above 0 and up to 90 expected, "
@@ -94,28 +127,29 @@ class Look:
         return np.array([np.sin(turn) * np.cos(lift), np.cos(turn) * np.cos(lift), np.sin(lift)])
 
 
-def looking(**options: Unpack[Looks]) -> Look:
+def looking(without: tuple[str, ...] = (), **options: Unpack[Looks]) -> Look:
     """The look of these options.
 
+    :param without: options that have no meaning for what is drawn, and are refused.
     :raises InputError: as :class:`Look`, and for an option that there is not.
     """
-    strange = set(options) - {field.name for field in fields(Look)}
+    there = [field.name for field in fields(Look) if field.name not in without]
+    strange = sorted(set(options) - set(there))
     if strange:
-        there = ", ".join(field.name for field in fields(Look))
-        raise InputError(f"{', '.join(sorted(strange))}: no such option of a picture; there are {there}")
+        raise InputError(f"{', '.join(strange)}: no such option of a picture; there are {', '.join(there)}")
     return Look(**options)
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Where a body is seen from, and what its light is measured against.
+    """From where a surface is seen, and the axes of its light.
 
-    :param toward: unit vector from the body to the viewer.
+    :param toward: unit vector from the geometry to the viewer.
     :param up: unit vector that is up in the picture, at a right angle to it.
     :param ground: (3, 3), rows east, north and up of the light; of what has no north, the axes of the picture.
     :param pinhole: seen from the origin in perspective, as by a camera, instead of from far away.
     :param frame: what the picture shows: lower left and upper right corner in the plane of :meth:`flat`.
-    :param axis: unit vector about which the viewer walks around the body; None: ``up``.
+    :param axis: unit vector about which the viewer walks around the geometry; None: ``up``.
     """
 
     toward: Array
@@ -148,7 +182,7 @@ class View:
         return replace(self, frame=((left, low), (right, high)))
 
     def turned(self, degrees: float) -> "View":
-        """The view of who has walked around the body, counter-clockwise from above, and sees it from far away."""
+        """The view after walking around the surface, counter-clockwise as seen from above; always without perspective."""
         axis, angle = self.up if self.axis is None else self.axis, np.radians(degrees)
 
         def around(vector: Array) -> Array:
@@ -171,7 +205,7 @@ def picture_view() -> View:
 def terrain_view() -> View:
     """From the south-south-west, half from above, north away from the viewer; the light knows its north."""
     turn, lift = np.radians((196.0, 48.0))
-    toward = (np.sin(turn) * np.cos(lift), np.cos(turn) * np.cos(lift), np.sin(lift))
+    toward = (float(np.sin(turn) * np.cos(lift)), float(np.cos(turn) * np.cos(lift)), float(np.sin(lift)))
     return View(*_picture(toward, (0.0, 0.0, 1.0)), np.eye(3), axis=np.array([0.0, 0.0, 1.0]))
 
 
@@ -182,7 +216,7 @@ def side_view() -> View:
 
 
 def camera_view() -> View:
-    """From the camera that saw it: y down, z forward."""
+    """From the position of the camera: y down, z forward."""
     toward, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0])
     return View(toward, up, np.stack([np.cross(up, toward), up, toward]), pinhole=True)
 
@@ -206,8 +240,8 @@ def mesh_view(points: Array, up: Up | None, seen: Seen | None = None) -> View:
     return replace(view, ground=np.stack([view.right, view.up, view.toward]))
 
 
-def _picture(toward: Any, up: Any) -> tuple[Array, Array]:
+def _picture(toward: tuple[float, float, float], up: tuple[float, float, float]) -> tuple[Array, Array]:
     """Two directions as unit vectors at a right angle."""
-    toward = np.asarray(toward, dtype=np.float64) / np.linalg.norm(toward)
-    up = np.asarray(up, dtype=np.float64) - np.dot(up, toward) * toward
-    return toward, up / np.linalg.norm(up)
+    towards = np.asarray(toward, dtype=np.float64) / np.linalg.norm(toward)
+    upright = np.asarray(up, dtype=np.float64) - np.dot(up, towards) * towards
+    return towards, upright / np.linalg.norm(upright)

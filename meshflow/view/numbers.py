@@ -1,4 +1,4 @@
-"""Numbers as people read them: in full, and none with an exponent of the kind that programs write."""
+"""Numbers as people write them: in full, or with a power of ten; never as 1e-05."""
 
 import numpy as np
 

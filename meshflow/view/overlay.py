@@ -1,31 +1,20 @@
-"""Two bodies in one view of a window: a divider to be dragged between them, or one at a time."""
+"""Two surfaces in one view of a window, with a divider to drag between them, or one at a time."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshflow.errors import InputError
 from meshflow.view.turning import Turning
 
 if TYPE_CHECKING:
     import pyvista as pv
 
-__all__ = ["Actors", "Overlay", "divided"]
+__all__ = ["Actors", "Overlay"]
 
 Actors = tuple[Any, ...]
-"""A body of VTK; and a coarse one, where it is heavy."""
+"""A geometry of VTK; and a coarse one, where it is heavy."""
 
 _KEY = "space"
-
-
-def divided(at: float) -> float:
-    """Where a divider stands, a share of the width from the left.
-
-    :raises InputError: for one that is outside.
-    """
-    if not 0.0 <= at <= 1.0:
-        raise InputError(f"at: the place of the divider, 0 (left) to 1 (right), expected, got {at}")
-    return float(at)
 
 
 class Overlay:
@@ -35,7 +24,7 @@ class Overlay:
     camera does, and nothing is drawn twice.
 
     :param plotter: a window of one view.
-    :param before: actors: the body; and, where it is heavy, the coarse one in its place while the window is turned.
+    :param before: actors: the geometry; and, where it is heavy, the coarse one in its place while the window is turned.
     :param after: likewise.
     :param turning: knows which of the two is to be drawn.
     :param at: where the divider stands, a share of the width.
@@ -62,7 +51,7 @@ class Overlay:
 
     @property
     def words(self) -> str:
-        """What is seen."""
+        """Which of the two is visible, as a label."""
         return ("before: left,  after: right", "before", "after")[self.mode]
 
     def slide(self, at: float) -> None:

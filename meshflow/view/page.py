@@ -10,7 +10,7 @@ from meshflow.geometry.validation import Array
 from meshflow.view.look import Look
 from meshflow.view.numbers import brief
 from meshflow.view.scale import Scale
-from meshflow.view.scale_bar import Ruler
+from meshflow.view.scale_bar import ScaleBar
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,10 +42,10 @@ class Box:
 
 @dataclass(frozen=True)
 class Foot:
-    """What stands below all: a line of words, and at its right how long things are."""
+    """The foot of a page: a line of text, and the scale bar at its right."""
 
     words: str
-    ruler: Ruler = Ruler()
+    scale_bar: ScaleBar = ScaleBar()
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,7 @@ class Layout:
     :param scale: colour bar and histogram.
     :param unit: pixels of a page of 1600 x 1200: what all lengths and letters are counted in.
     :param header: pixels above the panels' labels, for the title.
+    :param title: above all.
     """
 
     page: tuple[int, int]
@@ -63,6 +64,7 @@ class Layout:
     scale: Box
     unit: float
     header: int
+    title: str = ""
 
 
 def layout(look: Look, aspect: float, panels: int = 3, labelled: bool = False, scaled: bool = True) -> Layout:
@@ -81,7 +83,7 @@ def layout(look: Look, aspect: float, panels: int = 3, labelled: bool = False, s
         strip = round(120 * unit) * scaled
         above = header + label * labelled
         box = Box(gap, footer + strip, width - 2 * gap, height - above - footer - strip)
-        return Layout(look.size, (box,), Box(gap, footer, width - 2 * gap, strip), unit, header)
+        return Layout(look.size, (box,), Box(gap, footer, width - 2 * gap, strip), unit, header, look.title)
     strip = round(300 * unit)
     w, h = (width - 3 * gap) // 2, (height - header - footer - 2 * label - gap) // 2
     narrow, tall = (width - (panels + 1) * gap) // panels, height - header - footer - label - strip - gap
@@ -93,18 +95,20 @@ def layout(look: Look, aspect: float, panels: int = 3, labelled: bool = False, s
             Box(right, low, w, h),
             unit,
             header,
+            look.title,
         )
     tall = min(tall, round(narrow / aspect))
     foot = height - header - label - tall
     row = tuple(Box(gap + k * (narrow + gap), foot, narrow, tall) for k in range(panels))
-    return Layout(look.size, row, Box(width // 5, footer, width * 3 // 5, foot - footer - gap), unit, header)
+    return Layout(
+        look.size, row, Box(width // 5, footer, width * 3 // 5, foot - footer - gap), unit, header, look.title
+    )
 
 
 def compared_page(
     arrangement: Layout,
     panels: Sequence[tuple[str, Array]],
     counted: Sequence[tuple[str, Scale]],
-    look: Look,
     foot: Foot,
     pixel: float = 1.0,
 ) -> "Figure":
@@ -115,7 +119,7 @@ def compared_page(
     :param foot: below all.
     :param pixel: height over width of a pixel of theirs.
     """
-    figure = _blank(arrangement, look, foot)
+    figure = _blank(arrangement, foot)
     for box, (label, picture) in zip(arrangement.panels, panels, strict=True):
         _panel(figure, arrangement, box, picture, label, pixel)
     _histogram(figure, arrangement, counted)
@@ -126,22 +130,21 @@ def single_page(
     arrangement: Layout,
     picture: Array,
     scale: Scale | None,
-    look: Look,
     foot: Foot,
     pixel: float = 1.0,
-    labels: tuple[str, ...] = (),
-    at: float = 0.5,
+    labels: tuple[tuple[float, str], ...] = (),
 ) -> "Figure":
-    """One thing, with the scale of its colours where they stand for values.
+    """One picture, with the scale of its colours where they stand for values.
 
-    :param labels: above it; two: above what is left and right of a divider.
-    :param at: where that is, a share of the width.
+    :param picture: (h, w, 3) in uint8, of any size.
+    :param foot: below all.
+    :param pixel: height over width of a pixel of the picture.
+    :param labels: above it, each with its place, a share of the width.
     """
-    figure = _blank(arrangement, look, foot)
+    figure = _blank(arrangement, foot)
     box, unit = arrangement.panels[0], arrangement.unit
     _panel(figure, arrangement, box, picture, "", pixel)
-    places = (0.5,) if len(labels) == 1 else (at / 2, (1 + at) / 2)
-    for share, label in zip(places, labels, strict=False):
+    for share, label in labels:
         _label(figure, arrangement, box, share, label)
     if scale is not None:
         box = arrangement.scale
@@ -159,7 +162,7 @@ def pixels(figure: "Figure") -> Array:
     return np.array(canvas.buffer_rgba())[..., :3]
 
 
-def _blank(arrangement: Layout, look: Look, foot: Foot) -> "Figure":
+def _blank(arrangement: Layout, foot: Foot) -> "Figure":
     """An empty page with its title and its foot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -168,11 +171,11 @@ def _blank(arrangement: Layout, look: Look, foot: Foot) -> "Figure":
     figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor="white")
     FigureCanvasAgg(figure)
     unit = arrangement.unit
-    if look.title:
+    if arrangement.title:
         figure.text(
             0.5,
             1 - arrangement.header / 2 / height,
-            look.title,
+            arrangement.title,
             ha="center",
             va="center",
             color=_INK,
@@ -189,25 +192,25 @@ def _blank(arrangement: Layout, look: Look, foot: Foot) -> "Figure":
         fontsize=_letters(unit, 18),
         parse_math=False,
     )
-    _ruled(figure, arrangement, foot.ruler)
+    _draw_scale_bar(figure, arrangement, foot.scale_bar)
     return figure
 
 
-def _ruled(figure: "Figure", arrangement: Layout, ruler: Ruler) -> None:
+def _draw_scale_bar(figure: "Figure", arrangement: Layout, scale_bar: ScaleBar) -> None:
     """The scale bar in the lower right corner, its length before it, and the arrow to the north before that."""
     from matplotlib.lines import Line2D
 
     (width, height), unit = arrangement.page, arrangement.unit
     right, middle, size = width - 20 * unit, 20 * unit / height, _letters(unit, 18)
-    words = ruler.words if ruler.pixels else ""
-    if ruler.pixels:
-        left, tick = right - ruler.pixels, 6 * unit
+    words = scale_bar.words if scale_bar.pixels else ""
+    if scale_bar.pixels:
+        left, tick = right - scale_bar.pixels, 6 * unit
         across = [left, left, left, right, right, right]
         down = [20 * unit + tick, 20 * unit - tick, 20 * unit, 20 * unit, 20 * unit - tick, 20 * unit + tick]
         places = [x / width for x in across], [y / height for y in down]
         figure.add_artist(Line2D(*places, color=_INK, linewidth=_points(unit, 2.5), solid_joinstyle="miter"))
         right = left - 12 * unit
-    text = "       ".join(word for word in ("N ↑" if ruler.north else "", words) if word)
+    text = "       ".join(word for word in ("N ↑" if scale_bar.north else "", words) if word)
     if text:
         figure.text(right / width, middle, text, ha="right", va="center", color=_INK, fontsize=size, parse_math=False)
 
@@ -237,7 +240,7 @@ def _panel(figure: "Figure", arrangement: Layout, box: Box, picture: Array, labe
 
 
 def _label(figure: "Figure", arrangement: Layout, box: Box, share: float, label: str) -> None:
-    """Words above a box, at a share of its width."""
+    """A label above a box, at a share of its width."""
     width, height = arrangement.page
     figure.text(
         (box.left + share * box.width) / width,
@@ -251,7 +254,7 @@ def _label(figure: "Figure", arrangement: Layout, box: Box, share: float, label:
 
 
 def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[str, Scale]]) -> None:
-    """The distribution of what is counted, standing on the colour bar that is also its axis; of two the first as a line."""
+    """The histogram of the values, above the colour bar, which is also its axis; of two, the first is a line."""
     scale = counted[-1][1]
     box, unit = arrangement.scale, arrangement.unit
     left, width = box.left + round(0.1 * box.width), round(0.8 * box.width)
@@ -293,7 +296,7 @@ def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[st
 
 
 def _beside(axes: "Axes", arrangement: Layout, words: str) -> None:
-    """Words along the left side of a diagram."""
+    """A label along the left side of a diagram."""
     axes.text(
         -0.02,
         0.5,
@@ -322,7 +325,7 @@ def _ends(axes: "Axes", arrangement: Layout, scale: Scale, bar: int) -> None:
 
 
 def _statistics(values: Array, unit: str) -> str:
-    """Three numbers in words; the mean to a thousandth of the rms, beyond which it is rounding."""
+    """Rms, mean and largest as text; the mean is rounded to a thousandth of the rms."""
     rms = float(np.sqrt(np.mean(values**2)))
     digits = 3 - int(np.floor(np.log10(rms))) if rms > 0 else 0
     numbers = {"rms": rms, "mean": round(float(values.mean()), digits) + 0.0, "largest": float(np.abs(values).max())}

@@ -1,7 +1,7 @@
-"""Two things of one kind, and what lies between them."""
+"""Data before and after, and the difference between them."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -18,7 +18,7 @@ __all__ = ["Pair", "paired"]
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A thing before and after, on the same samples.
+    """Data before and after, on the same samples.
 
     :param before: a noun.
     :param after: one of the same kind and size.
@@ -35,8 +35,8 @@ class Pair:
     worn: tuple[Scale, Scale] | None = None
 
 
-def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False) -> Pair:
-    """Two things that :func:`meshflow.view.appearance.taken` recognises, as a pair.
+def paired(before: object, after: object, unit: str | None, own_colours: bool = False) -> Pair:
+    """Pair two objects that :func:`meshflow.view.appearance.taken` recognises.
 
     A grid that comes after is shown with the spacing or the camera of the one before. Of meshes whose points are equal, and
     whose colours or other vertex attributes are not, these are what is compared, and the notes say so.
@@ -73,8 +73,8 @@ def paired(before: Any, after: Any, unit: str | None, own_colours: bool = False)
 
 def _removed(before: Noun, after: Noun) -> tuple[Array, str]:
     """Before minus after, NaN where either is missing, and what it is called."""
-    if isinstance(before, Mesh) and isinstance(after, Mesh):
-        return _removed_of_mesh(before, after)
+    if isinstance(before, Mesh) or isinstance(after, Mesh):
+        return _removed_of_mesh(cast(Mesh, before), cast(Mesh, after))  # they are of one kind
     columns = [_column(noun) for noun in (before, after)]
     shapes = [
         noun.values.shape if isinstance(noun, Image) else column.shape
@@ -88,11 +88,10 @@ def _removed(before: Noun, after: Noun) -> tuple[Array, str]:
     return columns[0] - columns[1], words.get(type(before), brightness)
 
 
-def _column(noun: Noun) -> Array:
+def _column(noun: HeightField | Image | RangeImage) -> Array:
     """The one number per sample (h, w) that is compared, NaN where missing."""
     if isinstance(noun, Image):
         return _grey(noun)
-    assert isinstance(noun, (HeightField, RangeImage))
     values = noun.z if isinstance(noun, HeightField) else noun.depth
     return np.where(holes(noun), np.nan, values.astype(np.float64))
 
@@ -105,7 +104,7 @@ def _grey(image: Image) -> Array:
 
 
 def _removed_of_mesh(before: Mesh, after: Mesh) -> tuple[Array, str]:
-    """Motion against the normals of before; of channels that move alone, the mean of what they lost."""
+    """Motion inwards along the normals of ``before``; where channels alone move, the mean of what they lost."""
     if before.points.shape != after.points.shape:
         raise InputError(f"before has points {before.points.shape}, after {after.points.shape}: the same expected")
     if not np.array_equal(before.faces, after.faces):

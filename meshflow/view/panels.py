@@ -1,15 +1,16 @@
 """The picture of a comparison of flows: each surface as its camera sees it, and one silhouette close up."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, Unpack
 
 import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import beside
-from meshflow.view.look import Look
+from meshflow.view.look import Look, Looks, looking
 from meshflow.view.pictures import Pictured, writable
 
 if TYPE_CHECKING:
@@ -24,67 +25,79 @@ _DPI, _WIDE = 100.0, 16.0
 # Columns of panels; inches for their labels; share of the image that is shown close up.
 _COLUMNS, _LABEL, _CLOSE = 3, 0.55, 0.16
 _AMBIENT = 0.15
+_ALTITUDE = 40.0
+# Options of a look that have no meaning here.
+_NO_LIGHT = tuple(field.name for field in fields(Look) if field.name not in ("title", "azimuth", "altitude"))
 
 
 class Seen(Protocol):
-    """A surface as its camera sees it.
-
-    :ivar label: what it is.
-    :ivar note: its numbers.
-    :ivar pixels: (n, 2), column and row in which each vertex is seen.
-    :ivar depth: (n,), of each vertex.
-    :ivar points: (n, 3).
-    :ivar faces: (m, 3).
-    :ivar rim: (k, 2), edges on one side of which there is no triangle.
-    """
+    """A surface as its camera sees it."""
 
     @property
-    def label(self) -> str: ...  # noqa: D102
+    def label(self) -> str:
+        """What it is."""
+        ...
+
     @property
-    def note(self) -> str: ...  # noqa: D102
+    def note(self) -> str:
+        """Its numbers."""
+        ...
+
     @property
-    def pixels(self) -> Array: ...  # noqa: D102
+    def pixels(self) -> Array:
+        """(n, 2), column and row in which each vertex is seen."""
+        ...
+
     @property
-    def depth(self) -> Array: ...  # noqa: D102
+    def depth(self) -> Array:
+        """(n,), of each vertex."""
+        ...
+
     @property
-    def points(self) -> Array: ...  # noqa: D102
+    def points(self) -> Array:
+        """(n, 3)."""
+        ...
+
     @property
-    def faces(self) -> Array: ...  # noqa: D102
+    def faces(self) -> Array:
+        """(m, 3)."""
+        ...
+
     @property
-    def rim(self) -> Array: ...  # noqa: D102
+    def rim(self) -> Array:
+        """(k, 2), edges on one side of which there is no triangle."""
+        ...
 
 
 def flows(
     panels: Sequence[Seen],
     path: str | Path,
     *,
-    title: str = "",
-    at: tuple[float, float] | None = None,
-    azimuth: float = 315.0,
-    altitude: float = 40.0,
+    close_up: tuple[float, float] | None = None,
     overwrite: bool = False,
+    **look: Unpack[Looks],
 ) -> Pictured:
     """Draw surfaces side by side, shaded flat in one light, and below each row the same place of each close up.
 
-    The close-up shows the rim of each surface in red and that of the first one, before it moved, in blue.
+    The close-up shows the rim of each surface in red, and that of the first one, before it moved, in blue.
 
     :param panels: as :meth:`meshflow.evaluate.FlowComparison.panels` gives them, the first one before it moved.
     :param path: the picture to write (.png, .jpg, .tif).
-    :param at: column and row of the close-up; by default where the rims have moved farthest.
+    :param close_up: column and row of its middle; by default where the rims have moved farthest.
     :param overwrite: replace a file that is there.
+    :param look: ``title``, ``azimuth`` and ``altitude`` of :class:`meshflow.view.Look`; by default a light 40 degrees high.
     :raises InputError: for no panel, or one without a triangle.
     :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that is there and is not
         to be replaced.
     """
     target = writable(path, overwrite=overwrite)
-    assert target is not None
     if len(panels) == 0 or any(len(panel.faces) == 0 for panel in panels):
         raise InputError("flows: panels with at least one triangle each expected; take those of compare_flows(...)")
-    look = Look(azimuth=azimuth, altitude=altitude, title=title)
-    figure = _drawn(panels, look, _window(panels, at))
+    light = looking(_NO_LIGHT, **{"altitude": _ALTITUDE, **look})
+    figure = _drawn(panels, light, _window(panels, close_up))
     with beside(target) as draft:
         figure.savefig(draft, format=target.suffix[1:].lower(), dpi=_DPI)
-    return Pictured(target, "relief")
+    return Pictured(target, "hillshade")
 
 
 def _window(panels: Sequence[Seen], at: tuple[float, float] | None) -> tuple[float, float, float, float]:

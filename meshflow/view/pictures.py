@@ -1,9 +1,9 @@
-"""The calls of this room: compare a thing before and after, show one thing; as a picture, a window, or in a notebook."""
+"""The public functions that draw: compare data before and after, show data; as a picture, in a window, or in a notebook."""
 
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,15 +11,13 @@ from numpy.typing import ArrayLike
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import beside, must_be_free
-from meshflow.view import page
-from meshflow.view import vtk_scene as scene
+from meshflow.view import page, vtk_scene
 from meshflow.view.frames import ANIMATED, Frames
-from meshflow.view.look import Looks, looking
-from meshflow.view.overlay import divided
+from meshflow.view.look import OF_PAIRS, Looks, RendererName, looking
 from meshflow.view.probe import displayed
 from meshflow.view.quantity import Quantity
-from meshflow.view.renderer import How, must_open
-from meshflow.view.scene import Arrange, Removed, Sight, of_one, of_two
+from meshflow.view.renderer import must_open
+from meshflow.view.scene import Removed, Scene, of_one, of_two
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -34,18 +32,18 @@ _DIVIDER = np.array([38, 40, 43], np.uint8)
 
 @dataclass(frozen=True)
 class Pictured:
-    """What became of it. In a notebook it shows the picture.
+    """The picture that was made. A notebook shows it.
 
     :param path: the picture; None: it was a window.
-    :param how: ``pyvista``: drawn in space by VTK; ``relief``: seen from above, without OpenGL.
+    :param renderer: ``pyvista``: drawn in space by VTK; ``hillshade``: seen from above, without OpenGL.
     :param notes: what was done on the way, sentences for the user.
     """
 
     path: Path | None
-    how: How
+    renderer: RendererName
     notes: tuple[str, ...] = ()
 
-    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str | bytes]:
         """The picture, as notebooks ask for it."""
         kinds = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif"}
         kind = None if self.path is None else kinds.get(self.path.suffix.lower())
@@ -55,100 +53,85 @@ class Pictured:
 
 
 def compare(
-    before: Any,
-    after: Any,
+    before: object,
+    after: object,
     path: str | Path | None = None,
     *,
     quantity: Quantity | Removed = "removed",
-    arrange: Arrange = "beside",
-    at: float = 0.5,
-    unit: str | None = None,
-    contrast: float = 1.0,
-    labels: tuple[str, str] = ("before", "after"),
-    how: How | None = None,
     overwrite: bool = False,
     **look: Unpack[Looks],
 ) -> Pictured:
-    """Show a thing before and after in the same light, and what was removed.
+    """Show data before and after in the same light, and what was removed.
 
     Surfaces are shaded flat, triangle by triangle, so that noise shows. Removed is before minus after: of height,
     of depth, or of the mean of the channels; of a mesh the motion inwards along the normals of ``before``. Its colours
-    are symmetric about 0 and end at the 99th percentile of its size. Numbers are those of all of the data; what is drawn of
-    grids is thinned to 1000 samples a side, and that is said.
+    are symmetric about 0 and end at the 99th percentile of its size. Numbers are those of all of the data. What is drawn of
+    grids is thinned to 1000 samples a side, and the picture says so.
 
-    :param before: a noun, a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognises.
-    :param after: the same kind of thing on the same samples.
+    :param before: a height field, image, range image or mesh, a :class:`meshflow.Document`, or any object that
+        :func:`meshflow.smooth` takes.
+    :param after: the same kind of data on the same samples.
     :param path: the picture to write (.png, .jpg, .tif; to blink .gif or .png); None: a window.
     :param quantity: ``removed``; or before and after in the colours of their ``curvature``, ``edges``, ``triangles`` or
         ``samples`` (:func:`meshflow.view.measured`), one scale for both.
-    :param arrange: ``beside`` each other; ``wipe``: one view, before to the left of a divider (that a window lets you drag)
-        and after to its right; ``blink``: one after the other (in a window at the space bar).
-    :param at: where the divider stands, a share of the width from the left.
-    :param unit: of what was removed; by default the one that the noun names.
-    :param contrast: length per unit of the values, for ``edges``.
-    :param labels: what the two are, where they are not before and after.
-    :param how: ``pyvista`` or ``relief``; by default VTK where it can draw, and images always as images.
     :param overwrite: replace a file that is there.
-    :param look: the fields of :class:`meshflow.view.Look`: light, exaggeration, side, size, title, colours.
+    :param look: the options of :class:`meshflow.view.Look` by name: how the two are arranged, light, exaggeration, side, size,
+        title, colours, renderer.
     :raises InputError: for two things that cannot be compared, nothing to draw, options that make no sense, or a window
         where there is no display.
     :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that is there and is not
         to be replaced.
     :raises MissingPackage: for a mesh, or a window, where VTK cannot draw.
     """
-    at, seen = divided(at), looking(**look)
-    target = writable(path, ANIMATED if arrange == "blink" else _FORMATS, overwrite)
-    sight = of_two(before, after, seen, how, target is None, arrange, unit, quantity, contrast, labels)
+    seen = looking(**look)
+    target = _target(path, ANIMATED if seen.arrange == "blink" else _FORMATS, overwrite)
+    scene = of_two(before, after, seen, quantity, target is None)
     if target is None:
-        return _opened(sight, arrange, at)
-    if arrange == "blink":
-        _blinked(sight, target)
+        return _opened(scene)
+    if seen.arrange == "blink":
+        _blinked(scene, target)
     else:
-        _save(_wiped(sight, at) if arrange == "wipe" else _beside(sight), target)
-    return Pictured(target, sight.stage.how, sight.notes)
+        _save(_wiped(scene) if seen.arrange == "wipe" else _beside(scene), target)
+    return Pictured(target, scene.renderer.name, scene.notes)
 
 
 def show(
-    thing: Any,
+    thing: object,
     path: str | Path | None = None,
     *,
     scalars: ArrayLike | None = None,
     quantity: Quantity | None = None,
-    unit: str | None = None,
-    contrast: float = 1.0,
-    how: How | None = None,
     overwrite: bool = False,
     **look: Unpack[Looks],
 ) -> Pictured:
-    """Show one thing in a window, or as a picture.
+    """Show data in a window, or as a picture.
 
+    :param thing: as ``before`` of :func:`compare`.
+    :param path: the picture to write (.png, .jpg, .tif); None: a window.
     :param scalars: a number for each sample (h, w) or vertex (n,), shown as colour.
     :param quantity: instead: ``curvature``, ``edges``, ``triangles`` or ``samples``, with its unit and its scale
         (:func:`meshflow.view.measured`).
-    :param unit: of the scalars.
+    :param overwrite: replace a file that is there.
+    :param look: the options of :class:`meshflow.view.Look` by name, but those of two things.
 
-    Everything else, and what is raised, as in :func:`compare`.
+    What is raised: as in :func:`compare`.
     """
-    seen, target = looking(**look), writable(path, _FORMATS, overwrite)
-    sight = of_one(thing, seen, how, target is None, unit, scalars, quantity, contrast)
+    seen, target = looking(OF_PAIRS, **look), _target(path, _FORMATS, overwrite)
+    scene = of_one(thing, seen, quantity, scalars, target is None)
     if target is None:
-        return _opened(sight, "beside", 0.5)
-    plan = page.layout(seen, sight.aspect, panels=1)
-    scale = sight.counted[0][1] if sight.counted else None
-    picture = sight.picture(0, plan.panels[0].size)
-    _save(page.single_page(plan, picture, scale, seen, sight.foot(plan.panels[0].size, plan.unit), sight.pixel), target)
-    return Pictured(target, sight.stage.how, sight.notes)
+        return _opened(scene)
+    plan = page.layout(seen, scene.aspect, panels=1)
+    scale = scene.counted[0][1] if scene.counted else None
+    size = plan.panels[0].size
+    _save(page.single_page(plan, scene.picture(0, size), scale, scene.foot(size, plan.unit), scene.pixel), target)
+    return Pictured(target, scene.renderer.name, scene.notes)
 
 
 def plotter(
-    before: Any,
-    after: Any = None,
+    before: object,
+    after: object = None,
     *,
     quantity: Quantity | Removed | None = None,
-    arrange: Arrange = "beside",
-    at: float = 0.5,
-    unit: str | None = None,
-    contrast: float = 1.0,
     off_screen: bool | None = None,
     **look: Unpack[Looks],
 ) -> "pv.Plotter":
@@ -157,33 +140,33 @@ def plotter(
     For notebooks, where its ``show()`` draws a picture, or a view that turns where ``trame`` is installed
     (``show(jupyter_backend="trame")``), and for whoever wants to add to it. No display is needed to make it; close it in the end.
 
+    :param before: as in :func:`compare`.
     :param after: None: one thing is shown.
+    :param quantity: as in :func:`compare`, or :func:`show`.
     :param off_screen: draw without a window; None: as pyvista decides.
+    :param look: the options of :class:`meshflow.view.Look` by name; VTK draws it.
+    :raises InputError: as :func:`compare`.
     :raises MissingPackage: where VTK cannot draw.
     """
-    at, seen = divided(at), looking(**look)
+    without = ("renderer",) if after is not None else ("renderer", *OF_PAIRS)
+    seen = replace(looking(without, **look), renderer="pyvista")
     if after is None:
         if quantity == "removed":
             raise InputError("quantity='removed': of two things, got one; give after, or another quantity")
-        sight = of_one(before, seen, "pyvista", True, unit, None, quantity, contrast)
+        scene = of_one(before, seen, quantity, window=True)
     else:
-        sight = of_two(before, after, seen, "pyvista", True, arrange, unit, quantity or "removed", contrast)
-    return _plotted(sight, arrange, at, off_screen)
+        scene = of_two(before, after, seen, quantity or "removed", window=True)
+    return _plotted(scene, off_screen)
 
 
-def writable(path: str | Path | None, formats: tuple[str, ...] = _FORMATS, overwrite: bool = False) -> Path | None:
-    """A path to write to, or None for a window that can be opened: asked before anything is drawn.
+def writable(path: str | Path, formats: tuple[str, ...] = _FORMATS, overwrite: bool = False) -> Path:
+    """Check that a picture can be written to a path, before anything is drawn.
 
-    :raises InputError: for a window where there is no display.
+    :param path: a file in a folder that is there.
+    :param formats: extensions that are accepted.
+    :param overwrite: replace a file that is there.
     :raises FormatError: for a path that cannot be written, or must not.
     """
-    if path is None:
-        if not displayed():
-            raise InputError(
-                "a window needs a display, and DISPLAY is not set; give a path to write a picture instead, or take "
-                "meshflow.view.plotter in a notebook"
-            )
-        return None
     target = Path(path)
     if target.suffix.lower() not in formats:
         got = target.suffix or "no extension"
@@ -196,56 +179,68 @@ def writable(path: str | Path | None, formats: tuple[str, ...] = _FORMATS, overw
     return target
 
 
-def _opened(sight: Sight, arrange: Arrange, at: float) -> Pictured:
+def _target(path: str | Path | None, formats: tuple[str, ...], overwrite: bool) -> Path | None:
+    """A path to write to, or None for a window that can be opened.
+
+    :raises InputError: for a window where there is no display.
+    """
+    if path is not None:
+        return writable(path, formats, overwrite)
+    if not displayed():
+        raise InputError(
+            "a window needs a display, and DISPLAY is not set; give a path to write a picture instead, or take "
+            "meshflow.view.plotter in a notebook"
+        )
+    return None
+
+
+def _opened(scene: Scene) -> Pictured:
     """A window; returns when it is closed."""
     must_open()
-    with closing(_plotted(sight, arrange, at, None)) as window:
+    with closing(_plotted(scene, None)) as window:
         window.show()
-    return Pictured(None, sight.stage.how, sight.notes)
+    return Pictured(None, scene.renderer.name, scene.notes)
 
 
-def _plotted(sight: Sight, arrange: Arrange, at: float, off_screen: bool | None) -> "pv.Plotter":
+def _plotted(scene: Scene, off_screen: bool | None) -> "pv.Plotter":
     """A window, not yet shown."""
-    panels = [(one.label, one.body, one.scale) for one in sight.shown]
-    if arrange == "beside" or len(panels) == 1:
-        return scene.windowed([row for row in (panels[:2], panels[2:]) if row], sight.look, off_screen)
+    panels = [(one.label, one.geometry, one.scale) for one in scene.shown]
+    if scene.look.arrange == "beside" or len(panels) == 1:
+        return vtk_scene.windowed([row for row in (panels[:2], panels[2:]) if row], scene.look, off_screen)
     pair = (panels[0][1:], panels[1][1:])
-    return scene.overlaid(pair, sight.look, at, arrange == "wipe", off_screen)
+    return vtk_scene.overlaid(pair, scene.look, off_screen)
 
 
-def _beside(sight: Sight) -> "Figure":
+def _beside(scene: Scene) -> "Figure":
     """All panels, with a histogram of what is counted."""
-    plan = page.layout(sight.look, sight.aspect, len(sight.shown))
-    drawn = [(one.label, sight.picture(k, plan.panels[k].size)) for k, one in enumerate(sight.shown)]
-    return page.compared_page(
-        plan, drawn, sight.counted, sight.look, sight.foot(plan.panels[0].size, plan.unit), sight.pixel
-    )
+    plan = page.layout(scene.look, scene.aspect, len(scene.shown))
+    drawn = [(one.label, scene.picture(k, plan.panels[k].size)) for k, one in enumerate(scene.shown)]
+    return page.compared_page(plan, drawn, scene.counted, scene.foot(plan.panels[0].size, plan.unit), scene.pixel)
 
 
-def _wiped(sight: Sight, at: float) -> "Figure":
+def _wiped(scene: Scene) -> "Figure":
     """One view, before to the left of a divider and after to its right."""
-    plan = page.layout(sight.look, sight.aspect, 1, labelled=True, scaled=bool(sight.counted))
-    one, other = (sight.picture(k, plan.panels[0].size) for k in (0, 1))
-    both, place, width = other.copy(), round(at * other.shape[1]), max(1, other.shape[1] // 600)
+    plan = page.layout(scene.look, scene.aspect, 1, labelled=True, scaled=bool(scene.counted))
+    one, other = (scene.picture(k, plan.panels[0].size) for k in (0, 1))
+    both, place, width = other.copy(), round(scene.look.at * other.shape[1]), max(1, other.shape[1] // 600)
     both[:, :place] = one[:, :place]
     both[:, max(place - width // 2, 0) : place - width // 2 + width] = _DIVIDER
-    return _single(sight, plan, both, (sight.shown[0].label, sight.shown[1].label), at)
+    at = scene.look.at
+    return _single(scene, plan, both, ((at / 2, scene.shown[0].label), ((1 + at) / 2, scene.shown[1].label)))
 
 
-def _blinked(sight: Sight, target: Path) -> None:
+def _blinked(scene: Scene, target: Path) -> None:
     """Two frames of an animated picture, before and after."""
-    plan = page.layout(sight.look, sight.aspect, 1, labelled=True, scaled=bool(sight.counted))
+    plan = page.layout(scene.look, scene.aspect, 1, labelled=True, scaled=bool(scene.counted))
     with Frames(target, _BLINKS) as frames:
-        for k, one in enumerate(sight.shown[:2]):
-            picture = sight.picture(k, plan.panels[0].size)
-            frames.add(page.pixels(_single(sight, plan, picture, (one.label,))))
+        for k, one in enumerate(scene.shown[:2]):
+            picture = scene.picture(k, plan.panels[0].size)
+            frames.add(page.pixels(_single(scene, plan, picture, ((0.5, one.label),))))
 
 
-def _single(sight: Sight, plan: page.Layout, picture: Array, labels: tuple[str, ...], at: float = 0.5) -> "Figure":
-    scale = sight.counted[-1][1] if sight.counted else None
-    return page.single_page(
-        plan, picture, scale, sight.look, sight.foot(plan.panels[0].size, plan.unit), sight.pixel, labels, at
-    )
+def _single(scene: Scene, plan: page.Layout, picture: Array, labels: tuple[tuple[float, str], ...]) -> "Figure":
+    scale = scene.counted[-1][1] if scene.counted else None
+    return page.single_page(plan, picture, scale, scene.foot(plan.panels[0].size, plan.unit), scene.pixel, labels)
 
 
 def _save(figure: "Figure", target: Path) -> None:

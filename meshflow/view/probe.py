@@ -1,4 +1,4 @@
-"""Can VTK draw on this machine? Asked once, of a child process: where VTK cannot draw it kills who asks."""
+"""Whether VTK can draw on this machine: tried once, in a child process, since VTK may end a process in which it cannot draw."""
 
 import os
 import subprocess
@@ -58,7 +58,7 @@ def displayed() -> bool:
 
 @cache
 def _probed() -> Rendering:
-    """Ask children with one window after the other, the likeliest first."""
+    """Try the kinds of windows in child processes, the likeliest first."""
     failures = []
     for window in _candidates():
         failure = _failure(window)

@@ -1,7 +1,7 @@
-"""What a surface is like at each of its samples: curvature, edges, triangles, what is missing. From all of the data."""
+"""Quantities at each sample of a surface: curvature, edges, quality of triangles, what is missing. All samples count."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -24,7 +24,7 @@ _STRIP = 400_000  # samples of a grid that are lifted at a time: their triangles
 _KINDS = ("move", "fixed", "missing")
 
 
-def measured(thing: Any, quantity: Quantity, contrast: float = 1.0) -> Scale:
+def measured(thing: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
     """A quantity on a surface, with its unit and its colours.
 
     ``curvature``: the mean curvature (11), of the graph of a grid in its true proportions; positive where the surface bulges
@@ -74,10 +74,8 @@ def _dressed(noun: Noun, quantity: Quantity, values: Array, contrast: float = 1.
 
 def _samples(noun: Noun) -> Scale:
     """Which samples move (0), are fixed (1), or missing (2)."""
-    assert noun.fixed is not None
-    kinds = noun.fixed.astype(np.float64)
-    if not isinstance(noun, Mesh):
-        kinds[holes(noun)] = 2.0
+    gone = np.zeros(len(noun.points), bool) if isinstance(noun, Mesh) else holes(noun)
+    kinds = np.where(gone, 2.0, 0.0 if noun.fixed is None else noun.fixed)
     names = _KINDS[:2] if isinstance(noun, Mesh) else _KINDS
     shares = [f"{100 * float((kinds == k).mean()):.3g} % {name}" for k, name in enumerate(names)]
     return Scale(kinds, -0.5, len(names) - 0.5, "viridis", f"samples: {', '.join(shares)}", names=names)
@@ -158,8 +156,8 @@ def _edges(surface: Surface, faces: Array) -> Array:
     if isinstance(surface.free, Rays):
         seen = operator.gather_seen(connectivity, surface.points, surface.free.directions)
     else:
-        assert isinstance(surface.free, Axes)
-        stays = [axis for axis in range(surface.points.shape[1]) if axis not in surface.free.columns]
+        free = surface.free.columns if isinstance(surface.free, Axes) else ()
+        stays = [axis for axis in range(surface.points.shape[1]) if axis not in free]
         seen = operator.mass(surface.points[:, stays], faces, "ring")
     true = operator.mass(surface.points, faces, "ring")
     return np.clip(np.divide(seen, true, out=np.ones_like(true), where=true > 0), 0.0, 1.0)

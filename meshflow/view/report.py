@@ -26,7 +26,7 @@ _HEAD = ("parameter", "value", "unit", "origin", "why")
 _WIDTH, _GAP, _LINE, _CHART, _BAR = 16.0, 0.4, 0.22, 2.6, 0.15
 _COLUMNS = (0.0, 1.6, 3.6, 6.4, 7.8)
 _STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; color: #26282b; background: #fff; margin: 1.5rem auto; max-width: 1500px;
+geometry { font: 15px/1.45 system-ui, sans-serif; color: #26282b; background: #fff; margin: 1.5rem auto; max-width: 1500px;
   padding: 0 1rem; }
 h1 { font-size: 1.5rem; margin: 0 0 .2rem; } h2 { font-size: 1.1rem; margin: 1.6rem 0 .5rem; }
 .row { display: grid; gap: 1rem; align-items: start; }
@@ -111,12 +111,12 @@ def _page(findings: Findings) -> str:
     return "\n".join([
         f"<!DOCTYPE html>\n<html lang='en'>\n<head><meta charset='utf-8'><title>{title}</title>",
         "<meta name='viewport' content='width=device-width, initial-scale=1'>",
-        f"<style>{_STYLE}</style></head>\n<body>\n<h1>{title}</h1>",
+        f"<style>{_STYLE}</style></head>\n<geometry>\n<h1>{title}</h1>",
         *rows, notes,
         f"<h2>How it went</h2>\n<table>{facts}</table>",
         f"<div class='row of{len(findings.charts)}' style='margin-top: 1rem'>{charts}</div>",
         f"<h2>Parameters</h2>\n<div class='wide'><table class='all'><thead><tr>{head}</tr></thead>",
-        f"<tbody>{table}</tbody></table></div>\n</body>\n</html>\n",
+        f"<tbody>{table}</tbody></table></div>\n</geometry>\n</html>\n",
     ])  # fmt: skip
 
 

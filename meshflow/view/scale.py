@@ -85,7 +85,7 @@ class Scale:
 
 
 def known_colours(name: str) -> str:
-    """The name of a colour map.
+    """The name of a colour map, checked.
 
     :raises InputError: for one that matplotlib does not know; the message names those that are like it.
     """

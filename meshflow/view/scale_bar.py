@@ -1,7 +1,6 @@
-"""What tells how large things are, and where north is: a scale bar and an arrow in the foot of a page."""
+"""The scale bar and the arrow to the north, in the foot of a page."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -9,14 +8,14 @@ from meshflow.io.files import Document
 from meshflow.surfaces.lift import Noun
 from meshflow.view.numbers import plain, rounded
 
-__all__ = ["Ground", "Ruler", "grounded", "ruled"]
+__all__ = ["Ground", "ScaleBar", "ground_of", "scale_bar_of"]
 
 _LONG = 220  # pixels of a page of 1600 x 1200 that a bar takes at most
 
 
 @dataclass(frozen=True)
 class Ground:
-    """What is known of where a thing lies.
+    """The unit of lengths, and whether north is up.
 
     :ivar unit: of lengths on it, not of its heights; empty: not known.
     :ivar north: it is a raster whose file says where on a map it lies, its rows from north to south.
@@ -27,7 +26,7 @@ class Ground:
 
 
 @dataclass(frozen=True)
-class Ruler:
+class ScaleBar:
     """A bar of a round length, and an arrow to the north.
 
     :ivar pixels: how long the bar is on the page; 0: none, since lengths differ from place to place.
@@ -40,24 +39,24 @@ class Ruler:
     north: bool = False
 
 
-def ruled(length: float | None, unit: str, page: float, north: bool) -> Ruler:
-    """The ruler of a page.
+def scale_bar_of(length: float | None, unit: str, page: float, north: bool) -> ScaleBar:
+    """The scale bar of a page.
 
     :param length: of a pixel of the page, in the unit of the surface; None: it has none that holds everywhere.
     :param page: pixels of this page for one of a page of 1600 x 1200.
     """
     if length is None or not 0 < length < np.inf:
-        return Ruler(north=north)
+        return ScaleBar(north=north)
     round_one = rounded(length * _LONG * page)
-    return Ruler(round_one / length, _words(round_one, unit), north)
+    return ScaleBar(round_one / length, _words(round_one, unit), north)
 
 
-def grounded(thing: Any, noun: Noun) -> Ground:
-    """The ground of a noun, and of the file that it came from."""
+def ground_of(thing: object, noun: Noun) -> Ground:
+    """The unit of lengths and the direction of north of data, and of the file that it came from."""
     own = getattr(noun, "unit", "")
-    return (
-        Ground(thing.source.ground_unit or own, thing.source.north_up) if isinstance(thing, Document) else Ground(own)
-    )
+    if not isinstance(thing, Document):
+        return Ground(own)
+    return Ground(thing.source.ground_unit or own, thing.source.north_up)
 
 
 def _words(length: float, unit: str) -> str:

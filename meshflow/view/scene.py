@@ -1,7 +1,7 @@
-"""What is to be seen of one thing or two: nouns, bodies, colours, decided once for pictures, windows and notebooks."""
+"""Scenes of one object or two: data, geometries and colours, decided once for pictures, windows and notebooks."""
 
-from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,18 +11,17 @@ from meshflow.geometry.validation import Array, real
 from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import Mesh, Noun
 from meshflow.view.appearance import taken
-from meshflow.view.geometry import Body, raised
+from meshflow.view.geometry import Geometry, raised
 from meshflow.view.look import Look
 from meshflow.view.page import Foot
 from meshflow.view.pair import paired
 from meshflow.view.quantity import Quantity, measured
-from meshflow.view.renderer import How, Stage, staged
+from meshflow.view.renderer import Renderer, renderer_for
 from meshflow.view.scale import Scale, ranging, showing, showing_both, together
-from meshflow.view.scale_bar import Ground, grounded, ruled
+from meshflow.view.scale_bar import Ground, ground_of, scale_bar_of
 
-__all__ = ["Arrange", "Removed", "Shown", "Sight", "of_one", "of_two"]
+__all__ = ["Removed", "Shown", "Scene", "of_one", "of_two"]
 
-Arrange = Literal["beside", "wipe", "blink"]
 Removed = Literal["removed"]
 
 
@@ -31,17 +30,17 @@ class Shown:
     """One panel.
 
     :ivar label: above it.
-    :ivar scale: the colours that it wears instead of its own, thinned as the body is.
+    :ivar scale: the colours that it wears instead of its own, thinned as the geometry is.
     """
 
     label: str
     noun: Noun
-    body: Body
+    geometry: Geometry
     scale: Scale | None
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class Scene:
     """All panels of a picture or a window.
 
     :ivar ground: the unit of lengths, and whether it is the raster of a map.
@@ -50,7 +49,7 @@ class Sight:
     """
 
     look: Look
-    stage: Stage
+    renderer: Renderer
     shown: tuple[Shown, ...]
     counted: tuple[tuple[str, Scale], ...]
     notes: tuple[str, ...]
@@ -62,51 +61,43 @@ class Sight:
         :param unit: pixels of this page for one of a page of 1600 x 1200.
         """
         one = self.shown[0]
-        length = self.stage.length(one.noun, one.body, size)
-        mapped = self.stage.how == "relief" or self.look.seen == "front"
-        return Foot(self.stage.foot(), ruled(length, self.ground.unit, unit, self.ground.north and mapped))
+        length = self.renderer.length(one.noun, one.geometry, size)
+        mapped = self.renderer.name == "hillshade" or self.look.seen == "front"
+        return Foot(self.renderer.foot(), scale_bar_of(length, self.ground.unit, unit, self.ground.north and mapped))
 
     def picture(self, panel: int, size: tuple[int, int]) -> Array:
         """A panel as a picture (h, w, 3) in uint8: of that size from VTK, a pixel for each sample as a relief."""
         one = self.shown[panel]
-        return self.stage.panel(one.noun, one.body, size, one.scale)
+        return self.renderer.panel(one.noun, one.geometry, size, one.scale)
 
     @property
     def aspect(self) -> float:
         """Width over height of what a panel is to hold."""
-        return self.stage.aspect(self.shown[0].body, self.shown[0].noun)
+        return self.renderer.aspect(self.shown[0].geometry, self.shown[0].noun)
 
     @property
     def pixel(self) -> float:
         """Height over width of a pixel of a panel."""
-        return self.stage.pixel(self.shown[0].noun)
+        return self.renderer.pixel(self.shown[0].noun)
 
 
-def of_two(
-    before: Any,
-    after: Any,
-    look: Look,
-    how: How | None,
-    window: bool,
-    arrange: Arrange,
-    unit: str | None,
-    quantity: Quantity | Removed,
-    contrast: float,
-    labels: tuple[str, str] = ("before", "after"),
-) -> Sight:
-    """A thing before and after, and beside them what was removed; or both in the colours of a quantity.
+def of_two(before: object, after: object, look: Look, quantity: Quantity | Removed, window: bool) -> Scene:
+    """Data before and after, and beside them what was removed; or both in the colours of a quantity.
 
+    :param before: what :func:`meshflow.view.appearance.taken` recognises.
+    :param after: the same kind of data on the same samples.
+    :param quantity: what colour stands for.
+    :param window: it is to be a window, or a plotter.
     :raises InputError: for two things that cannot be compared, nothing to draw, or a word that is unknown.
     :raises MissingPackage: where only VTK would do and it cannot draw.
     """
-    if arrange not in get_args(Arrange):
-        raise InputError(f"arrange: one of {', '.join(get_args(Arrange))} expected, got {arrange!r}")
-    pair = paired(before, after, unit, look.own_colours)
+    labels = look.labels
+    pair = paired(before, after, look.unit, look.own_colours)
     nouns = (pair.before, pair.after)
     scales: tuple[Scale | None, Scale | None] = None, None
     counted: tuple[tuple[str, Scale], ...] = ()
     if quantity != "removed":
-        one, other = (measured(noun, quantity, contrast).wearing(look.colours) for noun in nouns)
+        one, other = (measured(noun, quantity, look.contrast).wearing(look.colours) for noun in nouns)
         scales = one, other = (showing_both if quantity == "curvature" else together)(one, other)
         counted = (labels[0], one), (labels[1], other)
     elif pair.worn is not None:
@@ -115,31 +106,28 @@ def of_two(
         before_label, after_label = (f"{label}: {one.what}, {one.low:.3g} to {one.high:.3g}" for label in labels)
         labels = before_label, after_label  # their colours are not those of the bar
     seen = raised(pair.before, look.seen), raised(pair.after, look.seen)
-    stage = staged(seen, look, _how(seen[0], how, quantity, window), window)
-    bodies = stage.bodies(*seen)
+    renderer = renderer_for(seen, _look(seen[0], look, quantity, window), window)
+    geometries = renderer.geometries(*seen)
     panels = tuple(
-        Shown(label, noun, body, None if scale is None else scale.thinned(stage.step))
-        for label, noun, body, scale in zip(labels, seen, bodies, scales, strict=True)
+        Shown(label, noun, geometry, None if scale is None else scale.thinned(renderer.step))
+        for label, noun, geometry, scale in zip(labels, seen, geometries, scales, strict=True)
     )
-    if quantity == "removed" and arrange == "beside":
+    if quantity == "removed" and look.arrange == "beside":
         removed = pair.removed.wearing(look.colours)
-        panels = (*panels, Shown("removed", seen[1], bodies[1], removed.thinned(stage.step)))
+        panels = (*panels, Shown("removed", seen[1], geometries[1], removed.thinned(renderer.step)))
         counted = (("", removed),)
-    return Sight(look, stage, panels, counted, (*pair.notes, *stage.notes), grounded(before, pair.before))
+    return Scene(look, renderer, panels, counted, (*pair.notes, *renderer.notes), ground_of(before, pair.before))
 
 
 def of_one(
-    thing: Any,
-    look: Look,
-    how: How | None,
-    window: bool,
-    unit: str | None,
-    scalars: ArrayLike | None,
-    quantity: Quantity | None,
-    contrast: float,
-) -> Sight:
+    thing: object, look: Look, quantity: Quantity | None = None, scalars: ArrayLike | None = None, window: bool = False
+) -> Scene:
     """One thing, in colours that stand for numbers of the caller's or for a quantity, where there are some.
 
+    :param thing: what :func:`meshflow.view.appearance.taken` recognises.
+    :param quantity: what colour stands for; None: the surface as it is.
+    :param scalars: instead: a number for each sample (h, w) or vertex (n,).
+    :param window: it is to be a window, or a plotter.
     :raises InputError: for nothing to draw, numbers that do not fit, or a word that is unknown.
     :raises MissingPackage: where only VTK would do and it cannot draw.
     """
@@ -151,26 +139,26 @@ def of_one(
     if look.own_colours and not plain:
         raise InputError("own_colours: a thing wears its own colours or those of numbers; leave one out")
     noun, notes = taken(thing, look.own_colours)
-    scale = None if scalars is None else _scale(noun, scalars, unit)
-    scale = showing(measured(noun, quantity, contrast)) if quantity is not None else scale
+    scale = None if scalars is None else _scale(noun, scalars, look.unit)
+    scale = showing(measured(noun, quantity, look.contrast)) if quantity is not None else scale
     scale = None if scale is None else scale.wearing(look.colours)
     seen = raised(noun, look.seen)
-    stage = staged((seen,), look, _how(seen, how, quantity, window), window)
-    (body,) = stage.bodies(seen)
-    shown = Shown("", seen, body, None if scale is None else scale.thinned(stage.step))
+    renderer = renderer_for((seen,), _look(seen, look, quantity, window), window)
+    (geometry,) = renderer.geometries(seen)
+    shown = Shown("", seen, geometry, None if scale is None else scale.thinned(renderer.step))
     counted = () if scale is None else (("", scale),)
-    return Sight(look, stage, (shown,), counted, (*notes, *stage.notes), grounded(thing, noun))
+    return Scene(look, renderer, (shown,), counted, (*notes, *renderer.notes), ground_of(thing, noun))
 
 
-def _how(noun: Noun, how: How | None, quantity: Quantity | Removed | None, window: bool) -> How | None:
+def _look(noun: Noun, look: Look, quantity: Quantity | Removed | None, window: bool) -> Look:
     """What is missing has no place in space: grids show it from above, or through their camera."""
-    if quantity != "samples" or how is not None or isinstance(noun, Mesh) or window:
-        return how
-    return "relief"
+    if quantity != "samples" or look.renderer is not None or isinstance(noun, Mesh) or window:
+        return look
+    return replace(look, renderer="hillshade")
 
 
 def _scale(noun: Noun, scalars: ArrayLike, unit: str | None) -> Scale:
-    """Numbers of the caller's, one per sample or vertex, as colours from the least to the greatest.
+    """The caller's numbers, one per sample or vertex, as colours from the least to the greatest.
 
     :raises InputError: when they do not fit the noun, or none is finite.
     """

@@ -1,4 +1,4 @@
-"""Pictures that a mesh wears: numpy only, but for reading one from trimesh."""
+"""Textures of meshes. They need numpy only, except to be read from trimesh."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +32,7 @@ class Texture:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Textured(Mesh):
-    """A mesh that keeps its texture on every way that changes its points or channels, and not its triangles.
+    """A mesh that keeps its texture when its points or channels change, and its triangles do not.
 
     :param texture: of its triangles; None: it has none.
     """

@@ -1,4 +1,4 @@
-"""Windows stay quick while they are turned: no anti-aliasing, and a coarse body in the place of one of very many triangles."""
+"""Windows stay quick while they are turned: without anti-aliasing, and with coarse geometry in place of very many triangles."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshflow.view.geometry import Body
+from meshflow.view.geometry import Geometry
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -17,34 +17,34 @@ HEAVY = 400_000  # triangles that software draws in about a tenth of a second
 _CELLS = 160  # along the longest side: a cell is a few pixels of a window
 
 
-def coarse(body: Body, cells: int = _CELLS) -> Body:
-    """The same body of fewer triangles: points within a cell of a grid become one of them (Rossignac and Borrel 1993).
+def coarse(geometry: Geometry, cells: int = _CELLS) -> Geometry:
+    """The same geometry of fewer triangles: points within a cell of a grid become one of them (Rossignac and Borrel 1993).
 
     :param cells: along its longest side.
     """
-    low, size = body.points.min(axis=0), float(np.ptp(body.points, axis=0).max()) or 1.0
-    place = np.minimum((body.points - low) * (cells / size), cells - 1).astype(np.int64)
+    low, size = geometry.points.min(axis=0), float(np.ptp(geometry.points, axis=0).max()) or 1.0
+    place = np.minimum((geometry.points - low) * (cells / size), cells - 1).astype(np.int64)
     key = (place[:, 0] * cells + place[:, 1]) * cells + place[:, 2]
     _, first, home = np.unique(key, return_index=True, return_inverse=True)
-    faces = home.ravel()[body.faces]
+    faces = home.ravel()[geometry.faces]
     a, b, c = faces.T
     kept = np.flatnonzero((a != b) & (b != c) & (c != a))
     # Of triangles that fell onto each other one is enough, whichever way it turns.
     _, once = np.unique(np.sort(faces[kept], axis=1), axis=0, return_index=True)
     kept = kept[np.sort(once)]
     return replace(
-        body,
-        points=body.points[first],
+        geometry,
+        points=geometry.points[first],
         faces=faces[kept],
-        samples=body.samples[first],
-        triangles=kept if body.triangles is None else body.triangles[kept],
-        colours=None if body.colours is None else body.colours[first],
-        texture=None if body.texture is None else body.texture.of(kept),
+        samples=geometry.samples[first],
+        triangles=kept if geometry.triangles is None else geometry.triangles[kept],
+        colours=None if geometry.colours is None else geometry.colours[first],
+        texture=None if geometry.texture is None else geometry.texture.of(kept),
     )
 
 
 class Turning:
-    """What is drawn at rest, and what while the window is turned.
+    """Switches between fine geometry at rest and coarse geometry while the window is turned.
 
     :ivar fine: at rest.
     :param plotter: whose interaction is watched.
@@ -70,12 +70,12 @@ class Turning:
             style.add_observer("EndInteractionEvent", self.rest)
 
     def turn(self, *_: Any) -> None:
-        """The coarse ones."""
+        """Show the coarse geometry."""
         self._prepared()
         self._show(fine=False)
 
     def rest(self, *_: Any) -> None:
-        """The fine ones."""
+        """Show the fine geometry."""
         self._show(fine=True)
 
     def _show(self, *, fine: bool) -> None:

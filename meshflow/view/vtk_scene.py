@@ -1,4 +1,4 @@
-"""Bodies drawn by VTK: panels for a page, and windows."""
+"""Geometries drawn by VTK: panels for a page, and windows."""
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshflow.geometry.validation import Array
-from meshflow.view.geometry import Body
+from meshflow.view.geometry import Geometry
 from meshflow.view.look import Look
 from meshflow.view.overlay import Overlay
 from meshflow.view.scale import Scale
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 __all__ = ["COLUMN", "FOOT", "Rows", "added", "coarsened", "drawn", "length", "overlaid", "single", "windowed"]
 
-# Shares of a window: the width of the column beside the body, the height of bar and slider below it.
+# Shares of a window: the width of the column beside the geometry, the height of bar and slider below it.
 COLUMN, FOOT = 0.27, 0.17
-Rows = list[list[tuple[str, Body, Scale | None]]]
-"""Rows of panels of a window: label, body, the colours it wears instead of its own."""
+Rows = list[list[tuple[str, Geometry, Scale | None]]]
+"""Rows of panels of a window: label, geometry, the colours it wears instead of its own."""
 
 _STONE = "#eae3d6"  # pale and matt: shading, not colour, tells the shape
 # Colours are to be read as they are, and the form yet to be seen: what faces the viewer keeps six sevenths of its brightness,
@@ -40,14 +40,14 @@ _BARS = {
     "height": 0.6,
     "position_x": 0.8,
     "position_y": 0.2,
-    "fill": True,  # or its digits would be lost on the body behind it
+    "fill": True,  # or its digits would be lost on the geometry behind it
     "background_color": "white",
 }
 _BELOW = {"vertical": False, "width": 0.5, "height": 0.05, "position_x": 0.25, "position_y": 0.09, "fill": False}
 
 
-def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = None) -> Array:
-    """One body as a picture (height, width, 3) in uint8, on white.
+def drawn(geometry: Geometry, look: Look, size: tuple[int, int], scale: Scale | None = None) -> Array:
+    """One geometry as a picture (height, width, 3) in uint8, on white.
 
     :param size: width and height, pixels.
     :param scale: colours for its samples, instead of stone.
@@ -56,23 +56,23 @@ def drawn(body: Body, look: Look, size: tuple[int, int], scale: Scale | None = N
 
     plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none", theme=pv.themes.DocumentTheme())
     with closing(plotter):
-        _light(plotter, body, look)
-        _add(plotter, body, scale)
-        _aim(plotter, body, size[0] / size[1])
+        _light(plotter, geometry, look)
+        _add(plotter, geometry, scale)
+        _aim(plotter, geometry, size[0] / size[1])
         plotter.enable_anti_aliasing("ssaa")
         picture = plotter.screenshot(None, return_img=True)
     return np.asarray(picture)[..., :3]
 
 
-def length(body: Body, size: tuple[int, int]) -> float:
+def length(geometry: Geometry, size: tuple[int, int]) -> float:
     """What a pixel of :func:`drawn` is long, where the view is no pinhole's."""
-    return 2 * _half(body, size[0] / size[1]) / size[1]
+    return 2 * _half(geometry, size[0] / size[1]) / size[1]
 
 
 def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plotter":
-    """A window with rows of labelled bodies that turn together, not yet shown; the caller closes it.
+    """A window with rows of labelled geometries that turn together, not yet shown; the caller closes it.
 
-    :param rows: one or two, the second of one body.
+    :param rows: one or two, the second of one geometry.
     :param off_screen: draw without one; None: as pyvista decides.
     """
     import pyvista as pv
@@ -84,24 +84,26 @@ def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plot
         _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
         heavy: list[tuple[Any, Any]] = []
         for r, row in enumerate(rows):
-            for c, (label, body, scale) in enumerate(row):
+            for c, (label, geometry, scale) in enumerate(row):
                 plotter.subplot(r, c)
-                actor = _add(plotter, body, scale, bar=True)
-                heavy += _stood_in(plotter, actor, body, scale)
+                actor = _add(plotter, geometry, scale, bar=True)
+                heavy += _stood_in(plotter, actor, geometry, scale)
                 plotter.add_text(label, position="upper_left", font_size=12, color="black")
-                _aim(plotter, body, look.size[0] / look.size[1])
+                _aim(plotter, geometry, look.size[0] / look.size[1])
         plotter.link_views()
         Turning(plotter, heavy)
     return plotter
 
 
 def overlaid(
-    panels: tuple[tuple[Body, Scale | None], ...], look: Look, at: float, wipes: bool, off_screen: bool | None = None
+    panels: tuple[tuple[Geometry, Scale | None], ...], look: Look, off_screen: bool | None = None
 ) -> "pv.Plotter":
-    """A window of one view with a divider to drag between two bodies, or one at a time; not yet shown; the caller closes it.
+    """A window of one view with a divider to drag between two surfaces, or one at a time; not yet shown; the caller closes it.
 
-    :param at: where the divider stands at first, a share of the width.
-    :param wipes: start with the divider; else with the first body alone. The space bar goes on.
+    :param panels: two surfaces with the colours that they wear.
+    :param look: of it, where the divider stands at first, and whether the window starts with it (``wipe``) or with the first
+        surface alone. The space bar goes on.
+    :param off_screen: draw without a window; None: as pyvista decides.
     """
     import pyvista as pv
 
@@ -116,12 +118,12 @@ def overlaid(
         ]
         turning = Turning(plotter, [])  # which of them is seen the overlay says
         sides = [pairs[0] if pairs else (actor,) for actor, pairs in zip(actors, heavy, strict=True)]
-        overlay = Overlay(plotter, sides[0], sides[1], turning, at, wipes)
+        overlay = Overlay(plotter, sides[0], sides[1], turning, look.at, look.arrange == "wipe")
         widgets: Any = plotter
         slider = widgets.add_slider_widget(
             overlay.slide,
             rng=(0.0, 1.0),
-            value=at,
+            value=look.at,
             title="",
             pointa=(0.0, 0.04),
             pointb=(1.0, 0.04),
@@ -143,7 +145,7 @@ def overlaid(
 
 @contextmanager
 def _closed_on_failure(plotter: "pv.Plotter") -> Iterator[None]:
-    """No window is left behind by what fails."""
+    """Close the window where something fails."""
     try:
         yield
     except BaseException:
@@ -151,11 +153,11 @@ def _closed_on_failure(plotter: "pv.Plotter") -> Iterator[None]:
         raise
 
 
-def single(body: Body, look: Look, off_screen: bool, *, column: bool = False) -> "pv.Plotter":
-    """A plotter with the light and the camera for one body, which is yet to be :func:`added`; the caller closes it.
+def single(geometry: Geometry, look: Look, off_screen: bool, *, column: bool = False) -> "pv.Plotter":
+    """A plotter with the light and the camera for one geometry, which is yet to be :func:`added`; the caller closes it.
 
-    :param column: to the left of the body there is a renderer for :class:`meshflow.viewer.column.Column`, and below the body
-        room for a bar and its slider.
+    :param column: to the left of the surface there is room for :class:`meshflow.viewer.column.Column`, and below it for a bar and
+        its slider.
     """
     import pyvista as pv
 
@@ -163,37 +165,39 @@ def single(body: Body, look: Look, off_screen: bool, *, column: bool = False) ->
     if column:
         parts = {"shape": (1, 2), "col_weights": (COLUMN, 1 - COLUMN), "border": False}
         aspect *= 1 - COLUMN
-        (left, low), (right, high) = body.view.frame
+        (left, low), (right, high) = geometry.view.frame
         below = (left, low - max(high - low, (right - left) / aspect) * FOOT / (1 - FOOT))
-        body = replace(body, view=replace(body.view, frame=(below, (right, high))))
+        geometry = replace(geometry, view=replace(geometry.view, frame=(below, (right, high))))
     plotter = pv.Plotter(off_screen=off_screen, **parts, **_frame(look))
     if column:
         plotter.subplot(0, 1)
-    _light(plotter, body, look)
-    _aim(plotter, body, aspect)
+    _light(plotter, geometry, look)
+    _aim(plotter, geometry, aspect)
     return plotter
 
 
-def added(plotter: "pv.Plotter", body: Body, scale: Scale | None, name: str, *, below: bool = False) -> Any:
-    """The actor of a body, in place of the one of that name and its bar.
+def added(plotter: "pv.Plotter", geometry: Geometry, scale: Scale | None, name: str, *, below: bool = False) -> Any:
+    """The actor of a geometry, in place of the one of that name and its bar.
 
-    :param below: the bar lies below the body, where :func:`single` left room for it; else it stands at its right.
+    :param below: the bar lies below the geometry, where :func:`single` left room for it; else it stands at its right.
     """
     shown: Any = plotter
     for bar in list(shown.scalar_bars.keys()):
         shown.remove_scalar_bar(bar, render=False)
     shown.remove_actor(name, render=False)
-    actor = _add(plotter, body, scale, bar=scale is not None, place=_BELOW if below else {})
+    actor = _add(plotter, geometry, scale, bar=scale is not None, place=_BELOW if below else {})
     plotter.add_actor(actor, name=name, reset_camera=False, render=False)
     plotter.reset_camera_clipping_range()  # the camera was aimed at an empty place
     return actor
 
 
-def coarsened(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None, name: str) -> list[tuple[Any, Any]]:
-    """The actor of a body of very many triangles and a coarse one for it, in place of that of the name; else no pair."""
+def coarsened(
+    plotter: "pv.Plotter", actor: Any, geometry: Geometry, scale: Scale | None, name: str
+) -> list[tuple[Any, Any]]:
+    """The actor of a geometry of very many triangles and a coarse one for it, in place of that of the name; else no pair."""
     shown: Any = plotter
     shown.remove_actor(name, render=False)
-    pairs = _stood_in(plotter, actor, body, scale)
+    pairs = _stood_in(plotter, actor, geometry, scale)
     for _, other in pairs:
         other.SetVisibility(False)
         plotter.add_actor(other, name=name, reset_camera=False, render=False)
@@ -201,28 +205,38 @@ def coarsened(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None
 
 
 def _frame(look: Look) -> dict[str, Any]:
-    """What all windows have in common."""
+    """The options that all windows share."""
     import pyvista as pv
 
     theme = pv.themes.DocumentTheme()
     return {"window_size": list(look.size), "lighting": "none", "theme": theme, "title": look.title or "meshflow"}
 
 
-def _stood_in(plotter: "pv.Plotter", actor: Any, body: Body, scale: Scale | None) -> list[tuple[Any, Any]]:
-    """A coarse actor beside that of a body of very many triangles."""
-    if len(body.faces) <= HEAVY:
+def _stood_in(plotter: "pv.Plotter", actor: Any, geometry: Geometry, scale: Scale | None) -> list[tuple[Any, Any]]:
+    """A coarse actor beside that of a geometry of very many triangles."""
+    if len(geometry.faces) <= HEAVY:
         return []
-    return [(actor, _add(plotter, coarse(body), scale))]
+    return [(actor, _add(plotter, coarse(geometry), scale))]
 
 
 def _add(
-    plotter: "pv.Plotter", body: Body, scale: Scale | None, bar: bool = False, place: dict[str, Any] | None = None
+    plotter: "pv.Plotter",
+    geometry: Geometry,
+    scale: Scale | None,
+    bar: bool = False,
+    place: dict[str, Any] | None = None,
 ) -> Any:
-    """The actor of a body, shaded flat: of stone, in its own colours, or in those of a scale."""
-    shape = body.polydata()
+    """The actor of a geometry, shaded flat: of stone, in its own colours, or in those of a scale."""
+    shape = geometry.polydata()
     if scale is not None:  # softly lit: the form is to be seen, the colour to be read
         bars: Any = {"title": f"{scale.label}\n", **_BARS, **(place or {})} if bar else None
-        which = body.samples if not scale.of_triangles else slice(None) if body.triangles is None else body.triangles
+        which = (
+            geometry.samples
+            if not scale.of_triangles
+            else slice(None)
+            if geometry.triangles is None
+            else geometry.triangles
+        )
         return plotter.add_mesh(
             shape,
             scalars=scale.values.ravel()[which],
@@ -236,20 +250,23 @@ def _add(
             smooth_shading=False,
             **_COLOURED,
         )
-    if body.colours is not None:
-        flat = not body.view.pinhole and not np.ptp(body.points[:, 2])
+    if geometry.colours is not None:
+        flat = not geometry.view.pinhole and not np.ptp(geometry.points[:, 2])
         light: dict[str, Any] = {"lighting": False, "ambient": 0.0, "diffuse": 1.0} if flat else _COLOURED
-        worn: dict[str, Any] = {"scalars": body.colours, "rgb": True}
-        if body.texture is not None:
+        worn: dict[str, Any] = {"scalars": geometry.colours, "rgb": True}
+        if geometry.texture is not None:
             import pyvista as pv
 
-            shape, worn = body.textured(body.texture), {"texture": pv.Texture(body.texture.picture), "color": "white"}
+            shape, worn = (
+                geometry.textured(geometry.texture),
+                {"texture": pv.Texture(geometry.texture.picture), "color": "white"},
+            )
         return plotter.add_mesh(shape, smooth_shading=False, **light, **worn)
     return plotter.add_mesh(shape, color=_STONE, smooth_shading=False, ambient=0.15, diffuse=0.9, specular=0.0)
 
 
-def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:
-    """The raking light of the look, a weak one from across it, and one at the viewer's head: shadow sides keep their form.
+def _light(plotter: "pv.Plotter", geometry: Geometry, look: Look) -> None:
+    """Three lights: the raking one of the look, a weak one opposite to it, and one at the viewer, so that shadows keep form.
 
     Together they are all but nowhere brighter than one light alone.
     """
@@ -257,34 +274,34 @@ def _light(plotter: "pv.Plotter", body: Body, look: Look) -> None:
 
     east, north, high = look.light
     for toward, intensity in (((east, north, high), 0.97), ((-east, -north, high), 0.15)):
-        place = tuple(np.array(toward) @ body.view.ground)
+        place = tuple(np.array(toward) @ geometry.view.ground)
         plotter.add_light(
             pv.Light(position=place, focal_point=(0, 0, 0), light_type="scene light", intensity=intensity)
         )
     plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))
 
 
-def _half(body: Body, aspect: float) -> float:
+def _half(geometry: Geometry, aspect: float) -> float:
     """Half of what the height of a picture shows."""
-    wide, tall = body.view.extent
-    return max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # a body may be a point
+    wide, tall = geometry.view.extent
+    return max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # a geometry may be a point
 
 
-def _aim(plotter: "pv.Plotter", body: Body, aspect: float) -> None:
-    """The camera where the view says, its frame filled.
+def _aim(plotter: "pv.Plotter", geometry: Geometry, aspect: float) -> None:
+    """Place the camera as the view says, with its frame filled.
 
     :param aspect: width over height of what it draws on.
     """
-    view, half = body.view, _half(body, aspect)
+    view, half = geometry.view, _half(geometry, aspect)
     middle = np.mean(view.frame, axis=0) @ np.stack([view.right, view.up])
-    depth = body.points @ view.toward
+    depth = geometry.points @ view.toward
     if view.pinhole:
         focus = float(np.median(-depth)) * (middle - view.toward)
         plotter.camera_position = [(0.0, 0.0, 0.0), tuple(focus), tuple(view.up)]
         plotter.camera.view_angle = float(np.degrees(2 * np.arctan(half)))
     else:
         focus = middle + view.toward * float(depth.min() + depth.max()) / 2
-        away = 2 * float(np.linalg.norm(np.ptp(body.points, axis=0))) or 1.0
+        away = 2 * float(np.linalg.norm(np.ptp(geometry.points, axis=0))) or 1.0
         plotter.camera_position = [tuple(focus + away * view.toward), tuple(focus), tuple(view.up)]
         plotter.camera.parallel_projection = True
         plotter.camera.parallel_scale = half

@@ -1,1 +1,1 @@
-"""A flow through time: in a window, in a browser, and as one page."""
+"""The viewer: the states of a flow in a window, in a browser, or as one page."""

@@ -1,9 +1,9 @@
-"""The viewer in a browser: trame serves it, VTK draws it here, and another thread computes what is turned."""
+"""The viewer in a browser: trame serves the page, VTK draws here, and a second thread computes."""
 
 import asyncio
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from dataclasses import replace
 from typing import Any
@@ -11,15 +11,15 @@ from typing import Any
 from meshflow.errors import InputError, need
 from meshflow.surfaces.lift import Noun
 from meshflow.view.look import Look
-from meshflow.viewer.controls import Address, Dials
-from meshflow.viewer.curves import curves, told
+from meshflow.viewer.controls import Address, Controls
+from meshflow.viewer.curves import curves_as_picture, told
+from meshflow.viewer.guard import Between, OneOf, Rule, Visitors, guard_protocol, guard_requests
 from meshflow.viewer.player import Player
 from meshflow.viewer.screen import COLOURINGS, Screen
 from meshflow.viewer.timeline import Timeline
 
-__all__ = ["LOOPBACK", "Served"]
+__all__ = ["Served"]
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 SETTLE = 0.3  # seconds for which a knob must rest before anything is computed
 POLL = 0.05  # seconds between looks at what the other thread has done
 
@@ -27,26 +27,27 @@ POLL = 0.05  # seconds between looks at what the other thread has done
 class Served(Player):
     """A page that shows a timeline.
 
-    :ivar url: where it is; with its token, where it is bound beyond this machine.
-    :param dials: what can be turned.
-    :param address: beyond loopback only who knows the token of the url is let in.
+    :ivar url: where it is, with its token: only who knows it is let in, on this machine, too, where pages of other sites are
+        open in the same browser.
+    :param desk: what can be turned.
+    :param address: where to listen.
     :raises InputError: for a port that is taken, or an address that is not this machine's.
     :raises MissingPackage: without ``meshflow[web]``, and where VTK cannot draw.
     """
 
-    def __init__(self, dials: Dials, timeline: Timeline, look: Look, address: Address) -> None:
+    def __init__(self, desk: Controls, timeline: Timeline, look: Look, address: Address) -> None:
         need("trame_pyvista", "web")
         from trame.app import get_server
 
         self.look, host = look, address.host
         self.host, self.port, self._opened = host, _free(host, address.port), address.opened
-        self.token = "wslink-secret" if host in LOOPBACK else secrets.token_urlsafe(24)
+        self.token = secrets.token_urlsafe(24)
         shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
-        self.url = f"http://{shown}:{self.port}/" + ("" if host in LOOPBACK else f"?secret={self.token}")
+        self.url = f"http://{shown}:{self.port}/?secret={self.token}"
         # A page may be of any shape: framed for a square, nothing is cut off where it is wider.
         square = replace(look, size=(min(look.size),) * 2)
         screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), square, off_screen=True)
-        super().__init__(dials, timeline, screen)
+        super().__init__(desk, timeline, screen)
         self._server: Any = get_server(f"meshflow-{self.port}", client_type="vue3")
         self._wanted = 0
         self._polling: asyncio.Task[None] | None = None
@@ -65,6 +66,7 @@ class Served(Player):
         server.cli.parse_known_args = lambda *_, **__: (options, [])
 
         def told_ready(**_: Any) -> None:
+            """Say where the page is, and open it."""
             if ready is not None:
                 ready(self.url)
             if self._opened:
@@ -72,14 +74,43 @@ class Served(Player):
 
                 webbrowser.open(self.url)
 
-        server.controller.on_server_bind.add(_launched)
+        server.controller.on_server_bind.add(self._bound)
+        server.add_protocol_to_configure(lambda protocol: guard_protocol(protocol, self._rules, self._refused))
         server.controller.on_server_ready.add(told_ready)
         with closing(self.screen.plotter):
             server.start(open_browser=False, show_connection_info=False, disable_logging=True)
         self._work.leave()
 
+    def _bound(self, server: Any) -> None:
+        """Before the first request: refuse those of other sites."""
+        guard_requests(server.app, Visitors(self.host))
+        _launched(server)
+
+    def _rules(self) -> dict[str, Rule]:
+        """What a client may set: the time, the colours, the controls of the flow that is shown, and the drawer of the page."""
+        rules: dict[str, Rule] = {
+            "at": Between(0, len(self.timeline) - 1, whole=True),
+            "colouring": OneOf(COLOURINGS),
+            "main_drawer": OneOf((True, False)),
+        }
+        for control in self.desk.controls():
+            items = control.get("items")
+            allowed = Between(control["low"], control["high"]) if items is None else OneOf(tuple(items))
+            rules[f"knob_{control['name']}"] = allowed
+        return rules
+
+    def _refused(self, keys: Iterable[str]) -> None:
+        """A client gets back what it may not change; of a control it hears why."""
+        state, own = self._server.state, self._rules()
+        for key in keys:
+            if key in own:
+                state.message = f"{key.removeprefix('knob_')}: the control cannot have this value; nothing was changed"
+            if state.has(key):
+                self._server.protocol.clear_state_client_cache(key)
+                state.dirty(key)
+
     def _page(self) -> None:
-        """What stands where."""
+        """Lay out the page."""
         from trame.ui.vuetify3 import SinglePageWithDrawerLayout
         from trame.widgets import html
         from trame.widgets import vuetify3 as v
@@ -95,7 +126,7 @@ class Served(Player):
             layout.footer.hide()
             with layout.toolbar:
                 v.VSpacer()
-                html.Span("{{ told }}", id="told", classes="text-body-2 mr-4")
+                html.Span("{{ told }}", id="told", classes="text-geometry-2 mr-4")
                 with v.VBtnToggle(v_model=("colouring",), density="compact", mandatory=True):
                     for name in COLOURINGS:
                         v.VBtn(name, value=name, size="small", id=f"show_{name}")
@@ -123,21 +154,21 @@ class Served(Player):
 
     def _drawer(self, html: Any, v: Any, layout: Any) -> None:
         with html.Div(classes="pa-3"):
-            html.Div(v_html=("curves",), id="curves")
+            html.Img(src=("curves",), id="curves", alt="area, and what was removed, over time", style="width:100%")
             v.VProgressLinear(model_value=("busy",), v_show=("busy > 0",), height=6, color="primary", id="busy")
-            html.Div("{{ message }}", classes="text-error text-body-2", id="message")
+            html.Div("{{ message }}", classes="text-error text-geometry-2", id="message")
             self._server.ui.knobs(layout)
             v.VBtn("save this state", click=self._write, size="small", classes="mt-4", id="save")
-            html.Div("{{ saved }}", classes="text-body-2 mt-1", id="saved")
-            html.Div("the command that makes it:", classes="text-body-2 mt-3")
+            html.Div("{{ saved }}", classes="text-geometry-2 mt-1", id="saved")
+            html.Div("the command that makes it:", classes="text-geometry-2 mt-3")
             html.Pre("{{ command }}", id="command", style="white-space:pre-wrap;word-break:break-all;font-size:11px")
 
     def _knobs(self) -> None:
-        """The knobs of the flow that is shown; another method has others."""
+        """Show the controls of the current flow; they depend on the method."""
         from trame.widgets import html
         from trame.widgets import vuetify3 as v
 
-        state, controls = self._server.state, self.dials.controls()
+        state, controls = self._server.state, self.desk.controls()
         self._values = {control["name"]: control["value"] for control in controls}
         state.update({f"knob_{name}": value for name, value in self._values.items()})
         fresh = set(self._values) - self._heard
@@ -148,7 +179,7 @@ class Served(Player):
             place.clear()
             for control in controls:
                 name, model = control["name"], (f"knob_{control['name']}",)
-                html.Div(f"{control['label']}: {{{{ {self._shown(control)} }}}}", classes="text-body-2 mt-2")
+                html.Div(f"{control['label']}: {{{{ {self._shown(control)} }}}}", classes="text-geometry-2 mt-2")
                 if "items" in control:
                     v.VSelect(v_model=model, items=(control["items"],), density="compact", hide_details=True, id=name)
                     continue
@@ -162,17 +193,17 @@ class Served(Player):
     def _say(self) -> None:
         state = self._server.state
         state.update({"last": len(self.timeline) - 1, "told": told(self.timeline, self.index)})
-        state.curves = curves(self.timeline, self.index)
-        state.command = self.dials.command(self.timeline.moments[self.index].time)
+        state.curves = curves_as_picture(self.timeline, self.index)
+        state.command = self.desk.command(self.timeline.moments[self.index].time)
 
     def _slid(self, **_: Any) -> None:
-        """The slider stands elsewhere, or other colours are asked for."""
+        """The slider was moved, or other colours were chosen."""
         state = self._server.state
         self.colouring = "removed" if state.colouring == "removed" else "surface"
         self.move(int(state.at))
 
     def _turned(self, **_: Any) -> None:
-        """A knob stands elsewhere; once it rests another run begins."""
+        """A control was changed; once it rests, a new run begins."""
         values = {name: self._server.state[f"knob_{name}"] for name in self._values}
         if values == self._values:
             return
@@ -227,6 +258,7 @@ def _launched(server: Any) -> None:
     from aiohttp import web
 
     async def session(request: Any) -> Any:
+        """The address of the one session that there is."""
         scheme = "wss" if request.secure else "ws"
         return web.json_response({"sessionURL": f"{scheme}://{request.host}/ws"})
 

@@ -1,6 +1,7 @@
-"""What stands beside the body in a window of VTK: words on the state, curves of the run, knobs, and how far a run is."""
+"""The column beside the surface in a window of VTK: text on the state, curves of the run, controls, and a progress bar."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +25,21 @@ _BAR = 0.4  # of the progress
 _KNOBS = 0.34  # the uppermost knob
 
 
+@dataclass(frozen=True)
+class _Track:
+    """Where a slider runs, shares of the window, counted from where its renderer begins.
+
+    :ivar wide: the share of the window that its renderer has: lengths are shares of that.
+    """
+
+    left: float
+    right: float
+    height: float
+    wide: float = COLUMN
+
+
 class Column:
-    """The column of a window, and the slider over its states below the body.
+    """The column of a window, and the slider over its states below the geometry.
 
     :ivar mark: where the state that is shown stands on the axis of the curves, 0 to 1.
     :param plotter: one that :func:`meshflow.view.vtk_scene.single` made with a column.
@@ -43,7 +57,7 @@ class Column:
             self.plotter.renderer.AddViewProp(self._bar.actor)
 
     def say(self, *lines: str) -> None:
-        """Words at the top."""
+        """Write text at the top."""
         fit = max(int(0.92 * COLUMN * self.plotter.window_size[0] / _LETTER), 12)
         rows = [row for line in lines if line for row in wrap(line, fit, break_on_hyphens=False)]
         with _Within(self.plotter):
@@ -79,33 +93,31 @@ class Column:
                 self._write(curve.words, _PLOT[0] + _PLOT[1] + 0.022 * (1 - k), curve.colour, f"curve {k}")
 
     def mark_at(self, share: float) -> None:
-        """The state that is shown."""
+        """Mark the current state."""
         self.mark = share
         if self._marker is not None:
             self._marker.update([share, share], [0.0, 1.05])
 
     def slide_states(self, last: int, at: int, moved: Callable[[float], None]) -> Any:
-        """The slider over the states, below the body."""
-        ends = (0.04, 0.96 - COLUMN, 0.04)
-        return self._slider(
-            moved, ends, (0, last), at, "state", fmt="%.0f", interaction_event="always", wide=1.0 - COLUMN
-        )
+        """The slider over the states, below the geometry."""
+        track = _Track(0.04, 0.96 - COLUMN, 0.04, wide=1.0 - COLUMN)
+        return self._slider(moved, track, (0, last), at, "state", fmt="%.0f", interaction_event="always")
 
     def turn_knobs(self, controls: list[dict[str, Any]], turned: Callable[[str, Any], None]) -> None:
-        """The knobs of a flow, in place of those before; a choice is a slider that clicks from name to name."""
+        """Show the controls of a flow in place of the old ones; a choice is a slider that clicks from name to name."""
         for widget in self.knobs.values():
             widget.Off()
         self.knobs = {}
         with _Within(self.plotter):
             for k, control in enumerate(controls):
                 height = _KNOBS - k * (_KNOBS - 0.04) / max(len(controls) - 1, 3)
-                ends, name = (0.02, COLUMN - 0.02, height), control["name"]
+                track, name = _Track(0.02, COLUMN - 0.02, height), control["name"]
                 if "items" in control:
-                    self.knobs[name] = self._choice(control, ends, turned)
+                    self.knobs[name] = self._choice(control, track, turned)
                     continue
                 self.knobs[name] = self._slider(
                     lambda value, name=name: turned(name, value),
-                    ends,
+                    track,
                     (control["low"], control["high"]),
                     control["value"],
                     control["label"],
@@ -113,49 +125,43 @@ class Column:
                     interaction_event="end",
                 )
 
-    def _choice(
-        self, control: dict[str, Any], ends: tuple[float, float, float], turned: Callable[[str, Any], None]
-    ) -> Any:
+    def _choice(self, control: dict[str, Any], track: _Track, turned: Callable[[str, Any], None]) -> Any:
         items = control["items"]
         at = items.index(control["value"]) if control["value"] in items else 0
 
         def named(value: float, widget: Any) -> None:
+            """Write the choice that the slider is at."""
             widget.GetRepresentation().SetTitleText(f"{control['label']}: {items[round(value)]}")
 
         def let_go(widget: Any, _: Any) -> None:
+            """Snap to the nearest choice, and take it."""
             shown = widget.GetRepresentation()
             shown.SetValue(round(shown.GetValue()))
             turned(control["name"], items[round(shown.GetValue())])
 
         span = (0, len(items) - 1)
-        widget = self._slider(named, ends, span, at, "", fmt="", interaction_event="always", pass_widget=True)
+        widget = self._slider(named, track, span, at, "", fmt="", interaction_event="always", pass_widget=True)
         widget.AddObserver("EndInteractionEvent", let_go)
         return widget
 
     def _slider(
         self,
         moved: Callable[..., None],
-        ends: tuple[float, float, float],
+        track: _Track,
         span: tuple[float, float],
         value: float,
         title: str,
-        wide: float = COLUMN,
         **options: Any,
     ) -> Any:
-        """A slider that takes little room.
-
-        :param ends: from the left to the right, and how high, shares of the window, counted from where its renderer begins.
-        :param wide: the share of the window that its renderer has: lengths are shares of that.
-        """
+        """A slider that takes little room."""
         widget = self.plotter.add_slider_widget(
             moved, rng=span, value=value, title=title, color=_INK, slider_width=0.016, tube_width=0.002, **options
         )
         shown = widget.GetRepresentation()
-        left, right, height = ends
-        shown.GetPoint1Coordinate().SetValue(left, height)
-        shown.GetPoint2Coordinate().SetValue(right, height)
-        shown.SetSliderLength(0.009 / wide)
-        shown.SetEndCapLength(0.002 / wide)
+        shown.GetPoint1Coordinate().SetValue(track.left, track.height)
+        shown.GetPoint2Coordinate().SetValue(track.right, track.height)
+        shown.SetSliderLength(0.009 / track.wide)
+        shown.SetEndCapLength(0.002 / track.wide)
         shown.SetEndCapWidth(0.012)
         shown.SetLabelHeight(0.014)
         shown.SetTitleHeight(0.014)
@@ -169,7 +175,7 @@ class Column:
 
 
 class _Within:
-    """The column as the active renderer, for as long as it lasts; then that of the body again."""
+    """The column as the active renderer, for as long as it lasts; then that of the geometry again."""
 
     def __init__(self, plotter: Any) -> None:
         self.plotter = plotter
@@ -182,7 +188,7 @@ class _Within:
 
 
 class _Progress:
-    """A bar that grows to the right, across the column."""
+    """A progress bar across the column."""
 
     def __init__(self) -> None:
         import vtk
@@ -206,6 +212,7 @@ class _Progress:
         self.show(None)
 
     def show(self, share: float | None) -> None:
+        """Draw the bar up to a share; None hides it."""
         self.actor.SetVisibility(share is not None)
         right = 0.06 + 0.88 * max(share or 0.0, 0.01)  # what has begun is seen
         for corner, y in ((2, 1), (3, 0)):

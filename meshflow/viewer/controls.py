@@ -1,4 +1,4 @@
-"""What a viewer turns, whoever it is: the contract between the pages and windows here and the flow that they show."""
+"""The controls of a viewer: the contract between pages and windows and the flow that they show."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,14 +6,14 @@ from typing import Any, Protocol
 
 from meshflow.viewer.timeline import Timeline
 
-__all__ = ["Address", "Dials"]
+__all__ = ["Address", "Controls"]
 
 
 @dataclass(frozen=True)
 class Address:
     """Where a page is served.
 
-    :param host: address to listen at; beyond loopback only who knows the token of the address is let in.
+    :param host: address to listen at; only who knows the token of the page's address is let in.
     :param port: 0: any that is free.
     :param opened: a browser is opened.
     """
@@ -23,11 +23,11 @@ class Address:
     opened: bool = True
 
 
-class Dials(Protocol):
-    """What is turned; :class:`meshflow.viewer.session.Desk` is one."""
+class Controls(Protocol):
+    """The controls of a flow; :class:`meshflow.viewer.session.Desk` has them."""
 
     def controls(self) -> list[dict[str, Any]]:
-        """Knobs: ``name, label, value, low, high, step`` each; of a choice ``name, label, value, items``."""
+        """Numbers have ``name, label, value, low, high, step``, choices ``name, label, value, items``."""
         ...
 
     def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:
@@ -38,7 +38,7 @@ class Dials(Protocol):
         ...
 
     def shown(self, timeline: Timeline) -> None:
-        """The states of a run are what is seen from now on: what knobs, command line and saved states are of."""
+        """From now on the states of this run are shown: controls, command line and saved states refer to it."""
         ...
 
     def command(self, time: float) -> str:
@@ -46,7 +46,7 @@ class Dials(Protocol):
         ...
 
     def save(self, time: float) -> str:
-        """Write that state; where to.
+        """Write the state at a time; say where.
 
         :raises InputError: where it cannot be saved.
         """

@@ -1,5 +1,6 @@
 """Curves of a flow over its time, as a small drawing that a page or a window holds."""
 
+import base64
 from dataclasses import dataclass
 from html import escape
 
@@ -9,7 +10,7 @@ from meshflow.geometry.validation import Array
 from meshflow.view.numbers import plain
 from meshflow.viewer.timeline import Timeline
 
-__all__ = ["Curve", "across", "curves", "measures", "told"]
+__all__ = ["Curve", "across", "curves", "curves_as_picture", "measures", "told"]
 
 _WIDE, _HIGH, _EDGE = 320, 150, 8
 _AREA, _REMOVED = "#2b6cb0", "#c2410c"
@@ -30,7 +31,7 @@ class Curve:
 
 
 def told(timeline: Timeline, index: int) -> str:
-    """A state in words."""
+    """A state as text: its time, area, and what was removed."""
     moment = timeline.moments[index]
     unit = f" {timeline.unit}" if timeline.unit else ""
     words = [
@@ -42,7 +43,7 @@ def told(timeline: Timeline, index: int) -> str:
 
 
 def across(timeline: Timeline) -> Array:
-    """Where each state stands on the axis of time, 0 to 1: its square root, in which states are evenly apart."""
+    """The place of each state on the axis of time, 0 to 1: the square root of its time, so that states are evenly spaced."""
     times = np.sqrt([moment.time for moment in timeline.moments])
     return times / (times[-1] or 1.0)
 
@@ -57,6 +58,15 @@ def measures(timeline: Timeline) -> tuple[Curve, Curve]:
     )
     one, other = (Curve(np.asarray(values) / (max(values) or 1.0), hue, words) for values, hue, words in drawn)
     return one, other
+
+
+def curves_as_picture(timeline: Timeline, index: int) -> str:
+    """The drawing of :func:`curves` as the address of a picture (``data:``): what is in a picture cannot run as a script.
+
+    :param index: of the state that is marked.
+    """
+    packed = base64.b64encode(curves(timeline, index).encode()).decode("ascii")
+    return f"data:image/svg+xml;base64,{packed}"
 
 
 def curves(timeline: Timeline, index: int) -> str:
@@ -75,6 +85,7 @@ def curves(timeline: Timeline, index: int) -> str:
     text = f'<text x="{_EDGE}" y="{_HIGH - 6}" font-size="11" font-family="sans-serif">{"".join(names)}</text>'
     label = escape(told(timeline, index))
     return (
-        f'<svg viewBox="0 0 {_WIDE} {_HIGH}" width="100%" role="img" aria-label="{label}">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDE} {_HIGH}" width="{_WIDE}" height="{_HIGH}" '
+        f'role="img" aria-label="{label}">'
         f"{frame}{''.join(lines)}{marker}{text}</svg>"
     )

@@ -1,4 +1,4 @@
-"""From a thing to a film of its flow."""
+"""A film of data while it is smoothed."""
 
 from pathlib import Path
 from typing import Any, Unpack
@@ -8,71 +8,64 @@ from meshflow.estimate.settings import Settings
 from meshflow.flow.progress import Progress
 from meshflow.smoothing import flowing
 from meshflow.view.appearance import flowing_together, taken
-from meshflow.view.film import filmable, filmed
-from meshflow.view.look import Looks, looking
+from meshflow.view.film import Reel, filmable, filmed
+from meshflow.view.look import OF_PAIRS, Looks, looking
 from meshflow.view.pictures import Pictured
 from meshflow.view.quantity import Quantity
-from meshflow.view.renderer import How
 from meshflow.view.scene import Removed
 
-__all__ = ["film"]
+__all__ = ["Films", "film"]
 
-SIZE = (960, 720)
+SIZE, COUNT = (960, 720), 48
+
+
+class Films(Looks, total=False):
+    """The options of a film, by name.
+
+    :ivar count: how many states are shown, 48 by default.
+    :ivar rate: frames per second, 12 by default.
+    :ivar turn: degrees by which the camera walks around the surface meanwhile; 0, the default: it stands still.
+    :ivar quantity: what colour stands for: ``removed``, ``curvature``, ``edges``, ``triangles``, ``samples``; None: nothing.
+    """
+
+    count: int
+    rate: float
+    turn: float
+    quantity: Quantity | Removed | None
 
 
 def film(
-    thing: Any,
+    thing: object,
     path: str | Path,
     *,
-    count: int = 48,
-    rate: float = 12.0,
-    turn: float = 0.0,
-    quantity: Quantity | Removed | None = None,
-    contrast: float = 1.0,
-    how: How | None = None,
     overwrite: bool = False,
     settings: Settings | dict[str, Any] | None = None,
     progress: Progress = None,
-    **look: Unpack[Looks],
+    **options: Unpack[Films],
 ) -> Pictured:
-    """Film a thing while it is smoothed: the surface, or what was removed so far, or a quantity, over time.
+    """Film data while it is smoothed: the surface, or what was removed so far, or a quantity, over time.
 
     Colours, light and frame are the same in all frames, and the time is written into each; times grow with the square.
 
     :param thing: a :class:`meshflow.Document`, a noun, or anything that :func:`meshflow.smooth` takes.
     :param path: ``.mp4`` (needs ``pip install 'meshflow[film]'``) or ``.gif``.
-    :param count: how many states are shown.
-    :param rate: frames per second.
-    :param turn: degrees by which the camera walks around the surface meanwhile; 0: it stands still.
-    :param quantity: what colour stands for: ``removed``, ``curvature``, ``edges``, ``triangles``, ``samples``; None: nothing.
-    :param contrast: length per unit of the values, for ``edges``.
-    :param how: as in :func:`meshflow.view.compare`.
     :param overwrite: replace a file that is there.
     :param settings: of the flow, :class:`meshflow.Settings` or its fields by name; what is not given is estimated.
     :param progress: as in :func:`meshflow.smooth`.
-    :param look: the fields of :class:`meshflow.view.Look`.
+    :param options: those of :class:`Films`: how many states, how the film runs, what colour stands for; and the options of
+        :class:`meshflow.view.Look`.
     :raises InputError: for what cannot be smoothed or drawn.
     :raises FormatError: for a path that cannot be written, another extension, or a file that is there and is not to be replaced;
         before anything is computed.
     :raises MissingPackage: for ``.mp4`` without ffmpeg, and for what only VTK could draw where it cannot.
     """
-    looks: Looks = {"size": SIZE, **look}
-    seen, target = looking(**looks), filmable(path, overwrite)
+    count, quantity = options.pop("count", COUNT), options.pop("quantity", None)
+    rate, turn = options.pop("rate", Reel.rate), options.pop("turn", Reel.turn)
+    looks: Looks = {"size": SIZE, **options}
+    seen, target = looking((*OF_PAIRS, "unit"), **looks), filmable(path, overwrite)
     noun, notes = taken(thing, seen.own_colours)
     notes += flowing_together(thing)
     chosen = settings if isinstance(settings, Settings) else Settings(**(settings or {}))
     states = flowing(noun, chosen, count, progress)
-    unit = squared_unit(noun)
-    told = filmed(
-        states,
-        target,
-        seen,
-        time_unit=unit,
-        rate=rate,
-        turn=turn,
-        quantity=quantity,
-        contrast=contrast,
-        how=how,
-        overwrite=overwrite,
-    )
-    return Pictured(told.path, told.how, (*notes, *told.notes))
+    told = filmed(states, target, seen, Reel(rate, turn, squared_unit(noun)), quantity, overwrite)
+    return Pictured(told.path, told.renderer, (*notes, *told.notes))

@@ -17,11 +17,11 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import beside, must_be_free
 from meshflow.surfaces.lift import Image, Mesh, Noun
-from meshflow.view.geometry import Body, as_shown, drawable, embodied, raised, thinned
+from meshflow.view.geometry import Geometry, as_shown, drawable, geometry_of, raised, thinned
 from meshflow.view.look import Look
 from meshflow.view.pair import paired
 from meshflow.view.scale import Scale
-from meshflow.viewer.curves import curves, told
+from meshflow.viewer.curves import curves_as_picture, told
 from meshflow.viewer.timeline import Timeline
 
 __all__ = ["exportable", "exported"]
@@ -32,7 +32,7 @@ MANY = 24  # states of a page
 
 
 def exportable(path: str | Path, overwrite: bool) -> Path:
-    """A path that a page can be written to: asked before anything is computed.
+    """Check that a page can be written to a path, before anything is computed.
 
     :param overwrite: replace a file that is there.
     :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
@@ -49,7 +49,7 @@ def exportable(path: str | Path, overwrite: bool) -> Path:
 def exported(
     timeline: Timeline, path: str | Path, look: Look, command: Callable[[float], str], *, overwrite: bool = False
 ) -> tuple[str, ...]:
-    """Write the page; what is to be said of it.
+    """Write the page; return notes on it.
 
     Places are kept in 16 bits of the bounding box, what was removed in 8 bits of its scale: it is for looking.
 
@@ -68,20 +68,21 @@ def exported(
     images = [noun for noun in (seen, raised(last, look.seen)) if isinstance(noun, Image)]
     hues = as_shown(*images) if images else None
 
-    def body(noun: Noun) -> Body:
+    def geometry(noun: Noun) -> Geometry:
+        """A state as it is drawn."""
         thin = thinned(raised(noun, look.seen), step)
-        return embodied(thin, 1, exaggeration, hues, look.up, look.seen, look.own_colours)
+        return geometry_of(thin, look, 1, exaggeration, hues)
 
-    start = body(first)
-    view = start.view.framing(start.points, body(last).points)
+    start = geometry(first)
+    view = start.view.framing(start.points, geometry(last).points)
     scale = paired(first, last, None).removed.wearing(look.colours)
     states = []
     for index in shown:
         noun = timeline.at(index)
         removed = paired(first, noun, None).removed.thinned(step).values
-        moment = {"told": told(timeline, index), "curves": curves(timeline, index)}
+        moment = {"told": told(timeline, index), "curves": curves_as_picture(timeline, index)}
         moment["command"] = command(timeline.moments[index].time)
-        states.append((body(noun), removed, moment))
+        states.append((geometry(noun), removed, moment))
     data = _page(replace(start, view=view), states, scale, look)
     if isinstance(first, Mesh) and len(start.points) > HEAVY:
         notes = (*notes, f"{len(start.points)} vertices in {len(states)} states: the page has {len(data) >> 20} MB")
@@ -97,18 +98,18 @@ def exported(
     return notes
 
 
-def _page(start: Body, states: list[tuple[Body, Array, dict[str, str]]], scale: Scale, look: Look) -> str:
+def _page(start: Geometry, states: list[tuple[Geometry, Array, dict[str, str]]], scale: Scale, look: Look) -> str:
     """The numbers of a page."""
-    if any(len(body.points) != len(start.points) for body, _, _ in states):
+    if any(len(geometry.points) != len(start.points) for geometry, _, _ in states):
         raise InputError("states: the same samples in all of them expected")
-    low = np.min([body.points.min(axis=0) for body, _, _ in states], axis=0)
-    size = np.maximum(np.max([body.points.max(axis=0) for body, _, _ in states], axis=0) - low, 1e-300)
+    low = np.min([geometry.points.min(axis=0) for geometry, _, _ in states], axis=0)
+    size = np.maximum(np.max([geometry.points.max(axis=0) for geometry, _, _ in states], axis=0) - low, 1e-300)
     view = start.view
     sides = np.stack([view.right, view.up], axis=1)
     flat = start.points @ sides
     wide, tall = np.ptp(flat, axis=0)
     middle = (start.points.min(axis=0) + start.points.max(axis=0)) / 2
-    # the middle of a box lies beside that of what is seen of the body in it
+    # the middle of a box lies beside that of what is seen of the geometry in it
     middle = middle + sides @ ((flat.min(axis=0) + flat.max(axis=0)) / 2 - middle @ sides)
     found: dict[str, Any] = {
         "many": len(start.points),
@@ -128,9 +129,9 @@ def _page(start: Body, states: list[tuple[Body, Array, dict[str, str]]], scale: 
         "states": [],
     }
     before: list[Array] = []
-    for body, removed, words in states:
-        columns = list(np.round((body.points - low) / size * 65535).astype("<u2").T)
-        share = np.nan_to_num((removed.ravel()[body.samples] - scale.low) / (scale.high - scale.low), nan=0.5)
+    for geometry, removed, words in states:
+        columns = list(np.round((geometry.points - low) / size * 65535).astype("<u2").T)
+        share = np.nan_to_num((removed.ravel()[geometry.samples] - scale.low) / (scale.high - scale.low), nan=0.5)
         state: dict[str, Any] = dict(words)
         # What does not move is there once.
         state["columns"] = [
@@ -139,7 +140,7 @@ def _page(start: Body, states: list[tuple[Body, Array, dict[str, str]]], scale: 
         ]
         before = before or columns
         state["removed"] = _packed(np.round(255 * np.clip(share, 0, 1)).astype(np.uint8))
-        state["colours"] = None if body.colours is None else _packed(body.colours)
+        state["colours"] = None if geometry.colours is None else _packed(geometry.colours)
         found["states"].append(state)
     return json.dumps(found)
 

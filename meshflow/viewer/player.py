@@ -1,10 +1,10 @@
-"""The states of a flow on a screen, whoever shows them: which of them is seen, and what another thread does for it."""
+"""What window and page share: which state of a flow is shown, and what a second thread computes for it."""
 
 from collections.abc import Callable
 from typing import Any
 
 from meshflow.surfaces.lift import Noun
-from meshflow.viewer.controls import Dials
+from meshflow.viewer.controls import Controls
 from meshflow.viewer.screen import Colouring, Screen
 from meshflow.viewer.timeline import Timeline
 from meshflow.viewer.worker import Background, Gone
@@ -13,25 +13,25 @@ __all__ = ["Player"]
 
 
 class Player:
-    """States one after the other, knobs that make others of them, and what is computed for both in one other thread.
+    """The states of a flow, the controls that change it, and a second thread that computes for both.
 
     A window and a page are players; where words and knobs stand is theirs to say.
 
     :ivar screen: what is drawn.
     :ivar index: of the state that the slider is at.
     :ivar colouring: of the surface.
-    :param dials: what can be turned.
+    :param desk: what can be turned.
     """
 
-    def __init__(self, dials: Dials, timeline: Timeline, screen: Screen) -> None:
-        self.dials, self.timeline, self.screen = dials, timeline, screen
+    def __init__(self, desk: Controls, timeline: Timeline, screen: Screen) -> None:
+        self.desk, self.timeline, self.screen = desk, timeline, screen
         self.index = len(timeline) - 1
         self.colouring: Colouring = "surface"
         self._work = Background()
         self._values: dict[str, Any] = {}
 
     def move(self, index: float) -> None:
-        """To another state; one that is not in memory is computed again, and what was seen stays until then."""
+        """Show another state. One that is not in memory is computed again; until then the old one stays."""
         self.index = min(max(round(index), 0), len(self.timeline) - 1)
         self._marked()
         timeline, wanted = self.timeline, self.index
@@ -40,6 +40,7 @@ class Player:
             return
 
         def again(noun: Noun) -> None:
+            """Show the state that was computed, if it is still the one that is wanted."""
             if timeline is self.timeline and wanted == self.index:
                 self._seen(noun)
 
@@ -48,21 +49,21 @@ class Player:
     def save(self) -> None:
         """Write the state that the slider is at."""
         time = self.timeline.moments[self.index].time
-        self._ask("save", lambda _: self.dials.save(time), self._saved, self._saved)
+        self._ask("save", lambda _: self.desk.save(time), self._saved, self._saved)
 
     def _run(self, values: dict[str, Any]) -> None:
-        """Knobs stand elsewhere: what is computed is left, and another run begins."""
-        self._ask("run", lambda gone: self.dials.run(values, gone), self._arrived, self._failed)
+        """Cancel the current run and start a new one with these values of the controls."""
+        self._ask("run", lambda gone: self.desk.run(values, gone), self._arrived, self._failed)
 
     def _arrived(self, timeline: Timeline | None) -> None:
-        """The states of another run; another method has other knobs."""
+        """Show the states of a new run; another method has other controls."""
         if timeline is None:
             return
         self.timeline = timeline
-        self.dials.shown(timeline)
+        self.desk.shown(timeline)
         self.screen.recoloured(timeline.at(len(timeline) - 1))
         self._plotted()
-        if {control["name"] for control in self.dials.controls()} != set(self._values):
+        if {control["name"] for control in self.desk.controls()} != set(self._values):
             self._knobs()
         self.move(self.index)
 
@@ -75,7 +76,7 @@ class Player:
     # --- what a player says for itself ----------------------------------------------------------------------------------
 
     def _asked(self) -> None:
-        """Something is to be computed: look after it until it is done."""
+        """A computation was asked for: poll until it is done."""
         raise NotImplementedError
 
     def _marked(self) -> None:
@@ -91,7 +92,7 @@ class Player:
         raise NotImplementedError
 
     def _knobs(self) -> None:
-        """Show the knobs of another flow."""
+        """Show the controls of another flow."""
         raise NotImplementedError
 
     def _failed(self, message: str) -> None:

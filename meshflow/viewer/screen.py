@@ -8,8 +8,8 @@ import numpy as np
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.lift import Image, Noun
-from meshflow.view import vtk_scene as scene
-from meshflow.view.geometry import Body, as_shown, drawable, embodied, raised, thinned
+from meshflow.view import vtk_scene
+from meshflow.view.geometry import Geometry, as_shown, drawable, geometry_of, raised, thinned
 from meshflow.view.look import Look
 from meshflow.view.pair import paired
 from meshflow.view.probe import displayed, rendering
@@ -24,14 +24,14 @@ COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 
 
 class Screen:
-    """A plotter that shows a noun, and then others of the same samples, in one frame and one scale of colours.
+    """A plotter that shows states of the same samples in one frame and one colour scale.
 
     :ivar plotter: of pyvista; the caller closes it.
     :ivar notes: sentences for the user.
     :param first: the start of a flow.
     :param last: its end: frame and colours hold both.
     :param off_screen: draw without a window.
-    :param column: beside the body there is room for a column, as :func:`meshflow.view.vtk_scene.single` has it.
+    :param column: beside the geometry there is room for a column, as :func:`meshflow.view.vtk_scene.single` has it.
     :raises InputError: where there is nothing to draw.
     :raises MissingPackage: where VTK cannot draw.
     """
@@ -53,14 +53,14 @@ class Screen:
         self._step, self._exaggeration, self.notes = drawable(seen, look, SAMPLES)
         images = [noun for noun in (seen, raised(last, look.seen)) if isinstance(noun, Image)]
         self._shown = as_shown(*images) if images else None
-        body, end = self._body(first), self._body(last)
-        body = replace(body, view=body.view.framing(body.points, end.points))
+        geometry, end = self._body(first), self._body(last)
+        geometry = replace(geometry, view=geometry.view.framing(geometry.points, end.points))
         self._scale = self._removed(last)
-        self.plotter = scene.single(body, look, off_screen, column=column)
-        self._seen: tuple[Body, Scale | None] = body, None
+        self.plotter = vtk_scene.single(geometry, look, off_screen, column=column)
+        self._seen: tuple[Geometry, Scale | None] = geometry, None
         self._stands_in = False
         self._turning = Turning(self.plotter, [], smoothed=False, prepared=self._coarse)
-        self._surface: Any = self._drawn(body, None)
+        self._surface: Any = self._drawn(geometry, None)
 
     def recoloured(self, last: Noun) -> None:
         """Colours for states that end at another one."""
@@ -68,21 +68,21 @@ class Screen:
 
     def show(self, noun: Noun, colouring: Colouring = "surface") -> None:
         """A state, as it is or in the colours of what has been removed since the start."""
-        body, scale = self._body(noun), None
+        geometry, scale = self._body(noun), None
         if colouring == "removed":
             values = self._removed(noun).values
             scale = replace(self._scale, values=values)
-        self._seen, self._stands_in = (body, scale), False
+        self._seen, self._stands_in = (geometry, scale), False
         held, worn = self._surface, self._surface.active_scalars_name
-        textured = scale is None and body.texture is not None
-        same = colouring == self._colouring and (scale is not None or textured or body.colours is None)
-        places = body.corners if textured else body.points
-        if same and len(held.points) == len(places) and held.n_cells == len(body.faces):
+        textured = scale is None and geometry.texture is not None
+        same = colouring == self._colouring and (scale is not None or textured or geometry.colours is None)
+        places = geometry.corners if textured else geometry.points
+        if same and len(held.points) == len(places) and held.n_cells == len(geometry.faces):
             held.points = places  # the triangles are on the graphics card already
             if scale is not None and worn is not None:
-                held.point_data[worn] = scale.values.ravel()[body.samples]
+                held.point_data[worn] = scale.values.ravel()[geometry.samples]
         else:
-            self._surface = self._drawn(body, scale)
+            self._surface = self._drawn(geometry, scale)
         self._colouring = colouring
         self.plotter.render()
 
@@ -90,20 +90,19 @@ class Screen:
         """What is seen, (h, w, 3) in uint8."""
         return np.asarray(self.plotter.screenshot(None, return_img=True))[..., :3]
 
-    def _drawn(self, body: Body, scale: Scale | None) -> Any:
-        self._actor = scene.added(self.plotter, body, scale, "state", below=self._column)
+    def _drawn(self, geometry: Geometry, scale: Scale | None) -> Any:
+        self._actor = vtk_scene.added(self.plotter, geometry, scale, "state", below=self._column)
         return self._actor.mapper.dataset
 
     def _coarse(self) -> None:
         """What is seen while it turns, made when a hand takes hold of it: a slider over states need not wait for it."""
         if not self._stands_in:
-            self._turning.pairs = scene.coarsened(self.plotter, self._actor, *self._seen, "while it turns")
+            self._turning.pairs = vtk_scene.coarsened(self.plotter, self._actor, *self._seen, "while it turns")
             self._stands_in = True
 
-    def _body(self, noun: Noun) -> Body:
+    def _body(self, noun: Noun) -> Geometry:
         seen = thinned(raised(noun, self._look.seen), self._step)
-        look = self._look
-        return embodied(seen, 1, self._exaggeration, self._shown, look.up, look.seen, look.own_colours)
+        return geometry_of(seen, self._look, 1, self._exaggeration, self._shown)
 
     def _removed(self, noun: Noun) -> Scale:
         return paired(self._first, noun, None).removed.wearing(self._look.colours).thinned(self._step)

@@ -212,6 +212,7 @@ class Desk:
             session = self.session.turned(**there)
 
         def told(now: float, total: float) -> None:
+            """Pass on how far the run is, and end it where nobody waits for it."""
             if gone(now / total if total else 1.0):
                 raise Turned
 

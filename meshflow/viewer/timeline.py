@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import Lift, Mesh, Noun, RangeImage, data_of
 from meshflow.view.pair import paired
 
@@ -34,7 +36,7 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """States of a noun on its way.
+    """The states of a flow.
 
     :ivar moments: of each state, the start first.
     :ivar unit: of time.
@@ -115,18 +117,18 @@ def _area(noun: Noun) -> float:
 
 def _change(before: Noun, after: Noun) -> float:
     """Root mean square of what was removed, as the noise is counted: per channel; of points along their normals."""
-    if isinstance(before, Mesh) and isinstance(after, Mesh):
+    if isinstance(before, Mesh) or isinstance(after, Mesh):
+        before, after = cast(Mesh, before), cast(Mesh, after)  # they are of one kind
         if before.moves == "channels" and before.channels is not None and after.channels is not None:
             return _rms(np.square(before.channels.astype(np.float64) - after.channels))
         return _rms(np.square(paired(before, after, None).removed.values))
-    assert not isinstance(before, Mesh)
-    assert before.missing is not None
+    missing = holes(before)
     if isinstance(before, RangeImage) and isinstance(after, RangeImage):
         squares = np.square(before.depth.astype(np.float64) - after.depth)
     else:
         squares = np.square(data_of(before).astype(np.float64) - data_of(after))
-        squares = squares.reshape(*before.missing.shape, -1).mean(axis=2)
-    return _rms(squares[~before.missing])
+        squares = squares.reshape(*missing.shape, -1).mean(axis=2)
+    return _rms(squares[~missing])
 
 
 def _rms(squares: Array) -> float:

@@ -1,4 +1,4 @@
-"""The viewer as a window of VTK: a body, a slider over its states; curves, knobs, and what another thread does beside it."""
+"""The viewer as a window of VTK: a geometry, a slider over its states; curves, knobs, and what another thread does beside it."""
 
 from contextlib import closing
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from meshflow.surfaces.lift import Noun
 from meshflow.view.look import Look
 from meshflow.viewer.column import Column
-from meshflow.viewer.controls import Dials
+from meshflow.viewer.controls import Controls
 from meshflow.viewer.curves import across, told
 from meshflow.viewer.player import Player
 from meshflow.viewer.screen import Screen
@@ -20,19 +20,19 @@ _DOING = {"run": "computing", "state": "computing this state again", "save": "sa
 
 
 class Window(Player):
-    """A window that shows a timeline. Nothing that takes long is done in its own thread.
+    """A window that shows a timeline. Long computations run in a second thread.
 
-    :ivar column: what stands beside the body.
+    :ivar column: what stands beside the geometry.
     :ivar message: what is to be said: an error, where a state was saved, the command.
-    :param dials: what can be turned.
+    :param desk: what can be turned.
     :param off_screen: draw without a window, for tests and pictures.
     :raises InputError: where there is no display.
     :raises MissingPackage: where VTK cannot draw.
     """
 
-    def __init__(self, dials: Dials, timeline: Timeline, look: Look, off_screen: bool = False) -> None:
+    def __init__(self, desk: Controls, timeline: Timeline, look: Look, off_screen: bool = False) -> None:
         screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), look, off_screen, column=True)
-        super().__init__(dials, timeline, screen)
+        super().__init__(desk, timeline, screen)
         self.column, self.message = Column(screen.plotter), ""
         self._knobs()
         self._plotted()
@@ -40,7 +40,7 @@ class Window(Player):
         self.move(self.index)
 
     def show(self) -> None:
-        """Open it; back when it is closed, and a run that nobody waits for any more is left."""
+        """Open the window; return when it is closed, and cancel the current run."""
         plotter: Any = self.screen.plotter
         plotter.add_timer_event(max_steps=10**9, duration=POLL, callback=lambda _: self.poll())
         for key, done in (("r", self.recolour), ("s", self.save), ("c", self.command)):
@@ -50,12 +50,12 @@ class Window(Player):
         self._work.leave()
 
     def recolour(self) -> None:
-        """The surface as it is, or in the colours of what was removed."""
+        """Switch between the surface as it is and the colours of what was removed."""
         self.colouring = "surface" if self.colouring == "removed" else "removed"
         self.move(self.index)
 
     def turn(self, name: str, value: Any) -> None:
-        """A knob stands elsewhere."""
+        """A control was changed."""
         if value != self._values[name]:
             self._values = {**self._values, name: value}
             self._run(dict(self._values))
@@ -69,7 +69,7 @@ class Window(Player):
 
     def command(self) -> None:
         """Show the command line that makes this state."""
-        self._tell(self.dials.command(self.timeline.moments[self.index].time))
+        self._tell(self.desk.command(self.timeline.moments[self.index].time))
 
     def _asked(self) -> None:
         self._say()
@@ -92,7 +92,7 @@ class Window(Player):
     _failed = _saved = _tell
 
     def _knobs(self) -> None:
-        controls = self.dials.controls()
+        controls = self.desk.controls()
         self._values = {control["name"]: control["value"] for control in controls}
         self.column.turn_knobs(controls, self.turn)
 

@@ -1,4 +1,4 @@
-"""Work in one other thread, so that a window never waits: what is asked last counts, and what it replaces is left."""
+"""Work in a second thread, so that a window stays responsive: the last request of a kind replaces earlier ones."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class _Task:
 
 
 class Background:
-    """One thing after the other, of each kind the one that was asked for last.
+    """Runs one task after the other; of each kind, the last that was asked for.
 
     There is one thread, never two: what is computed there runs on all cores as it is.
 
@@ -57,12 +57,12 @@ class Background:
             self._begin()
 
     def leave(self) -> None:
-        """Nobody waits for anything any more."""
+        """Cancel all work."""
         self._waiting.clear()
         self._left = True
 
     def poll(self) -> None:
-        """Hand over what is ready, and begin what waits."""
+        """Deliver what is done, and start what waits."""
         if self._outcome is None or self._running is None:
             return
         task, (result, message), left = self._running, self._outcome, self._left
@@ -79,6 +79,7 @@ class Background:
 
     def _run(self, task: _Task) -> None:
         def gone(share: float) -> bool:
+            """Note how far the work is; whether nobody waits for it."""
             self.share = share
             return self._left
 
