@@ -124,13 +124,13 @@ def test_the_method_knob_of_a_mesh_begins_another_run_and_brings_its_own_knobs(o
     assert set(window.column.knobs) == {"method", "scale", "order"}
     before = window.timeline
     choice = window.column.knobs["method"]
-    items = window.dials.controls()[0]["items"]
+    items = window.desk.controls()[0]["items"]
     choice.GetRepresentation().SetValue(items.index("curvature") + 0.3)  # it clicks to the nearest
     for event in ("InteractionEvent", "EndInteractionEvent"):
         choice.InvokeEvent(event)
     assert choice.GetRepresentation().GetTitleText() == "method: curvature"
     until(window, lambda: window.timeline is not before)
-    assert window.dials.session.word == "curvature"
+    assert window.desk.session.word == "curvature"
     assert set(window.column.knobs) == {"method", "scale"}
 
 

@@ -61,13 +61,14 @@ class BuildLibrary(build_py):
 
     def run(self) -> None:
         """Copy, and compile for every instruction set of the target."""
-        super().run()
         target = compiler.Target.wanted()
         if self.editable_mode:
+            super().run()
             library.loaded()
             return
+        shutil.rmtree(self.build_lib, ignore_errors=True)  # what an earlier build left, of files that are no more
+        super().run()
         place = Path(self.build_lib, PLACE, "_lib")
-        shutil.rmtree(place, ignore_errors=True)  # of an earlier build, for another machine perhaps
         place.mkdir(parents=True)
         objects = Path(self.get_finalized_command("build").build_temp, "kernels")  # pyright: ignore[reportAttributeAccessIssue]
         for level in target.instruction_sets:

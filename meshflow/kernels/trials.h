@@ -88,7 +88,7 @@ inline i64 trial_endless(i64 parts, Stop stop, i32 threads) {
     const bool whole = parallel_for(parts, threads, [&](i64, i32) {
         for (int turn = 0; turn < 10000; ++turn) done.fetch_add(1, std::memory_order_relaxed);
     }, stop);
-    return whole ? 0 : CANCELLED;
+    return whole ? i64(0) : i64(CANCELLED);
 }
 
 }  // namespace meshflow
