@@ -101,8 +101,7 @@ class MeshFlow(Dense):
         out = np.empty_like(u) if out is None else out
         linear = self._linear and len(c.border) > 0
         inverse = np.empty(len(u)) if linear else None
-        kind = operator.mass_kind(self.member.mass)
-        sharpest = march_blocks(blocks, u, kind, self.held, keep, dt, out, inverse)
+        sharpest = march_blocks(blocks, u, keep, dt, out, inverse)
         if sharpest > thinnest:
             return None
         if inverse is not None:
@@ -112,7 +111,8 @@ class MeshFlow(Dense):
     @cached_property
     def _blocks(self) -> Blocks | None:
         """Made when the first explicit step asks for them."""
-        return blocked(self.surface.points, self._triangulations[0].connectivity.faces)
+        faces, kind = self._triangulations[0].connectivity.faces, operator.mass_kind(self.member.mass)
+        return blocked(self.surface.points, faces, kind, self.held)
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""

@@ -85,8 +85,8 @@ class FacetFlow(Dense):
         normals, areas = facets.measured(x, faces)
         weights = facets.conductances(x, faces, self._across)
         sweeps = max(1, round(dt / (SWEEP * self.step**2)))
-        how = self.how
-        normals = facets.spread(normals, areas, weights, self._across, dt / sweeps, how.contrast, how.sharpness, sweeps)
+        by = facets.NormalDiffusion(areas, weights, self._across, self.how.contrast, self.how.sharpness)
+        normals = facets.spread(normals, by, dt / sweeps, sweeps)
         return facets.followed(x, self.connectivity, normals, self.held, FOLLOWED)
 
     def area(self, u: Array) -> float:
