@@ -136,7 +136,7 @@ def test_mean_curvature_diffusion_conserves_the_plain_mean_for_all_time():
     rng = np.random.default_rng(3)
     field = HeightField(rng.normal(size=(32, 32)) * 3)
     flow = MeshFlow(field.lifted(Lift(boundary="natural", diagonals="forward")), Member(gamma=-1.0))
-    base = flow._sheets[0].flat
+    base = flow._triangulations[0].flat
     last = end(flow, 1.0)
     assert (base @ last.u) == pytest.approx(base @ flow.start(), abs=1e-10 * np.abs(base @ np.abs(flow.start())).max())
     assert last.u.std() < 0.9 * flow.start().std()

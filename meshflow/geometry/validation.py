@@ -99,9 +99,9 @@ def indices_of(faces: Array) -> Array:
 NOWHERE: Array = np.zeros(0, bool)
 
 
-def nowhere() -> Array:
-    """:data:`NOWHERE`, as the default of a field."""
-    return NOWHERE
+def nowhere(mask: Array | None = None) -> Array:
+    """The mask, or :data:`NOWHERE` for None: the default of fields that hold masks."""
+    return NOWHERE if mask is None else mask
 
 
 def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:

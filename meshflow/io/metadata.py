@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, nowhere, truth_of
+from meshflow.geometry.validation import Array, truth_of
 from meshflow.surfaces.camera import Camera, Measure
 from meshflow.surfaces.lift import Moves, Pace
 
@@ -140,14 +140,14 @@ class ReadOptions:
         return tuple(field.name for field in fields(self) if getattr(self, field.name) is not field.default)
 
     @property
-    def missing_mask(self) -> Array:
-        """``missing`` as an array; of no size where it is not given: nowhere."""
-        return nowhere() if self.missing is None else np.asarray(self.missing)
+    def missing_mask(self) -> Array | None:
+        """``missing`` as an array."""
+        return None if self.missing is None else np.asarray(self.missing)
 
     @property
-    def fixed_mask(self) -> Array:
-        """``fixed`` as an array; of no size where it is not given: nowhere."""
-        return nowhere() if self.fixed is None else np.asarray(self.fixed)
+    def fixed_mask(self) -> Array | None:
+        """``fixed`` as an array."""
+        return None if self.fixed is None else np.asarray(self.fixed)
 
     @property
     def attribute(self) -> str | None:
