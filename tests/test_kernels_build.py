@@ -193,7 +193,9 @@ def test_each_kind_of_compiler_is_told_in_its_own_words():
     source, to = KERNELS / "arrays.cpp", Path("arrays.o")
     here = Target("x86_64", "linux")
     gcc, zig = Compiler(("g++-12",), here), Compiler(("python", "-m", "ziglang", "c++"), here)
-    cl = Compiler(("cl",), Target("x86_64", "windows"))
+    cl, mac = Compiler(("cl",), Target("x86_64", "windows")), Compiler(("clang++",), Target("aarch64", "macos"))
+    assert "-mmacosx-version-min=11.0" in mac.compile(source, to, "baseline")
+    assert not any("march" in word for word in mac.compile(source, to, "baseline"))
     assert {"-march=x86-64-v3", "-ffp-contract=off", "-fPIC", "-DMESHFLOW_LEVEL=3"} <= set(
         gcc.compile(source, to, "v3")
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
@@ -10,10 +10,14 @@ from trimesh.exchange.obj import export_obj
 from trimesh.exchange.off import export_off
 
 from meshflow.errors import FormatError
+from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import carries, stored_normals
 from meshflow.io.formats.vtk import save_polydata
 from meshflow.io.vertex_merging import joined
 from meshflow.surfaces.lift import Mesh
+
+if TYPE_CHECKING:
+    import pyvista
 
 __all__ = ["bare_scene", "save"]
 
@@ -51,7 +55,7 @@ _HOLDS = {
 _HOLDS[".vtk"] = _HOLDS[".vtp"]
 
 
-def save(scene: Any, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+def save(scene: trimesh.Scene, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
     """Write a scene at ``path``, which then becomes ``target``.
 
     :returns: what is lost, in sentences.
@@ -66,7 +70,8 @@ def save(scene: Any, path: Path, target: Path, tags: Mapping[str, str]) -> tuple
         notes.extend(_save_obj(scene, meshes, path, target))
         return tuple(notes)
     if suffix == ".glb":
-        path.write_bytes(scene.export(file_type="glb"))
+        content = scene.export(file_type="glb")
+        path.write_bytes(content if isinstance(content, bytes) else str(content).encode())
         return tuple(notes)
     one = meshes[0] if len(meshes) == 1 and np.allclose(_frame(scene), np.eye(4), atol=0) else scene.to_mesh()
     if suffix == ".off" and carries(one):
@@ -86,7 +91,7 @@ def save(scene: Any, path: Path, target: Path, tags: Mapping[str, str]) -> tuple
     return tuple(notes)
 
 
-def bare_scene(noun: Mesh) -> Any:
+def bare_scene(noun: Mesh) -> trimesh.Scene:
     """A scene of a mesh that came from no mesh file, its channels as the vertex attribute ``channels``."""
     channels: Any = {} if noun.channels is None else {"channels": np.array(noun.channels)}
     return trimesh.Scene(
@@ -94,7 +99,7 @@ def bare_scene(noun: Mesh) -> Any:
     )
 
 
-def _frame(scene: Any) -> Any:
+def _frame(scene: trimesh.Scene) -> Array:
     nodes = scene.graph.nodes_geometry
     return scene.graph[nodes[0]][0] if len(nodes) else np.eye(4)
 
@@ -127,14 +132,14 @@ def _lost(meshes: list[Any], suffix: str) -> Iterator[str]:
         yield f"{suffix[1:].upper()} does not hold: {', '.join(names)}"
 
 
-def _rounded(meshes: list[Any], suffix: str) -> Iterator[str]:
+def _rounded(meshes: list[trimesh.Trimesh], suffix: str) -> Iterator[str]:
     points = np.concatenate([mesh.vertices for mesh in meshes])
     error = float(np.abs(points.astype(np.float32) - points).max())
     if error:
         yield f"positions are rounded to float32 on the way to {suffix[1:].upper()}, by up to {error:.1g}; VTP keeps them"
 
 
-def _prepare_ply(mesh: Any) -> Iterator[str]:
+def _prepare_ply(mesh: trimesh.Trimesh) -> Iterator[str]:
     """Names and types that the PLY writer of trimesh can write, in place of those of the mesh, which is a copy."""
     for attributes in (mesh.vertex_attributes, mesh.face_attributes):
         for name in list(attributes):
@@ -148,7 +153,7 @@ def _prepare_ply(mesh: Any) -> Iterator[str]:
             attributes[word] = values.astype(np.uint8) if values.dtype == bool else values
 
 
-def _save_obj(scene: Any, meshes: list[Any], path: Path, target: Path) -> Iterator[str]:
+def _save_obj(scene: trimesh.Scene, meshes: list[trimesh.Trimesh], path: Path, target: Path) -> Iterator[str]:
     """OBJ with its materials and images beside it; the writer of trimesh counts all corners by their vertices alone."""
     uv = {getattr(mesh.visual, "uv", None) is not None for mesh in meshes}
     if len(uv) > 1:
@@ -177,7 +182,7 @@ def _save_obj(scene: Any, meshes: list[Any], path: Path, target: Path) -> Iterat
         yield f"written beside {target.name}: {', '.join(files)}"
 
 
-def _polydata(mesh: Any) -> Any:
+def _polydata(mesh: Any) -> "pyvista.PolyData":
     import pyvista
 
     poly = pyvista.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))

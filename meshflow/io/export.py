@@ -1,13 +1,16 @@
 """A range image as points, normals, a mesh: of trimesh, open3d or pyvista, with the colours of a picture of the same size."""
 
 from dataclasses import dataclass
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError, need
+from meshflow.geometry.normals import normals_at
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Lift, Mesh, RangeImage
+from meshflow.surfaces.lift import Lift, RangeImage
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -37,18 +40,17 @@ class _Shell:
         towards = -self.sights
         if len(self.faces) == 0:
             return towards
-        mesh = Mesh(np.where(self.there[:, None], self.points, 0.0), self.faces).normals
-        assert mesh is not None
+        mesh = normals_at(np.where(self.there[:, None], self.points, 0.0), self.faces)
         return np.where((mesh != 0).any(axis=1)[:, None], mesh, towards)
 
 
 @overload
 def to_points(image: RangeImage, colours: None = None) -> Array: ...
 @overload
-def to_points(image: RangeImage, colours: Any) -> tuple[Array, Array]: ...
+def to_points(image: RangeImage, colours: ArrayLike) -> tuple[Array, Array]: ...
 
 
-def to_points(image: RangeImage, colours: Any = None) -> Array | tuple[Array, Array]:
+def to_points(image: RangeImage, colours: ArrayLike | None = None) -> Array | tuple[Array, Array]:
     """The points (n, 3) of the samples that are there, row by row, in the frame of the camera.
 
     :param colours: as of :func:`to_mesh`.
@@ -66,7 +68,7 @@ def to_normals(image: RangeImage) -> Array:
     return shell.normals[shell.there]
 
 
-def to_mesh(image: RangeImage, colours: Any = None) -> "trimesh.Trimesh":
+def to_mesh(image: RangeImage, colours: ArrayLike | None = None) -> "trimesh.Trimesh":
     """The triangles between the samples, but those across jumps, turned towards the camera; points of no triangle are left out.
 
     :param colours: (h, w, 3) or (h, w, 4), whole numbers of 8 or 16 bit or floating point from 0 to 1: the picture of the same
@@ -80,7 +82,11 @@ def to_mesh(image: RangeImage, colours: Any = None) -> "trimesh.Trimesh":
 
 
 def to_open3d(
-    image: RangeImage, colours: Any = None, kind: Literal["mesh", "points"] = "mesh", *, tensor: bool = False
+    image: RangeImage,
+    colours: ArrayLike | None = None,
+    kind: Literal["mesh", "points"] = "mesh",
+    *,
+    tensor: bool = False,
 ) -> Any:
     """The same for open3d: a TriangleMesh as :func:`to_mesh`, or a PointCloud as :func:`to_points`; with normals.
 
@@ -114,7 +120,7 @@ def to_open3d(
     return made
 
 
-def to_pyvista(image: RangeImage, colours: Any = None) -> "pv.StructuredGrid":
+def to_pyvista(image: RangeImage, colours: ArrayLike | None = None) -> "pv.StructuredGrid":
     """A StructuredGrid of h x w points, with the array ``depth`` (and ``colours``); missing samples are hidden (ghosts).
 
     (A structured grid cannot leave a triangle out: it bridges jumps, which :func:`to_mesh` does not.)
@@ -123,8 +129,7 @@ def to_pyvista(image: RangeImage, colours: Any = None) -> "pv.StructuredGrid":
     """
     import pyvista as pv
 
-    paint, missing = _painted(image, colours), image.missing
-    assert missing is not None
+    paint, missing = _painted(image, colours), np.asarray(image.missing)
     depth = np.where(missing, np.median(image.depth[~missing]), image.depth).astype(np.float64)
     points = image.points_at(depth)
     grid = pv.StructuredGrid(*(np.ascontiguousarray(points[..., axis]) for axis in range(3)))
@@ -137,8 +142,9 @@ def to_pyvista(image: RangeImage, colours: Any = None) -> "pv.StructuredGrid":
     return grid
 
 
-def _tensor(open3d: Any, points: Array, faces: Array | None, normals: Array, paint: Array | None) -> Any:
-    def tensor(array: Array, kind: Any = np.float32) -> Any:
+def _tensor(open3d: ModuleType, points: Array, faces: Array | None, normals: Array, paint: Array | None) -> Any:
+    def tensor(array: Array, kind: type[np.generic] = np.float32) -> Any:
+        """A tensor of the array in another type."""
         return open3d.core.Tensor(np.ascontiguousarray(array, dtype=kind))
 
     if faces is None:
@@ -169,7 +175,7 @@ def _shell(image: RangeImage) -> _Shell:
     return _Shell(points, faces, there, sights)
 
 
-def _parts(image: RangeImage, colours: Any) -> tuple[Array, Array, Array | None]:
+def _parts(image: RangeImage, colours: ArrayLike | None) -> tuple[Array, Array, Array | None]:
     """Points, faces and colours of the samples that triangles use."""
     paint, shell = _painted(image, colours), _shell(image)
     if len(shell.faces) == 0:
@@ -181,7 +187,7 @@ def _parts(image: RangeImage, colours: Any) -> tuple[Array, Array, Array | None]
     return shell.points[used], corners.reshape(-1, 3), None if paint is None else paint[used]
 
 
-def _painted(image: RangeImage, colours: Any) -> Array | None:
+def _painted(image: RangeImage, colours: ArrayLike | None) -> Array | None:
     """Colours (h * w, 3) in uint8."""
     if colours is None:
         return None

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from affine import Affine
     from rasterio.crs import CRS
 
-__all__ = ["between_samples", "height_unit", "on_ellipsoid", "units_disagree"]
+__all__ = ["between_samples", "height_unit", "linear_unit", "on_ellipsoid", "units_disagree"]
 
 _METRES = {
     "m": 1.0,
@@ -97,14 +97,23 @@ def units_disagree(crs: "CRS | None", unit: str) -> tuple[str, ...]:
     """A note where heights and grid are known to be in different units: slopes would be wrong by their ratio."""
     if crs is None:
         return ()
-    name, across = ("metre", 1.0) if crs.is_geographic else crs.linear_units_factor
+    name, across = linear_unit(crs)
     up = _METRES.get(unit.lower().removesuffix("s"))
-    if up is None or abs(up / across - 1) < 1e-3:
+    if not name or up is None or abs(up / across - 1) < 1e-3:
         return ()
     return (
         f"heights in {unit} above a grid in {name}: slopes are wrong by {across / up:.4g}; nothing was converted, "
         f"contrast={up / across:.5g} makes up for it",
     )
+
+
+def linear_unit(crs: "CRS") -> tuple[str, float]:
+    """The name of the unit of lengths on the ground and its metres: the metre where the grid is in degrees, as it is measured in
+    metres; ``("", 1.0)`` of a CRS that has none.
+    """
+    if crs.is_geographic:
+        return "metre", 1.0
+    return crs.linear_units_factor if crs.is_projected else ("", 1.0)
 
 
 def _ellipsoid(crs: "CRS") -> tuple[float, float]:

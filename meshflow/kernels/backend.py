@@ -7,7 +7,6 @@ the C++ files. An editable install compiles into the source tree, as the first u
 
 import re
 import shutil
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -99,12 +98,11 @@ class NamedForAnyPython(bdist_wheel):
 
     def get_tag(self) -> tuple[str, str, str]:
         """Any Python 3, no interface of Python, and the system that the library runs on."""
-        made = compiler.found()
-        platform = super().get_tag()[2]
-        if made and made.kind == "zig":
+        made, platform = compiler.found(), super().get_tag()[2]
+        if made and made.kind != "zig" and made.target.system == "linux":
+            platform = _tag_of_linux(self.bdist_dir or "", made.target, platform)
+        elif made and made.target.system in compiler.SYSTEMS:
             platform = made.target.tag
-        elif sys.platform == "linux":
-            platform = _tag_of_linux(self.bdist_dir or "", platform)
         return "py3", "none", platform
 
 
@@ -112,15 +110,14 @@ def _yes() -> bool:
     return True
 
 
-def _tag_of_linux(place: str, otherwise: str) -> str:
+def _tag_of_linux(place: str, target: compiler.Target, otherwise: str) -> str:
     """The tag for a library that this system's compiler has made: by the newest symbols of the C library that it asks for."""
     needed = {
         tuple(int(number) for number in version.split(b"."))
         for path in Path(place).rglob("meshflow-*.so")
         for version in re.findall(rb"\0GLIBC_(\d+\.\d+)", path.read_bytes())
     }
-    target = compiler.Target.here()
-    if not needed or target.system != "linux":
+    if not needed:
         return otherwise
     major, minor = max((2, 17), *[version[:2] for version in needed])
     return f"manylinux_{major}_{minor}_{target.machine}"

@@ -160,6 +160,7 @@ class Compiler:
             )
         if self.target.system != "windows":
             machine.append("-fPIC")
+        machine += self._oldest
         flags = [*FLAGS, *WARNINGS, *machine, f"-DMESHFLOW_LEVEL={digit}", *extra]
         return [*self.command, *flags, "-c", str(source), "-o", str(to)]
 
@@ -172,12 +173,18 @@ class Compiler:
         flags = ["-shared"]
         if self.kind == "zig":
             flags += ["-target", self._zig_target]
+        flags += self._oldest
         if self.target.system in ("linux", "musl"):
             flags += ["-lm", "-lpthread", "-Wl,--as-needed"]
             flags += [] if any("sanitize" in word for word in extra) else ["-Wl,-z,defs", "-s"]
         elif self.target.system == "windows" and self.kind == "zig":
             flags += ["-s"]
         return [*command, *names, *flags, *extra, "-o", str(to)]
+
+    @property
+    def _oldest(self) -> list[str]:
+        """The oldest macOS that it shall run on, as the tag of a wheel says."""
+        return ["-mmacosx-version-min=11.0"] if self.kind == "gnu" and self.target.system == "macos" else []
 
     @property
     def _zig_target(self) -> str:

@@ -1,8 +1,11 @@
 """Arrays of numpy, in memory and in .npy and .npz files."""
 
+import struct
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tokenize import TokenError
 from zipfile import BadZipFile
 
 import numpy as np
@@ -34,6 +37,22 @@ READS: tuple[str, ...] = (
     "unit",
 )
 WRITES: tuple[str, ...] = ()
+# What numpy raises on a file that is not what it claims to be; it allocates what a header promises.
+_BROKEN = (
+    OSError,
+    ValueError,
+    EOFError,
+    KeyError,
+    MemoryError,
+    NotImplementedError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    BadZipFile,
+    TokenError,
+    struct.error,
+    zlib.error,
+)
 _KEYS = ("z", "values", "depth", "data")
 # What each kind of array takes, and what it is called.
 _TAKES: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
@@ -232,9 +251,10 @@ def _load(path: Path) -> dict[str, Array]:
     try:
         found = np.load(path, allow_pickle=False)
         return dict(found) if isinstance(found, np.lib.npyio.NpzFile) else {"values": found}
-    except (OSError, ValueError, EOFError, BadZipFile, KeyError) as cause:
+    except _BROKEN as cause:
+        reason = " ".join(str(cause).split())[:300] or type(cause).__name__
         raise FormatError(
-            f"{path.name} cannot be read ({cause}); an array of numbers, as numpy.save and numpy.savez write it, is expected"
+            f"{path.name} cannot be read ({reason}); an array of numbers, as numpy.save and numpy.savez write it, is expected"
         ) from cause
 
 

@@ -1,10 +1,12 @@
 """The camera of a depth image: an object, the file that holds one, or the name of a convention."""
 
 import json
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 from zipfile import BadZipFile
 
@@ -18,6 +20,10 @@ from meshflow.surfaces.camera import Camera, Orthographic, Pinhole
 from meshflow.surfaces.scanner import Scanner, Spherical
 
 __all__ = ["CONVENTIONS", "Calibration", "calibration_for", "camera_for", "read_camera", "write_camera"]
+
+
+# What numpy and zlib raise on an .npz that is broken inside.
+_ZIPPED = (EOFError, MemoryError, SyntaxError, TokenError, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -154,23 +160,31 @@ def _calibration(source: object, shape: tuple[int, int]) -> Calibration:
         if path.suffix.lower() == ".npz":
             with np.load(path, allow_pickle=False) as arrays:
                 return Calibration(Scanner(arrays["directions"], arrays["origins"]))
-        text = path.read_text()
+        text = path.read_text("utf-8-sig")
         said = said_in(text, path.name) if path.suffix.lower() in (".yaml", ".yml") else json.loads(text)
     except InputError:
         raise
-    except (OSError, ValueError, KeyError, BadZipFile) as cause:  # ValueError: no JSON, or no text at all
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        BadZipFile,
+        RecursionError,
+        *_ZIPPED,
+    ) as cause:  # ValueError: no JSON, or no text
         raise FormatError(
             f"camera {path} cannot be read ({cause}); a name ({', '.join(CONVENTIONS)}), a camera_info YAML, or a JSON file "
             f"such as {_example(shape)} is expected"
         ) from cause
     said = said.get("intrinsic", said) if isinstance(said, dict) else {}
+    said = said if isinstance(said, dict) else {}
     try:
         camera = _camera(said, path)
         size = tuple(int(said[key]) if key in said else None for key in ("height", "width"))
         units = float(said["depth_scale"]) if said.get("depth_scale") else None
     except InputError:
         raise
-    except (KeyError, TypeError, ValueError) as cause:
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as cause:
         raise FormatError(
             f"camera {path.name}: no camera ({type(cause).__name__}: {cause}); expected {_example(shape)}"
         ) from cause

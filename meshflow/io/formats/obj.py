@@ -105,7 +105,8 @@ class Obj(MeshSource):
         """Copy material files and images to where the new file looks for them; say what could not be."""
         if target.parent.resolve() == self.path.parent.resolve():
             return
-        names = [line.split(None, 1)[1].strip() for line in self.lines if line.startswith("mtllib ")]
+        words = [line.split(None, 1) for line in self.lines if line.startswith("mtllib ")]
+        names = [parts[1].strip() for parts in words if len(parts) == 2]
         for name in names:
             yield from _copied(name, self.path.parent, target.parent)
             library = self.path.parent / name

@@ -13,7 +13,7 @@ from rasterio._err import CPLE_BaseError  # GDAL's own errors leak through raste
 from rasterio.control import GroundControlPoint
 from rasterio.crs import CRS
 from rasterio.enums import ColorInterp, MaskFlags, Resampling
-from rasterio.errors import NodataShadowWarning, NotGeoreferencedWarning, RasterioError
+from rasterio.errors import CRSError, NodataShadowWarning, NotGeoreferencedWarning, RasterioError
 from rasterio.io import DatasetReader, DatasetWriter
 from rasterio.rpc import RPC
 from rasterio.transform import Affine
@@ -22,6 +22,8 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, real
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Source
+from meshflow.io.formats.raster_drivers import allowed_drivers, must_be_numbers, must_fit
+from meshflow.io.spacing import linear_unit
 from meshflow.surfaces.lift import HeightField, Image, RangeImage
 
 __all__ = ["Encoding", "Frame", "Framed", "framed", "layers", "load", "merged", "save"]
@@ -80,7 +82,7 @@ class Frame:
         """The unit of the lengths between samples: of a grid in degrees it is the metre; empty where nothing is said."""
         if self.crs is None or not self.georeferenced:
             return ""
-        unit = "metre" if self.crs.is_geographic else str(self.crs.linear_units)
+        unit = linear_unit(self.crs)[0]
         return "m" if unit in ("metre", "meter", "metres", "meters") else unit
 
     @property
@@ -156,8 +158,10 @@ def load(path: Path, *, bands: Sequence[int] | None = None, nodata: float | None
     :param nodata: in place of the one that the file declares.
     :raises FormatError: when GDAL cannot open or read the file, or it holds no bands.
     """
+    opening = must_be_numbers(path) if path.suffix.lower() == ".asc" else {}
     try:
-        with _quiet(), rasterio.open(path) as source:
+        with _quiet(), DatasetReader(str(path), driver=allowed_drivers(path), **opening) as source:
+            must_fit(path, len(bands or source.indexes), source.height, source.width)
             colours = source.colorinterp
             chosen = list(bands or [i for i in source.indexes if colours[i - 1] != ColorInterp.alpha])
             _check_bands(path, source, chosen)
@@ -167,7 +171,7 @@ def load(path: Path, *, bands: Sequence[int] | None = None, nodata: float | None
                 source.read(source.count) if colours[-1] == ColorInterp.alpha and source.count not in chosen else None
             )
             frame = _frame(source, raw, chosen, nodata)
-    except (RasterioError, CPLE_BaseError, OSError) as cause:
+    except (RasterioError, CRSError, CPLE_BaseError, OSError, MemoryError) as cause:
         raise _unreadable(path, cause) from cause
     values = real(raw, path.name)
     if alpha is not None:
@@ -316,7 +320,7 @@ def _frame(source: DatasetReader, raw: Array, chosen: list[int], nodata: float |
 def _place(frame: Frame) -> Mapping[str, object]:
     points, crs = frame.gcps
     if points:
-        return {"gcps": points, "crs": crs}
+        return {"gcps": points, "crs": CRS() if crs is None else crs}
     return {"crs": frame.crs} | ({"transform": frame.transform} if frame.georeferenced else {})
 
 
@@ -362,7 +366,7 @@ def _reason(cause: BaseException) -> str:
     """What GDAL itself said, where rasterio only says that there is something to say."""
     while cause.__cause__ is not None:
         cause = cause.__cause__
-    return str(cause)
+    return " ".join(str(cause).split())[:300]
 
 
 def _unreadable(path: Path, cause: BaseException) -> FormatError:

@@ -1,0 +1,115 @@
+"""Which drivers of GDAL may read a file, and whether it can be what it says: asked before anything is read or allocated.
+
+Left to itself GDAL chooses the driver by the content: a picture that is a VRT inside reads other files of the machine, a
+TIFF that is a WMS makes requests.
+"""
+
+import os
+import re
+from pathlib import Path
+
+import rasterio
+
+from meshflow.errors import FormatError
+
+__all__ = ["allowed_drivers", "must_be_numbers", "must_fit"]
+
+# Formats that hold all that they need, whose content may choose among them: a JPEG that is called .png is read.
+_PICTURES = ("GTiff", "PNG", "JPEG", "BMP", "WEBP", "GIF")
+_PICTURE_SUFFIXES = {".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".webp", ".gif"}
+# Drivers that fetch data from a network, a database or another file that the file names.
+_ELSEWHERE = {
+    "DAAS", "DERIVED", "EEDA", "EEDAI", "GTI", "GeoRaster", "HTTP", "KMLSUPEROVERLAY", "MAP", "MRF", "NGW", "OGCAPI", "PLMOSAIC",
+    "PostGISRaster", "RDA", "STACIT", "STACTA", "TileDB", "VRT", "WCS", "WMS", "WMTS", "Zarr",
+}  # fmt: skip
+# The share of the memory of the machine that the samples of a raster may take; the work needs as much again, and more.
+_SHARE = 0.5
+_VRT_SOURCE = re.compile(
+    rb"<(?:Source(?:Filename|Dataset)|Filename|\w*Dataset\w*|KEY|Path)\b[^>]*>\s*([^<]*?)\s*<", re.IGNORECASE
+)
+_WORD = re.compile(rb"(?<!\S)(?:\S*[^\s0-9.,+\-eE]\S*|[eE+\-.,]+(?!\S))")
+# Bytes of an ASCII grid by which GDAL tells whole numbers from others.
+_LOOKED_AT = 100_000
+_NAN = re.compile(rb"(?:nan|1\.#qnan)$", re.IGNORECASE)
+
+
+def allowed_drivers(path: Path) -> list[str]:
+    """The drivers that may open a file, by its extension.
+
+    :raises FormatError: for a VRT that names a file outside its folder, a network, or a virtual file system.
+    """
+    suffix = path.suffix.lower()
+    if suffix in _PICTURE_SUFFIXES:
+        return list(_PICTURES)
+    if suffix == ".asc":
+        return ["AAIGrid", "GRASSASCIIGrid"]
+    if suffix == ".vrt":
+        _must_stay_inside(path)
+        return ["VRT"]
+    with rasterio.Env() as env:
+        return sorted(set(env.drivers()) - _ELSEWHERE)
+
+
+def must_fit(path: Path, bands: int, height: int, width: int) -> None:
+    """Refuse samples that this machine cannot hold, before they are read.
+
+    :raises FormatError: with the size and the limit.
+    """
+    if not hasattr(os, "sysconf"):  # Windows does not say it so
+        return
+    size, limit = 4.0 * bands * height * width, _SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if size > limit:
+        raise FormatError(
+            f"{path.name}: {bands} x {height} x {width} samples are {size / 1e9:.1f} GB in float32, and {limit / 1e9:.1f} GB, "
+            "half the memory of this machine, is the limit; cut a part out (gdal_translate -srcwin), or is the header wrong?"
+        )
+
+
+def must_be_numbers(path: Path) -> dict[str, str]:
+    """Refuse an ASCII grid that holds a word where a number belongs, or fewer numbers than it promises.
+
+    GDAL reads most words as 0, infinity as the largest float32, and NaN as 0 where all other numbers are whole.
+
+    :returns: options to open it with, so that NaN is read as NaN.
+
+    :raises FormatError: with the word, or the counts.
+    """
+    content = path.read_bytes()
+    header = re.match(rb"(?:[ \t]*[A-Za-z]\w*:?[ \t]+[^\s]+[ \t]*(?:\r\n|\r|\n)\s*)*", content)
+    start = header.end() if header else 0
+    holds_nan, says_nodata = False, b"nodata" in content[:start].lower()
+    for word in _WORD.finditer(content, start):
+        if _NAN.match(word.group()):
+            holds_nan = True
+        elif says_nodata or word.group().lower() != b"null":  # null is what is missing where no number marks it
+            line = content.count(b"\n", 0, word.start()) + 1
+            raise FormatError(
+                f"{path.name}, line {line}: a number expected, got {word.group()[:40].decode('latin-1')!r}; "
+                "GDAL would read another one"
+            )
+    sides = [
+        re.search(rb"(?im)^\s*" + name + rb":?\s+(\d+)", content[:start])
+        for name in (rb"(?:ncols|cols)", rb"(?:nrows|rows)")
+    ]
+    counts = [int(side.group(1)) for side in sides if side is not None]
+    if len(counts) == 2 and 2 * counts[0] * counts[1] - 1 > len(content) - start:
+        raise FormatError(
+            f"{path.name}: cut off, {counts[1]} x {counts[0]} numbers expected in {len(content) - start} bytes; "
+            "get the whole file"
+        )
+    return {"DATATYPE": "Float64"} if holds_nan and b"." not in content[start : start + _LOOKED_AT] else {}
+
+
+def _must_stay_inside(path: Path) -> None:
+    """A VRT reads files of its own folder, and of folders in it."""
+    folder = path.resolve().parent
+    for found in _VRT_SOURCE.finditer(path.read_bytes()):
+        name = found.group(1).decode("utf-8", "replace")
+        if not name:
+            continue
+        outside = "://" in name or "/vsi" in name or name.startswith("<") or ":" in name.partition("/")[0]
+        if outside or not (folder / name).resolve().is_relative_to(folder):
+            raise FormatError(
+                f"{path.name}: a VRT reads files of its own folder alone, this one names {name[:80]}; "
+                "gdal_translate it to .tif if you trust it"
+            )

@@ -1,0 +1,207 @@
+"""Files that lie: whatever is in them, one line says what is wrong, before anything is allocated or read elsewhere."""
+
+import json
+import re
+import struct
+import zipfile
+from contextlib import suppress
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.control import GroundControlPoint
+
+import meshflow
+from meshflow.errors import InputError
+from meshflow.io.files import read, write
+from meshflow.io.formats.cameras import read_camera
+from meshflow.io.formats.raster_drivers import allowed_drivers
+
+ASC = "ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\nNODATA_value -9999\n"
+VRT = (
+    '<VRTDataset rasterXSize="4" rasterYSize="3"><VRTRasterBand dataType="Float32" band="1"><SimpleSource>'
+    '<SourceFilename relativeToVRT="{relative}">{name}</SourceFilename><SourceBand>1</SourceBand></SimpleSource></VRTRasterBand>'
+    "</VRTDataset>"
+)
+
+
+def refused(call, *words):
+    with pytest.raises(InputError) as caught:
+        call()
+    said = str(caught.value)
+    assert "\n" not in said
+    for word in words:
+        assert re.search(word, said), said
+
+
+def tiff(path, **profile):
+    z = np.arange(12, dtype=np.float32).reshape(3, 4)
+    with rasterio.open(path, "w", driver="GTiff", width=4, height=3, count=1, dtype="float32", **profile) as target:
+        target.write(z, 1)
+    return z
+
+
+# --- who reads what
+
+
+@pytest.mark.parametrize(
+    "suffix", [".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".asc", ".dem", ".hgt", ""]
+)
+def test_content_that_names_other_files_or_a_network_is_not_read_by_any_other_name(tmp_path, suffix):
+    tiff(tmp_path / "secret.tif")
+    path = tmp_path / f"a{suffix}"
+    path.write_text(VRT.format(relative=0, name=tmp_path / "secret.tif"))
+    refused(lambda: read(path, kind="terrain"))
+    path.write_text('<GDAL_WMS><Service name="TMS"><ServerUrl>http://127.0.0.1:9/${z}</ServerUrl></Service></GDAL_WMS>')
+    refused(lambda: read(path, kind="terrain"))
+    assert not {"VRT", "WMS", "WCS", "WMTS", "HTTP"} & set(allowed_drivers(path))
+
+
+def test_a_vrt_reads_its_own_folder_and_no_other(tmp_path):
+    home = tmp_path / "home"
+    (home / "tiles").mkdir(parents=True)
+    z = tiff(home / "tiles" / "a.tif")
+    tiff(tmp_path / "outside.tif")
+    (home / "a.vrt").write_text(VRT.format(relative=1, name="tiles/a.tif"))
+    assert np.array_equal(read(home / "a.vrt").noun.z, z)
+    for name in (
+        "../outside.tif",
+        str(tmp_path / "outside.tif"),
+        "/vsicurl/http://127.0.0.1:9/a.tif",
+        "http://127.0.0.1:9/a.tif",
+    ):
+        (home / "a.vrt").write_text(VRT.format(relative=1, name=name))
+        refused(lambda: read(home / "a.vrt"), "a VRT reads files of its own folder alone, this one names")
+
+
+def test_a_picture_that_is_called_by_another_name_is_still_read(tmp_path):
+    z = tiff(tmp_path / "a.tif")
+    (tmp_path / "a.tif").rename(tmp_path / "a.png")
+    assert np.array_equal(read(tmp_path / "a.png").noun.values, z)
+
+
+# --- sizes, before memory
+
+
+def test_a_raster_larger_than_the_machine_is_refused_with_size_and_limit(tmp_path):
+    with rasterio.open(
+        tmp_path / "big.tif",
+        "w",
+        driver="GTiff",
+        width=400_000,
+        height=400_000,
+        count=1,
+        dtype="uint8",
+        SPARSE_OK=True,
+        tiled=True,
+    ):
+        pass
+    refused(
+        lambda: read(tmp_path / "big.tif"),
+        r"1 x 400000 x 400000 samples are 640\.0 GB",
+        "is the limit",
+        "gdal_translate -srcwin",
+    )
+
+
+def test_an_ascii_grid_that_promises_more_than_the_file_holds_is_refused(tmp_path):
+    (tmp_path / "a.asc").write_text(ASC.replace("ncols 3", "ncols 50000").replace("nrows 2", "nrows 50000") + "1 2 3\n")
+    refused(lambda: read(tmp_path / "a.asc"), "cut off, 50000 x 50000 numbers expected in 6 bytes")
+
+
+def test_an_array_that_promises_more_than_the_file_holds_is_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((4, 4)))
+    content = (tmp_path / "a.npy").read_bytes()
+    (tmp_path / "a.npy").write_bytes(content.replace(b"(4, 4), }      ", b"(999999999999,)"))
+    refused(lambda: read(tmp_path / "a.npy"), "a.npy cannot be read")
+
+
+# --- words that are no numbers
+
+
+@pytest.mark.parametrize("word", ["foo", "1,5x", "--", "e", "0x10", "<b>", "12_3", "inf", "-nan", "null"])
+def test_a_word_in_an_ascii_grid_is_refused_with_its_line(tmp_path, word):
+    (tmp_path / "a.asc").write_text(f"{ASC}1 2 3\n4 {word} 6\n")
+    refused(lambda: read(tmp_path / "a.asc"), r"a\.asc, line 8: a number expected, got '" + re.escape(word))
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        "1 2 3\n4 5 6\n",
+        "1.5 -2e3 +3.\n.5 1E-4 -9999\n",
+        "1 nan 3\r\n4 NaN 6\r\n",
+        "1.5 nan 3\n4 5 6",
+        "1\n2\n3\n4\n5\n6",
+    ],
+)
+def test_numbers_in_an_ascii_grid_are_read(tmp_path, numbers):
+    (tmp_path / "a.asc").write_text(ASC + numbers)
+    expected = np.array(numbers.split(), dtype=np.float64).reshape(2, 3)
+    noun = read(tmp_path / "a.asc").noun
+    there = np.isfinite(expected) & (expected != -9999)
+    np.testing.assert_allclose(noun.z[there], expected[there], rtol=1e-6)
+    assert np.array_equal(noun.missing, ~there)
+
+
+# --- broken inside
+
+
+def test_no_byte_of_an_array_file_that_is_changed_or_cut_off_gives_another_error(tmp_path):
+    np.save(tmp_path / "a.npy", np.arange(12.0).reshape(3, 4))
+    np.savez_compressed(tmp_path / "a.npz", z=np.arange(12.0).reshape(3, 4))
+    rng = np.random.default_rng(3)
+    for name in ("a.npy", "a.npz"):
+        whole = (tmp_path / name).read_bytes()
+        for trial in range(300):
+            content = bytearray(whole)
+            for at in rng.integers(0, len(content), 1 + trial % 3):
+                content[at] = rng.integers(0, 256)
+            (tmp_path / name).write_bytes(content if trial % 2 else content[: rng.integers(1, len(content))])
+            with suppress(InputError):
+                read(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['{"intrinsic": 5}', "[" * 100_000, '{"fx": 1e400}', '{"width": 1e999, "fx": 1, "fy": 1, "cx": 1, "cy": 1}', '"camera"', "5",
+     '{"intrinsic_matrix": "a"}', '{"model": [], "fx": 1}', '{"depth_scale": "x", "fx": 1, "fy": 1, "cx": 1, "cy": 1}'],
+)  # fmt: skip
+def test_a_camera_file_that_is_none_is_refused_in_a_line(tmp_path, text):
+    (tmp_path / "camera.json").write_text(text)
+    refused(lambda: read_camera(tmp_path / "camera.json"), "camera")
+
+
+def test_a_byte_order_mark_before_a_camera_is_no_part_of_it(tmp_path):
+    words = {"fx": 525, "fy": 525, "cx": 3.5, "cy": 2.5}
+    (tmp_path / "camera.json").write_text(json.dumps(words), encoding="utf-8-sig")
+    assert read_camera(tmp_path / "camera.json") == meshflow.Pinhole(525, 525, 3.5, 2.5)
+
+
+def test_an_archive_that_is_broken_inside_is_no_camera(tmp_path):
+    with zipfile.ZipFile(tmp_path / "camera.npz", "w") as archive:
+        archive.writestr("directions.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", 20) + b"{'descr': '<f8', 'fo")
+    refused(lambda: read_camera(tmp_path / "camera.npz"), "camera")
+
+
+def test_ground_control_points_without_a_crs_come_back(tmp_path):
+    points = [GroundControlPoint(row, col, col * 2.0, row * 3.0) for row, col in ((0, 0), (0, 4), (3, 0), (3, 4))]
+    tiff(tmp_path / "a.tif", gcps=points, crs=rasterio.crs.CRS())
+    document = read(tmp_path / "a.tif")
+    write(document, tmp_path / "b.tif")
+    assert np.array_equal(read(tmp_path / "b.tif").noun.z, document.noun.z)
+
+
+def test_a_crs_that_is_neither_projected_nor_geographic_has_no_unit_to_disagree_with(tmp_path):
+    local = 'ENGCRS["grid",EDATUM["mine"],CS[Cartesian,2],AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
+    geocentric = "EPSG:4978"
+    for crs in (local, geocentric):
+        tiff(tmp_path / "a.tif", crs=crs, transform=rasterio.Affine(2, 0, 0, 0, -2, 6))
+        assert read(tmp_path / "a.tif").noun.spacing == (2.0, 2.0)
+
+
+def test_a_material_library_without_a_name_is_left_alone(tmp_path):
+    (tmp_path / "a.obj").write_text("mtllib \nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "elsewhere").mkdir()
+    write(read(tmp_path / "a.obj"), tmp_path / "elsewhere" / "b.obj")
+    assert "mtllib" in (tmp_path / "elsewhere" / "b.obj").read_text()
