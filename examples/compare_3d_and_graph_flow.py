@@ -29,7 +29,7 @@ def main() -> tuple[float, float]:
     truth, there = meshflow.read(DATA / "terrain_truth.tif").noun.z, ~terrain.missing
     surface = terrain.lifted(meshflow.Lift(diagonals="forward"))
     in_space = meshflow.Surface(
-        surface.points, surface.triangulations, fixed=terrain.missing.ravel(), boundary="linear"
+        surface.points, surface.triangulations, fixed=terrain.missing.ravel(), boundary="plane-preserving"
     )
     flow, used = meshflow.MeshFlow(in_space), np.unique(surface.triangulations[0])
 

@@ -122,7 +122,7 @@ def smooth(
     :param constraints: ``Fixed``, ``Mask``, ``MaxChange``, ``DataWeights``, ``Mobility``, ``PreserveVolume``,
         ``PreserveArea``, ``MinComponent``, or several of them. Their arrays hold one number per sample, as the data stores
         its samples, or are the name of an array that the data holds.
-    :param boundary: what holds at borders and holes: ``linear | natural | fixed``, of meshes also ``curve``.
+    :param boundary: what holds at borders and holes: ``plane-preserving | neumann | fixed``, of meshes also ``border-curve``.
     :param domain: ``length``, or of range images ``disparity``: the inverse depths are smoothed, and all numbers count in them.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.

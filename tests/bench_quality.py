@@ -54,7 +54,7 @@ MEMBERS = [
     for contrast, patch in product(contrasts, patches)
 ] + [{"gamma": 0, "contrast": contrast, "patch": 1.5, "twicing": 1.0, "sharpness": 1} for contrast in (0.2, 0.4, 0.8)]
 # Both are tried on heights, since the defaults choose natural there.
-BOUNDARIES = ("natural", "linear")
+BOUNDARIES = ("neumann", "plane-preserving")
 # With several channels the flow of a sharp member is stiff, and no step of h²/6 holds (DESIGN.md, "Sharpness"): the sharpest
 # would take hours, and are not near the best.
 SHARPEST, STEEPEST = 2, 4.5

@@ -141,7 +141,11 @@ def test_livingroom_along_rays_and_in_space(frame):
     surface = noisy.lifted(lift)
     valid = ~noisy.missing.ravel()
     free = meshflow.Surface(
-        surface.points, surface.triangulations, boundary="linear", alternate=True, time_factor=surface.time_factor
+        surface.points,
+        surface.triangulations,
+        boundary="plane-preserving",
+        alternate=True,
+        time_factor=surface.time_factor,
     )
     *_, along = meshflow.march(meshflow.MeshFlow(surface), until)
     *_, space = meshflow.march(meshflow.MeshFlow(free), until, meshflow.SemiImplicit())

@@ -89,14 +89,14 @@ def areas(points, faces, mass):
     return total
 
 
-def rate(points, sheets, free, gamma=0.0, indicator="metric", mass="barycentric", boundary="natural", floor=0.05):
+def rate(points, sheets, free, gamma=0.0, indicator="metric", mass="barycentric", boundary="neumann", floor=0.05):
     """(10), with B = grad A / A (12) and its projection on the free coordinates: dX/dt of them, (n, k).
 
     :param free: (n, d, k), orthonormal free directions of each vertex.
     """
     faces = np.concatenate(sheets)
     gradient = area_gradient(points, faces)
-    if boundary == "linear":
+    if boundary == "plane-preserving":
         gradient = gradient - conormals(points, sheets)
     b = gradient / areas(points, faces, mass)[:, None]
     out = np.zeros((len(points), free.shape[2]))

@@ -46,13 +46,13 @@ def test_values_never_leave_their_range_where_triangles_are_obtuse(stepper, time
     assert found.max() <= 1 + 1e-9
     assert np.abs(found - VALUES).max() > 0.05
     if stepper == "semi-implicit" and time < 1:  # later all is as good as even
-        free = smooth((POINTS, FACES), **parts(stepper=stepper, boundary="natural", twicing=0.0, **words))[2]
+        free = smooth((POINTS, FACES), **parts(stepper=stepper, boundary="neumann", twicing=0.0, **words))[2]
         assert free.max() > 1.001 or free.min() < -0.001
 
 
 @pytest.mark.parametrize("gamma", [-1.0, 0.0, 1.0])
 def test_the_largest_explicit_step_takes_each_value_to_a_mean_of_its_neighbours(gamma):
-    surface = Surface(np.column_stack([POINTS, 3.0 * VALUES]), (FACES,), boundary="natural")
+    surface = Surface(np.column_stack([POINTS, 3.0 * VALUES]), (FACES,), boundary="neumann")
     flow = MeshFlow(surface, Member(gamma=gamma), metric=Clamped())
     u = flow.start()
     around = [set() for _ in u]
@@ -89,7 +89,7 @@ def test_points_stay_in_the_box_that_they_came_in():
     assert (found >= points.min(axis=0) - 1e-9).all()
     assert (found <= points.max(axis=0) + 1e-9).all()
     words = {name: result.parameters[name].value for name in ("method", "triangles", "boundary")}
-    assert words == {"method": "curvature", "triangles": "clamped", "boundary": "natural"}
+    assert words == {"method": "curvature", "triangles": "clamped", "boundary": "neumann"}
     assert "twicing" not in result.parameters  # which this method does not have
     assert (
         np.abs(
@@ -134,13 +134,13 @@ def test_with_nothing_else_given_the_time_is_searched_for_and_the_range_kept():
 
 
 def test_what_leaves_the_range_is_refused():
-    for words in ({"boundary": "linear"}, {"mass": "voronoi"}, {"twicing": 0.5}, {"stepper": "super-time"}):
+    for words in ({"boundary": "plane-preserving"}, {"mass": "voronoi"}, {"twicing": 0.5}, {"stepper": "super-time"}):
         with pytest.raises(InputError, match="triangles='clamped'"):
             smooth((POINTS, FACES), **parts(channels=VALUES, triangles="clamped", **words))
     with pytest.raises(InputError, match="triangles: of meshes only, got HeightField"):
         smooth(np.eye(4), compute=Compute(triangles="clamped"))
-    with pytest.raises(InputError, match="'linear', which leaves the range"):
-        MeshFlow(Surface(POINTS, (FACES,), boundary="linear"), metric=Clamped())
+    with pytest.raises(InputError, match="'plane-preserving', which leaves the range"):
+        MeshFlow(Surface(POINTS, (FACES,), boundary="plane-preserving"), metric=Clamped())
     with pytest.raises(InputError, match="'voronoi', which asks for all angles"):
         MeshFlow(Surface(POINTS, (FACES,)), Member(mass="voronoi"), metric=Clamped())
 

@@ -57,7 +57,7 @@ def test_a_response_is_what_is_said(order):
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
-@pytest.mark.parametrize("boundary", ["linear", "fixed"])
+@pytest.mark.parametrize("boundary", ["plane-preserving", "fixed"])
 def test_flat_irregular_meshes_rest_with_cotangents(order, boundary):
     points, faces, _ = square(400)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]

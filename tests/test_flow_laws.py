@@ -80,7 +80,7 @@ def test_each_euler_step_is_of_first_order(stepper):
 @pytest.mark.parametrize("stepper", STEPPERS, ids=lambda s: f"{s.name}-{getattr(s, 'solver', '')}")
 def test_a_flat_irregular_mesh_does_not_move(stepper):
     points, faces, inside = shapes.square()
-    for boundary in ("linear", "fixed"):
+    for boundary in ("plane-preserving", "fixed"):
         flow = MeshFlow(Mesh(points, faces).lifted(Lift(boundary=boundary)))
         until = Until(steps=20) if stepper.name == "explicit" else Until(time=0.01)
         *_, last = march(flow, until, stepper)
@@ -94,7 +94,7 @@ def test_tilted_planes_with_ragged_holes_rest_under_linear(gamma, indicator, cha
     rows, columns = np.mgrid[0:30, 0:40]
     planes = np.stack([(q + 0.5) * 0.7 * columns - 0.3 * (q + 1) * rows + q for q in range(channels)], axis=-1)
     for diagonals in ("forward", "backward", "both", "alternate"):
-        surface = Image(planes, missing=ragged(30, 40)).lifted(Lift(diagonals=diagonals, boundary="linear"))
+        surface = Image(planes, missing=ragged(30, 40)).lifted(Lift(diagonals=diagonals, boundary="plane-preserving"))
         flow = MeshFlow(surface, Member(gamma=gamma, indicator=indicator))
         u = flow.start()
         scale = np.abs(planes).max()
@@ -135,7 +135,7 @@ def test_natural_conserves_the_mass_weighted_mean():
 def test_mean_curvature_diffusion_conserves_the_plain_mean_for_all_time():
     rng = np.random.default_rng(3)
     field = HeightField(rng.normal(size=(32, 32)) * 3)
-    flow = MeshFlow(field.lifted(Lift(boundary="natural", diagonals="forward")), Member(gamma=-1.0))
+    flow = MeshFlow(field.lifted(Lift(boundary="neumann", diagonals="forward")), Member(gamma=-1.0))
     base = flow._triangulations[0].flat
     last = end(flow, 1.0)
     assert (base @ last.u) == pytest.approx(base @ flow.start(), abs=1e-10 * np.abs(base @ np.abs(flow.start())).max())
@@ -169,7 +169,7 @@ def _free(surface):
 
 @pytest.mark.parametrize("gamma", GAMMAS)
 @pytest.mark.parametrize("indicator", ["metric", "projection"])
-@pytest.mark.parametrize("boundary", ["natural", "linear"])
+@pytest.mark.parametrize("boundary", ["neumann", "plane-preserving"])
 @pytest.mark.parametrize("mass", ["barycentric", "ring"])
 @pytest.mark.parametrize("channels", [1, 2])
 def test_the_engine_is_the_papers_formula_taken_literally(gamma, indicator, boundary, mass, channels):
@@ -191,7 +191,7 @@ def test_the_engine_along_rays_is_the_papers_formula_taken_literally(gamma, indi
     ours = MeshFlow(surface, Member(gamma=gamma, indicator=indicator)).rate(surface.start)
     length = np.linalg.norm(surface.free.directions, axis=1)
     truth = naive.rate(
-        surface.points, surface.triangulations, _free(surface), gamma, indicator, "barycentric", "linear"
+        surface.points, surface.triangulations, _free(surface), gamma, indicator, "barycentric", "plane-preserving"
     )
     truth *= (surface.time_factor / length)[:, None]  # along d, which is longer than 1, in pixel footprints
     assert np.abs(ours - truth).max() <= 1e-9 * np.abs(truth).max()
@@ -212,7 +212,9 @@ def test_gamma_minus_two_has_the_normal_speed_of_mean_curvature_flow():
         values, h = bumps(n)
         surface = HeightField(values[..., 0], h).lifted(Lift(diagonals="both"))
         graph = MeshFlow(surface, Member(gamma=-2)).rate(surface.start)[:, 0]
-        full = MeshFlow(Surface(surface.points, surface.triangulations, boundary="linear")).rate(surface.points)
+        full = MeshFlow(Surface(surface.points, surface.triangulations, boundary="plane-preserving")).rate(
+            surface.points
+        )
         gy, gx = np.gradient(values[..., 0], h, edge_order=2)
         normal = np.stack([-gx, gy, np.ones_like(gx)], -1) / np.sqrt(1 + gx**2 + gy**2)[..., None]  # y is -row
         inner = (slice(2, -2), slice(2, -2))
@@ -237,7 +239,7 @@ def test_gamma_equals_the_finite_difference_flows_of_section_2_to_second_order(g
 
 def test_at_small_contrast_the_flow_is_the_heat_equation_of_linear_perona_malik():
     image = np.random.default_rng(8).normal(size=(8, 9))
-    lift = Lift(contrast=1e-6, diagonals="forward", boundary="natural")
+    lift = Lift(contrast=1e-6, diagonals="forward", boundary="neumann")
     flow = MeshFlow(Image(image).lifted(lift))
     heat = naive.perona_malik(image, alpha=1e20)
     ours = flow.rate(flow.start()).reshape(8, 9)
@@ -268,7 +270,7 @@ def end_of(values, diagonals):
 @pytest.mark.parametrize("diagonals", ["forward", "both"])
 def test_explicit_euler_at_a_sixth_of_h_squared_never_grows_the_area(amplitude, gamma, diagonals):
     z = amplitude * np.random.default_rng(10).normal(size=(30, 30))
-    flow = MeshFlow(HeightField(z, 0.7).lifted(Lift(diagonals=diagonals, boundary="natural")), Member(gamma=gamma))
+    flow = MeshFlow(HeightField(z, 0.7).lifted(Lift(diagonals=diagonals, boundary="neumann")), Member(gamma=gamma))
     areas = [s.area for s in march(flow, Until(steps=40), Explicit(), FixedStep(0.7**2 / 6))]
     assert (np.diff(areas) <= 1e-12 * areas[0]).all()
     if amplitude < 1e4:  # on cliffs of 1e4 the change is below rounding for gamma = 2
@@ -279,7 +281,7 @@ def test_explicit_euler_at_a_sixth_of_h_squared_never_grows_the_area(amplitude, 
 @pytest.mark.parametrize("gamma", GAMMAS)
 def test_the_semi_implicit_step_never_grows_the_area(dt, gamma):
     z = 5 * np.random.default_rng(11).normal(size=(20, 20))
-    flow = MeshFlow(HeightField(z).lifted(Lift(diagonals="forward", boundary="natural")), Member(gamma=gamma))
+    flow = MeshFlow(HeightField(z).lifted(Lift(diagonals="forward", boundary="neumann")), Member(gamma=gamma))
     areas = [s.area for s in march(flow, Until(steps=8), SemiImplicit("direct"), FixedStep(dt))]
     assert (np.diff(areas) <= 1e-12 * areas[0]).all()
     points, faces = shapes.sphere(400)
@@ -294,9 +296,9 @@ def test_linear_borders_stay_stable_on_white_noise_at_the_same_step():
     z = plane + np.random.default_rng(12).normal(size=plane.shape)
     z[ragged(40, 40)] = np.nan
     errors = {}
-    for boundary in ("linear", "natural"):
+    for boundary in ("plane-preserving", "neumann"):
         flow = MeshFlow(HeightField(z).lifted(Lift(boundary=boundary)))
         *_, last = march(flow, Until(steps=400), Explicit(), FixedStep(1 / 6))
         there = np.isfinite(z).ravel()
         errors[boundary] = float(np.sqrt(np.mean((last.u[there, 0] - plane.ravel()[there]) ** 2)))
-    assert errors["linear"] < 0.7 < errors["natural"], errors
+    assert errors["plane-preserving"] < 0.7 < errors["neumann"], errors

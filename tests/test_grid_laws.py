@@ -175,7 +175,7 @@ def test_a_single_island_stays():
 @pytest.mark.parametrize("diagonals", ["forward", "alternate", "both"])
 def test_the_smallest_grids_are_smoothed_as_their_triangles_are(shape, diagonals):
     noun = HeightField(RNG.normal(size=shape))
-    for boundary in ("natural", "linear", "fixed"):
+    for boundary in ("neumann", "plane-preserving", "fixed"):
         lift = Lift(1.0, diagonals, boundary)
         grid, mesh = GridFlow(noun.gridded(lift)), MeshFlow(noun.lifted(lift))
         for turn in (0, 1):

@@ -16,7 +16,7 @@ from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
 GAMMAS, INDICATORS, MASSES = (-2.0, -1.0, 0.0, 0.3, 1.0), ("metric", "projection"), ("barycentric", "voronoi", "ring")
 BOUNDARIES, DIAGONALS, SHARPNESSES = (
-    ("natural", "linear", "fixed"),
+    ("neumann", "plane-preserving", "fixed"),
     ("forward", "backward", "both", "alternate"),
     (0.7, 1.0, 1.5, 2.0),
 )
@@ -111,7 +111,7 @@ def test_the_rates_agree_on_any_data(data, shape, channels):
 def test_the_seven_point_weights_are_the_stiffness_and_cg_on_the_grid_equals_the_sparse_solve(kind, diagonals):
     noun, contrast = scene(kind)
     for member in (Member(), Member(gamma=1.0), Member(gamma=-1.0, indicator="projection")):
-        lift = Lift(contrast, diagonals, "linear")
+        lift = Lift(contrast, diagonals, "plane-preserving")
         grid, mesh = engines(noun, lift, member)
         for turn in (0, 1):
             ours, theirs = grid.system(grid.start(), turn).matrix(0.7), mesh.system(mesh.start(), turn).matrix(0.7)
@@ -129,7 +129,7 @@ def test_the_bound_on_the_grid_is_no_lower_than_the_fastest_decay(kind, gamma):
     noun, contrast = scene(kind)
     for mass, indicator in itertools.product(MASSES, INDICATORS):
         for sharpness in (1.0,) if kind == "range" else (1.0, 1.5, 2.0):
-            lift = Lift(contrast, "alternate", "natural")
+            lift = Lift(contrast, "alternate", "neumann")
             grid = GridFlow(noun.gridded(lift), Member(gamma, sharpness, indicator, mass))
             u = grid.start()
             for turn in (0, 1):

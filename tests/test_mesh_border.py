@@ -18,7 +18,7 @@ from meshflow.geometry.connectivity import connect
 from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Surface
 
-BORDERS = ("curve", "natural", "fixed", "linear")
+BORDERS = ("border-curve", "neumann", "fixed", "plane-preserving")
 
 
 def disc(around=60, inside=300, seed=0):
@@ -57,9 +57,9 @@ def book():
 def test_a_round_border_shrinks_as_a_curve_does(stepper):
     points, faces, rim = disc()
     step = {"dt": 0.001} if stepper == "semi-implicit" else {}
-    found = smooth((points, faces), **parts(method="curvature", boundary="curve", time=0.05, stepper=stepper, **step))[
-        0
-    ]
+    found = smooth(
+        (points, faces), **parts(method="curvature", boundary="border-curve", time=0.05, stepper=stepper, **step)
+    )[0]
     radii = np.linalg.norm(found[rim], axis=1)
     assert radii == pytest.approx(np.sqrt(1 - 0.1), rel=4e-3)
     assert np.abs(found[:, 2]).max() == 0
@@ -76,7 +76,7 @@ def test_a_straight_border_rests_however_irregular(way):
     for axis in (0, 1):  # along the sides, the order kept
         on = (np.abs(points[:, 1 - axis] - 0.5) > 0.4999) & ~corner
         slid[on, axis] += rng.uniform(-0.3, 0.3, on.sum()) / 19
-    found = smooth((slid, faces), **parts(boundary="curve", time=0.01, fixed=corner, **way))[0]
+    found = smooth((slid, faces), **parts(boundary="border-curve", time=0.01, fixed=corner, **way))[0]
     assert np.abs(found - slid).max() < 1e-12
 
 
@@ -99,15 +99,19 @@ def test_a_noisy_border_becomes_smooth_where_a_natural_one_gives_way():
         radii = np.linalg.norm(x[rim], axis=1)
         return radii.std(), radii.mean()
 
-    free, curve = (smooth((noisy, faces), method="curvature", time=0.004, boundary=b)[0] for b in ("natural", "curve"))
-    linear = smooth((noisy, faces), method="curvature", time=0.004, boundary="linear")[0]
+    free, curve = (
+        smooth((noisy, faces), method="curvature", time=0.004, boundary=b)[0] for b in ("neumann", "border-curve")
+    )
+    linear = smooth((noisy, faces), method="curvature", time=0.004, boundary="plane-preserving")[0]
     # What a curve of these points keeps of white noise: exp(-t A) of a round one, up to what the noise adds to its lengths.
     kept = np.abs(expm(-0.004 * drawn(points[rim, 0] + 1j * points[rim, 1])) @ z).std()
     assert kept / rough(noisy)[0] == pytest.approx(0.365, abs=1e-3)
     assert rough(curve)[0] == pytest.approx(kept, rel=0.04)
     assert rough(linear)[0] == pytest.approx(rough(noisy)[0], rel=1e-6)  # a flat sheet rests, outline and all
     assert rough(free)[1] < rough(curve)[1] < rough(noisy)[1]
-    faired = smooth((noisy, faces), method="fairing", time=0.004, boundary="curve", compute=Compute(search=False))[0]
+    faired = smooth(
+        (noisy, faces), method="fairing", time=0.004, boundary="border-curve", compute=Compute(search=False)
+    )[0]
     # A filter is linear: 1 / (1 + (t A)^2) of the curve as it came.
     filtered = np.linalg.solve(np.eye(120) + np.linalg.matrix_power(0.004 * drawn(z), 2), z)
     assert rough(faired)[0] == pytest.approx(np.abs(filtered).std(), rel=1e-6)
@@ -159,20 +163,20 @@ def test_borders_that_are_no_manifold_stay_finite(boundary, make, stepper):
     ]
     assert np.isfinite(found).all()
     assert np.abs(found - shaken).max() < 0.5
-    flat = smooth((points, faces), method="curvature", time=0.02, boundary="linear", compute=Compute(stepper=stepper))[
-        0
-    ]
+    flat = smooth(
+        (points, faces), method="curvature", time=0.02, boundary="plane-preserving", compute=Compute(stepper=stepper)
+    )[0]
     if make is bow_tie:
         assert np.abs(flat - points).max() < 1e-12  # planes rest, touched in a vertex or not
 
 
 def test_where_no_curve_passes_the_border_stays():
     points, faces = bow_tie()
-    found = smooth((points, faces), method="curvature", time=0.02, boundary="curve")[0]
+    found = smooth((points, faces), method="curvature", time=0.02, boundary="border-curve")[0]
     assert np.array_equal(found[0], points[0])
     assert (np.abs(found - points).max(axis=1)[1:] > 0).sum() >= 6
     points, faces = book()
-    found = smooth((points, faces), method="curvature", time=0.02, boundary="curve")[0]
+    found = smooth((points, faces), method="curvature", time=0.02, boundary="border-curve")[0]
     assert np.array_equal(
         found[:2], points[:2]
     )  # three edges of the border meet in each end of the edge of three triangles
@@ -182,12 +186,12 @@ def test_where_no_curve_passes_the_border_stays():
 def test_the_default_with_such_a_border_is_a_fairing_and_says_curve():
     points, faces, _ = disc()
     noisy = points + 0.01 * np.random.default_rng(5).normal(size=points.shape)
-    result = smooth((noisy, faces), boundary="curve", result=True)
+    result = smooth((noisy, faces), boundary="border-curve", result=True)
     assert result.parameters["method"].value == "fairing"
-    assert result.parameters["boundary"].value == "curve"
+    assert result.parameters["boundary"].value == "border-curve"
     assert (
-        smooth((noisy, faces), method="curvature", boundary="curve", result=True).parameters["boundary"].value
-        == "curve"
+        smooth((noisy, faces), method="curvature", boundary="border-curve", result=True).parameters["boundary"].value
+        == "border-curve"
     )
 
 
@@ -195,16 +199,16 @@ def test_a_curve_is_refused_where_there_is_none():
     z = np.random.default_rng(0).normal(size=(8, 8))
     points, faces, rim = disc()
     for call in (
-        lambda: smooth(z, boundary="curve"),
-        lambda: smooth((points, faces), boundary="curve", channels=rim * 1.0),
+        lambda: smooth(z, boundary="border-curve"),
+        lambda: smooth((points, faces), boundary="border-curve", channels=rim * 1.0),
     ):
-        with pytest.raises(InputError, match="boundary='curve': where the points of a mesh move only"):
+        with pytest.raises(InputError, match="boundary='border-curve': where the points of a mesh move only"):
             call()
     with pytest.raises(InputError, match="got method='normal-filter'"):
-        smooth((points, faces), method="normal-filter", boundary="curve")
+        smooth((points, faces), method="normal-filter", boundary="border-curve")
     flat = Surface(points, (faces,))
     for method in (NormalFilter(), PrincipalFlow(), NormalChannels()):
         with pytest.raises(InputError, match=f"got method='{method.word}'"):
             method.engine(flat, PointSetting(curve=True))
-    with pytest.raises(InputError, match="natural, linear, fixed or curve expected"):
+    with pytest.raises(InputError, match="plane-preserving, neumann, fixed, border-curve expected"):
         smooth((points, faces), boundary="round")

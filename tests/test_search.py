@@ -145,8 +145,8 @@ def test_more_strength_smooths_more():
 
 def test_a_search_does_not_depend_on_the_units():
     _, z = noisy(n=96)
-    near = meshflow.smooth(z, boundary="linear")
-    far = meshflow.smooth(1000 * z, boundary="linear", spacing=30.0)
+    near = meshflow.smooth(z, boundary="plane-preserving")
+    far = meshflow.smooth(1000 * z, boundary="plane-preserving", spacing=30.0)
     assert rms(far / 1000 - near) < 1e-6 * rms(z - near)
 
 
@@ -219,7 +219,7 @@ def test_a_result_tells_every_parameter_with_unit_and_origin():
 
 def test_the_correlation_of_what_was_removed_tells_structure_from_noise():
     truth, z = noisy(n=128)
-    assert meshflow.smooth(z, boundary="linear", result=True).correlation < 0.1
+    assert meshflow.smooth(z, boundary="plane-preserving", result=True).correlation < 0.1
     blurred = meshflow.smooth(z, method="heat", time=40.0, result=True)
     assert blurred.correlation > 0.3
 

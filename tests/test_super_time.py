@@ -47,7 +47,7 @@ def test_the_observed_order_is_that_of_the_scheme(order, engine):
 def test_steps_as_long_as_the_stages_claim_are_stable_on_white_noise(order, s, diagonals):
     z = 3 * np.random.default_rng(0).normal(size=(48, 48))
     for member in (Member(), Member(1.0), Member(-1.0, 1.5), Member(-1.0, 2.0)):
-        flow = GridFlow(HeightField(z).gridded(Lift(1.0, diagonals, "natural")), member)
+        flow = GridFlow(HeightField(z).gridded(Lift(1.0, diagonals, "neumann")), member)
         dt = Explicit().largest(flow, flow.start()) * reach(order, s)
         states = list(march(flow, Until(steps=8), SuperTime(order, s), FixedStep(dt)))
         spread = [np.std(state.u) for state in states]
@@ -60,7 +60,7 @@ def test_steps_as_long_as_the_stages_claim_are_stable_on_white_noise(order, s, d
 
 def test_beyond_their_reach_the_stages_would_indeed_be_unstable():
     z = 1e-3 * np.random.default_rng(0).normal(size=(32, 32))
-    flow = GridFlow(HeightField(z).gridded(Lift(1.0, "forward", "natural")))
+    flow = GridFlow(HeightField(z).gridded(Lift(1.0, "forward", "neumann")))
     system = flow.system(flow.start())
     stiffness = system.matrix(1.0).toarray() - np.diag(system.mass)
     fastest = np.abs(np.linalg.eigvals(stiffness / system.mass[:, None])).max()
@@ -133,7 +133,7 @@ def test_automatic_choice_takes_super_time_where_it_saves_steps():
 def test_a_mesh_that_collapses_on_the_way_is_given_shorter_steps():
     z = 3 * np.random.default_rng(0).normal(size=(20, 20))
     surface = HeightField(z).lifted(Lift(diagonals="forward"))
-    flow = MeshFlow(Mesh(surface.points, surface.triangulations[0]).lifted(Lift(boundary="natural")))
+    flow = MeshFlow(Mesh(surface.points, surface.triangulations[0]).lifted(Lift(boundary="neumann")))
     first = Explicit().largest(flow, flow.start())
     states = list(march(flow, Until(steps=6), SuperTime()))
     assert states[1].dt < 6 * first  # not the six explicit steps that were tried

@@ -199,7 +199,7 @@ BAD = [
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), Axes((0, 0))), "different coordinates from 0 to 2"),
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), Axes((1, 2))), "one coordinate that stays spans no area"),
     (lambda: Surface(np.eye(4), (TRIANGLE[1],), Rays(np.eye(4), np.eye(4), np.ones((4, 1)))), "rays need points in R"),
-    (lambda: Surface(np.eye(3), (TRIANGLE[1],), boundary="free"), "natural, linear or fixed expected"),
+    (lambda: Surface(np.eye(3), (TRIANGLE[1],), boundary="free"), "neumann, plane-preserving or fixed expected"),
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), time_factor=np.ones(2)), r"time factor: shape \(3,\)"),
     (lambda: Lift(contrast=np.inf), "contrast: a positive finite number"),
     (lambda: HeightField(np.ones((3, 3))).lifted(Lift(diagonals="cross")), "diagonals: one of forward, backward"),

@@ -88,10 +88,10 @@ ALL: tuple[Flag, ...] = (
     ),
     Flag(
         "rim",
-        Literal["natural", "linear", "fixed"],
+        Literal["neumann", "plane-preserving", "fixed"],
         "What holds at borders and holes, for all flows alike.",
         INPUT,
-        "linear",
+        "plane-preserving",
         ("--boundary",),
     ),
     Flag(

@@ -161,7 +161,7 @@ def _must_suit(data: Noun, request: Request) -> None:
         "PreserveVolume and PreserveArea": request.constraints.preserve is not None,
         "triangles": request.compute.triangles not in ("auto", "clamped"),
         "along": getattr(request.method, "along", "all") != "all",
-        "boundary='curve'": request.boundary == "curve",
+        "boundary='border-curve'": request.boundary == "border-curve",
         f"method={getattr(request.method, 'word', '')!r}": isinstance(request.method, PointMethod),
     }
     for word, given in ways.items():

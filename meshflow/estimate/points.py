@@ -78,7 +78,7 @@ def _along(request: Request) -> Along:
 
 
 def _setting(request: Request) -> PointSetting:
-    return PointSetting(request.compute.triangles, request.boundary == "curve")
+    return PointSetting(request.compute.triangles, request.boundary == "border-curve")
 
 
 def _curved(data: Mesh, request: Request, noise: Noise, mobility: Array | None) -> Plan:
@@ -226,7 +226,7 @@ def _ways(data: Mesh, request: Request) -> tuple[PointMethod, ...]:
     named = request.method if isinstance(request.method, PointMethod) else None
     clamped, along = request.compute.triangles == "clamped", _along(request)
     ranged = named is None and clamped
-    fairing = isinstance(named, Fairing) or (named is None and (request.boundary == "curve" or clamped))
+    fairing = isinstance(named, Fairing) or (named is None and (request.boundary == "border-curve" or clamped))
     made: list[PointMethod] = []
     for way in (FAIRED if fairing else FIXED, *candidates(data.step)):
         if fairing != isinstance(way, Fairing) and (fairing or named is not None):

@@ -18,9 +18,9 @@ from meshflow.surfaces.surface import Boundary
 __all__ = ["BoundaryWord", "Domain", "Request", "Stopping"]
 
 Domain = Literal["length", "disparity"]
-BoundaryWord = Boundary | Literal["curve"]
+BoundaryWord = Boundary | Literal["border-curve"]
 Stopping = Steps | Residual | AreaLoss | Displacement | When | Callable[[Array, float], object]
-BOUNDARIES, DOMAINS = ("natural", "linear", "fixed", "curve"), ("length", "disparity")
+BOUNDARIES, DOMAINS = ("plane-preserving", "neumann", "fixed", "border-curve"), ("length", "disparity")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,8 +49,8 @@ class Request:
     constraints: Constraints = Constraints()
     boundary: BoundaryWord | None = option(
         None,
-        "linear: tilted planes rest at borders and holes; natural: no flux; fixed: borders stay; curve: those of a mesh move by "
-        "their own curvature. Default: natural for images, else linear.",
+        "plane-preserving: tilted planes rest at borders and holes; neumann: no flux; fixed: borders stay; border-curve: those of "
+        "a mesh move by their own curvature. Default: neumann for images, else plane-preserving.",
     )
     domain: Domain = option(
         "length", "disparity: inverse depths are smoothed, where the noise of stereo and structured light is even."
@@ -141,16 +141,16 @@ class Request:
     def rim(self) -> Boundary | None:
         """The boundary as the operator of a surface knows it: one that moves as a curve is held by that."""
         if self.compute.triangles == "clamped" and self.boundary is None:
-            return "natural"  # that of the plane has weights below zero
-        return "fixed" if self.boundary == "curve" else self.boundary
+            return "neumann"  # that of the plane has weights below zero
+        return "fixed" if self.boundary == "border-curve" else self.boundary
 
     def _must_keep_range(self) -> None:
         """Refuse what would leave the range that clamped weights keep."""
         mass = getattr(self.method, "mass", "barycentric")
-        if self.boundary == "linear" or mass == "voronoi":
+        if self.boundary == "plane-preserving" or mass == "voronoi":
             raise InputError(
-                f"triangles='clamped': boundary natural or fixed and mass barycentric or ring expected, got "
-                f"{self.boundary or 'natural'} and {mass}, which have weights below zero"
+                f"triangles='clamped': boundary neumann or fixed and mass barycentric or ring expected, got "
+                f"{self.boundary or 'neumann'} and {mass}, which have weights below zero"
             )
         if self.heights.twicing:
             raise InputError(

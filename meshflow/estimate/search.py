@@ -79,7 +79,7 @@ def searched_on_grid(
 
     :param lattice: of which the contrast is left aside.
     :param limit: what no sample leaves, a number or an array as the caller's data; unit of the values.
-    :param free: whether the other boundary, ``natural``, may be tried, too.
+    :param free: whether the other boundary, ``neumann``, may be tried, too.
     """
     most = None if limit is None else _in_planes(limit, lattice)
     if lattice.fibres is not None:  # what a camera saw is not large, and lines are not cut into tiles
@@ -91,10 +91,10 @@ def searched_on_grid(
     fine = tried_on_grid(whole, search, threads)
     trials = _refined(searched(first_of(trials, BEST), fine), fine, search.free)
     if trials and free and whole[0].missing.size == lattice.missing.size:
-        other = (replace(whole[0], boundary="natural"), *whole[1:])
-        again = searched((replace(trials[0].candidate, boundary="natural"),), tried_on_grid(other, search, threads))
+        other = (replace(whole[0], boundary="neumann"), *whole[1:])
+        again = searched((replace(trials[0].candidate, boundary="neumann"),), tried_on_grid(other, search, threads))
         if again[0].least[1] < trials[0].least[1]:
-            return (again[0], *trials), replace(lattice, boundary="natural")
+            return (again[0], *trials), replace(lattice, boundary="neumann")
     return trials, lattice
 
 

@@ -62,7 +62,9 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
     if plan.points is not None and isinstance(plan.data, Mesh) and plan.data.moves == "all":
         found["contrast"] = _decided(plan, "contrast", plan.lift.contrast, units["contrast"])
     curve = plan.setting is not None and plan.setting.curve
-    found["boundary"] = _decided(plan, "boundary", "curve" if curve else plan.lift.boundary or plan.data.boundary)
+    found["boundary"] = _decided(
+        plan, "boundary", "border-curve" if curve else plan.lift.boundary or plan.data.boundary
+    )
     if not isinstance(plan.data, Mesh):
         found["diagonals"] = Parameter(plan.lift.diagonals)
     if plan.setting is not None:

@@ -137,7 +137,7 @@ def compare_flows(
     time: float = 5.0,
     dt: float = 0.25,
     jump: float | None = 0.05,
-    boundary: Boundary = "linear",
+    boundary: Boundary = "plane-preserving",
     member: Member | None = None,
 ) -> FlowComparison:
     """Run four flows on one range image until they are equally smooth, and measure what each has done to it.
@@ -157,7 +157,7 @@ def compare_flows(
     :param time: of the ray flow, squared pixel footprints.
     :param dt: of one step.
     :param jump: as that of :class:`RangeImage`, of the image and of the truth.
-    :param boundary: ``natural | linear | fixed``.
+    :param boundary: ``neumann | plane-preserving | fixed``.
     :param member: of the family; the Beltrami flow by default. It makes no difference where all of R^3 is free.
     :raises InputError: for a truth of another shape, an image without two neighbouring triangles, or no pixel that is left to
         compare.

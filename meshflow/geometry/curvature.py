@@ -60,7 +60,7 @@ def signed_mean(points: Array, faces: Array) -> Array:
     :param points: (n, 3).
     :param faces: (m, 3), turned alike.
     """
-    normals = curvature_normal(points, faces, "voronoi", "linear")
+    normals = curvature_normal(points, faces, "voronoi", "plane-preserving")
     return 0.5 * np.einsum("nd,nd->n", normals, normals_at(points, faces))
 
 

@@ -17,7 +17,7 @@ Border = Literal["curve", "free", "fixed"]
 def border_pull(connectivity: Connectivity, cot: Array) -> Any:
     """C (n, n): C @ X is what the area gradient holds at the boundary for want of a triangle beyond; to be added to L @ X.
 
-    Half the outward conormal of each boundary edge times its length, at both its ends (DESIGN.md, section 2, ``linear``).
+    Half the outward conormal of each boundary edge times its length, at both its ends (DESIGN.md, section 2, ``plane-preserving``).
     """
     n, corner = connectivity.size, connectivity.border % 3
     triangle = connectivity.border // 3
@@ -30,7 +30,7 @@ def border_pull(connectivity: Connectivity, cot: Array) -> Any:
 
 
 def cotangent_generator(connectivity: Connectivity, cot: Array, inertia: Array, moves: Array, linear: bool) -> Any:
-    """M^-1 L, at the border corrected where ``linear``; zero in the rows of what does not move.
+    """M^-1 L, at the border corrected where ``plane-preserving``; zero in the rows of what does not move.
 
     :param inertia: M / s (n,).
     :param moves: (n,).

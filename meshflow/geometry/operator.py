@@ -92,17 +92,20 @@ def mass(points: Array, faces: Array, kind: MassKind = "barycentric") -> Array:
     return gather_mass(connectivity, *cotangents(points, faces), kind)
 
 
-def area_gradient(points: Array, faces: Array, boundary: Literal["natural", "linear"] = "natural") -> Array:
+def area_gradient(points: Array, faces: Array, boundary: Literal["neumann", "plane-preserving"] = "neumann") -> Array:
     """Gradient (n, d) of the total area with respect to each vertex, L @ X (13).
 
-    :param boundary: ``linear`` takes out the pull of the conormal of each boundary edge: zero on every plane.
+    :param boundary: ``plane-preserving`` takes out the pull of the conormal of each boundary edge: zero on every plane.
     """
     connectivity = connect((faces,), len(points))
-    return gather_gradient(connectivity, cotangents(points, faces)[0], points, boundary == "linear")
+    return gather_gradient(connectivity, cotangents(points, faces)[0], points, boundary == "plane-preserving")
 
 
 def curvature_normal(
-    points: Array, faces: Array, kind: MassKind = "barycentric", boundary: Literal["natural", "linear"] = "natural"
+    points: Array,
+    faces: Array,
+    kind: MassKind = "barycentric",
+    boundary: Literal["neumann", "plane-preserving"] = "neumann",
 ) -> Array:
     """B = grad A / A (n, d), per length (11), (12): twice the mean curvature along the normal; zero at isolated vertices."""
     gradient, share = area_gradient(points, faces, boundary), mass(points, faces, kind)
@@ -114,7 +117,7 @@ def mean_curvature(points: Array, faces: Array, kind: MassKind = "voronoi") -> A
 
     kappa of section 5.1 lacks the half. Voronoi mass: it alone converges pointwise on irregular samplings.
     """
-    return 0.5 * np.linalg.norm(curvature_normal(points, faces, kind, "linear"), axis=1)
+    return 0.5 * np.linalg.norm(curvature_normal(points, faces, kind, "plane-preserving"), axis=1)
 
 
 def rate_bound(cot: Array, area: Array, kind: MassKind = "barycentric") -> Array:
@@ -156,7 +159,7 @@ def gather_gradient(connectivity: Connectivity, cot: Array, points: Array, linea
 
 
 def border_pull(connectivity: Connectivity, points: Array) -> Array:
-    """What ``linear`` takes out of the area gradient (n, k): the conormals of the boundary edges, measured at points (n, k)."""
+    """What ``plane-preserving`` takes out of the area gradient (n, k): the conormals of the boundary edges, measured at points (n, k)."""
     c, out = connectivity, np.zeros(points.shape)
     faces = c.faces[c.border // 3]
     cot, _ = cotangents(points, faces)

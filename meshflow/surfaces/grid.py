@@ -28,7 +28,7 @@ class Lift:
     :param contrast: alpha of section 4.4, which multiplies the free coordinates before the flow and divides them after it:
         length of the surface per unit of the value. No unit where value and spacing share theirs.
     :param diagonals: of a grid's cells; ``alternate`` is as isotropic as ``both`` at half the cost.
-    :param boundary: ``natural | linear | fixed``; by default what suits the noun.
+    :param boundary: ``neumann | plane-preserving | fixed``; by default what suits the noun.
     """
 
     contrast: float = 1.0
@@ -86,7 +86,7 @@ class Lattice:
     :param spacing: (dx, dy), dx a number or one per row.
     :param contrast: length per unit of the planes, 1 along fibres.
     :param diagonals: ``forward | backward | both | alternate``.
-    :param boundary: ``natural | linear | fixed``.
+    :param boundary: ``neumann | plane-preserving | fixed``.
     :param fibres: the lines along which the samples move; None: straight up from their places on the grid.
     :param jump: a triangle is left out where its planes differ by more than this share of the least; None: none is.
     :param cuts: edges that no triangle has.
@@ -99,7 +99,7 @@ class Lattice:
     spacing: Spacing = (1.0, 1.0)
     contrast: float = 1.0
     diagonals: Diagonals = "alternate"
-    boundary: Boundary = "natural"
+    boundary: Boundary = "neumann"
     fibres: Fibres | None = None
     jump: float | None = None
     cuts: Cuts | None = None

@@ -38,7 +38,7 @@ Moves = Literal["points", "channels", "all"]
 class _Grid:
     """What all samples on a grid share."""
 
-    boundary: Boundary = field(default="natural", init=False)
+    boundary: Boundary = field(default="neumann", init=False)
 
     def _lattice(self, planes: Array, missing: Array, fixed: Array, spacing: Spacing, lift: Lift) -> Lattice:
         """Free coordinates (k, h, w) above a grid."""
@@ -65,7 +65,7 @@ class HeightField(_Grid):
     fixed: Array = field(default_factory=nowhere)
     unit: str = ""
     cuts: Cuts | None = None
-    boundary: Boundary = field(default="linear", init=False)
+    boundary: Boundary = field(default="plane-preserving", init=False)
 
     def __post_init__(self) -> None:
         z, missing = samples(self.z, self.missing, (2,), "height field")
@@ -159,7 +159,7 @@ class Mesh:
     channels: Array | None = None
     moves: Moves | None = None
     fixed: Array = field(default_factory=nowhere)
-    boundary: Boundary = field(default="linear", init=False)
+    boundary: Boundary = field(default="plane-preserving", init=False)
 
     def __post_init__(self) -> None:
         points = real(self.points, "mesh points")

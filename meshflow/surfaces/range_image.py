@@ -61,7 +61,7 @@ class RangeImage:
     pace: Pace = "footprint"
     sigma: Array | float | None = None
     unit: str = ""
-    boundary: Boundary = field(default="linear", init=False)
+    boundary: Boundary = field(default="plane-preserving", init=False)
 
     def __post_init__(self) -> None:
         depth, missing = samples(self.depth, self.missing, (2,), "range image")

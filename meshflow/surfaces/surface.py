@@ -11,8 +11,8 @@ from meshflow.surfaces.free import ALL, Free
 
 __all__ = ["BOUNDARIES", "Boundary", "Surface", "known_boundary"]
 
-Boundary = Literal["natural", "linear", "fixed"]
-BOUNDARIES = ("natural", "linear", "fixed")
+Boundary = Literal["neumann", "plane-preserving", "fixed"]
+BOUNDARIES = ("neumann", "plane-preserving", "fixed")
 
 
 def known_boundary(boundary: str) -> None:
@@ -21,7 +21,7 @@ def known_boundary(boundary: str) -> None:
     :raises InputError: for one.
     """
     if boundary not in BOUNDARIES:
-        raise InputError(f"boundary: natural, linear or fixed expected, got {boundary!r}")
+        raise InputError(f"boundary: neumann, plane-preserving or fixed expected, got {boundary!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Surface:
     :param triangulations: of the same points, each (m, 3): one for a mesh, two for the diagonals of a grid.
     :param free: :class:`Axes` or :class:`Rays`; by default all axes (full curvature flow).
     :param fixed: vertices (n,) that stay; by default none.
-    :param boundary: ``natural``: nothing but the variational boundary; ``linear``: the pull of the boundary's conormal is
+    :param boundary: ``neumann``: nothing but the variational boundary; ``plane-preserving``: the pull of the boundary's conormal is
         taken out, so that tilted planes rest; ``fixed``: boundary vertices stay.
     :param alternate: take the triangulations in turn, one per rate evaluation, instead of all together.
     :param time_factor: (n,), of each vertex (pixel footprint squared of a range image); None: 1 for all.
@@ -45,7 +45,7 @@ class Surface:
     triangulations: tuple[Array, ...]
     free: Free = ALL
     fixed: Array = field(default_factory=nowhere)
-    boundary: Boundary = "natural"
+    boundary: Boundary = "neumann"
     alternate: bool = False
     time_factor: Array | None = None
     charts: tuple[Array, ...] = ()

@@ -220,7 +220,7 @@ class SpaceFlow:
     def __call__(self, z: Array, sigma: float, time: float, jump: str) -> Array:
         """The depths at a time."""
         image = RangeImage(z, self.camera, jump=float(jump))
-        lattice = image.gridded(Lift(boundary="linear"))
+        lattice = image.gridded(Lift(boundary="plane-preserving"))
         surface = lattice.surface()
         faces = image.lifted(Lift(diagonals="forward")).triangulations[0]
         points = self.kept.setdefault((z.tobytes(), jump), [])

@@ -179,13 +179,13 @@ class MeshFlow(Dense):
     def generator(self, u: Array, weights: Literal["cotangent", "uniform"]) -> Any:
         """A (n, n) with du/dt = -A u in the metric of u; rows of what stays are zero. Along axes, one set of triangles.
 
-        With uniform weights the border moves as a curve, but for a ``natural`` one, which its neighbours inside draw in.
+        With uniform weights the border moves as a curve, but for a ``neumann`` one, which its neighbours inside draw in.
         """
         if weights == "uniform":
             connectivity = self._triangulations[0].connectivity
             isolated = np.diff(connectivity.first) == 0
             step = mean_edge(self.surface.points, connectivity.faces)
-            curve = self.surface.boundary != "natural"
+            curve = self.surface.boundary != "neumann"
             return umbrella_generator(connectivity, step, ~(self.held | isolated), curve)
         moment = self._at(u, 0)
         inertia, m = self._inertia(moment, None), moment.measured
@@ -194,7 +194,7 @@ class MeshFlow(Dense):
     @property
     def _linear(self) -> bool:
         """Whether the pull of the border is taken out."""
-        return self.surface.boundary == "linear"
+        return self.surface.boundary == "plane-preserving"
 
     def _at(self, u: Array, diagonal: int) -> _Moment:
         """The surface at u, measured."""

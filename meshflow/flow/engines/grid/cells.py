@@ -45,7 +45,7 @@ def cells_of(there: Array | None, shape: tuple[int, int], which: int, borders: b
     :param there: (h - 1, w - 1), the bits of :func:`meshflow.surfaces.triangles.triangles_there`; None: all are.
     :param shape: (h, w).
     :param which: 0 forward, 1 backward.
-    :param borders: mark border edges (boundary ``linear``); without them a cell with both triangles is plain.
+    :param borders: mark border edges (boundary ``plane-preserving``); without them a cell with both triangles is plain.
     """
     rows, columns = shape[0] - 1, shape[1] - 1
     if there is None:

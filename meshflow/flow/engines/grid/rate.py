@@ -169,7 +169,7 @@ class GridFlow:
     @cached_property
     def _cells(self) -> tuple[Cells, Cells]:
         """The cells of both triangulations; of the one that there is, twice."""
-        borders = self.lattice.boundary == "linear"
+        borders = self.lattice.boundary == "plane-preserving"
         made = [
             cells_of(self.lattice.there, self.lattice.shape, which, borders)
             for which in triangulations(self.lattice.diagonals)

@@ -96,7 +96,7 @@ def coded_cells(
 ):
     """:func:`cells` where triangles may be missing and edges may be borders (:mod:`.cells`).
 
-    At a border edge the pull of its conormal is taken out at both its ends (boundary ``linear``): half of it is minus the pull
+    At a border edge the pull of its conormal is taken out at both its ends (plane-preserving): half of it is minus the pull
     on the corner opposite to the edge.
     """
     none = type(upper[4])(0)
