@@ -69,9 +69,13 @@ class BuildLibrary(build_py):
         super().run()
         place = Path(self.build_lib, PLACE, "_lib")
         place.mkdir(parents=True)
-        objects = Path(self.get_finalized_command("build").build_temp, "kernels")  # pyright: ignore[reportAttributeAccessIssue]
         for level in target.instruction_sets:
-            compiler.build(compiler.found(), level, place / f"meshflow-{level}{target.suffix}", objects)
+            made = place / f"meshflow-{level}{target.suffix}"
+            if not compiler.Target.named():
+                # Where Python is started in the source tree, the package there is used: it has its library, too.
+                shutil.copy(library.built(level), made)
+            else:
+                compiler.build(compiler.found(), level, made, library.PLACE / "objects")
 
     def get_source_files(self) -> list[str]:
         """Every file of a source distribution that this needs."""

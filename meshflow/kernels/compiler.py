@@ -81,13 +81,18 @@ class Target:
             system = {"darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
         return cls(NAMES.get(name, name), system)
 
+    @staticmethod
+    def named() -> str:
+        """What ``MESHFLOW_TARGET`` says, empty without it."""
+        return os.environ.get("MESHFLOW_TARGET", "")
+
     @classmethod
     def wanted(cls) -> "Target":
         """What ``MESHFLOW_TARGET`` names, "aarch64-linux" for example; this machine without it.
 
         :raises BuildError: for a system that is not known.
         """
-        text = os.environ.get("MESHFLOW_TARGET", "")
+        text = cls.named()
         if not text:
             return cls.here()
         machine, _, system = text.partition("-")
@@ -242,7 +247,7 @@ def found() -> Compiler | None:
     named = shlex.split(os.environ.get("CXX", ""), posix=os.name != "nt")
     if named:
         return Compiler(tuple(named), target)
-    if not os.environ.get("MESHFLOW_TARGET"):
+    if not Target.named():
         names = ("cl", "clang++", "g++") if os.name == "nt" else ("g++", "clang++", "c++")
         for name in names:
             path = shutil.which(name)

@@ -60,7 +60,7 @@ inline i64 trial_census(i64 parts, i32* who, i32 threads) {
     parallel_for(parts, threads, [&](i64 part, i32 me) {
         who[part] = me;
         here.fetch_add(1);
-        for (i64 turn = 0; here.load() < wanted && turn < 300000000; ++turn) {}
+        for (i64 turn = 0; here.load() < wanted && turn < 3000000000; ++turn) {}
     });
     return team_threads();
 }
