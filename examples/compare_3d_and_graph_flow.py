@@ -27,8 +27,10 @@ def main() -> tuple[float, float]:
     terrain = meshflow.read(DATA / "terrain.tif").noun
     truth, there = meshflow.read(DATA / "terrain_truth.tif").noun.z, ~terrain.missing
     surface = terrain.lifted(meshflow.Lift(diagonals="forward"))
-    in_space = meshflow.Surface(surface.points, surface.sheets, fixed=terrain.missing.ravel(), boundary="linear")
-    flow, used = meshflow.MeshFlow(in_space), np.unique(surface.sheets[0])
+    in_space = meshflow.Surface(
+        surface.points, surface.triangulations, fixed=terrain.missing.ravel(), boundary="linear"
+    )
+    flow, used = meshflow.MeshFlow(in_space), np.unique(surface.triangulations[0])
 
     print(f"rms error before {rms(terrain.z, truth, there):.2f} m; after, in space | of the graph | Beltrami:")
     errors = []

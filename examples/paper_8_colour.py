@@ -23,9 +23,9 @@ def main(picture: Path | None = None) -> tuple[int, float]:
     flow = meshflow.GridFlow(noisy.gridded(lift))
 
     *_, end = meshflow.march(flow, meshflow.Until(steps=300), meshflow.Explicit(), meshflow.Fixed(dt))
-    explicit = noisy.holding(flow.planes(end.u))
+    explicit = noisy.lowered(end.u)
     states = list(meshflow.march(flow, meshflow.Until(time=end.time), meshflow.SuperTime()))
-    fast = noisy.holding(flow.planes(states[-1].u))
+    fast = noisy.lowered(states[-1].u)
 
     rates = sum(stages(1, state.dt / (1.0 / 6.0)) for state in states[1:])
     away = float(np.sqrt(np.mean((fast.values - explicit.values) ** 2)))

@@ -24,9 +24,10 @@ if TYPE_CHECKING:
     from meshflow.results.result import Result
     from meshflow.smoothing import denoise, smooth
     from meshflow.surfaces.camera import Orthographic, Pinhole
+    from meshflow.surfaces.free import Axes, Rays
     from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
     from meshflow.surfaces.scanner import Scanner, Spherical
-    from meshflow.surfaces.surface import Axes, Rays, Surface
+    from meshflow.surfaces.surface import Surface
     from meshflow.viewer.filming import film
 
 _HOMES = {
@@ -41,7 +42,8 @@ _HOMES = {
     "surfaces.lift": ("HeightField", "Image", "Lift", "Mesh", "RangeImage"),
     "flow.methods.beltrami": ("Member",),
     "surfaces.scanner": ("Scanner", "Spherical"),
-    "surfaces.surface": ("Axes", "Rays", "Surface"),
+    "surfaces.free": ("Axes", "Rays"),
+    "surfaces.surface": ("Surface",),
     "flow.engines.grid.rate": ("GridFlow",),
     "io.formats.cameras": ("read_camera", "write_camera"),
     "io.export": ("to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"),

@@ -77,7 +77,6 @@ class _Seen:
                 continue
             self.first, used = self.first or taken, used + 1
             assert isinstance(taken.noun, RangeImage)
-            assert taken.noun.missing is not None
             yield np.where(taken.noun.missing, np.nan, taken.noun.depth)
         if used < 2:
             raise InputError(f"frames: two or more with depths, of the same view, expected, got {used}{self._left_out}")

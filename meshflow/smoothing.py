@@ -17,11 +17,12 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.controls import Control, Fixed, Until
 from meshflow.flow.engines.grid.rate import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.mobility import slowed
 from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
-from meshflow.geometry.validation import Array, whole
+from meshflow.geometry.validation import whole
 from meshflow.io.adapters.multipart import multipart
 from meshflow.io.files import Document
 from meshflow.io.metadata import PER_SAMPLE, ReadOptions
@@ -51,7 +52,6 @@ def noise(noun: Noun) -> dict[str, float]:
     if len(found.channels) > 1:
         facts |= {f"noise of channel {i}": sigma for i, sigma in enumerate(found.channels)}
     if isinstance(noun, RangeImage):
-        assert noun.missing is not None
         growth = noise_growth(noun.depth, noun.missing)
         if growth is not None:
             facts |= {"noise a": growth.a, "noise b (per depth)": growth.b, "noise c (per depth²)": growth.c}
@@ -72,7 +72,7 @@ def smooth_noun(noun: Noun, settings: Settings, progress: Progress = None, *, re
     start, end, moments = _run(flow, plan, settings, progress, record)
     done, warnings = plan.noun, plan.warnings
     if plan.idle is None:
-        done = _lowered(plan, engine, end.u)
+        done = plan.noun.lowered(end.u)
         warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
     if isinstance(engine, GridFlow):
         warnings += _alone(engine, plan) if record is not None else ()
@@ -100,7 +100,6 @@ def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, reco
     plan = planned(noun, Settings(islands=settings.islands, steps=0))
     cleared, noise = plan.noun, plan.noise
     assert isinstance(cleared, RangeImage)
-    assert cleared.missing is not None
     assert noise is not None
     there = ~cleared.missing
     squares = np.square(cleared.depth[there].astype(np.float64))  # what a depth is off, times its inverse squared
@@ -127,14 +126,6 @@ def _in_disparity(noun: RangeImage, settings: Settings, progress: Progress, reco
     return replace(found, thing=done, noun=done, before=noun, parameters=told, noise=noise)
 
 
-def _lowered(plan: Plan, engine: Flow, u: Array) -> Noun:
-    """The noun with the coordinates u."""
-    if isinstance(plan.noun, Mesh):
-        return plan.noun.lowered(u, plan.lift)
-    assert isinstance(engine, GridFlow)
-    return plan.noun.holding(engine.planes(u))
-
-
 def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
     """A word on samples that have no triangle, where they are more than a few."""
     if plan.idle is not None or not (isinstance(plan.noun, RangeImage) or engine.lattice.missing.any()):
@@ -152,7 +143,7 @@ def _engine(plan: Plan, settings: Settings) -> Flow:
         surface = plan.noun.lifted(plan.lift)
         if plan.motion is not None:
             return plan.motion.engine(surface, plan.member)
-        return MeshFlow(surface, plan.member, triangles="clamped" if settings.triangles == "clamped" else "given")
+        return MeshFlow(surface, plan.member, Clamped() if settings.triangles == "clamped" else None)
     return GridFlow(plan.noun.gridded(plan.lift), plan.member, settings.threads)
 
 
@@ -230,14 +221,14 @@ def flowing(noun: Noun, settings: Settings, count: int, progress: Progress = Non
     if plan.motion is not None and plan.motion.once and time is not None:  # each state is one step from the start
         for mark in (share * time for share in shares):
             *_, state = march(flow, Until(time=mark), stepper, Fixed(mark), limit=limit)
-            yield state.time, _lowered(plan, engine, state.u)
+            yield state.time, plan.noun.lowered(state.u)
         return
     marks = () if time is None else tuple(share * time for share in shares)
     steps = frozenset() if until.steps is None else {round(share * until.steps) for share in shares}
     for state in march(flow, replace(until, marks=marks), stepper, control, progress, limit=limit):
         met = any(abs(state.time - mark) <= 1e-9 * mark for mark in marks) or state.step in steps
         if state.step > 0 and (met or state.reason is not None):
-            yield state.time, _lowered(plan, engine, state.u)
+            yield state.time, plan.noun.lowered(state.u)
 
 
 def _stepper(flow: Flow, plan: Plan, settings: Settings) -> Stepper | StepperName:
@@ -254,7 +245,6 @@ def _held(plan: Plan, flow: Flow) -> Hold | None:
     limit = None if plan.limit is None else plan.limit(flow.start())
     if plan.keep is None or not isinstance(plan.noun, Mesh):
         return limit
-    assert plan.noun.fixed is not None
     free = free_of(plan.noun.faces, plan.noun.fixed, plan.speed, rim=plan.lift.boundary == "fixed")
     kept = Kept(plan.keep, plan.noun.faces, flow.start(), free)
     return kept if limit is None else Both(kept, limit)
@@ -264,9 +254,7 @@ def _moment(state: State, plan: Plan) -> Moment:
     """A state in numbers."""
     flow = state.flow
     change, largest = (0.0, 0.0) if state.step == 0 else flow.size((1.0, state.u), (-1.0, flow.start()))
-    return Moment(
-        state.time, state.dt, state.area, float(change / np.sqrt(plan.there) / plan.unit), largest / plan.unit
-    )
+    return Moment(state.time, state.dt, state.area, float(change / np.sqrt(plan.there)), largest)
 
 
 def smooth(

@@ -133,7 +133,9 @@ def test_livingroom_along_rays_and_in_space(frame):
     lift, until = meshflow.Lift(), meshflow.Until(time=5.0)
     surface = noisy.lifted(lift)
     valid = ~noisy.missing.ravel()
-    free = meshflow.Surface(surface.points, surface.sheets, boundary="linear", turns=True, pace=surface.pace)
+    free = meshflow.Surface(
+        surface.points, surface.triangulations, boundary="linear", alternate=True, time_factor=surface.time_factor
+    )
     *_, along = meshflow.march(meshflow.MeshFlow(surface), until)
     *_, space = meshflow.march(meshflow.MeshFlow(free), until, meshflow.SemiImplicit())
     print(f"\nICL living room, frame {frame}, 5 pixel footprints:")

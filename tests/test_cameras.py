@@ -71,7 +71,7 @@ def test_depth_and_range_of_the_same_points_give_the_same_surface_and_pace(name)
     one = RangeImage(depth, camera, jump=None).lifted(Lift())
     other = RangeImage(depth * length, camera, measure="range", jump=None).lifted(Lift())
     assert np.allclose(one.points, other.points, rtol=1e-13)
-    assert np.allclose(one.pace, other.pace, rtol=1e-13)
+    assert np.allclose(one.time_factor, other.time_factor, rtol=1e-13)
     assert np.allclose(np.linalg.norm(rays_of(camera, "range"), axis=2), 1)
 
 
@@ -126,7 +126,7 @@ def test_planes_rest_for_every_camera(camera):
     flow = GridFlow(noun.gridded(Lift()), Member())
     for turn in (0, 1):
         rate = flow.rate(flow.start(), turn)
-        pace = noun.gridded(Lift()).surface().pace[:, None]
+        pace = noun.gridded(Lift()).surface().time_factor[:, None]
         scale = np.nanmax(away)
         assert np.abs(rate[pace > 0] / pace[pace > 0]).max() * np.median(pace[pace > 0]) < 1e-10 * scale
 

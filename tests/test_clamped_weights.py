@@ -9,6 +9,7 @@ from helpers.shapes import sphere
 from meshflow.errors import InputError
 from meshflow.flow.blend import euler
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.march import VANISHED
 from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry.connectivity import connect, shared_sides
@@ -49,7 +50,7 @@ def test_values_never_leave_their_range_where_triangles_are_obtuse(stepper, time
 @pytest.mark.parametrize("gamma", [-1.0, 0.0, 1.0])
 def test_the_largest_explicit_step_takes_each_value_to_a_mean_of_its_neighbours(gamma):
     surface = Surface(np.column_stack([POINTS, 3.0 * VALUES]), (FACES,), boundary="natural")
-    flow = MeshFlow(surface, Member(gamma=gamma), triangles="clamped")
+    flow = MeshFlow(surface, Member(gamma=gamma), metric=Clamped())
     u = flow.start()
     around = [set() for _ in u]
     for triangle in FACES:
@@ -132,9 +133,9 @@ def test_what_leaves_the_range_is_refused():
     with pytest.raises(InputError, match="triangles: of meshes only, got HeightField"):
         smooth(np.eye(4), triangles="clamped")
     with pytest.raises(InputError, match="'linear', which leaves the range"):
-        MeshFlow(Surface(POINTS, (FACES,), boundary="linear"), triangles="clamped")
+        MeshFlow(Surface(POINTS, (FACES,), boundary="linear"), metric=Clamped())
     with pytest.raises(InputError, match="'voronoi', which asks for all angles"):
-        MeshFlow(Surface(POINTS, (FACES,)), Member(mass="voronoi"), triangles="clamped")
+        MeshFlow(Surface(POINTS, (FACES,)), Member(mass="voronoi"), metric=Clamped())
 
 
 @pytest.mark.parametrize("stepper", ["auto", "semi-implicit"])

@@ -192,7 +192,7 @@ def test_a_range_map_of_vcg_is_read_by_its_camera_and_comes_out_as_it_came_in(tm
     assert noun.depth.shape == (rows.max() - rows.min() + 1, columns.max() - columns.min() + 1)
     assert np.allclose(noun.cloud[rows - rows.min(), columns - columns.min()], world)
     assert np.allclose(noun.camera.origins, eye)
-    assert len(noun.lifted(Lift()).sheets[0]) > 200
+    assert len(noun.lifted(Lift()).triangulations[0]) > 200
     write(document, tmp_path / "b.ply")
     assert (tmp_path / "b.ply").read_bytes() == path.read_bytes()
 

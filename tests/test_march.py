@@ -111,7 +111,7 @@ def collapsing():
     """Steep noise as a mesh that moves in space: its triangles become slivers, and explicit steps ever shorter."""
     z = 3 * np.random.default_rng(0).normal(size=(20, 20))
     surface = HeightField(z).lifted(Lift(diagonals="forward"))
-    return MeshFlow(Surface(surface.points, surface.sheets, boundary="linear"))
+    return MeshFlow(Surface(surface.points, surface.triangulations, boundary="linear"))
 
 
 def test_automatic_choice_changes_to_the_implicit_step_when_triangles_become_slivers():

@@ -43,13 +43,13 @@ def everything(seed=0):
         found[f"gradient {d}"] = operator.gather_gradient(c, cot, wide, True)
         found[f"charts {d}"] = operator.gather_chart_gradient(c, cot, charts, True)
     held = rng.random(n) < 0.1
-    of_blocks = blocks.blocked(points, faces)
-    assert of_blocks is not None
     for kind, word in enumerate(operator.MASSES):
+        of_blocks = blocks.blocked(points, faces, kind, held)
+        assert of_blocks is not None
         found[f"mass {word}"] = operator.gather_mass(c, cot, area, word)
         found[f"bound {word}"] = operator.rate_bound(cot, area, word)
         out, inverse = np.empty_like(points), np.empty(n)
-        blocks.march_blocks(of_blocks, points, kind, held, 1.0, 1e-4, out, inverse)
+        blocks.march_blocks(of_blocks, points, 1.0, 1e-4, out, inverse)
         found |= {f"step {word}": out, f"inverse {word}": inverse}
     rays = rng.normal(size=(n, 3))
     found |= {"L": operator.fill_stiffness(c, cot).data, "along rays": operator.fill_stiffness(c, cot, rays).data}
@@ -57,7 +57,7 @@ def everything(seed=0):
     across, (at, areas) = normals.beyond(faces), normals.measured(points, faces)
     weights = normals.conductances(points, faces, across)
     for q in (2.0, 4.0, 8.0, 3.0):
-        found[f"spread {q}"] = normals.spread(at, areas, weights, across, 1e-4, 2.0, q, 3)
+        found[f"spread {q}"] = normals.spread(at, normals.NormalDiffusion(areas, weights, across, 2.0, q), 1e-4, 3)
     found["followed"] = normals.followed(points, c, at, held, 3)
     found["directed"] = curvature.directed(points, faces, 2.0)
     found["flipped"], lengths = delaunay.delaunay(faces, delaunay.side_lengths(points, faces))
@@ -186,7 +186,10 @@ def test_sharpnesses_by_products_are_limits_of_those_by_powers(sharpness):
     at, areas = normals.measured(points, ball.faces)
     across = normals.beyond(ball.faces)
     weights = normals.conductances(points, ball.faces, across)
-    one, other = (normals.spread(at, areas, weights, across, 1e-2, 2.0, q, 2) for q in (sharpness, sharpness + 1e-12))
+    one, other = (
+        normals.spread(at, normals.NormalDiffusion(areas, weights, across, 2.0, q), 1e-2, 2)
+        for q in (sharpness, sharpness + 1e-12)
+    )
     assert np.abs(one - other).max() < 1e-11
 
 
@@ -197,7 +200,7 @@ def sound_calls():
     m, c = len(faces), connect((faces,), n)
     p, (cot, area) = c.pattern, operator.cotangents(points, faces)
     across = normals.beyond(faces)
-    b = blocks.blocked(points, faces)
+    b = blocks.blocked(points, faces, 0, np.zeros(len(points), bool))
     assert b is not None
     held, threes = np.zeros(n, bool), np.empty((m, 3))
     around = (c.first, c.corners)

@@ -12,7 +12,8 @@ from meshflow.flow.methods.normal_filter import FacetFlow, Facets
 from meshflow.geometry import normals as facets
 from meshflow.geometry.normals import mean_edge
 from meshflow.smoothing import denoise, smooth
-from meshflow.surfaces.surface import Axes, Surface
+from meshflow.surfaces.free import Axes
+from meshflow.surfaces.surface import Surface
 from meshflow.synthetic.shapes import cube
 
 MADE = cube(12)

@@ -11,7 +11,7 @@ from helpers import shapes
 from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import boundary_edges
-from meshflow.surfaces.triangles import grid_sheets, triangles_there
+from meshflow.surfaces.triangles import grid_triangulations, triangles_there
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 IGL_MASS = {"barycentric": igl.MASSMATRIX_TYPE_BARYCENTRIC, "voronoi": igl.MASSMATRIX_TYPE_VORONOI}
@@ -66,7 +66,9 @@ def test_operator_equals_libigl_on_soups_and_grids(d):
     grid = np.mgrid[0:9, 0:11].reshape(2, -1).T
     heights = np.column_stack([grid, rng.normal(size=(99, d - 2))])
     worst = max(max(_differences(*shapes.soup(60, 100, d, seed))) for seed in range(5))
-    worst = max(worst, *_differences(heights, grid_sheets(triangles_there(np.zeros((9, 11), bool)), "forward")[0]))
+    worst = max(
+        worst, *_differences(heights, grid_triangulations(triangles_there(np.zeros((9, 11), bool)), "forward")[0])
+    )
     print(f"largest relative difference from libigl in R^{d}: {worst:.1e}")
     assert worst <= 1e-12
 
@@ -168,7 +170,7 @@ def test_twelve_over_h_squared_bounds_every_height_field(amplitude):
     grid = np.mgrid[0:40, 0:40].reshape(2, -1).T * h
     for channels in (1, 3):
         points = np.column_stack([grid, amplitude * rng.normal(size=(1600, channels))])
-        faces = grid_sheets(triangles_there(np.zeros((40, 40), bool)), "forward")[0]
+        faces = grid_triangulations(triangles_there(np.zeros((40, 40), bool)), "forward")[0]
         assert operator.rate_bound(*operator.cotangents(points, faces)).max() <= 12 / h**2 * (1 + 1e-9)
 
 

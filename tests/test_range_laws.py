@@ -82,7 +82,7 @@ def test_silhouettes_of_the_analytic_scene_do_not_move():
     scene, sight = depth_scene(), Sight.through(CAMERA, (240, 320))
     image = RangeImage(scene.noisy, CAMERA)
     smoothed = meshflow.smooth(image, time=5.0)
-    faces = image.lifted(Lift(diagonals="forward")).sheets[0]
+    faces = image.lifted(Lift(diagonals="forward")).triangulations[0]
     used = np.isin(np.arange(scene.noisy.size), faces)
     points = sight.at(smoothed.depth).reshape(-1, 3)
     pixels, _ = sight.pixels(points[used], np.flatnonzero(used))

@@ -141,8 +141,8 @@ def test_one_seed_is_one_frame():
 def test_a_surface_rendered_from_its_own_pixels_gives_its_depths_back():
     scene = depth_scene()
     surface = RangeImage(scene.noisy, CAMERA).lifted(Lift(diagonals="forward"))
-    used = np.isin(np.arange(scene.noisy.size), surface.sheets[0]).reshape(scene.noisy.shape)
-    depth = FULL.rendered(surface.points, surface.sheets[0])
+    used = np.isin(np.arange(scene.noisy.size), surface.triangulations[0]).reshape(scene.noisy.shape)
+    depth = FULL.rendered(surface.points, surface.triangulations[0])
     assert np.array_equal(np.isfinite(depth), used)
     assert np.abs(depth - scene.noisy)[used].max() < 1e-12
 

@@ -131,7 +131,7 @@ def test_automatic_choice_takes_super_time_where_it_saves_steps():
 def test_a_mesh_that_collapses_on_the_way_is_given_shorter_steps():
     z = 3 * np.random.default_rng(0).normal(size=(20, 20))
     surface = HeightField(z).lifted(Lift(diagonals="forward"))
-    flow = MeshFlow(Mesh(surface.points, surface.sheets[0]).lifted(Lift(boundary="natural")))
+    flow = MeshFlow(Mesh(surface.points, surface.triangulations[0]).lifted(Lift(boundary="natural")))
     first = Explicit().largest(flow, flow.start())
     states = list(march(flow, Until(steps=6), SuperTime()))
     assert states[1].dt < 6 * first  # not the six explicit steps that were tried

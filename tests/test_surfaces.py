@@ -6,10 +6,11 @@ import pytest
 from meshflow.errors import InputError
 from meshflow.flow.methods.beltrami import Member
 from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.free import Axes, Rays
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
 from meshflow.surfaces.scanner import Scanner
-from meshflow.surfaces.surface import Axes, Rays, Surface
-from meshflow.surfaces.triangles import grid_sheets, triangles_there
+from meshflow.surfaces.surface import Surface
+from meshflow.surfaces.triangles import grid_triangulations, triangles_there
 
 TRIANGLE = (np.eye(3), np.array([[0, 1, 2]]))
 CAMERA = Pinhole(100, 100, 2, 2)
@@ -45,7 +46,7 @@ def test_a_noun_tells_its_size_and_not_its_numbers():
 def test_lowering_what_did_not_move_gives_back_every_bit(dtype):
     for noun in nouns(dtype):
         lift = Lift(contrast=1.0 if isinstance(noun, RangeImage) or getattr(noun, "moves", "") == "points" else 0.37)
-        back = noun.lowered(noun.lifted(lift).start, lift)
+        back = noun.lowered(noun.lifted(lift).start)
         for name in ("z", "values", "depth", "points", "channels"):
             if getattr(noun, name, None) is not None:
                 before, after = getattr(noun, name), getattr(back, name)
@@ -59,9 +60,9 @@ def test_lowering_a_shift_shifts_the_valid_samples_and_no_others():
         (nouns(np.float64)[2], "values", Lift(4.0)),
         (nouns(np.float64)[3], "depth", Lift()),
     ]:
-        after = getattr(noun.lowered(noun.lifted(lift).start + 1.0, lift), name)
+        after = getattr(noun.lowered(noun.lifted(lift).start + 1.0), name)
         before, gone = getattr(noun, name), noun.missing
-        assert np.allclose(after[~gone], before[~gone] + 1.0 / lift.contrast)
+        assert np.allclose(after[~gone], before[~gone] + 1.0)
         assert np.array_equal(after[gone], before[gone], equal_nan=True)
 
 
@@ -70,7 +71,7 @@ def test_nothing_of_the_callers_is_changed():
     z.flags.writeable = False
     noun = HeightField(z)
     lifted = noun.lifted(Lift(2.0))
-    noun.lowered(lifted.start + 3, Lift(2.0))
+    noun.lowered(lifted.start + 3)
     lifted.start[:] = 0
     assert not np.shares_memory(lifted.points, z)
 
@@ -114,7 +115,7 @@ def test_a_missing_sample_removes_its_triangles():
     valid = np.ones((5, 6), bool)
     valid[2, 2] = False
     for diagonals, sheets, lost in (("forward", 1, 6), ("backward", 1, 6), ("both", 2, 6), ("alternate", 2, 6)):
-        found = grid_sheets(triangles_there(~valid), diagonals)
+        found = grid_triangulations(triangles_there(~valid), diagonals)
         assert len(found) == sheets
         for faces in found:
             assert len(faces) == 2 * 4 * 5 - lost
@@ -123,7 +124,7 @@ def test_a_missing_sample_removes_its_triangles():
 
 def test_triangles_of_a_grid_turn_counter_clockwise_and_begin_with_the_right_angle():
     surface = HeightField(np.zeros((4, 5)), (2.0, 3.0)).lifted(Lift(diagonals="both"))
-    for faces in surface.sheets:
+    for faces in surface.triangulations:
         a, b, c = (surface.points[faces[:, i], :2] for i in range(3))
         u, v = b - a, c - a
         assert (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 0).all()
@@ -133,7 +134,7 @@ def test_triangles_of_a_grid_turn_counter_clockwise_and_begin_with_the_right_ang
 def test_triangles_across_a_jump_of_depth_are_left_out():
     depth = np.full((4, 6), 2.0)
     depth[:, 3:] = 3.0
-    whole, cut = (RangeImage(depth, CAMERA, jump=jump).lifted(Lift()).sheets[0] for jump in (None, 0.05))
+    whole, cut = (RangeImage(depth, CAMERA, jump=jump).lifted(Lift()).triangulations[0] for jump in (None, 0.05))
     assert len(whole) == 2 * 3 * 5
     assert len(cut) == 2 * 3 * 4
 
@@ -151,7 +152,7 @@ def test_a_spacing_per_row_measures_each_row_with_its_own():
     surface = HeightField(np.zeros((3, 4)), (dx, 5.0)).lifted(Lift(diagonals="forward"))
     corners = surface.charts[0]
     legs = np.abs(corners[:, 1:] - corners[:, :1]).max(axis=1)
-    rows = surface.sheets[0][:, 0] // 4
+    rows = surface.triangulations[0][:, 0] // 4
     assert np.allclose(legs[:, 0], dx[rows])
     assert np.allclose(legs[:, 1], 5.0)
 
@@ -197,9 +198,9 @@ BAD = [
     (lambda: Mesh(*TRIANGLE).lifted(Lift(2.0)), "a factor on the channels"),
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), Axes((0, 0))), "different coordinates from 0 to 2"),
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), Axes((1, 2))), "one coordinate that stays spans no area"),
-    (lambda: Surface(np.eye(4), (TRIANGLE[1],), Rays(np.eye(4), np.eye(4), np.ones(4))), "rays need points in R"),
+    (lambda: Surface(np.eye(4), (TRIANGLE[1],), Rays(np.eye(4), np.eye(4), np.ones((4, 1)))), "rays need points in R"),
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), boundary="free"), "natural, linear or fixed expected"),
-    (lambda: Surface(np.eye(3), (TRIANGLE[1],), pace=np.ones(2)), r"pace: shape \(3,\)"),
+    (lambda: Surface(np.eye(3), (TRIANGLE[1],), time_factor=np.ones(2)), r"time factor: shape \(3,\)"),
     (lambda: Lift(contrast=np.inf), "contrast: a positive finite number"),
     (lambda: HeightField(np.ones((3, 3))).lifted(Lift(diagonals="cross")), "diagonals: one of forward, backward"),
     (lambda: Member(gamma=np.nan), "gamma: a finite number"),

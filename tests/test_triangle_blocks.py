@@ -6,6 +6,7 @@ import pytest
 from meshflow.flow.blend import euler
 from meshflow.flow.conjugate_gradients import conjugate_gradients
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.metric import metric_of
 from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import blocked
@@ -50,7 +51,9 @@ def test_where_a_triangle_is_all_but_flat_blocks_leave_the_step_to_delaunay():
     points = ball.points.copy()
     points[ball.faces[5, 0]] = 0.5 * (points[ball.faces[5, 1]] + points[ball.faces[5, 2]])
     surface = Surface(points, (ball.faces,))
-    auto, named, given = (MeshFlow(surface, triangles=word).rate(points) for word in ("auto", "delaunay", "given"))
+    auto, named, given = (
+        MeshFlow(surface, metric=metric_of(word)).rate(points) for word in ("auto", "delaunay", "given")
+    )
     assert np.array_equal(auto, named)
     assert not np.allclose(auto, given)
 

@@ -197,7 +197,6 @@ def along_rays(noun: RangeImage, settings: Settings, noise: Noise, why: str, spe
         time = timed or Parameter(0.0, squared_unit(noun), "default", "no noise was found")
         plan = plan if asked else replace(plan, idle=no_noise(noise))
         return _told(plan, settings, {**told, "time": time}, "default")
-    assert noun.missing is not None
     there = ~noun.missing & (footprint > 0)
     sigma = np.broadcast_to(noun.sigma, there.shape) * settings.strength
     told["sigma"] = Parameter(noise.sigma, value_unit(noun), "given" if noise.how == "given" else "estimated", why)

@@ -164,7 +164,6 @@ def _pieces(noun: Mesh) -> tuple[Mesh, Array, Array]:
     """A mesh that is not too large: the whole, or pieces of it, which of its vertices are counted, and which of the whole they
     are.
     """
-    assert noun.fixed is not None
     if len(noun.points) <= ENOUGH:
         return noun, ~noun.fixed, np.arange(len(noun.points))
     across, m = beyond(noun.faces), len(noun.faces)
@@ -239,7 +238,6 @@ def _holding(noun: Mesh, settings: Settings, motion: Motion) -> Keep | None:
     """What is kept where nobody says: of a conformalised flow the volume by scaling, of an open mesh the area, where all points
     are free; the volume of normal channels, which shrink balls.
     """
-    assert noun.fixed is not None
     filled = (
         is_closed(noun.faces)
         and noun.points.shape[1] == 3

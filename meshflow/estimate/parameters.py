@@ -84,16 +84,10 @@ class Plan:
     warnings: tuple[str, ...] = ()
 
     @property
-    def unit(self) -> float:
-        """Units of u for one of the caller's: the mesh engine counts channels times the contrast."""
-        return self.lift.contrast if isinstance(self.noun, Mesh) and self.noun.moves == "channels" else 1.0
-
-    @property
     def there(self) -> float:
         """The share of the samples that are there."""
         if isinstance(self.noun, Mesh):
             return 1.0
-        assert self.noun.missing is not None
         return float(np.mean(~self.noun.missing))
 
 

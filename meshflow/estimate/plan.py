@@ -36,7 +36,6 @@ def noise_in(noun: Noun, only: Array | None = None) -> Noise:
         if noun.channels is None or noun.moves == "points":
             return noise_on(noun.points, noun.faces, noun.normals)
         return noise_on(noun.channels, noun.faces)
-    assert noun.missing is not None
     missing = noun.missing if only is None else noun.missing | ~only
     missing = noun.missing if missing.all() else missing
     return _noise_along(noun, missing)[0] if isinstance(noun, RangeImage) else noise_of(data_of(noun), missing)
@@ -73,14 +72,12 @@ def planned(noun: Noun, settings: Settings) -> Plan:
     """What is run on a noun, as its caller wants it."""
     words, only = given_words(noun, settings), _mask(noun, settings)
     if only is not None:
-        assert noun.fixed is not None
         noun = replace(noun, fixed=noun.fixed | ~only)
     noun, speed = _slowed(noun, settings)
     if settings.sigma is not None and isinstance(noun, RangeImage):
         noun = replace(noun, sigma=float(settings.sigma))
     _must_be_seen(noun, settings)
     if isinstance(noun, RangeImage):
-        assert noun.missing is not None
         unseen = noun.missing if only is None or not only.any() else noun.missing | ~only
         noise, noun, why = _noise_along(noun, noun.missing if unseen.all() else unseen)
         noun = noun if settings.islands is None else noun.cleared(settings.islands)
@@ -157,14 +154,12 @@ def _stepped(noun: Noun, settings: Settings) -> Settings:
 
 
 def _gone(noun: HeightField | Image | RangeImage, ndim: int) -> Array:
-    assert noun.missing is not None
     return noun.missing if ndim == 2 else noun.missing[..., None]
 
 
 def _mask(noun: Noun, settings: Settings) -> Array | None:
     if settings.only is None:
         return None
-    assert noun.fixed is not None
     return mask_of(settings.only, noun.fixed.shape, "only")
 
 
@@ -172,21 +167,18 @@ def _slowed(noun: Noun, settings: Settings) -> tuple[Noun, Array | None]:
     """The noun with what has no speed fixed, and the speeds (n, 1); None where all go freely."""
     if settings.speed is None:
         return noun, None
-    assert noun.fixed is not None
     speed = speed_of(settings.speed, noun.fixed.shape)
     return replace(noun, fixed=noun.fixed | (speed == 0)), speed.reshape(-1, 1)
 
 
 def _still(noun: Noun) -> bool:
     """Whether no sample may move."""
-    assert noun.fixed is not None
     still = noun.fixed if isinstance(noun, Mesh) or noun.missing is None else noun.fixed | noun.missing
     return bool(still.all())
 
 
 def _free(noun: Noun) -> tuple[tuple[int, ...], int]:
     """The shape of the coordinates that move, as the caller knows them, and how many samples they are of."""
-    assert noun.fixed is not None
     shape = data_of(noun).shape
     if isinstance(noun, Mesh) and noun.moves == "all":
         shape = (shape[0], noun.points.shape[1] + shape[1])
@@ -198,13 +190,12 @@ def _held(plan: Plan, settings: Settings) -> Plan:
     noun, parameters = plan.noun, dict(plan.parameters)
     limit, origin = limit_of(noun, settings, plan.noise)
     shape, n = _free(noun)
-    unit = plan.unit
     around = isinstance(noun, Mesh) and noun.moves == "points"
     if limit is not None:
         most = float(limit) if np.ndim(limit) == 0 else "one per sample"
         why = "half the quantum, rounding is the noise" if origin == "estimated" else ""
         parameters["limit"] = Parameter(most, value_unit(noun), origin, why)
-        plan = replace(plan, limit=lambda start: Limit.of(start, limit, shape, unit, around))
+        plan = replace(plan, limit=lambda start: Limit.of(start, limit, shape, around))
     if settings.confidence is not None:
         trust = trust_of(settings.confidence, shape, n, plan.lift.contrast)
         if isinstance(noun, RangeImage) and noun.stride is not None:
@@ -223,16 +214,15 @@ def _stopping(plan: Plan, settings: Settings) -> Plan:
     assert plan.noise is not None
     shape, n = _free(noun)
     k = int(np.prod(shape)) // n
-    unit = plan.unit
-    sigma = plan.noise.sigma * settings.strength * unit * (np.sqrt(k) if not _points(noun) else 1.0)
+    sigma = plan.noise.sigma * settings.strength * (np.sqrt(k) if not _points(noun) else 1.0)
 
     def seen(u: Array) -> Array:
         """The values (h, w), (h, w, k) or (n, k) of u."""
-        values = np.asarray(u / unit if unit != 1.0 else u).reshape(shape).view()
+        values = np.asarray(u).reshape(shape).view()
         values.flags.writeable = False
         return values
 
-    stops = settings.stops(sigma, plan.there, unit, seen)
+    stops = settings.stops(sigma, plan.there, 1.0, seen)
     time = float(parameters["time"].value)
     if stops and given_time(noun, settings) is None:
         time = PATIENT * noun.step**2

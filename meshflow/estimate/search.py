@@ -201,17 +201,17 @@ def tried_on_mesh(noun: Mesh, lift: Lift, search: Search) -> Callable[[Candidate
     assert noun.channels is not None
     probe = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=noun.channels.shape)
     twin = replace(noun, channels=noun.channels + PROBE * search.sigma * probe)
-    assert noun.fixed is not None
     counted = ~noun.fixed
 
     def tried(candidate: Candidate) -> list[Trial]:
         one, two = (
             MeshFlow(part.lifted(replace(lift, contrast=candidate.contrast)), candidate.member) for part in (noun, twin)
         )
-        sigma = search.sigma * candidate.contrast
         pair = slowed(one, search.speed), slowed(two, search.speed)
-        curves = risk_curves(pair, probe, sigma, search.times, counted, search.twices, patient=search.end is not None)
-        return search.trials(candidate, curves, candidate.contrast)
+        curves = risk_curves(
+            pair, probe, search.sigma, search.times, counted, search.twices, patient=search.end is not None
+        )
+        return search.trials(candidate, curves)
 
     return tried
 

@@ -7,7 +7,6 @@ import numpy as np
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 
 __all__ = ["describe"]
@@ -19,7 +18,7 @@ def describe(noun: Noun) -> dict[str, Any]:
     The area of an image is that of (x, y, channels) at contrast 1; angles are of the triangles between valid samples.
     """
     surface = noun.lifted(Lift(diagonals="forward"))
-    faces = surface.sheets[0]
+    faces = surface.triangulations[0]
     facts = _of_mesh(noun, faces) if isinstance(noun, Mesh) else _of_grid(noun)
     if surface.charts is not None:
         forms, points = operator.forms(surface.charts[0]), surface.start
@@ -32,7 +31,7 @@ def describe(noun: Noun) -> dict[str, Any]:
 def _of_grid(noun: HeightField | Image | RangeImage) -> dict[str, Any]:
     values = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(noun)]
     array = getattr(noun, values)
-    missing = holes(noun)
+    missing = noun.missing
     valid = array[~missing]
     facts: dict[str, Any] = {
         "kind": {HeightField: "height field", Image: "image", RangeImage: "range image"}[type(noun)],

@@ -14,8 +14,9 @@ from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.validation import Array, positive
+from meshflow.surfaces.free import ALL, Axes, Rays
 from meshflow.surfaces.lift import Lift, RangeImage
-from meshflow.surfaces.surface import Axes, Boundary, Rays, Surface
+from meshflow.surfaces.surface import Boundary, Surface
 from meshflow.surfaces.visibility import Sight
 
 __all__ = ["FLOWS", "FlowComparison", "Panel", "compare_flows"]
@@ -237,28 +238,19 @@ class _Run:
             def along(points: Array, dt: float, turn: int) -> Array:
                 """A step along the vertex normals of these points."""
                 normals = normals_at(points, self.faces)
-                here = replace(surface, points=points, free=Rays(points, normals, np.zeros(len(points))))
+                here = replace(surface, points=points, free=Rays(points, normals, np.zeros((len(points), 1))))
                 flow = MeshFlow(here, self.member)
                 return here.points_at(stepper.step(flow, flow.start(), dt, turn))
 
             return along
-        free = {"space": Axes((0, 1, 2)), "z": Axes((2,))}.get(name, surface.free)
-        moving = replace(surface, free=free)
+        moving = replace(surface, free={"space": ALL, "z": Axes((2,))}.get(name, surface.free))
         flow = MeshFlow(moving, self.member)
 
         def step(points: Array, dt: float, turn: int) -> Array:
             """A step along the free directions, which do not change."""
-            return moving.points_at(stepper.step(flow, _coordinates(free, points), dt, turn))
+            return moving.points_at(stepper.step(flow, moving.free.coordinates(points), dt, turn))
 
         return step
-
-
-def _coordinates(free: Axes | Rays | None, points: Array) -> Array:
-    """The free coordinates (n, k) of points (n, 3) that lie on the rays, where these are free; None: all are."""
-    if isinstance(free, Rays):
-        along = np.einsum("ij,ij->i", points - free.origins, free.directions)
-        return (along / np.einsum("ij,ij->i", free.directions, free.directions))[:, None]
-    return points if free is None else points[:, free.columns]
 
 
 def _opened(depth: ArrayLike, camera: Any, jump: float | None, boundary: Boundary) -> tuple[Surface, Start]:
@@ -266,7 +258,7 @@ def _opened(depth: ArrayLike, camera: Any, jump: float | None, boundary: Boundar
     image = RangeImage(np.asarray(depth), camera, jump=jump)
     lattice = image.gridded(Lift(boundary=boundary))
     surface = lattice.surface()
-    faces = replace(lattice, diagonals="forward").surface().sheets[0]
+    faces = replace(lattice, diagonals="forward").surface().triangulations[0]
     return surface, Start(
         Sight.along(image.camera.fibres(lattice.shape, image.measure or image.camera.usual), lattice.shape),
         surface.points,
@@ -285,7 +277,7 @@ def _truth(truth: ArrayLike, camera: Any, jump: float | None, start: Start) -> T
     return Truth(
         start.sight,
         np.where(np.asarray(image.missing), np.nan, image.depth.astype(np.float64)),
-        image.lifted(Lift(diagonals="forward")).sheets[0],
+        image.lifted(Lift(diagonals="forward")).triangulations[0],
     )
 
 

@@ -11,7 +11,6 @@ from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
 from meshflow.geometry.volume import is_closed, volume
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
 from meshflow.surfaces.surface import Surface
 
@@ -158,17 +157,17 @@ def compare(before: Noun, after: Noun) -> Comparison:
 
 def _compared_grids(before: HeightField | Image | RangeImage, after: HeightField | Image | RangeImage) -> Comparison:
     _must_share_a_frame(before, after)
-    both = ~(holes(before) | holes(after))
+    both = ~(before.missing | after.missing)
     if not both.any():
         raise InputError("compare: one is missing wherever the other is there; a sample in both is needed")
     sizes = _sizes(_values(before)[both], _values(after)[both])
     lift = Lift(diagonals="forward")
     surfaces = before.lifted(lift), after.lifted(lift)
     # The first two corners of a triangle of a grid name it; holes and depth jumps of either are left out of both.
-    names = [surface.sheets[0][:, 0] * both.size + surface.sheets[0][:, 1] for surface in surfaces]
+    names = [surface.triangulations[0][:, 0] * both.size + surface.triangulations[0][:, 1] for surface in surfaces]
     one, other = (_corners(s, np.isin(names[i], names[1 - i])) for i, s in enumerate(surfaces))
     units = {noun.unit for noun in (before, after) if isinstance(noun, (HeightField, RangeImage))}
-    missing = int(holes(before).sum()), int(holes(after).sum())
+    missing = int(before.missing.sum()), int(after.missing.sum())
     angles = None if isinstance(before, Image) else _angles(one, other)
     return _comparison((_name(before), max(units, default="")), int(both.sum()), missing, sizes, (one, other), angles)
 
@@ -265,7 +264,7 @@ def _values(noun: HeightField | Image | RangeImage) -> Array:
 
 def _corners(surface: Surface, keep: Array) -> Array:
     """Corners (m, 3, d) of the triangles to keep; where each row has its spacing, in the chart of each triangle."""
-    faces = surface.sheets[0][keep]
+    faces = surface.triangulations[0][keep]
     if surface.charts is None:
         return surface.points[faces]
     return np.concatenate([surface.charts[0][keep], surface.points[:, 2:][faces]], axis=2)

@@ -49,16 +49,15 @@ class Limit:
     around: bool = False
 
     @classmethod
-    def of(cls, start: Array, limit: Any, shape: tuple[int, ...], unit: float = 1.0, around: bool = False) -> "Limit":
+    def of(cls, start: Array, limit: Any, shape: tuple[int, ...], around: bool = False) -> "Limit":
         """The limit of a caller.
 
         :param limit: a number, zero or more, or an array that broadcasts to ``shape``; infinite where there is none.
         :param shape: of the caller's data: (h, w), (h, w, k), (n,) or (n, k).
-        :param unit: units of u for one of the caller's.
         :param around: of the way of each vertex, where it is one number for all its coordinates.
         :raises InputError: for another shape, a negative or missing limit.
         """
-        values = _weights(limit, shape, "limit", finite=False) * unit
+        values = _weights(limit, shape, "limit", finite=False)
         if values.ndim == 0:
             return cls(start, values.astype(start.dtype), around)
         whole = around and values.shape[-1] == 1

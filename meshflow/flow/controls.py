@@ -1,23 +1,21 @@
 """How long a step is, and when to stop."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
+from meshflow.flow.step_lengths import AreaSteps, ErrorSteps, EvenSteps, Steps
 from meshflow.flow.steppers import Embedding, Explicit, Stepper
 from meshflow.flow.stops import Stop
 from meshflow.geometry.validation import Array, positive
 
-__all__ = ["AreaChange", "Control", "Embedded", "Fixed", "Taken", "Until"]
+__all__ = ["AreaChange", "Control", "Embedded", "Fixed", "Until"]
 
 # Steps over which a semi-implicit run is spread where nobody says otherwise: the metric is lagged by a tenth of the way.
 IMPLICIT_STEPS = 10
-# Share of the time gone by that the next super-time step is at least: with it, a run is off by 0.005 to 0.02 sigma (with a half,
-# by 0.01 to 0.03, for a fifth fewer rates).
-SURE = 0.25
 
 
 @dataclass(frozen=True)
@@ -64,46 +62,11 @@ class Until:
         return None
 
 
-class Taken(Protocol):
-    """A step that was taken, as a control sees it; ways and areas are measured when they are asked for."""
-
-    @property
-    def dt(self) -> float:
-        """Its length."""
-        ...
-
-    @property
-    def error(self) -> float | None:
-        """Root mean square of what it leaves out; None where the stepper does not say."""
-        ...
-
-    @property
-    def way(self) -> float:
-        """Root mean square of the way from the start of the run to its end."""
-        ...
-
-    def areas(self) -> tuple[float, float]:
-        """The area before and after it."""
-        ...
-
-
 class Control(Protocol):
-    """How long the next step is."""
+    """How long steps are."""
 
-    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "Control":
-        """A copy that is settled for this run."""
-        ...
-
-    def length(self, limit: float) -> float:
-        """The next step, no longer than what is stable now."""
-        ...
-
-    def accepts(self, taken: Taken) -> bool:
-        """Whether a step is good enough to be kept; if not, :meth:`after` says how long the next trial is."""
-        ...
-
-    def after(self, taken: Taken) -> "Control":
-        """The control after a step, kept or not."""
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> Steps:
+        """The steps of this run."""
         ...
 
 
@@ -120,44 +83,12 @@ class Fixed:
         if self.dt is not None:
             positive(self.dt, "dt", "squared length")
 
-    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "Fixed":
-        """A copy whose dt is settled for this run.
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> EvenSteps:
+        """The steps of this run.
 
         :raises InputError: for a dt beyond the largest stable one, which is named.
         """
-        if self.dt is None and isinstance(stepper, Embedding):
-            first = Explicit().largest(flow, u)
-            return replace(self, dt=first if np.isfinite(first) else 1.0)  # where nothing moves any step will do
-        largest = stepper.largest(flow, u)
-        if self.dt is not None:
-            if self.dt > largest * (1.0 + 1e-9):
-                raise InputError(
-                    f"dt: {self.dt:.6g} is not stable with the {stepper.name} stepper here; the largest stable "
-                    f"step is {largest:.6g}. Take that, or stepper='semi-implicit'"
-                )
-            return self
-        if np.isfinite(largest):
-            return replace(self, dt=largest)
-        if until.time is None:
-            if flow.bound(u) == 0:
-                return replace(self, dt=1.0)  # nothing moves: any step will do
-            raise InputError(
-                f"dt: the {stepper.name} stepper takes steps of any length; give dt beside steps, or a time"
-            )
-        return replace(self, dt=max(until.time / IMPLICIT_STEPS, np.finfo(float).tiny))
-
-    def length(self, limit: float) -> float:
-        """The next step, no longer than what is stable now."""
-        assert self.dt is not None
-        return min(self.dt, limit)
-
-    def accepts(self, taken: Taken) -> bool:
-        """Every step."""
-        return True
-
-    def after(self, taken: Taken) -> "Fixed":
-        """The same."""
-        return self
+        return EvenSteps(_longest(self.dt, flow, stepper, u, until))
 
 
 @dataclass(frozen=True)
@@ -172,32 +103,15 @@ class AreaChange:
 
     target: float = 0.01
     dt: float | None = None
-    share: float = 1.0
 
     def __post_init__(self) -> None:
         positive(self.target, "target")
         if self.dt is not None:
             positive(self.dt, "dt", "squared length")
 
-    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "AreaChange":
-        """A copy whose longest step is settled for this run."""
-        return replace(self, dt=Fixed(self.dt).opened(flow, stepper, u, until).dt)
-
-    def length(self, limit: float) -> float:
-        """The next step, no longer than what is stable now."""
-        assert self.dt is not None
-        return min(self.dt * self.share, limit)
-
-    def accepts(self, taken: Taken) -> bool:
-        """Every step."""
-        return True
-
-    def after(self, taken: Taken) -> "AreaChange":
-        """The control after a step."""
-        assert self.dt is not None
-        before, area = taken.areas()
-        loss = max(before - area, 0.0) / before * self.dt / taken.dt if before > 0 else 0.0
-        return replace(self, share=float(np.clip(loss / self.target, 0.01, 1.0)))
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> AreaSteps:
+        """The steps of this run."""
+        return AreaSteps(self.target, _longest(self.dt, flow, stepper, u, until))
 
 
 @dataclass(frozen=True)
@@ -214,51 +128,43 @@ class Embedded:
 
     tolerance: float = 0.01
     dt: float | None = None
-    least: float = 0.0  # settled when a run is opened, as what follows
-    gone: float = 0.0
 
     def __post_init__(self) -> None:
         positive(self.tolerance, "tolerance")
         if self.dt is not None:
             positive(self.dt, "dt", "squared length")
 
-    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> "Embedded":
-        """A copy whose first step is settled for this run.
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> ErrorSteps:
+        """The steps of this run.
 
         :raises InputError: for a stepper that does not know its error.
         """
         if not isinstance(stepper, Embedding):
             raise InputError(f"control: the {stepper.name} stepper does not know its error; take Fixed or AreaChange")
-        dt = Fixed(self.dt).opened(flow, stepper, u, until).dt
-        assert dt is not None
-        return replace(self, dt=dt, least=dt)
+        dt = _longest(self.dt, flow, stepper, u, until)
+        return ErrorSteps(self.tolerance, dt, dt)
 
-    def length(self, limit: float) -> float:
-        """The next step, no longer than what is stable now."""
-        assert self.dt is not None
-        return min(self.dt, limit)
 
-    def accepts(self, taken: Taken) -> bool:
-        """A step of at most twice the error allowed, or one that may not be shorter."""
-        excess = self._excess(taken)
-        return excess <= 2.0 or (np.isfinite(excess) and taken.dt <= self._sure * (1.0 + 1e-9))
+def _longest(dt: float | None, flow: Flow, stepper: Stepper, u: Array, until: Until) -> float:
+    """The length of steps that is asked for, or the largest stable one; without limit, a tenth of the time to go.
 
-    def after(self, taken: Taken) -> "Embedded":
-        """Longer or shorter by the root of the error over what is allowed, no more than twice as long."""
-        excess = self._excess(taken)
-        factor = 2.0 if excess == 0 else float(np.clip(0.9 / np.sqrt(excess), 0.3, 2.0))
-        if np.isinf(excess):
-            return replace(self, dt=taken.dt * factor, least=min(self.least, taken.dt * factor), gone=0.0)
-        later = replace(self, gone=self.gone + taken.dt) if self.accepts(taken) else self
-        return replace(later, dt=max(later._sure, taken.dt * factor))
-
-    @property
-    def _sure(self) -> float:
-        """The length that is taken whatever its error."""
-        return max(self.least, SURE * self.gone)
-
-    def _excess(self, taken: Taken) -> float:
-        """The error over what is allowed; where nothing has moved it is rounding, unless the step was not stable at all."""
-        if not taken.error or (np.isfinite(taken.error) and taken.way == 0):
-            return 0.0
-        return taken.error / (self.tolerance * max(taken.way, np.finfo(float).tiny))
+    :raises InputError: for a dt beyond the largest stable one, which is named; for steps without limit and no time.
+    """
+    if dt is None and isinstance(stepper, Embedding):
+        first = Explicit().largest(flow, u)
+        return first if np.isfinite(first) else 1.0  # where nothing moves any step will do
+    largest = stepper.largest(flow, u)
+    if dt is not None:
+        if dt > largest * (1.0 + 1e-9):
+            raise InputError(
+                f"dt: {dt:.6g} is not stable with the {stepper.name} stepper here; the largest stable "
+                f"step is {largest:.6g}. Take that, or stepper='semi-implicit'"
+            )
+        return dt
+    if np.isfinite(largest):
+        return largest
+    if until.time is None:
+        if flow.bound(u) == 0:
+            return 1.0  # nothing moves: any step will do
+        raise InputError(f"dt: the {stepper.name} stepper takes steps of any length; give dt beside steps, or a time")
+    return max(until.time / IMPLICIT_STEPS, np.finfo(float).tiny)

@@ -12,6 +12,7 @@ from meshflow.flow.constraints import Hold
 from meshflow.flow.contract import Flow
 from meshflow.flow.controls import Control, Embedded, Fixed, Until
 from meshflow.flow.progress import Progress, reporting
+from meshflow.flow.step_lengths import Steps
 from meshflow.flow.steppers import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.flow.stops import crossing, unmet
 from meshflow.flow.workspace import Workspace
@@ -154,21 +155,21 @@ def _longest(stepper: Stepper, state: State) -> float:
 def _stepped(
     old: State,
     stepper: Stepper,
-    control: Control,
+    steps: Steps,
     limits: tuple[float, float],
     hold: Hold | None,
     workspace: Workspace,
-) -> tuple[State, Control]:
-    """The next state that the control accepts, and the control after it.
+) -> tuple[State, Steps]:
+    """The next state that is accepted, and the lengths of the steps after it.
 
     :param limits: the longest step that is stable, and how far it is to the end or a mark.
     """
     flow, (longest, left) = old.flow, limits
     while True:
-        dt = min(control.length(longest), left)
+        dt = min(steps.length(longest), left)
         if isinstance(stepper, Embedding) and dt < left < 2 * dt:
             dt = left / ceil(left / dt)  # two alike instead of one and a rest
-        if isinstance(control, Embedded) and isinstance(stepper, Embedding):
+        if steps.asks_error and isinstance(stepper, Embedding):
             u, error = stepper.tried(flow, old.u, dt, old.explicit, old.step, workspace)
         else:
             u, error = stepper.step(flow, old.u, dt, old.step, workspace), None
@@ -183,10 +184,10 @@ def _stepped(
         if error is not None and isinstance(stepper, Embedding) and not stepper.endured(dt, old.explicit, new.explicit):
             new = replace(new, error=np.inf)
         taken = _Taken(old, new)
-        kept = control.accepts(taken)
-        control = control.after(taken)
+        kept = steps.accepts(taken)
+        steps = steps.after(taken)
         if kept:
-            return new, control
+            return new, steps
         workspace.give(u)
 
 

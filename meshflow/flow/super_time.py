@@ -4,7 +4,7 @@ s stages of one rate each are stable over as many explicit steps as s^2 / 2 (fir
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import ceil, sqrt
 
 import numpy as np
@@ -16,19 +16,44 @@ __all__ = ["Schedule", "reach", "schedule", "stages"]
 class Schedule:
     """A step of s stages; dt is the length of the whole.
 
+    :ivar order: 1 or 2.
     :ivar first: Y_1 = Y_0 + first dt L(Y_0).
     :ivar back: of Y_j = Y_(j-1) + back (Y_(j-2) - Y_(j-1)) + home (Y_0 - Y_(j-1)) + dt (rate L(Y_(j-1)) + begin L(Y_0)),
         j = 2 to s, as ``home``, ``rate`` and ``begin``; home and begin are zero for first order.
-    :ivar error: the weights of Y_s, Y_(s-1), Y_0 and dt L(Y_0) in what the step leaves out, to its own order; of one stage,
-        zeros.
     """
 
+    order: int
     first: float
     back: tuple[float, ...]
     home: tuple[float, ...]
     rate: tuple[float, ...]
     begin: tuple[float, ...]
-    error: tuple[float, float, float, float]
+
+    @cached_property
+    def error(self) -> tuple[float, float, float, float]:
+        """The weights of Y_s, Y_(s-1), Y_0 and dt L(Y_0) in what the step leaves out, to its own order; of one stage, zeros.
+
+        It is seen by comparing Y_s with Y_(s-1), which is right to the same order at an earlier time.
+
+        For y' = L y the stages are polynomials in z = dt L: Y_s = 1 + z (+ z^2 / 2) + c z^m and
+        Y_(s-1) = 1 + t z (+ (t z)^2 / 2) + d z^m. From both, Y_0 and dt L(Y_0) a multiple of z^m is left when the lower powers
+        are taken out.
+        """
+        order = self.order
+        if len(self.back) + 1 < order + 1:
+            return 0.0, 0.0, 0.0, 0.0
+        z = np.zeros(5)
+        z[1] = 1.0
+        start = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+        before, last = start, start + self.first * z
+        for n, h, r, g in zip(self.back, self.home, self.rate, self.begin, strict=True):
+            shifted = np.concatenate([[0.0], last[:-1]])
+            before, last = last, last + n * (before - last) + h * (start - last) + r * shifted + g * z
+        t, m = before[1], order + 1
+        missing = 1.0 / np.prod(np.arange(1, m + 1)) - last[m]
+        scale = float(missing / (last[m] - before[m] / t**order))
+        of_rate = 0.0 if order == 1 else -(1.0 - 1.0 / t)
+        return scale, -scale / float(t**order), scale * (1.0 / float(t**order) - 1.0), scale * of_rate
 
 
 def reach(order: int, s: int) -> float:
@@ -60,34 +85,4 @@ def schedule(order: int, s: int) -> Schedule:
         rate = tuple(m * w for m in ahead)
         begin = tuple(-(1 - b[j - 1]) * m * w for j, m in zip(range(2, s + 1), ahead, strict=True))
         first = b[1] * w
-    return Schedule(first, back, home, rate, begin, _error(order, s, first, back, home, rate, begin))
-
-
-def _error(
-    order: int,
-    s: int,
-    first: float,
-    back: tuple[float, ...],
-    home: tuple[float, ...],
-    rate: tuple[float, ...],
-    begin: tuple[float, ...],
-) -> tuple[float, float, float, float]:
-    """What Y_s leaves out, seen by comparing it with Y_(s-1), which is right to the same order at an earlier time.
-
-    For y' = L y the stages are polynomials in z = dt L: Y_s = 1 + z (+ z^2 / 2) + c z^m and Y_(s-1) = 1 + t z (+ (t z)^2 / 2) +
-    d z^m. From both, Y_0 and dt L(Y_0) a multiple of z^m is left when the lower powers are taken out.
-    """
-    if s < order + 1:
-        return 0.0, 0.0, 0.0, 0.0
-    z = np.zeros(5)
-    z[1] = 1.0
-    start = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
-    before, last = start, start + first * z
-    for n, h, r, g in zip(back, home, rate, begin, strict=True):
-        shifted = np.concatenate([[0.0], last[:-1]])
-        before, last = last, last + n * (before - last) + h * (start - last) + r * shifted + g * z
-    t, m = before[1], order + 1
-    missing = 1.0 / np.prod(np.arange(1, m + 1)) - last[m]
-    scale = float(missing / (last[m] - before[m] / t**order))
-    of_rate = 0.0 if order == 1 else -(1.0 - 1.0 / t)
-    return scale, -scale / float(t**order), scale * (1.0 / float(t**order) - 1.0), scale * of_rate
+    return Schedule(order, first, back, home, rate, begin)

@@ -29,6 +29,8 @@ class Blocks:
     :ivar owned: (b,), how many it owns.
     :ivar triangles: (t, 3), of each block, by the places of their corners among its vertices; uint16.
     :ivar first: (b + 1,), where the triangles of each block begin.
+    :ivar kind: of the mass, :func:`meshflow.geometry.operator.mass_kind`.
+    :ivar held: (n,), vertices that do not move.
     """
 
     vertices: Array
@@ -36,9 +38,11 @@ class Blocks:
     owned: Array
     triangles: Array
     first: Array
+    kind: int
+    held: Array
 
 
-def blocked(points: Array, faces: Array) -> Blocks | None:
+def blocked(points: Array, faces: Array, kind: int, held: Array) -> Blocks | None:
     """The blocks of a mesh in R^3; None where vertices have so many neighbours that a block cannot number them."""
     n, faces = len(points), indices_of(faces)
     size = int(np.clip(n // SHARES, SMALLEST, LARGEST))
@@ -54,22 +58,17 @@ def blocked(points: Array, faces: Array) -> Blocks | None:
     if most > np.iinfo(np.uint16).max:
         return None
     owned = np.diff(np.minimum(np.arange(count + 1) * size, n))
-    return Blocks(vertices[: start[-1]].copy(), start, owned, triangles, first)
+    return Blocks(vertices[: start[-1]].copy(), start, owned, triangles, first, kind, held)
 
 
-def march_blocks(
-    blocks: Blocks, points: Array, kind: int, held: Array, keep: float, dt: float, out: Array, inverse: Array | None
-) -> float:
+def march_blocks(blocks: Blocks, points: Array, keep: float, dt: float, out: Array, inverse: Array | None) -> float:
     """keep X - dt M^-1 L X (n, 3) into ``out``; the greatest cotangent, infinite where a triangle has no area.
 
     With keep = 1 an explicit step, with keep = 0 and dt = 1 the rate. ``inverse``, (n,), takes dt / M where it is given.
-
-    :param kind: :func:`meshflow.geometry.operator.mass_kind`.
-    :param held: (n,), vertices that do not move.
     """
     b, sharpest = blocks, np.empty(len(blocks.owned))
     kernels.march_blocks(
-        b.vertices, b.start, b.owned, b.triangles, b.first, points, kind, held, keep, dt, out, inverse, sharpest
+        b.vertices, b.start, b.owned, b.triangles, b.first, points, b.kind, b.held, keep, dt, out, inverse, sharpest
     )
     return float(sharpest.max(initial=0.0))
 

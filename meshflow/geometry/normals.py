@@ -6,13 +6,15 @@ perpendicular to the edges. A triangle lies on one side of a crease, a vertex on
 allow, where normals at the vertices (DESIGN.md, section 2) leave a strip of tilted triangles beside each of them.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from meshflow.geometry.connectivity import Connectivity, shared_sides
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_normals as kernels
 
-__all__ = ["beyond", "conductances", "followed", "mean_edge", "measured", "normals_at", "spread"]
+__all__ = ["NormalDiffusion", "beyond", "conductances", "followed", "mean_edge", "measured", "normals_at", "spread"]
 
 
 def beyond(faces: Array) -> Array:
@@ -55,16 +57,25 @@ def conductances(points: Array, faces: Array, across: Array) -> Array:
     return out
 
 
-def spread(
-    normals: Array,
-    areas: Array,
-    weights: Array,
-    across: Array,
-    dt: float,
-    contrast: float,
-    sharpness: float,
-    sweeps: int,
-) -> Array:
+@dataclass(frozen=True, eq=False)
+class NormalDiffusion:
+    """What the diffusion of the normals of triangles depends on beside the normals.
+
+    :param areas: (m,).
+    :param weights: (m, 3), :func:`conductances` of the sides.
+    :param across: (m, 3), :func:`beyond` each side.
+    :param contrast: what a difference of unit normals is multiplied by.
+    :param sharpness: q of the flux.
+    """
+
+    areas: Array
+    weights: Array
+    across: Array
+    contrast: float
+    sharpness: float
+
+
+def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array:
     """Unit normals (m, 3) after ``sweeps`` steps of dt of the diffusion of normals, edges kept.
 
     A dn/dt = sum of w g (n_beyond - n), g = (1 + |contrast (n_beyond - n)|^2)^(-q / 2), the flux of a member of gamma -1 and
@@ -75,7 +86,7 @@ def spread(
     """
     one, other = normals.copy(), np.empty_like(normals)
     for _ in range(sweeps):
-        kernels.spread_normals(one, areas, weights, across, dt, contrast**2, -0.5 * sharpness, other)
+        kernels.spread_normals(one, by.areas, by.weights, by.across, dt, by.contrast**2, -0.5 * by.sharpness, other)
         one, other = other, one
     return one
 

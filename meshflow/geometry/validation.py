@@ -11,11 +11,13 @@ Array = NDArray[Any]
 Spacing = tuple[Array | float, float]
 
 __all__ = [
+    "NOWHERE",
     "Array",
     "Spacing",
     "brief",
     "indices_of",
     "mask_of",
+    "nowhere",
     "number",
     "positive",
     "real",
@@ -66,8 +68,7 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
     if masked is not None:
         gone |= masked
     gone = gone if gone.ndim == 2 else np.asarray(gone.any(axis=2))
-    if missing is not None:
-        gone |= mask_of(missing, gone.shape, "missing")
+    gone |= mask_of(missing, gone.shape, "missing")
     if gone.all():
         raise NothingThere(
             f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth or to draw"
@@ -94,12 +95,21 @@ def indices_of(faces: Array) -> Array:
     return np.ascontiguousarray(faces, np.int32)
 
 
+# A mask that is true nowhere, whatever the shape.
+NOWHERE: Array = np.zeros(0, bool)
+
+
+def nowhere(mask: Array | None = None) -> Array:
+    """The mask, or :data:`NOWHERE` for None: the default of fields that hold masks."""
+    return NOWHERE if mask is None else mask
+
+
 def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:
-    """A boolean mask of a given shape: of numbers, where they are other than zero; ``None`` is nowhere.
+    """A boolean mask of a given shape: of numbers, where they are other than zero; :data:`NOWHERE` and None are nowhere.
 
     :raises InputError: when the shape or the type does not fit.
     """
-    if mask is None:
+    if mask is None or mask is NOWHERE:
         return np.zeros(shape, bool)
     array = np.asarray(mask)
     if array.dtype.kind not in "biuf":

@@ -168,7 +168,7 @@ def _shell(image: RangeImage) -> _Shell:
     step = (image.points_at(image.depth + np.float64(1.0)) - image.points_at(image.depth)).reshape(-1, 3)
     length = np.linalg.norm(step, axis=1, keepdims=True)
     sights = np.divide(step, length, out=np.zeros_like(step), where=length > 0)
-    faces = image.lifted(Lift(diagonals="forward")).sheets[0]
+    faces = image.lifted(Lift(diagonals="forward")).triangulations[0]
     a, b, c = (points[faces[:, i]] for i in range(3))
     if (np.cross(b - a, c - a) * sights[faces[:, 0]]).sum() > 0:
         faces = faces[:, ::-1]

@@ -84,7 +84,6 @@ class Result:
             return np.einsum("ij,ij->i", self.removed, np.asarray(self.before.normals))
         if isinstance(self.before, Mesh):
             return self.removed
-        assert self.before.missing is not None
         return self.removed[~self.before.missing]
 
     @property
@@ -121,7 +120,6 @@ class Result:
         if isinstance(self.before, Mesh) or not self.removed.any():
             return None
         planes = self.removed.reshape(*self.removed.shape[:2], -1)
-        assert self.before.missing is not None
         there = ~self.before.missing
         planes = np.where(there[..., None], planes - planes[there].mean(axis=0), 0.0)
         power, found = float(np.mean(planes[there] ** 2)), []

@@ -5,20 +5,20 @@ from functools import cached_property
 
 import numpy as np
 
-from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, Spacing, positive
 from meshflow.surfaces.discontinuities import Cuts
-from meshflow.surfaces.surface import Axes, Boundary, Rays, Surface
+from meshflow.surfaces.free import Axes, Rays
+from meshflow.surfaces.surface import Boundary, Surface, known_boundary
 from meshflow.surfaces.triangles import (
     TOUCHES,
     Diagonals,
     charts_of_rows,
-    grid_sheets,
+    grid_triangulations,
     triangles_there,
     triangulations,
 )
 
-__all__ = ["Fibres", "Lattice", "Lift", "Spacing", "held", "lowered"]
+__all__ = ["Fibres", "Lattice", "Lift", "Spacing", "held"]
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,7 @@ class Lattice:
 
     def __post_init__(self) -> None:
         triangulations(self.diagonals)
-        if self.boundary not in ("natural", "linear", "fixed"):
-            raise InputError(f"boundary: natural, linear or fixed expected, got {self.boundary!r}")
+        known_boundary(self.boundary)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -139,22 +138,24 @@ class Lattice:
         there = self.there
         if there is None:
             there = np.full((self.shape[0] - 1, self.shape[1] - 1), 15, np.uint8)
-        u = self.planes.reshape(len(self.planes), -1).T * np.float64(self.contrast)
+        u = self.planes.reshape(len(self.planes), -1).T.astype(np.float64)
         u[self.missing.ravel()] = 0.0
         flat = Surface(
-            self._grid(u),
-            grid_sheets(there, self.diagonals),
-            free=Axes(tuple(range(2, 2 + u.shape[1]))),
+            self._grid(u * np.float64(self.contrast)),
+            grid_triangulations(there, self.diagonals),
+            free=Axes(tuple(range(2, 2 + u.shape[1])), float(self.contrast), u),
             fixed=self.fixed.ravel(),
             boundary=self.boundary,
-            turns=self.diagonals == "alternate",
+            alternate=self.diagonals == "alternate",
         )
         if self.fibres is not None:
             return self._along(flat, self.fibres, u)
         dx, dy = self.spacing
         if np.ndim(dx) == 0:
             return flat
-        return replace(flat, charts=tuple(charts_of_rows(f, self.shape[1], np.asarray(dx), dy) for f in flat.sheets))
+        return replace(
+            flat, charts=tuple(charts_of_rows(f, self.shape[1], np.asarray(dx), dy) for f in flat.triangulations)
+        )
 
     def _grid(self, u: Array) -> Array:
         """Points (h * w, 2 + k) of the grid, u above it."""
@@ -171,22 +172,19 @@ class Lattice:
             np.stack([np.broadcast_to(part, self.shape).ravel() for part in parts], axis=-1).astype(np.float64)
             for parts in (fibres.origins, fibres.directions)
         )
-        rays = Rays(origins, directions, u[:, 0])
+        rays = Rays(origins, directions, u)
         pace = None if fibres.pace is None else np.broadcast_to(fibres.pace, self.shape).ravel().astype(np.float64)
-        return replace(flat, points=rays.at(u), free=rays, pace=pace)
+        return replace(flat, points=rays.measured(u), free=rays, time_factor=pace)
 
 
-def lowered(values: Array, start: Array, u: Array, contrast: float, missing: Array) -> Array:
-    """Values plus what moved; a sample that did not move, or is missing, keeps its bits."""
-    change = ((u - start) / contrast).reshape(values.shape)
-    gone = missing if values.ndim == missing.ndim else missing[..., None]
-    moved = np.add(values, change, where=~gone, out=values.astype(np.float64, copy=True))
-    return moved.astype(values.dtype)
+def held(values: Array, u: Array, missing: Array) -> Array:
+    """u (n, k) as values (h, w) or (h, w, k) in their number type; missing samples keep their bits.
 
-
-def held(values: Array, moved: Array, missing: Array) -> Array:
-    """Moved values in the number type of those that came; missing samples keep their bits. Nothing is copied that need not be."""
-    moved = moved.astype(values.dtype, copy=False)
+    Nothing is copied that need not be, but what is the caller's or must not be written to.
+    """
+    moved = np.ascontiguousarray(u.reshape(values.shape), dtype=values.dtype)
+    if not moved.flags.writeable or np.may_share_memory(moved, values):
+        moved = moved.copy()
     if not missing.any():
         return moved
     gone = missing if values.ndim == missing.ndim else missing[..., None]

@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.normals import mean_edge, normals_at
-from meshflow.geometry.validation import Array, Spacing, brief, mask_of, real, samples, spacing_of
+from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, real, samples, spacing_of
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.discontinuities import Cuts
-from meshflow.surfaces.grid import Lattice, Lift, held, lowered
+from meshflow.surfaces.free import Axes
+from meshflow.surfaces.grid import Lattice, Lift, held
 from meshflow.surfaces.range_image import Pace, RangeImage
-from meshflow.surfaces.surface import Axes, Boundary, Surface
+from meshflow.surfaces.surface import Boundary, Surface
 
 __all__ = [
     "HeightField",
@@ -45,12 +46,6 @@ class _Grid:
         return Lattice(planes, missing, fixed, spacing, lift.contrast, lift.diagonals, boundary)
 
 
-def _where(mask: Array | None) -> Array:
-    """A mask that the gate of its noun has made."""
-    assert mask is not None
-    return mask
-
-
 @dataclass(frozen=True, eq=False)
 class HeightField(_Grid):
     """Elevations on a grid; z alone is free.
@@ -66,8 +61,8 @@ class HeightField(_Grid):
 
     z: Array
     spacing: Spacing = (1.0, 1.0)
-    missing: Array | None = None
-    fixed: Array | None = None
+    missing: Array = field(default_factory=nowhere)
+    fixed: Array = field(default_factory=nowhere)
     unit: str = ""
     cuts: Cuts | None = None
     boundary: Boundary = field(default="linear", init=False)
@@ -89,22 +84,16 @@ class HeightField(_Grid):
 
     def gridded(self, lift: Lift) -> Lattice:
         """The grid that a grid engine moves, z as it is; nothing is copied."""
-        lattice = self._lattice(self.z[None], _where(self.missing), _where(self.fixed), self.spacing, lift)
+        lattice = self._lattice(self.z[None], self.missing, self.fixed, self.spacing, lift)
         return replace(lattice, cuts=self.cuts)
-
-    def holding(self, planes: Array) -> "HeightField":
-        """A copy whose elevations are planes (1, h, w); missing ones keep their bits."""
-        return replace(self, z=held(self.z, planes[0], _where(self.missing)))
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast z), of h * w vertices; missing ones have no triangle."""
         return self.gridded(lift).surface()
 
-    def lowered(self, u: Array, lift: Lift) -> "HeightField":
-        """A copy whose elevations are u (h * w, 1) over the contrast."""
-        missing = _where(self.missing)
-        start = np.where(missing, 0.0, self.z * np.float64(lift.contrast)).reshape(-1, 1)
-        return replace(self, z=lowered(self.z, start, u, lift.contrast, missing))
+    def lowered(self, u: Array) -> "HeightField":
+        """A copy whose elevations are u (h * w, 1), in their unit; missing ones keep their bits."""
+        return replace(self, z=held(self.z, u, self.missing))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +109,8 @@ class Image(_Grid):
 
     values: Array
     spacing: Spacing = (1.0, 1.0)
-    missing: Array | None = None
-    fixed: Array | None = None
+    missing: Array = field(default_factory=nowhere)
+    fixed: Array = field(default_factory=nowhere)
 
     def __post_init__(self) -> None:
         values, missing = samples(self.values, self.missing, (2, 3), "image")
@@ -141,23 +130,15 @@ class Image(_Grid):
     def gridded(self, lift: Lift) -> Lattice:
         """The grid that a grid engine moves, the channels as they are; nothing is copied."""
         planes = self.values[None] if self.values.ndim == 2 else np.moveaxis(self.values, 2, 0)
-        return self._lattice(planes, _where(self.missing), _where(self.fixed), self.spacing, lift)
-
-    def holding(self, planes: Array) -> "Image":
-        """A copy whose channels are planes (k, h, w); missing samples keep their bits."""
-        values = planes[0] if self.values.ndim == 2 else np.ascontiguousarray(np.moveaxis(planes, 0, 2))
-        return replace(self, values=held(self.values, values, _where(self.missing)))
+        return self._lattice(planes, self.missing, self.fixed, self.spacing, lift)
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast c1, ..., contrast ck), of h * w vertices."""
         return self.gridded(lift).surface()
 
-    def lowered(self, u: Array, lift: Lift) -> "Image":
-        """A copy whose channels are u (h * w, k) over the contrast."""
-        missing = _where(self.missing)
-        start = self.values.reshape(missing.size, -1) * np.float64(lift.contrast)
-        start[missing.ravel()] = 0.0
-        return replace(self, values=lowered(self.values, start, u, lift.contrast, missing))
+    def lowered(self, u: Array) -> "Image":
+        """A copy whose channels are u (h * w, k), in their unit; missing samples keep their bits."""
+        return replace(self, values=held(self.values, u, self.missing))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,18 +158,18 @@ class Mesh:
     faces: Array
     channels: Array | None = None
     moves: Moves | None = None
-    fixed: Array | None = None
+    fixed: Array = field(default_factory=nowhere)
     boundary: Boundary = field(default="linear", init=False)
 
     def __post_init__(self) -> None:
         points = real(self.points, "mesh points")
         surface = Surface(points, (self.faces,), fixed=self.fixed)  # the gate of points, faces and fixed
-        if len(surface.sheets[0]) == 0:
+        if len(surface.triangulations[0]) == 0:
             raise InputError(
                 f"mesh: at least one triangle expected, got {len(points)} points and none; a point cloud has no surface"
             )
         object.__setattr__(self, "points", points)
-        object.__setattr__(self, "faces", surface.sheets[0])
+        object.__setattr__(self, "faces", surface.triangulations[0])
         object.__setattr__(self, "fixed", surface.fixed)
         object.__setattr__(self, "channels", self._checked(self.channels))
         if self.moves is None:
@@ -231,23 +212,29 @@ class Mesh:
     def lifted(self, lift: Lift) -> Surface:
         """The surface in R^d, or in R^(d + k) where channels move; contrast multiplies the channels."""
         d = self.points.shape[1]
-        points, free = self.points, tuple(range(d))
+        points, axes = self.points, Axes(tuple(range(d)))
         if self.channels is not None and self.moves != "points":
             points = np.column_stack([self.points.astype(np.float64), self.channels * np.float64(lift.contrast)])
-            free = tuple(range(d if self.moves == "channels" else 0, points.shape[1]))
+            axes = self._axes(self.channels.astype(np.float64), lift.contrast)
         elif lift.contrast != 1.0:
             raise InputError(f"contrast: a factor on the channels, and the points move alone; got {lift.contrast}")
-        return Surface(points, (self.faces,), Axes(free), self.fixed, lift.boundary or self.boundary)
+        return Surface(points, (self.faces,), axes, self.fixed, lift.boundary or self.boundary)
 
-    def lowered(self, u: Array, lift: Lift) -> "Mesh":
-        """A copy with the points, the channels, or both of u (n, free coordinates)."""
+    def _axes(self, channels: Array, contrast: float) -> Axes:
+        """The axes of the channels, or of the points and the channels."""
+        (_, d), (_, k) = self.points.shape, channels.shape
+        if self.moves == "channels":
+            return Axes(tuple(range(d, d + k)), contrast, channels)
+        return Axes(tuple(range(d + k)), (1.0,) * d + (contrast,) * k, np.column_stack([self.points, channels]))
+
+    def lowered(self, u: Array) -> "Mesh":
+        """A copy with the points, the channels, or both of u (n, free coordinates), in their units."""
         d = self.points.shape[1]
         points, channels = self.points, self.channels
         if self.moves != "channels":
             points = (points + (u[:, :d] - points)).astype(points.dtype)
         if channels is not None and self.moves != "points":
-            part = u[:, -channels.shape[1] :]
-            channels = (channels + (part - channels * np.float64(lift.contrast)) / lift.contrast).astype(channels.dtype)
+            channels = (channels + (u[:, -channels.shape[1] :] - channels)).astype(channels.dtype)
         return replace(self, points=points, channels=channels)
 
 
@@ -278,7 +265,7 @@ def in_disparity(image: RangeImage) -> HeightField:
             f"space='disparity': planes are planes in the inverse depth of a pinhole without distortion only, got "
             f"{image.measure}s of {type(camera).__name__} ({camera.summary}); undistort the image, or leave the space out"
         )
-    missing = _where(image.missing)
+    missing = image.missing
     whole = np.where(missing, 1.0, image.depth)
     sides = float(np.sqrt(camera.fy / camera.fx)), float(np.sqrt(camera.fx / camera.fy))
     inverse = np.where(missing, 0.0, 1.0 / whole).astype(image.depth.dtype)
@@ -292,7 +279,7 @@ def from_disparity(image: RangeImage, field: HeightField) -> RangeImage:
     :raises InputError: where an inverse depth is zero or less: a depth beyond the horizon.
     """
     before = in_disparity(image)
-    still = _where(image.missing) | (field.z == before.z)
+    still = image.missing | (field.z == before.z)
     if (field.z[~still] <= 0).any():
         raise InputError(
             f"space='disparity': {int((field.z[~still] <= 0).sum())} inverse depths are no longer above zero; give a limit"
@@ -320,5 +307,5 @@ def together(nouns: Sequence[Noun]) -> Mesh:
         np.concatenate([one.faces + start for one, start in zip(meshes, starts, strict=False)]),
         np.concatenate(channels) if channels else None,
         moves=meshes[0].moves,
-        fixed=np.concatenate([np.asarray(one.fixed) for one in meshes]),
+        fixed=np.concatenate([one.fixed for one in meshes]),
     )

@@ -5,12 +5,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError, NothingThere
-from meshflow.geometry.validation import Array, brief, mask_of, positive, real, samples
+from meshflow.geometry.validation import Array, brief, mask_of, nowhere, positive, real, samples
 from meshflow.surfaces.camera import Camera, Measure
 from meshflow.surfaces.discontinuities import Cuts, cuts_by_noise, islands
-from meshflow.surfaces.grid import Fibres, Lattice, Lift, held, lowered
+from meshflow.surfaces.grid import Fibres, Lattice, Lift, held
 from meshflow.surfaces.surface import Boundary, Surface
 
 __all__ = ["Pace", "RangeImage"]
@@ -53,8 +54,8 @@ class RangeImage:
 
     depth: Array
     camera: Camera
-    missing: Array | None = None
-    fixed: Array | None = None
+    missing: Array = field(default_factory=nowhere)
+    fixed: Array = field(default_factory=nowhere)
     jump: float | Literal["noise"] | None = "noise"
     measure: Measure | None = None
     pace: Pace = "footprint"
@@ -84,12 +85,11 @@ class RangeImage:
         if self.jump is not None and not isinstance(self.jump, str):
             positive(self.jump, "jump")
         if self.sigma is not None:
-            object.__setattr__(self, "sigma", self._noise(depth.shape, missing))
+            object.__setattr__(self, "sigma", _noise(self.sigma, depth.shape, missing))
         if self.pace not in ("footprint", "length", "noise"):
             raise InputError(f"pace: footprint, length or noise expected, got {self.pace!r}")
-        measure = self.measure or self.camera.usual
-        self.camera.check((depth.shape[0], depth.shape[1]), measure, missing)
-        object.__setattr__(self, "measure", measure)
+        self.camera.check((depth.shape[0], depth.shape[1]), self.counted, missing)
+        object.__setattr__(self, "measure", self.counted)
         object.__setattr__(self, "depth", depth)
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, depth.shape, "fixed"))
@@ -111,66 +111,50 @@ class RangeImage:
         share = SHARE if self.jump == "noise" and cuts is None else self.jump
         return Lattice(
             self.depth[None],
-            self._missing,
-            self._fixed,
+            self.missing,
+            self.fixed,
             diagonals=lift.diagonals,
             boundary=boundary,
-            fibres=replace(self._fibres, footprint=self.stride),
+            fibres=replace(self.fibres, footprint=self.stride),
             jump=None if self.camera.signed or isinstance(share, str) else share,
             cuts=cuts,
         )
+
+    @property
+    def counted(self) -> Measure:
+        """What the depths are: as given, or as suits the camera."""
+        return self.measure or self.camera.usual
 
     @property
     def cuts(self) -> Cuts | None:
         """Edges where the depth jumps, by its noise; None where that is not known or not asked for."""
         if self.jump != "noise" or self.sigma is None:
             return None
-        return cuts_by_noise(self.along, self._missing, self.sigma, self.footprint)
+        return cuts_by_noise(self.along, self.missing, self.sigma, self.footprint)
 
     def cleared(self, least: int) -> "RangeImage":
         """A copy without pieces of fewer than ``least`` samples: they are missing there, and their depth is zero."""
         cuts, shape = self.cuts, self.depth.shape
         if cuts is None and self.jump is not None:
-            near = np.where(self._missing, np.nan, self.depth)
+            near = np.where(self.missing, np.nan, self.depth)
             share = SHARE if isinstance(self.jump, str) else self.jump
             right, down = (
                 np.abs(np.diff(near, axis=axis)) > share * np.fmin(near[first], near[second])
                 for axis, first, second in ((1, np.s_[:, :-1], np.s_[:, 1:]), (0, np.s_[:-1], np.s_[1:]))
             )
             cuts = Cuts(right, down)
-        gone = islands(self._missing, cuts, least)
-        if (gone | self._missing).all():
+        gone = islands(self.missing, cuts, least)
+        if (gone | self.missing).all():
             raise InputError(f"islands: all {shape[1]} x {shape[0]} pixels lie in pieces of fewer than {least} samples")
         nothing = np.nan if self.camera.signed else 0.0
-        return replace(self, depth=np.where(gone, nothing, self.depth), missing=self._missing | gone)
-
-    @property
-    def _missing(self) -> Array:
-        assert self.missing is not None
-        return self.missing
-
-    @property
-    def _fixed(self) -> Array:
-        assert self.fixed is not None
-        return self.fixed
-
-    def _noise(self, shape: tuple[int, ...], missing: Array) -> Array | float:
-        assert self.sigma is not None
-        if np.ndim(self.sigma) == 0:
-            return positive(self.sigma, "sigma", "the unit of the depths")  # type: ignore[arg-type]
-        sigma = real(self.sigma, "sigma")
-        if sigma.shape != shape or not (sigma[~missing] > 0).all():
-            raise InputError(
-                f"sigma: a positive number or one for each of {shape[1]} x {shape[0]} depths expected, got shape {sigma.shape}"
-            )
-        return sigma
+        return replace(self, depth=np.where(gone, nothing, self.depth), missing=self.missing | gone)
 
     @property
     def step(self) -> float:
         """h: 1 where time is counted in pixel footprints, else their median, a length."""
         if self.pace != "length":
             return 1.0
-        return float(np.median(self.footprint[~self._missing]))
+        return float(np.median(self.footprint[~self.missing]))
 
     @property
     def stride(self) -> Array | None:
@@ -180,7 +164,7 @@ class RangeImage:
         footprint = self.footprint
         if self.pace == "footprint" or self.sigma is None:
             return footprint
-        there = ~self._missing & (footprint > 0)
+        there = ~self.missing & (footprint > 0)
         ratio = np.divide(self.sigma, footprint, out=np.ones_like(footprint), where=there)
         return footprint * np.sqrt(np.clip(ratio / np.median(ratio[there]), 1 / FASTEST, FASTEST))
 
@@ -191,36 +175,31 @@ class RangeImage:
         What the values are themselves, where they count from one place; from places of their own it is told by the points.
         """
         if not self.camera.signed:
-            return np.where(self._missing, np.nan, self.depth)
-        rays = np.stack([np.broadcast_to(part, self.depth.shape) for part in self._fibres.directions], axis=-1)
+            return np.where(self.missing, np.nan, self.depth)
+        rays = np.stack([np.broadcast_to(part, self.depth.shape) for part in self.fibres.directions], axis=-1)
         return (self.cloud * rays).sum(axis=-1) / (rays * rays).sum(axis=-1)
 
     @property
     def cloud(self) -> Array:
         """The points (h, w, 3) that were seen, NaN where missing."""
-        return np.where(self._missing[..., None], np.nan, self.points_at(self.depth.astype(np.float64)))
+        return np.where(self.missing[..., None], np.nan, self.points_at(self.depth.astype(np.float64)))
 
     def points_at(self, depth: Array) -> Array:
         """The points (h, w, 3) of other depths (h, w) along the same rays."""
-        return self._fibres.at(depth)
+        return self.fibres.at(depth)
 
     @property
-    def _fibres(self) -> Fibres:
-        assert self.measure is not None
-        return self.camera.fibres((self.depth.shape[0], self.depth.shape[1]), self.measure)
+    def fibres(self) -> Fibres:
+        """The lines of the samples."""
+        return self.camera.fibres((self.depth.shape[0], self.depth.shape[1]), self.counted)
 
     @cached_property
     def footprint(self) -> Array:
         """The width of each pixel on the surface (h, w), across its ray, unit of the depths; zero where missing."""
-        assert self.measure is not None
-        there = np.where(self._missing, np.nan, self.depth).astype(np.float64)
-        footprint = np.nan_to_num(self.camera.footprint(there, self.measure), nan=0.0)
+        there = np.where(self.missing, np.nan, self.depth).astype(np.float64)
+        footprint = np.nan_to_num(self.camera.footprint(there, self.counted), nan=0.0)
         footprint.flags.writeable = False  # kept: asked for several times in one smoothing
         return footprint
-
-    def holding(self, planes: Array) -> "RangeImage":
-        """A copy whose depths are planes (1, h, w); missing ones keep their bits."""
-        return replace(self, depth=held(self.depth, planes[0], self._missing))
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface of the points that were seen, each free along its ray.
@@ -229,8 +208,21 @@ class RangeImage:
         """
         return self.gridded(lift).surface()
 
-    def lowered(self, u: Array, lift: Lift) -> "RangeImage":
-        """A copy whose depths are u (h * w, 1)."""
-        missing = self._missing
-        start = np.where(missing, 0.0, self.depth).astype(np.float64).reshape(-1, 1)
-        return replace(self, depth=lowered(self.depth, start, u, lift.contrast, missing))
+    def lowered(self, u: Array) -> "RangeImage":
+        """A copy whose depths are u (h * w, 1); missing ones keep their bits."""
+        return replace(self, depth=held(self.depth, u, self.missing))
+
+
+def _noise(sigma: ArrayLike, shape: tuple[int, ...], missing: Array) -> Array | float:
+    """The noise of the depths (h, w), or one number for all.
+
+    :raises InputError: for another shape, or noise that is not above zero where a sample is.
+    """
+    if isinstance(sigma, (int, float)) or np.ndim(sigma) == 0:
+        return positive(float(np.asarray(sigma)), "sigma", "the unit of the depths")
+    sigma = real(sigma, "sigma")
+    if sigma.shape != shape or not (sigma[~missing] > 0).all():
+        raise InputError(
+            f"sigma: a positive number or one for each of {shape[1]} x {shape[0]} depths expected, got shape {sigma.shape}"
+        )
+    return sigma

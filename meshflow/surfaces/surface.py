@@ -6,39 +6,22 @@ from typing import Literal
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, mask_of
+from meshflow.geometry.validation import Array, mask_of, nowhere
+from meshflow.surfaces.free import ALL, Free
 
-__all__ = ["Axes", "Boundary", "Rays", "Surface"]
+__all__ = ["BOUNDARIES", "Boundary", "Surface", "known_boundary"]
 
 Boundary = Literal["natural", "linear", "fixed"]
+BOUNDARIES = ("natural", "linear", "fixed")
 
 
-@dataclass(frozen=True)
-class Axes:
-    """Every vertex moves along the same coordinate axes: z of a height field, the channels of an image, all of a mesh.
+def known_boundary(boundary: str) -> None:
+    """Refuse an unknown word.
 
-    :param columns: the coordinates that are free, from 0 to d - 1.
+    :raises InputError: for one.
     """
-
-    columns: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Rays:
-    """Every vertex moves along its own line, p(u) = o + u d: the lines of sight of a camera or a scanner.
-
-    :param origins: o, (n, 3).
-    :param directions: d, (n, 3), none of length zero where the vertex may move.
-    :param along: u now, (n,).
-    """
-
-    origins: Array
-    directions: Array
-    along: Array
-
-    def at(self, u: Array) -> Array:
-        """Points (n, 3) at u (n, 1) along the lines."""
-        return self.origins + u * self.directions
+    if boundary not in BOUNDARIES:
+        raise InputError(f"boundary: natural, linear or fixed expected, got {boundary!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,26 +29,26 @@ class Surface:
     """Points, triangles, and where each point may go.
 
     :param points: (n, d), finite; d >= 2. The unit is the data's.
-    :param sheets: triangulations of the same points, each (m, 3): one for a mesh, two for the diagonals of a grid.
+    :param triangulations: of the same points, each (m, 3): one for a mesh, two for the diagonals of a grid.
     :param free: :class:`Axes` or :class:`Rays`; by default all axes (full curvature flow).
-    :param fixed: vertices (n,) that stay.
+    :param fixed: vertices (n,) that stay; by default none.
     :param boundary: ``natural``: nothing but the variational boundary; ``linear``: the pull of the boundary's conormal is
         taken out, so that tilted planes rest; ``fixed``: boundary vertices stay.
-    :param turns: take the sheets in turn, one per rate evaluation (``alternate``), instead of all together.
-    :param pace: (n,) factor of time of each vertex (pixel footprint squared of a range image); 1 by default.
-    :param charts: for each sheet (m, 3, c), the coordinates that are not free of each triangle's corners in a chart of its
-        own, where no common plane holds them (spacing per row on an ellipsoid); taken from ``points`` by default.
+    :param alternate: take the triangulations in turn, one per rate evaluation, instead of all together.
+    :param time_factor: (n,), of each vertex (pixel footprint squared of a range image); None: 1 for all.
+    :param charts: for each triangulation (m, 3, c), the coordinates that are not free of each triangle's corners in a chart of
+        its own, where no common plane holds them (spacing per row on an ellipsoid); taken from ``points`` by default.
     :raises InputError: when shapes disagree, points are not finite, or a face names a vertex that is not there.
     """
 
     points: Array
-    sheets: tuple[Array, ...]
-    free: Axes | Rays | None = None
-    fixed: Array | None = None
+    triangulations: tuple[Array, ...]
+    free: Free = ALL
+    fixed: Array = field(default_factory=nowhere)
     boundary: Boundary = "natural"
-    turns: bool = False
-    pace: Array | None = field(default=None)
-    charts: tuple[Array, ...] | None = None
+    alternate: bool = False
+    time_factor: Array | None = None
+    charts: tuple[Array, ...] = ()
 
     def __post_init__(self) -> None:
         points = np.ascontiguousarray(self.points, dtype=np.float64)
@@ -76,48 +59,41 @@ class Surface:
             raise InputError(
                 f"points: finite numbers expected, {bad} of {len(points)} points hold NaN or infinity; drop them"
             )
+        n, d = points.shape
+        triangulations = tuple(_faces(faces, n) for faces in self.triangulations)
+        free = self.free.checked(d)
+        known_boundary(self.boundary)
+        if self.time_factor is not None and np.shape(self.time_factor) != (n,):
+            raise InputError(f"time factor: shape {(n,)} expected, got {np.shape(self.time_factor)}")
         object.__setattr__(self, "points", points)
-        object.__setattr__(self, "sheets", tuple(_faces(f, len(points)) for f in self.sheets))
-        object.__setattr__(self, "fixed", mask_of(self.fixed, (len(points),), "fixed"))
-        if self.boundary not in ("natural", "linear", "fixed"):
-            raise InputError(f"boundary: natural, linear or fixed expected, got {self.boundary!r}")
-        if self.free is None:
-            object.__setattr__(self, "free", Axes(tuple(range(points.shape[1]))))
-        self._check_free(points.shape[1])
-        if self.pace is not None and np.shape(self.pace) != (len(points),):
-            raise InputError(f"pace: shape {(len(points),)} expected, got {np.shape(self.pace)}")
-
-    def _check_free(self, d: int) -> None:
-        if isinstance(self.free, Axes):
-            columns = self.free.columns
-            if not columns or len(set(columns)) != len(columns) or not set(columns) <= set(range(d)):
-                raise InputError(f"free: different coordinates from 0 to {d - 1} expected, got {columns}")
-            if d - len(columns) == 1:
-                raise InputError("free: one coordinate that stays spans no area; at least two must stay, or none")
-        elif self.points.shape[1] != 3:
-            raise InputError(f"free: rays need points in R^3, got R^{d}")
+        object.__setattr__(self, "triangulations", triangulations)
+        object.__setattr__(self, "free", free)
+        object.__setattr__(self, "fixed", mask_of(self.fixed, (n,), "fixed"))
 
     @property
     def start(self) -> Array:
-        """The free coordinates now, (n, k)."""
-        if isinstance(self.free, Rays):
-            return np.array(self.free.along, dtype=np.float64)[:, None]
-        assert self.free is not None
-        return self.points[:, self.free.columns].copy()
+        """The free coordinates now, (n, k), unit of the data."""
+        now = self.free.now
+        return self.free.coordinates(self.points) if now is None else np.array(now, dtype=np.float64)
+
+    @property
+    def corners(self) -> tuple[Array, ...]:
+        """For each triangulation (m, 3, c), its corners in the coordinates that stay; c is 0 where none do."""
+        staying = list(self.free.staying(self.points.shape[1]))
+        return self.charts or tuple(self.points[:, staying][faces] for faces in self.triangulations)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether all coordinates of all points are free."""
+        return not self.free.per_vertex and not self.free.staying(self.points.shape[1])
 
     def points_at(self, u: Array) -> Array:
         """Points (n, d) when the free coordinates are u (n, k)."""
-        if isinstance(self.free, Rays):
-            return self.free.at(u)
-        assert self.free is not None
-        points = self.points.copy()
-        points[:, self.free.columns] = u
-        return points
+        return self.free.at(self.points, u)
 
     def moved(self, u: Array) -> "Surface":
         """The same surface with free coordinates u (n, k)."""
-        free = replace(self.free, along=u[:, 0]) if isinstance(self.free, Rays) else self.free
-        return replace(self, points=self.points_at(u), free=free)
+        return replace(self, points=self.points_at(u), free=self.free.moved(u))
 
 
 def _faces(faces: Array, n: int) -> Array:

@@ -8,7 +8,15 @@ from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.discontinuities import Cuts
 
-__all__ = ["DIAGONALS", "TOUCHES", "Diagonals", "charts_of_rows", "grid_sheets", "triangles_there", "triangulations"]
+__all__ = [
+    "DIAGONALS",
+    "TOUCHES",
+    "Diagonals",
+    "charts_of_rows",
+    "grid_triangulations",
+    "triangles_there",
+    "triangulations",
+]
 
 Diagonals = Literal["forward", "backward", "both", "alternate"]
 DIAGONALS = ("forward", "backward", "both", "alternate")
@@ -69,7 +77,7 @@ def triangles_there(
     return there
 
 
-def grid_sheets(there: Array, diagonals: Diagonals) -> tuple[Array, ...]:
+def grid_triangulations(there: Array, diagonals: Diagonals) -> tuple[Array, ...]:
     """Triangles of a grid, one array (m, 3) for each triangulation.
 
     Vertex r * w + c is the sample in row r and column c. ``forward``: the diagonal from lower left to upper right of the
@@ -97,7 +105,7 @@ def charts_of_rows(faces: Array, width: int, dx: Array, dy: float) -> Array:
     On an ellipsoid the width of a sample changes from row to row; no plane holds such a grid. Each triangle has one leg in
     a row, whose spacing it takes.
 
-    :param faces: (m, 3) of :func:`grid_sheets`: the first corner holds the right angle.
+    :param faces: (m, 3) of :func:`grid_triangulations`: the first corner holds the right angle.
     :param dx: (h,), the spacing within each row; dy the spacing between rows.
     """
     rows, columns = np.divmod(faces, width)

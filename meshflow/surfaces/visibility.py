@@ -9,7 +9,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.grid import Fibres
-from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.lift import RangeImage
 
 __all__ = ["Sight", "met"]
 
@@ -52,9 +52,7 @@ class Sight:
     @classmethod
     def through(cls, camera: Any, shape: tuple[int, int]) -> "Sight":
         """The lines (h, w) of a camera that a :class:`RangeImage` takes."""
-        fibres = RangeImage(np.ones(shape), camera).gridded(Lift()).fibres
-        assert fibres is not None
-        return cls.along(fibres, shape)
+        return cls.along(RangeImage(np.ones(shape), camera).fibres, shape)
 
     @classmethod
     def along(cls, fibres: Fibres, shape: tuple[int, int]) -> "Sight":

@@ -8,7 +8,6 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.charts import Chart, Curve, course, histogram, risks
 from meshflow.view.look import Look
@@ -137,7 +136,7 @@ def _name(noun: Noun, changed: bool) -> str:
     done = "smoothed" if changed else "unchanged"
     if isinstance(noun, Mesh):
         return f"Mesh of {len(noun.points)} points and {len(noun.faces)} triangles, {done}"
-    h, w = holes(noun).shape
+    h, w = noun.missing.shape
     what = {HeightField: "Height field", Image: "Image"}.get(type(noun), "Range image")
     return f"{what} of {h} × {w} samples, {done}"
 
@@ -200,7 +199,7 @@ def _samples(run: Run, pair: Pair) -> Array:
     """What was removed, as the noise is counted: (n,), or (n, k) of channels; along the normals where points of a mesh move."""
     if isinstance(run.before, Mesh):
         return pair.removed.values if _moved(run.before) else run.removed
-    return run.removed[~holes(run.before)]
+    return run.removed[~run.before.missing]
 
 
 def _moved(noun: Noun) -> bool:

@@ -9,9 +9,8 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.discontinuities import Cuts
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
-from meshflow.surfaces.triangles import grid_sheets, triangles_there
+from meshflow.surfaces.triangles import grid_triangulations, triangles_there
 from meshflow.view.look import Look, Seen, View, camera_view, mesh_view, picture_view, side_view, terrain_view
 from meshflow.view.texture import Texture, Textured
 
@@ -113,7 +112,7 @@ def geometry_of(
         view = picture_view()
     else:
         surface = thinned(noun, step).lifted(_FORWARD)
-        points, faces, colours = surface.points, surface.sheets[0], None
+        points, faces, colours = surface.points, surface.triangulations[0], None
         if isinstance(noun, HeightField):
             points = points * (1.0, 1.0, exaggeration)
             view = picture_view() if seen == "front" else terrain_view()
@@ -136,12 +135,12 @@ def raised(noun: Noun, seen: Seen | None) -> Noun:
     if seen != "side" or not isinstance(noun, Image):
         return noun
     values = noun.values if noun.values.ndim == 2 else noun.values.mean(axis=2)
-    return HeightField(values, noun.spacing, holes(noun))
+    return HeightField(values, noun.spacing, noun.missing)
 
 
 def _thinning(noun: Noun, most: int) -> int:
     """The step between samples that are drawn, so that a side has no more than a screen can show; 1 for a mesh."""
-    return 1 if isinstance(noun, Mesh) else -(-max(holes(noun).shape) // most)
+    return 1 if isinstance(noun, Mesh) else -(-max(noun.missing.shape) // most)
 
 
 def as_shown(*images: Image) -> Callable[[Array], Array]:
@@ -150,7 +149,7 @@ def as_shown(*images: Image) -> Callable[[Array], Array]:
     Three and four channels are red, green, blue; of any other number the mean is shown. Ranges from 0 to 1, 255 or
     65535 are recognised; any other runs from black to white.
     """
-    values = np.concatenate([image.values[~holes(image)].ravel() for image in images])
+    values = np.concatenate([image.values[~image.missing].ravel() for image in images])
     low, high = (float(v) for v in np.percentile(values, (1, 99)))
     black, white = low, high if high > low else low + 1.0
     for full in (1.0, 255.0, 65535.0):
@@ -173,7 +172,7 @@ def thinned(noun: Noun, step: int) -> Noun:
     if step == 1 or isinstance(noun, Mesh):
         return noun
     every = (slice(None, None, step),) * 2
-    missing = holes(noun)[every]
+    missing = noun.missing[every]
     if not isinstance(noun, RangeImage):
         dx, dy = noun.spacing
         dx = dx * step if np.ndim(dx) == 0 else np.asarray(dx)[::step] * step
@@ -200,7 +199,7 @@ def _thinned_cuts(cuts: Cuts, step: int) -> Cuts:
 
 def _exaggeration(field: HeightField) -> float:
     """A round factor (1, 2 or 5 times a power of ten) that makes a relief a seventh as high as wide."""
-    low, high = np.percentile(field.z[~holes(field)], (1, 99))
+    low, high = np.percentile(field.z[~field.missing], (1, 99))
     h, w = field.z.shape
     width = np.sqrt(h * field.spacing[1] * w * np.mean(field.spacing[0]))
     if high <= low:
@@ -213,11 +212,11 @@ def _exaggeration(field: HeightField) -> float:
 def _sheet(image: Image, step: int, shown: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
     """An image as a flat sheet with a colour at each sample: points, faces, colours."""
     every = (slice(None, None, step),) * 2
-    missing, values = holes(image)[every], image.values[every]
+    missing, values = image.missing[every], image.values[every]
     rows, columns = np.mgrid[0 : missing.shape[0], 0 : missing.shape[1]]
     width = float(np.mean(image.spacing[0]))
     points = np.stack([columns.ravel() * width, -rows.ravel() * image.spacing[1], np.zeros(missing.size)], axis=1)
-    return points, grid_sheets(triangles_there(missing), "forward")[0], shown(values.reshape(missing.size, -1))
+    return points, grid_triangulations(triangles_there(missing), "forward")[0], shown(values.reshape(missing.size, -1))
 
 
 def _three(points: Array) -> Array:

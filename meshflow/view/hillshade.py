@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import Image
 from meshflow.view.geometry import Geometry
 from meshflow.view.look import Look
@@ -56,7 +55,7 @@ def imaged(image: Image, step: int, shown: Callable[[Array], Array]) -> Array:
     :param shown: its channels as colours: :func:`meshflow.view.geometry.as_shown`.
     """
     values = image.values if image.values.ndim == 3 else image.values[..., None]
-    values, missing = values[::step, ::step], holes(image)[::step, ::step, None]
+    values, missing = values[::step, ::step], image.missing[::step, ::step, None]
     return np.where(missing, _bytes(_MISSING), shown(values))
 
 

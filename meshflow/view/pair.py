@@ -7,7 +7,6 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view.appearance import taken
 from meshflow.view.attributes import riding
@@ -93,14 +92,14 @@ def _column(noun: HeightField | Image | RangeImage) -> Array:
     if isinstance(noun, Image):
         return _grey(noun)
     values = noun.z if isinstance(noun, HeightField) else noun.depth
-    return np.where(holes(noun), np.nan, values.astype(np.float64))
+    return np.where(noun.missing, np.nan, values.astype(np.float64))
 
 
 def _grey(image: Image) -> Array:
     """The mean of the channels (h, w), NaN where missing."""
     values = image.values.astype(np.float64)
     values = values if values.ndim == 2 else values.mean(axis=2)
-    return np.where(holes(image), np.nan, values)
+    return np.where(image.missing, np.nan, values)
 
 
 def _removed_of_mesh(before: Mesh, after: Mesh) -> tuple[Array, str]:

@@ -10,9 +10,8 @@ from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import signed_mean
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun
-from meshflow.surfaces.surface import Axes, Rays, Surface
+from meshflow.surfaces.surface import Surface
 from meshflow.view.appearance import taken
 from meshflow.view.scale import Scale, ranging, symmetric
 
@@ -74,7 +73,7 @@ def _dressed(noun: Noun, quantity: Quantity, values: Array, contrast: float = 1.
 
 def _samples(noun: Noun) -> Scale:
     """Which samples move (0), are fixed (1), or missing (2)."""
-    gone = np.zeros(len(noun.points), bool) if isinstance(noun, Mesh) else holes(noun)
+    gone = np.zeros(len(noun.points), bool) if isinstance(noun, Mesh) else noun.missing
     kinds = np.where(gone, 2.0, 0.0 if noun.fixed is None else noun.fixed)
     names = _KINDS[:2] if isinstance(noun, Mesh) else _KINDS
     shares = [f"{100 * float((kinds == k).mean()):.3g} % {name}" for k, name in enumerate(names)]
@@ -85,15 +84,15 @@ def _over(noun: Noun, quantity: Quantity, contrast: float) -> Array:
     """A quantity of every sample (h, w) or (n,), NaN where there is no triangle."""
     if not isinstance(noun, (HeightField, Image)) or (isinstance(noun, HeightField) and noun.cuts is not None):
         values = _local(noun, quantity, contrast)
-        return values if isinstance(noun, Mesh) else values.reshape(holes(noun).shape)
-    h, w = holes(noun).shape
+        return values if isinstance(noun, Mesh) else values.reshape(noun.missing.shape)
+    h, w = noun.missing.shape
     rows = max(_STRIP // w, 2)
     # A sample knows of its neighbours and no others: strips with one row more on either side are as good as the whole.
     parts = []
     for first in range(0, h, rows):
         low, high = max(first - 1, 0), min(first + rows + 1, h)
         low = min(low, high - 2)
-        if holes(noun)[low:high].all():  # no noun, and no matter
+        if noun.missing[low:high].all():  # no noun, and no matter
             parts.append(np.full((min(first + rows, h) - first, w), np.nan))
             continue
         values = _local(_rows(noun, low, high), quantity, contrast).reshape(high - low, w)
@@ -104,7 +103,7 @@ def _over(noun: Noun, quantity: Quantity, contrast: float) -> Array:
 def _rows(noun: HeightField | Image, low: int, high: int) -> HeightField | Image:
     """Some rows of a grid."""
     dx, dy = noun.spacing
-    part, missing = slice(low, high), holes(noun)[low:high]
+    part, missing = slice(low, high), noun.missing[low:high]
     spacing = (dx if np.ndim(dx) == 0 else np.asarray(dx)[part], dy)
     if isinstance(noun, HeightField):
         return replace(noun, z=noun.z[part], spacing=spacing, missing=missing, fixed=None)
@@ -131,7 +130,7 @@ def _local(noun: Noun, quantity: Quantity, contrast: float) -> Array:
     surface = noun.lifted(Lift(diagonals="forward", contrast=factor))
     if isinstance(noun, Mesh) and quantity == "curvature":
         surface = Surface(noun.points, (noun.faces,))
-    there = _Triangles(surface, surface.sheets[0])
+    there = _Triangles(surface, surface.triangulations[0])
     if len(there.faces) == 0:
         return np.full(len(surface.points), np.nan)
     if quantity == "curvature":
@@ -153,11 +152,10 @@ def _curvature(points: Array, faces: Array) -> Array:
 def _edges(surface: Surface, faces: Array) -> Array:
     """Area across the free directions over true area (n,), of the triangles around each vertex."""
     connectivity = connect((faces,), len(surface.points))
-    if isinstance(surface.free, Rays):
+    if surface.free.directions is not None:
         seen = operator.gather_seen(connectivity, surface.points, surface.free.directions)
     else:
-        free = surface.free.columns if isinstance(surface.free, Axes) else ()
-        stays = [axis for axis in range(surface.points.shape[1]) if axis not in free]
+        stays = list(surface.free.staying(surface.points.shape[1]))
         seen = operator.mass(surface.points[:, stays], faces, "ring")
     true = operator.mass(surface.points, faces, "ring")
     return np.clip(np.divide(seen, true, out=np.ones_like(true), where=true > 0), 0.0, 1.0)

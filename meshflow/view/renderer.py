@@ -7,7 +7,6 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
 from meshflow.view import hillshade, vtk_scene
 from meshflow.view.geometry import SAMPLES, Geometry, as_shown, drawable, geometry_of
@@ -88,7 +87,7 @@ class Renderer:
         """Rows and columns that are drawn; a mesh has none, and is never drawn by its samples."""
         if isinstance(noun, Mesh):
             raise InputError("renderer='hillshade': a mesh has no grid; leave it out")
-        h, w = holes(noun)[:: self.step, :: self.step].shape
+        h, w = noun.missing[:: self.step, :: self.step].shape
         return h, w
 
 

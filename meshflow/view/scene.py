@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, real
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import Mesh, Noun
 from meshflow.view.appearance import taken
 from meshflow.view.geometry import Geometry, raised
@@ -163,10 +162,10 @@ def _scale(noun: Noun, scalars: ArrayLike, unit: str | None) -> Scale:
     :raises InputError: when they do not fit the noun, or none is finite.
     """
     values = real(scalars, "scalars")
-    shape = noun.points.shape[:1] if isinstance(noun, Mesh) else holes(noun).shape
+    shape = noun.points.shape[:1] if isinstance(noun, Mesh) else noun.missing.shape
     if values.shape != shape:
         raise InputError(f"scalars: one number per sample or vertex expected, of shape {shape}; got {values.shape}")
-    gone = ~np.isfinite(values) if isinstance(noun, Mesh) else ~np.isfinite(values) | holes(noun)
+    gone = ~np.isfinite(values) if isinstance(noun, Mesh) else ~np.isfinite(values) | noun.missing
     values = np.where(gone, np.nan, values)
     if np.isnan(values).all():
         raise InputError("scalars: at least one finite number expected where a sample is, got none")

@@ -9,7 +9,6 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.holes import holes
 from meshflow.surfaces.lift import Lift, Mesh, Noun, RangeImage, data_of
 from meshflow.view.pair import paired
 
@@ -112,7 +111,7 @@ def _bytes(noun: Noun) -> int:
 
 def _area(noun: Noun) -> float:
     surface = noun.lifted(Lift(diagonals="forward"))  # each triangle once
-    return operator.total_area(surface.points, surface.sheets[0])
+    return operator.total_area(surface.points, surface.triangulations[0])
 
 
 def _change(before: Noun, after: Noun) -> float:
@@ -122,7 +121,7 @@ def _change(before: Noun, after: Noun) -> float:
         if before.moves == "channels" and before.channels is not None and after.channels is not None:
             return _rms(np.square(before.channels.astype(np.float64) - after.channels))
         return _rms(np.square(paired(before, after, None).removed.values))
-    missing = holes(before)
+    missing = before.missing
     if isinstance(before, RangeImage) and isinstance(after, RangeImage):
         squares = np.square(before.depth.astype(np.float64) - after.depth)
     else:

@@ -16,8 +16,8 @@ from meshflow.errors import need
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.free import Axes
 from meshflow.surfaces.lift import Lift, RangeImage
-from meshflow.surfaces.surface import Axes
 from meshflow.surfaces.visibility import Sight
 from peers.search import Peer
 
@@ -197,7 +197,7 @@ def _seen(sight: Sight, z: Array, points: Array, faces: Array) -> Array:
 def _triangulated(z: Array, camera: Any, jump: float) -> tuple[Array, Array]:
     """Points (h * w, 3) and triangles of a range image."""
     surface = RangeImage(z, camera, jump=jump).lifted(Lift(diagonals="forward"))
-    return surface.points, surface.sheets[0]
+    return surface.points, surface.triangulations[0]
 
 
 @dataclass(eq=False)
@@ -222,7 +222,7 @@ class SpaceFlow:
         image = RangeImage(z, self.camera, jump=float(jump))
         lattice = image.gridded(Lift(boundary="linear"))
         surface = lattice.surface()
-        faces = image.lifted(Lift(diagonals="forward")).sheets[0]
+        faces = image.lifted(Lift(diagonals="forward")).triangulations[0]
         points = self.kept.setdefault((z.tobytes(), jump), [])
         flow = MeshFlow(replace(surface, free=Axes((0, 1, 2))))
         ends = (0.0, *self.times)

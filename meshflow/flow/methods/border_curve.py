@@ -54,10 +54,9 @@ class Bordered(Around):
 
     def __init__(self, flow: Flow, surface: Surface) -> None:
         super().__init__(flow)
-        faces, n = surface.sheets[0], len(surface.points)
+        faces, n = surface.triangulations[0], len(surface.points)
         border = boundary_edges(faces)
         ends = np.stack([faces[border // 3, (border + turn) % 3] for turn in (1, 2)], axis=1)
-        assert surface.fixed is not None
         moves = (np.bincount(ends.ravel(), minlength=n) == 2) & ~surface.fixed
         self._edges, self._moves, self._at = ends, moves, np.flatnonzero(moves)
 

@@ -8,6 +8,7 @@ from meshflow.flow.blend import euler
 from meshflow.flow.conservation import AlongNormals
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.metric import Clamped, Conformal, Given, NormalChannels, metric_of
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.methods.border_curve import Bordered
 from meshflow.flow.methods.fairing import LowPass, Weights
@@ -75,10 +76,14 @@ class Motion:
         if self.kind == "facets":
             return FacetFlow(surface, self.facets)
         inside = replace(surface, boundary="fixed") if self.curve else surface
-        lengths = self.contrast if self.kind == "normal-channels" else 0.0
-        flow: Flow = MeshFlow(inside, member, self.kind == "conformal", self.triangles, lengths)
         if self.kind == "principal":
-            flow = Principal(inside, member, self.contrast)
+            return Principal(inside, member, self.contrast)
+        metric = metric_of(self.triangles)
+        if self.kind == "conformal":
+            metric = Conformal(Clamped() if self.triangles == "clamped" else Given())
+        elif self.kind == "normal-channels":
+            metric = NormalChannels(self.contrast, metric)
+        flow = MeshFlow(inside, member, metric)
         return Bordered(flow, inside) if self.curve else flow
 
     def stepper(

@@ -14,7 +14,7 @@ from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.laplacians import umbrella_generator
 from meshflow.geometry.validation import Array, number, positive
-from meshflow.surfaces.surface import Axes, Surface
+from meshflow.surfaces.surface import Surface
 
 __all__ = ["ROUND", "FacetFlow", "Facets"]
 
@@ -57,11 +57,10 @@ class FacetFlow(Dense):
     slivers = False
 
     def __init__(self, surface: Surface, how: Facets | None = None) -> None:
-        if not isinstance(surface.free, Axes) or surface.free.columns != (0, 1, 2) or surface.points.shape[1] != 3:
+        if not surface.is_free or surface.points.shape[1] != 3:
             raise InputError("facets: normals of triangles are kept where the points of a mesh in R^3 move")
-        assert surface.fixed is not None
         self.surface, self.how = surface, how or Facets()
-        self.connectivity = connect(surface.sheets, len(surface.points))
+        self.connectivity = connect(surface.triangulations, len(surface.points))
         faces = self.connectivity.faces
         self._across = facets.beyond(faces)
         self.step = facets.mean_edge(surface.points, faces)
@@ -86,8 +85,8 @@ class FacetFlow(Dense):
         normals, areas = facets.measured(x, faces)
         weights = facets.conductances(x, faces, self._across)
         sweeps = max(1, round(dt / (SWEEP * self.step**2)))
-        how = self.how
-        normals = facets.spread(normals, areas, weights, self._across, dt / sweeps, how.contrast, how.sharpness, sweeps)
+        by = facets.NormalDiffusion(areas, weights, self._across, self.how.contrast, self.how.sharpness)
+        normals = facets.spread(normals, by, dt / sweeps, sweeps)
         return facets.followed(x, self.connectivity, normals, self.held, FOLLOWED)
 
     def area(self, u: Array) -> float:

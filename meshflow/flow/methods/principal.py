@@ -1,21 +1,60 @@
 """Mean curvature flow that leaves edges and corners: along the directions in which the surface is bent little."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.engines.sheets import Metric
+from meshflow.flow.engines.metric import Given, Measured, Metric
+from meshflow.flow.engines.triangulation import Triangulation
 from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.wrapper import Around
 from meshflow.geometry.curvature import directed
 from meshflow.geometry.normals import normals_at
+from meshflow.geometry.operator import MassKind, total_area
 from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.surface import Surface
 
-__all__ = ["Principal"]
+__all__ = ["AlongCurvature", "Principal"]
 
 
-class Principal(MeshFlow):
+@dataclass(frozen=True)
+class AlongCurvature:
+    """Neighbours draw each other as div(D grad), D of the principal curvatures and directions (:func:`directed`).
+
+    :param contrast: 1 / T, a length: what is curved more than its inverse is a feature.
+    """
+
+    contrast: float
+    thinnest = 0.0
+    keeps_range = False
+
+    def __post_init__(self) -> None:
+        positive(self.contrast, "contrast")
+
+    def settled(self, surface: Surface, triangulation: Triangulation, mass: MassKind) -> Metric:
+        """The same.
+
+        :raises InputError: for a surface that is not in R^3, or whose points do not move.
+        """
+        if not surface.is_free or surface.alternate or surface.points.shape[1] != 3:
+            raise InputError("principal: directions of curvature are measured where the points of a mesh in R^3 move")
+        return self
+
+    def measured(self, triangulation: Triangulation, x: Array, sharpness: float) -> Measured:
+        """The triangles as they are, and the weights of D."""
+        given = Given().measured(triangulation, x, sharpness)
+        weights = directed(x, given.connectivity.faces, 1.0 / self.contrast)
+        return Measured(given.connectivity, given.cot, given.area, weights)
+
+    def area(self, triangulation: Triangulation, x: Array, sharpness: float) -> float:
+        """That of the triangles."""
+        return total_area(x, triangulation.connectivity.faces)
+
+
+class Principal(Around):
     """dx/dt = n n . div(D grad x), D of the principal curvatures and directions (:func:`directed`): the future work of Desbrun et
     al. 2000, after Meyer et al. 2002, section 6, and Clarenz, Diewald, Rumpf 2000.
 
@@ -33,18 +72,10 @@ class Principal(MeshFlow):
     """
 
     def __init__(self, surface: Surface, member: Member | None, contrast: float) -> None:
-        super().__init__(surface, member)
-        if not self._every or surface.points.shape[1] != 3:
-            raise InputError("principal: directions of curvature are measured where the points of a mesh in R^3 move")
-        self.threshold = 1.0 / positive(contrast, "contrast")
+        super().__init__(MeshFlow(surface, member, AlongCurvature(contrast)))
+        self._faces = surface.triangulations[0]
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """du/dt (n, 3), along the normals: what D, as it varies, pushes across the surface is no motion of the shape."""
-        rate, normals = super().rate(u, diagonal), normals_at(u, self._sheets[0].connectivity.faces)
+        rate, normals = self.flow.rate(u, diagonal), normals_at(u, self._faces)
         return blend.of_rate(u, np.einsum("ij,ij->i", rate, normals)[:, None] * normals, out)
-
-    def _marched(self, u: Array, keep: float, dt: float, out: Array | None) -> Array | None:
-        return None
-
-    def _drawn(self, metric: Metric, x: Array) -> Array:
-        return directed(x, metric.connectivity.faces, self.threshold)

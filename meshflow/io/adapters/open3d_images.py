@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError, need
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, nowhere
 from meshflow.io.depth_units import in_metres
 from meshflow.io.document import Adopted
 from meshflow.io.formats.cameras import calibration_for
@@ -56,7 +56,7 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
         found.depth,
         calibration.camera,
         gone,
-        options.fixed_mask,
+        nowhere(options.fixed_mask),
         options.jump,
         options.measure,
         options.time_unit or "footprint",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, Spacing, mask_of, real, spacing_of
+from meshflow.geometry.validation import Array, Spacing, mask_of, nowhere, real, spacing_of
 from meshflow.io.document import Adopted
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.spacing import between_samples, height_unit, on_ellipsoid, units_disagree
@@ -79,11 +79,11 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
         spacing = spacing_of(options.spacing, len(values))
     missing = gone | mask_of(options.missing_mask, gone.shape, "missing")
     if layout.channel or options.kind == "image":
-        noun: HeightField | Image = Image(values, spacing, missing, options.fixed_mask)
+        noun: HeightField | Image = Image(values, spacing, missing, nowhere(options.fixed_mask))
     else:
         unit = height_unit(_crs(array), array.attrs.get("units"))
         notes += units_disagree(_crs(array), unit)
-        noun = HeightField(values, spacing, missing, options.fixed_mask, unit)
+        noun = HeightField(values, spacing, missing, nowhere(options.fixed_mask), unit)
     return Adopted(noun, lambda smoothed: _to_object(array, ordered, smoothed, bool(gone.any())), notes)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array, spacing_of
+from meshflow.geometry.validation import Array, nowhere, spacing_of
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, in_metres
 from meshflow.io.document import Adopted, Document, Source, WriteOptions, samples_of
@@ -190,17 +190,24 @@ def _on_grid(data: Array, kind: Kind, options: ReadOptions) -> HeightField | Ima
             missing = (data == LARGEST) | (False if missing is None else missing.astype(bool))
         time_unit = options.time_unit or "footprint"
         return RangeImage(
-            data, seen_by, missing, fixed, options.jump, options.measure, time_unit, unit=options.unit or ""
+            data,
+            seen_by,
+            nowhere(missing),
+            nowhere(fixed),
+            options.jump,
+            options.measure,
+            time_unit,
+            unit=options.unit or "",
         )
     spacing = (1.0, 1.0) if options.spacing is None else spacing_of(options.spacing, len(data))
     if kind == "image":
-        return Image(data, spacing, missing, fixed)
-    return HeightField(data, spacing, missing, fixed, options.unit or "")
+        return Image(data, spacing, nowhere(missing), nowhere(fixed))
+    return HeightField(data, spacing, nowhere(missing), nowhere(fixed), options.unit or "")
 
 
 def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Adopted:
     channels = None if options.channels is None else np.asarray(options.channels)
-    noun = Mesh(np.asarray(points), np.array(faces), channels, options.moves, options.fixed_mask)
+    noun = Mesh(np.asarray(points), np.array(faces), channels, options.moves, nowhere(options.fixed_mask))
 
     def to_object(smoothed: Mesh) -> tuple[Array, ...]:
         if smoothed.channels is None:

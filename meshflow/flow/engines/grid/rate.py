@@ -138,11 +138,6 @@ class GridFlow:
             np.sqrt(max(most for _, most in found))
         )
 
-    def planes(self, u: Array) -> Array:
-        """u (n, k) as planes (k, h, w), a new array where it is what came."""
-        planes = u.T.reshape(self.shape)
-        return planes.copy() if np.may_share_memory(planes, self._begin) else planes
-
     # --- what never changes ---------------------------------------------------------------------------------------------
 
     def _number_type(self) -> Any:
@@ -225,8 +220,8 @@ class GridFlow:
     @cached_property
     def _pitch(self) -> tuple[Any, Any]:
         """Of the fibres, in the number type of the planes."""
-        assert self.lattice.fibres is not None
-        across, down = self.lattice.fibres.pitch or (np.inf, np.inf)
+        fibres = self.lattice.fibres
+        across, down = (None if fibres is None else fibres.pitch) or (np.inf, np.inf)
         return self.dtype.type(1.0 / across), self.dtype.type(1.0 / down)
 
     @cached_property

@@ -1,0 +1,221 @@
+"""The free directions of the vertices of a surface: coordinate axes that all share, or a line for each."""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.geometry.connectivity import Connectivity
+from meshflow.geometry.operator import gather_seen
+from meshflow.geometry.validation import Array
+
+__all__ = ["ALL", "Axes", "Free", "Rays"]
+
+
+class Free(Protocol):
+    """Where each vertex may go, as a function of its free coordinates u (n, k), and what of a vector lies in that direction.
+
+    u is in the unit of the data; what it is measured by has the unit of lengths.
+
+    :ivar now: u of the surface as it is; None where its points say it to the last bit.
+    :ivar per_vertex: every vertex has a direction of its own, and no common base lies under the triangles.
+    :ivar length2: squared length per squared unit of u (n,) of directions of their own; 1 where all share theirs.
+    :ivar directions: d (n, 3) where every vertex has its own; None where all share theirs.
+    """
+
+    @property
+    def now(self) -> Array | None:
+        """u (n, k) where it is not rounded by being told by the points."""
+        ...
+
+    @property
+    def per_vertex(self) -> bool:
+        """Whether every vertex has a direction of its own."""
+        ...
+
+    @property
+    def length2(self) -> Array | float:
+        """Squared lengths of the directions."""
+        ...
+
+    @property
+    def directions(self) -> Array | None:
+        """The directions (n, 3), where they differ."""
+        ...
+
+    def checked(self, d: int) -> "Free":
+        """The same for points in R^d.
+
+        :raises InputError: where that has no meaning.
+        """
+        ...
+
+    def staying(self, d: int) -> tuple[int, ...]:
+        """The coordinates of R^d in which no vertex moves."""
+        ...
+
+    def coordinates(self, points: Array) -> Array:
+        """Free coordinates (n, k) of points (n, d)."""
+        ...
+
+    def at(self, points: Array, u: Array) -> Array:
+        """Points (n, d) of which the free coordinates are u (n, k); the others are those of ``points``."""
+        ...
+
+    def moved(self, u: Array) -> "Free":
+        """The same directions, of vertices that are at u (n, k) now."""
+        ...
+
+    def measured(self, u: Array) -> Array:
+        """The coordinates (n, c) of the points at u by which triangles are measured beside their charts, a length each."""
+        ...
+
+    def along(self, vectors: Array) -> Array:
+        """The parts (n, k) of vectors (n, c) along the directions, times length2: that times u is how far a vertex goes."""
+        ...
+
+    def share(self, vectors: Array) -> Array:
+        """Length (n,) of the part of each vector (n, c) that lies in the free directions."""
+        ...
+
+    def seen(self, connectivity: Connectivity, x: Array, flat: Array) -> tuple[Array, float]:
+        """A third of the area (n,) of the triangles around each vertex, seen along its free directions, and the least share of
+        their true area that this counts as.
+
+        :param x: (n, c), as :meth:`measured` gives it.
+        :param flat: (n,), the same of the charts of the triangles.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Axes:
+    """Every vertex moves along the same coordinate axes: z of a height field, the channels of an image, all of a mesh.
+
+    :param columns: the coordinates that are free, from 0 to d - 1; none: all of them.
+    :param contrast: length per unit of u, one number or one per column (alpha of section 4.4).
+    :param now: u (n, k), where points divided by the contrast would round it.
+    """
+
+    columns: tuple[int, ...] = ()
+    contrast: float | tuple[float, ...] = 1.0
+    now: Array | None = None
+    per_vertex = False
+    length2 = 1.0
+    directions = None
+
+    def checked(self, d: int) -> "Axes":
+        """The same for points in R^d; all axes by name.
+
+        :raises InputError: for columns that are not different ones of 0 to d - 1, or all but one.
+        """
+        if self is ALL:
+            return Axes(tuple(range(d)))
+        columns = self.columns
+        if not columns or len(set(columns)) != len(columns) or not set(columns) <= set(range(d)):
+            raise InputError(f"free: different coordinates from 0 to {d - 1} expected, got {columns}")
+        if d - len(columns) == 1:
+            raise InputError("free: one coordinate that stays spans no area; at least two must stay, or none")
+        return self
+
+    def staying(self, d: int) -> tuple[int, ...]:
+        """All other coordinates."""
+        return tuple(q for q in range(d) if q not in self.columns)
+
+    def coordinates(self, points: Array) -> Array:
+        """The free columns (n, k) over the contrast."""
+        columns = points[:, self.columns].copy()
+        return columns if self.contrast == 1.0 else columns / self.contrast
+
+    def at(self, points: Array, u: Array) -> Array:
+        """Points (n, d) with the free columns u."""
+        moved = points.copy()
+        moved[:, self.columns] = self.measured(u)
+        return moved
+
+    def moved(self, u: Array) -> "Axes":
+        """The same, at u (n, k)."""
+        return self if self.now is None else replace(self, now=u)
+
+    def measured(self, u: Array) -> Array:
+        """The contrast times u (n, k): charts hold the rest."""
+        return np.ascontiguousarray(u if self.contrast == 1.0 else u * np.asarray(self.contrast))
+
+    def along(self, vectors: Array) -> Array:
+        """The vectors (n, k) over the contrast."""
+        return vectors if self.contrast == 1.0 else vectors / np.asarray(self.contrast)
+
+    def share(self, vectors: Array) -> Array:
+        """Their lengths."""
+        return np.linalg.norm(vectors, axis=1)
+
+    def seen(self, connectivity: Connectivity, x: Array, flat: Array) -> tuple[Array, float]:
+        """That of the charts."""
+        return flat, 0.0
+
+
+# All axes of the space, however many there are.
+ALL = Axes()
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Every vertex moves along its own line, p(u) = o + u d: the lines of sight of a camera or a scanner.
+
+    :param origins: o, (n, 3).
+    :param directions: d, (n, 3), none of length zero where the vertex may move.
+    :param now: u, (n, 1).
+    """
+
+    origins: Array
+    directions: Array
+    now: Array
+    per_vertex = True
+
+    @property
+    def length2(self) -> Array:
+        """Squared lengths (n,)."""
+        return np.einsum("ij,ij->i", self.directions, self.directions)
+
+    def checked(self, d: int) -> "Rays":
+        """The same.
+
+        :raises InputError: for points outside R^3.
+        """
+        if d != 3:
+            raise InputError(f"free: rays need points in R^3, got R^{d}")
+        return self
+
+    def staying(self, d: int) -> tuple[int, ...]:
+        """None."""
+        return ()
+
+    def coordinates(self, points: Array) -> Array:
+        """u (n, 1) of the places on the lines that are next to the points."""
+        return (np.einsum("ij,ij->i", points - self.origins, self.directions) / self.length2)[:, None]
+
+    def at(self, points: Array, u: Array) -> Array:
+        """o + u d (n, 3)."""
+        return self.measured(u)
+
+    def moved(self, u: Array) -> "Rays":
+        """The same, at u (n, 1)."""
+        return replace(self, now=u)
+
+    def measured(self, u: Array) -> Array:
+        """The points (n, 3) at u (n, 1) along the lines."""
+        return self.origins + u * self.directions
+
+    def along(self, vectors: Array) -> Array:
+        """d . v (n, 1)."""
+        return np.einsum("ij,ij->i", vectors, self.directions)[:, None]
+
+    def share(self, vectors: Array) -> Array:
+        """The part (n,) along each line."""
+        length = np.linalg.norm(self.directions, axis=1)
+        return np.divide(np.abs(self.along(vectors)[:, 0]), length, out=np.zeros_like(length), where=length > 0)
+
+    def seen(self, connectivity: Connectivity, x: Array, flat: Array) -> tuple[Array, float]:
+        """Across each line. A vertex seen exactly edge-on has no footprint at all; it must not divide by zero where gamma < 0."""
+        return gather_seen(connectivity, x, self.directions) / 3.0, 1e-6
