@@ -34,7 +34,7 @@ def test_blocks_move_points_as_the_operator_says(mass, boundary):
     points, faces = scrambled(rng)
     held = rng.random(len(points)) < 0.1
     flow = MeshFlow(Surface(points, (faces,), boundary=boundary, fixed=held), Member(mass=mass))
-    blocks = blocked(points, faces)
+    blocks = blocked(points, faces, operator.mass_kind(mass), held)
     assert blocks is not None
     assert len(blocks.owned) > 4
     own = [blocks.vertices[a : a + k] for a, k in zip(blocks.start[:-1], blocks.owned, strict=True)]
