@@ -214,7 +214,7 @@ def test_each_kind_of_compiler_is_told_in_its_own_words():
 
 def test_a_target_is_named_by_machine_and_system(monkeypatch):
     for text, tag in (
-        ("aarch64-linux", "manylinux_2_17_aarch64.manylinux2014_aarch64"),
+        ("aarch64-linux", "manylinux_2_17_aarch64"),
         ("x86_64-musl", "musllinux_1_2_x86_64"),
         ("x86_64-windows", "win_amd64"),
         ("aarch64-macos", "macosx_11_0_arm64"),
@@ -238,7 +238,7 @@ def test_a_wheel_is_for_any_python_holds_a_library_for_each_instruction_set_and_
     code, _, said = run(f"from meshflow.kernels import backend; backend.build_wheel({str(made)!r})", tree)
     assert code == 0, said
     (wheel,) = made.glob("*.whl")
-    assert re.fullmatch(r"meshflow-[\d.]+-py3-none-(many|musl)?linux_\d+_\d+_\w+(\.manylinux\w+)?\.whl", wheel.name)
+    assert re.fullmatch(r"meshflow-[\d.]+-py3-none-(many|musl)?linux_\d+_\d+_\w+\.whl", wheel.name)
     assert wheel.stat().st_size < 2e6
     place = tmp_path_factory.mktemp("installed")
     with zipfile.ZipFile(wheel) as file:

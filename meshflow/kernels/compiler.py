@@ -47,7 +47,7 @@ SANITIZED = {
 MSVC_FLAGS = ("/nologo", "/std:c++20", "/O2", "/fp:precise", "/GR-", "/GS-", "/W3", "/Zc:preprocessor", "/MD")
 # Systems by their name in a target: what zig calls them, the tag of their wheels, the end of a library's name.
 SYSTEMS = {
-    "linux": ("linux-gnu.2.17", "manylinux_2_17_{machine}.manylinux2014_{machine}", ".so"),
+    "linux": ("linux-gnu.2.17", "manylinux_2_17_{machine}", ".so"),
     "musl": ("linux-musl", "musllinux_1_2_{machine}", ".so"),
     "macos": ("macos.11.0", "macosx_11_0_{machine}", ".dylib"),
     "windows": ("windows-gnu", "win_{machine}", ".dll"),
@@ -113,7 +113,7 @@ class Target:
 
     @property
     def tag(self) -> str:
-        """The platform tag of a wheel whose library zig has made."""
+        """The platform tag of a wheel; for Linux, of one whose library zig has made."""
         return SYSTEMS[self.system][1].format(machine=TAGS.get((self.system, self.machine), self.machine))
 
 
