@@ -172,7 +172,9 @@ def test_without_a_compiler_the_package_that_brings_one_is_asked_for(monkeypatch
     monkeypatch.setattr(compiler, "_zig", lambda: None)
     assert backend.get_requires_for_build_wheel() == ["ziglang"]
     assert backend.get_requires_for_build_editable() == ["ziglang"]
-    with pytest.raises(BuildError, match="CXX is not set, no g.. .* ziglang is not installed. Do: pip install ziglang"):
+    with pytest.raises(
+        BuildError, match="CXX is not set, no g.., .* ziglang is not installed. Do: pip install ziglang"
+    ):
         compiler.build(compiler.found(), LEVELS[0], tmp_path / "library.so", tmp_path / "objects")
 
 
@@ -212,7 +214,7 @@ def test_each_kind_of_compiler_is_told_in_its_own_words():
 
 def test_a_target_is_named_by_machine_and_system(monkeypatch):
     for text, tag in (
-        ("aarch64-linux", "manylinux_2_17_aarch64.manylinux2014_aarch64"),
+        ("aarch64-linux", "manylinux_2_17_aarch64"),
         ("x86_64-musl", "musllinux_1_2_x86_64"),
         ("x86_64-windows", "win_amd64"),
         ("aarch64-macos", "macosx_11_0_arm64"),
@@ -236,7 +238,7 @@ def test_a_wheel_is_for_any_python_holds_a_library_for_each_instruction_set_and_
     code, _, said = run(f"from meshflow.kernels import backend; backend.build_wheel({str(made)!r})", tree)
     assert code == 0, said
     (wheel,) = made.glob("*.whl")
-    assert re.fullmatch(r"meshflow-[\d.]+-py3-none-(many|musl)?linux_\d+_\d+_\w+(\.manylinux\w+)?\.whl", wheel.name)
+    assert re.fullmatch(r"meshflow-[\d.]+-py3-none-(many|musl)?linux_\d+_\d+_\w+\.whl", wheel.name)
     assert wheel.stat().st_size < 2e6
     place = tmp_path_factory.mktemp("installed")
     with zipfile.ZipFile(wheel) as file:
@@ -246,8 +248,10 @@ def test_a_wheel_is_for_any_python_holds_a_library_for_each_instruction_set_and_
         f"meshflow/kernels/_lib/meshflow-{level}.so" for level in LEVELS
     }
     assert not [name for name in names if name.endswith((".cpp", ".h"))]
+    expected = run(SUM, tree, PATH="")
+    assert expected[0] == 0, "the tree has its library, too"
     for level in LEVELS:
-        assert run(SUM, place, MESHFLOW_ISA=level, PATH="") == run(SUM, tree)
+        assert run(SUM, place, MESHFLOW_ISA=level, PATH="") == expected
     for path in place.glob("meshflow/kernels/_lib/*"):
         path.unlink()
     code, _, said = run(SUM, place)

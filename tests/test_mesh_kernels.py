@@ -12,7 +12,7 @@ import pytest
 import scipy.sparse as sparse
 from helpers import shapes
 
-from meshflow.flow.conjugate_gradients import conjugate_gradients
+from meshflow.flow.conjugate_gradients import conjugate_gradients, packed_matrix
 from meshflow.geometry import blocks, curvature, delaunay, normals, operator
 from meshflow.geometry.connectivity import connect
 from meshflow.kernels import conjugate_gradients as cg_kernels
@@ -168,6 +168,17 @@ def test_columns_of_a_system_are_solved_each_by_itself():
             assert np.abs(whole[:, q] - alone[:, 0]).max() < 1e-13
 
 
+def test_the_order_of_the_rows_of_a_system_does_not_change_what_solves_it():
+    ball, rng = sphere(5), np.random.default_rng(3)
+    n = len(ball.points)
+    matrix = sparse.csr_matrix(operator.stiffness(ball.points, ball.faces) + sparse.identity(n))
+    truth = rng.normal(size=(n, 3))
+    for order in (None, np.arange(n, dtype=np.int32), rng.permutation(n).astype(np.int32)):
+        x, iterations = conjugate_gradients(matrix, matrix @ truth, None, 1e-13, 300, order)
+        assert iterations < 300
+        assert np.abs(x - truth).max() < 1e-11
+
+
 @pytest.mark.parametrize("sharpness", [2.0, 4.0, 8.0])
 def test_sharpnesses_by_products_are_limits_of_those_by_powers(sharpness):
     ball = sphere(4)
@@ -184,7 +195,7 @@ def test_sharpnesses_by_products_are_limits_of_those_by_powers(sharpness):
 
 def sound_calls():
     """A call of each kernel that reads indices: the kernel, its arguments, and which of them are indices."""
-    ball = sphere(2)
+    ball = sphere(4)
     points, faces, n = ball.points, ball.faces.astype(np.int32), len(ball.points)
     m, c = len(faces), connect((faces,), n)
     p, (cot, area) = c.pattern, operator.cotangents(points, faces)
@@ -194,6 +205,9 @@ def sound_calls():
     held, threes = np.zeros(n, bool), np.empty((m, 3))
     around = (c.first, c.corners)
     matrix = operator.fill_stiffness(c, cot)
+    rows, line = (matrix.indptr, matrix.indices, matrix.data), np.arange(n, dtype=np.int32)
+    begins = np.empty(n + 1, np.int32), np.empty(n + 1, np.int32)
+    packed, _, _ = packed_matrix(rows, None)
     order, block = np.arange(n, dtype=np.int32), (np.arange(n) // 60).astype(np.int32)
     many = int(block.max()) + 1
     first = np.empty(many + 1, np.int64)
@@ -248,23 +262,14 @@ def sound_calls():
         (mesh_normals.follow_normals, [points, *around, faces, cot, held, to], [1, 2, 3]),
         (mesh_normals.directed_weights, [points, faces, points, 1.0, threes], [1]),
         (mesh_delaunay.flip_edges, [faces.copy(), cot.copy(), np.full(3 * m, -1, np.int32)], [2]),
-        (cg_kernels.matrix_product, [matrix.indptr, matrix.indices, matrix.data, points, to], [0, 1]),
+        (cg_kernels.matrix_product, [*rows, points, to], [0, 1]),
+        (cg_kernels.pack_rows, [*rows, line, line, *begins, np.empty(n)], [0, 1, 3, 4]),
+        (cg_kernels.pack_entries, [*rows, line, line, np.ones(n), *packed], [0, 1, 3, 4, 6, 7]),
+        (cg_kernels.pack_vectors, [line, np.ones(n), points, to, 0], [0]),
         (
             cg_kernels.conjugate_gradients,
-            [
-                matrix.indptr,
-                matrix.indices,
-                matrix.data,
-                np.ones(n),
-                np.zeros(3),
-                to,
-                to + 1,
-                to + 2,
-                to + 3,
-                *sums[:2],
-                1,
-            ],
-            [0, 1],
+            [*packed, np.ones(n), np.zeros(3), to, to + 1, to + 2, to + 3, *sums[:2], 1],
+            [0, 1, 2, 4, 5],
         ),
     ]
 

@@ -8,6 +8,7 @@ from meshflow.flow.conjugate_gradients import conjugate_gradients
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import metric_of
 from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import blocked
 from meshflow.geometry.connectivity import connect
@@ -33,7 +34,7 @@ def test_blocks_move_points_as_the_operator_says(mass, boundary):
     points, faces = scrambled(rng)
     held = rng.random(len(points)) < 0.1
     flow = MeshFlow(Surface(points, (faces,), boundary=boundary, fixed=held), Member(mass=mass))
-    blocks = blocked(points, faces)
+    blocks = blocked(points, faces, operator.mass_kind(mass), held)
     assert blocks is not None
     assert len(blocks.owned) > 4
     own = [blocks.vertices[a : a + k] for a, k in zip(blocks.start[:-1], blocks.owned, strict=True)]
@@ -56,6 +57,25 @@ def test_where_a_triangle_is_all_but_flat_blocks_leave_the_step_to_delaunay():
     )
     assert np.array_equal(auto, named)
     assert not np.allclose(auto, given)
+
+
+def test_a_system_in_an_order_of_its_own_is_the_same_system(monkeypatch):
+    points, faces = scrambled(np.random.default_rng(7))
+    held = np.random.default_rng(8).random(len(points)) < 0.1
+    surface, dt, steps = Surface(points, (faces,), boundary="plane-preserving", fixed=held), 1e-3, {}
+    for name, least in (("as it is", len(points)), ("in order", 100)):
+        monkeypatch.setattr("meshflow.flow.engines.mesh.LARGE", least)
+        flow = MeshFlow(surface)
+        ordered = flow.system(points).in_order(dt)
+        assert (ordered is None) == (name == "as it is")
+        if ordered is not None:
+            order, matrix = ordered
+            assert np.array_equal(np.sort(order), np.arange(len(points)))
+            given = flow.system(points).matrix(dt)
+            assert abs(matrix - given[order][:, order]).max() < 1e-13 * abs(given).max()
+        steps[name] = SemiImplicit("cg", 1e-13).step(flow, points, dt)
+    assert np.abs(steps["in order"] - steps["as it is"]).max() < 1e-11
+    assert np.array_equal(steps["in order"][held], points[held])
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3, 5])

@@ -49,8 +49,8 @@ class Request:
     constraints: Constraints = Constraints()
     boundary: BoundaryWord | None = option(
         None,
-        "plane-preserving: tilted planes rest at borders and holes; neumann: no flux; fixed: borders stay; border-curve: those of "
-        "a mesh move by their own curvature. Default: neumann for images, else plane-preserving.",
+        "plane-preserving: tilted planes rest at borders and holes; neumann: no flux; fixed: borders stay; border-curve: those "
+        "of a mesh move by their own curvature. Default: neumann for images, else plane-preserving.",
     )
     domain: Domain = option(
         "length", "disparity: inverse depths are smoothed, where the noise of stereo and structured light is even."

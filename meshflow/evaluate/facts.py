@@ -20,10 +20,10 @@ def describe(noun: Noun) -> dict[str, Any]:
     surface = noun.lifted(Lift(diagonals="forward"))
     faces = surface.triangulations[0]
     facts = _of_mesh(noun, faces) if isinstance(noun, Mesh) else _of_grid(noun)
-    if surface.charts is not None:
+    if surface.charts:
         forms, points = operator.forms(surface.charts[0]), surface.start
     else:
-        forms, points = np.zeros((0, 4)), surface.points
+        forms, points = None, surface.points
     cot, area = operator.cotangents(points, faces, forms)
     return facts | {"triangles": len(faces), "area": float(area.sum())} | _quality(cot, area)
 

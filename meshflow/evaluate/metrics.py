@@ -265,7 +265,7 @@ def _values(noun: HeightField | Image | RangeImage) -> Array:
 def _corners(surface: Surface, keep: Array) -> Array:
     """Corners (m, 3, d) of the triangles to keep; where each row has its spacing, in the chart of each triangle."""
     faces = surface.triangulations[0][keep]
-    if surface.charts is None:
+    if not surface.charts:
         return surface.points[faces]
     return np.concatenate([surface.charts[0][keep], surface.points[:, 2:][faces]], axis=2)
 

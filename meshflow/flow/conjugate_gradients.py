@@ -8,40 +8,46 @@ import scipy.sparse as sparse
 from meshflow.geometry.validation import Array
 from meshflow.kernels import conjugate_gradients as kernels
 
-__all__ = ["conjugate_gradients", "product"]
+__all__ = ["conjugate_gradients", "packed_matrix", "product"]
+
+Rows = tuple[Array, Array, Array]
+# Where near and far entries begin; both rows and the value of near ones; row, column and value of far ones.
+Packed = tuple[Array, Array, Array, Array, Array, Array, Array]
 
 # Products of numbers that are worth a call: between calls it can be interrupted.
-WORK = 100_000_000
+WORK = 300_000_000
 
 
 def conjugate_gradients(
-    matrix: Any, right: Array, guess: Array | None, tolerance: float, most: int
+    matrix: Any, right: Array, guess: Array | None, tolerance: float, most: int, order: Array | None = None
 ) -> tuple[Array, int]:
     """x (n, k) with matrix @ x = right (n, k), and how many iterations it took; Jacobi preconditioning (Hestenes and Stiefel).
 
     Columns have coefficients of their own and share the passes over the matrix.
 
-    :param matrix: (n, n), CSR, symmetric positive definite.
-    :param guess: (n, k), where it begins; ``right`` over the diagonal where there is none.
+    :param matrix: (n, n), sparse, symmetric positive definite.
+    :param guess: (n, k), where it begins; zero where there is none.
     :param tolerance: norm of the residual over that of ``right``, of the worst column, at which it ends.
     :param most: iterations at which it ends in any case.
+    :param order: the rows (n,), near ones near each other: the sooner it is done. None: as they are.
     """
-    first, columns, values = _rows(matrix)
-    jacobi = 1.0 / matrix.diagonal()
-    n, k = right.shape
-    x = jacobi[:, None] * right if guess is None else np.array(guess, dtype=np.float64, order="C")
-    r, q = product(matrix, x), np.empty((n, k))
-    np.subtract(right, r, out=r)
-    p = np.zeros((n, 4 if k == 3 else k))  # four numbers never lie across two lines of the cache
-    p[:, :k] = jacobi[:, None] * r
-    rho, size = np.einsum("ij,ij->j", r, p[:, :k]), np.einsum("ij,ij->j", r, r)
-    goal = tolerance**2 * np.einsum("ij,ij->j", right, right)
-    done, some = 0, 1 + WORK // max(1, len(values) * k)
+    rows, goal = _rows(matrix), tolerance**2 * np.einsum("ij,ij->j", right, right)
+    found = np.zeros(right.shape)
+    if guess is not None:
+        found[...] = guess
+        right = right - product(matrix, found)
+    size = np.einsum("ij,ij->j", right, right)
+    done, some = 0, 1 + WORK // max(1, len(rows[2]) * right.shape[1])
+    if (size <= goal).all():
+        return found, 0
+    packed, diagonal, scale = packed_matrix(rows, order)
+    x, r, q = np.zeros(right.shape), np.empty(right.shape), np.empty(right.shape)
+    kernels.pack_vectors(order, scale, np.ascontiguousarray(right), r, 0)
+    p, rho = r.copy(), np.einsum("ij,ij->j", r, r)
     while done < most and not (size <= goal).all():
-        done += kernels.conjugate_gradients(
-            first, columns, values, jacobi, goal, x, r, p, q, rho, size, min(some, most - done)
-        )
-    return x, done
+        done += kernels.conjugate_gradients(*packed, diagonal, goal, x, r, p, q, rho, size, min(some, most - done))
+    kernels.pack_vectors(order, scale, x, found, 1)
+    return found, done
 
 
 def product(matrix: Any, x: Array) -> Array:
@@ -51,11 +57,28 @@ def product(matrix: Any, x: Array) -> Array:
     return out
 
 
-def _rows(matrix: Any) -> tuple[Array, Array, Array]:
+def packed_matrix(rows: Rows, order: Array | None) -> tuple[Packed, Array, Array]:
+    """A matrix as the kernel of the iterations reads it, its diagonal (n,), and 1 / root of that (n,), in the order of the rows.
+
+    :param rows: where they begin (n + 1,), columns (e,), values (e,).
+    :param order: as in :func:`conjugate_gradients`.
+    """
+    n = len(rows[0]) - 1
+    where = None
+    if order is not None:
+        where = np.empty(n, np.int32)
+        where[order] = np.arange(n, dtype=np.int32)
+    near, far, diagonal = np.empty(n + 1, np.int32), np.empty(n + 1, np.int32), np.empty(n)
+    kernels.pack_rows(*rows, order, where, near, far, diagonal)
+    scale = 1.0 / np.sqrt(diagonal)
+    a, b = near[-1], far[-1]
+    entries = np.empty((a, 2), np.uint16), np.empty(a), np.empty(b, np.uint16), np.empty(b, np.int32), np.empty(b)
+    kernels.pack_entries(*rows, order, where, scale, near, far, *entries)
+    return (near, far, *entries), diagonal, scale
+
+
+def _rows(matrix: Any) -> Rows:
     """Where rows begin, columns, and values, as the kernels read them; copied only where they are of another type."""
     rows = sparse.csr_matrix(matrix)
-    return (
-        rows.indptr.astype(np.int32, copy=False),
-        rows.indices.astype(np.int32, copy=False),
-        rows.data.astype(np.float64, copy=False),
-    )
+    first, columns = rows.indptr.astype(np.int32, copy=False), rows.indices.astype(np.int32, copy=False)
+    return first, columns, rows.data.astype(np.float64, copy=False)

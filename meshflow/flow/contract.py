@@ -5,7 +5,7 @@ from typing import Any, Protocol, runtime_checkable
 from meshflow.flow.blend import RATE, Blend
 from meshflow.geometry.validation import Array
 
-__all__ = ["Flow", "MatrixFree", "System"]
+__all__ = ["Flow", "MatrixFree", "Ordered", "System"]
 
 
 class System(Protocol):
@@ -30,6 +30,15 @@ class MatrixFree(Protocol):
 
         :raises NotConverged: with the residual reached.
         """
+        ...
+
+
+@runtime_checkable
+class Ordered(Protocol):
+    """A system that knows an order of its vertices in which it is sooner solved."""
+
+    def in_order(self, dt: float) -> tuple[Array, Any] | None:
+        """The order (n,), and the matrix with its rows and columns in it; None for the order that they have."""
         ...
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshflow.errors import InputError, NotConverged
 from meshflow.flow.blend import Blend, euler
-from meshflow.flow.contract import Flow, MatrixFree, System
+from meshflow.flow.contract import Flow, MatrixFree, Ordered, System
 from meshflow.flow.linear_solve import Method, solve
 from meshflow.flow.super_time import reach, schedule, stages
 from meshflow.flow.workspace import Workspace
@@ -226,6 +226,12 @@ class SemiImplicit:
             except NotConverged:
                 if self.solver == "cg":
                     raise
+        ordered = system.in_order(dt) if isinstance(system, Ordered) else None
+        if ordered is not None:
+            order, matrix = ordered
+            change = np.empty_like(right)
+            change[order] = solve(matrix, right[order], None, self.solver, self.tolerance)
+            return change
         matrix = system.matrix(dt)
         del system  # its stiffness is a fifth of the memory of a step
         return solve(matrix, right, None, self.solver, self.tolerance)

@@ -36,8 +36,8 @@ class Schedule:
         It is seen by comparing Y_s with Y_(s-1), which is right to the same order at an earlier time.
 
         For y' = L y the stages are polynomials in z = dt L: Y_s = 1 + z (+ z^2 / 2) + c z^m and
-        Y_(s-1) = 1 + t z (+ (t z)^2 / 2) + d z^m. From both, Y_0 and dt L(Y_0) a
-        multiple of z^m is left when the lower powers are taken out.
+        Y_(s-1) = 1 + t z (+ (t z)^2 / 2) + d z^m. From both, Y_0 and dt L(Y_0) a multiple of z^m is left when the lower powers
+        are taken out.
         """
         order = self.order
         if len(self.back) + 1 < order + 1:

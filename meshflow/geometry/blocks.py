@@ -41,6 +41,12 @@ class Blocks:
     kind: int
     held: Array
 
+    @property
+    def order(self) -> Array:
+        """The vertices (n,), one block after the other: what is near is near in it."""
+        runs = [self.vertices[a : a + k] for a, k in zip(self.start[:-1], self.owned, strict=True)]
+        return np.concatenate(runs) if runs else np.empty(0, np.int32)
+
 
 def blocked(points: Array, faces: Array, kind: int, held: Array) -> Blocks | None:
     """The blocks of a mesh in R^3; None where vertices have so many neighbours that a block cannot number them."""

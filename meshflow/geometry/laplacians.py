@@ -17,7 +17,7 @@ Border = Literal["curve", "free", "fixed"]
 def border_pull(connectivity: Connectivity, cot: Array) -> Any:
     """C (n, n): C @ X is what the area gradient holds at the boundary for want of a triangle beyond; to be added to L @ X.
 
-    Half the outward conormal of each boundary edge times its length, at both its ends (DESIGN.md, section 2, ``plane-preserving``).
+    Half the outward conormal of each boundary edge times its length, at both its ends (``plane-preserving``).
     """
     n, corner = connectivity.size, connectivity.border % 3
     triangle = connectivity.border // 3

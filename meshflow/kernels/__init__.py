@@ -26,5 +26,7 @@ To add a kernel, three pieces:
 
 There is no C++ runtime: no exceptions, no ``new``, no containers of the standard library. Room to work in comes from the caller
 or from ``Memory`` (``memory.h``); threads from ``parallel_for`` (``team.h``). Results depend on neither
-threads nor instruction set. In a source tree nothing has to be called to compile: the next use of a kernel does (``library.py``).
+threads nor instruction set. In a source tree nothing has to be called to compile: the next use of a kernel does
+(``library.py``). ``.ci/sanitize address`` runs the tests of kernels with checks of memory, ``.ci/cross`` compiles for other
+machines.
 """

@@ -69,9 +69,13 @@ class BuildLibrary(build_py):
         super().run()
         place = Path(self.build_lib, PLACE, "_lib")
         place.mkdir(parents=True)
-        objects = Path(self.get_finalized_command("build").build_temp, "kernels")  # pyright: ignore[reportAttributeAccessIssue]
         for level in target.instruction_sets:
-            compiler.build(compiler.found(), level, place / f"meshflow-{level}{target.suffix}", objects)
+            made = place / f"meshflow-{level}{target.suffix}"
+            if not compiler.Target.named():
+                # Where Python is started in the source tree, the package there is used: it has its library, too.
+                shutil.copy(library.built(level), made)
+            else:
+                compiler.build(compiler.found(), level, made, library.PLACE / "objects")
 
     def get_source_files(self) -> list[str]:
         """Every file of a source distribution that this needs."""
@@ -98,11 +102,11 @@ class NamedForAnyPython(bdist_wheel):
 
     def get_tag(self) -> tuple[str, str, str]:
         """Any Python 3, no interface of Python, and the system that the library runs on."""
-        made, platform = compiler.found(), super().get_tag()[2]
-        if made and made.kind != "zig" and made.target.system == "linux":
-            platform = _tag_of_linux(self.bdist_dir or "", made.target, platform)
-        elif made and made.target.system in compiler.SYSTEMS:
-            platform = made.target.tag
+        target, platform = compiler.Target.wanted(), super().get_tag()[2]
+        if target.system == "linux":
+            platform = _tag_of_linux(self.bdist_dir or "", target)
+        elif target.system in compiler.SYSTEMS:
+            platform = target.tag
         return "py3", "none", platform
 
 
@@ -110,14 +114,12 @@ def _yes() -> bool:
     return True
 
 
-def _tag_of_linux(place: str, target: compiler.Target, otherwise: str) -> str:
-    """The tag for a library that this system's compiler has made: by the newest symbols of the C library that it asks for."""
+def _tag_of_linux(place: str, target: compiler.Target) -> str:
+    """The tag for a library: by the newest symbols of the C library that it asks for, whichever compiler has made it."""
     needed = {
         tuple(int(number) for number in version.split(b"."))
         for path in Path(place).rglob("meshflow-*.so")
         for version in re.findall(rb"\0GLIBC_(\d+\.\d+)", path.read_bytes())
     }
-    if not needed:
-        return otherwise
-    major, minor = max((2, 17), *[version[:2] for version in needed])
+    major, minor = max([(2, 17), *needed])
     return f"manylinux_{major}_{minor}_{target.machine}"

@@ -47,7 +47,7 @@ SANITIZED = {
 MSVC_FLAGS = ("/nologo", "/std:c++20", "/O2", "/fp:precise", "/GR-", "/GS-", "/W3", "/Zc:preprocessor", "/MD")
 # Systems by their name in a target: what zig calls them, the tag of their wheels, the end of a library's name.
 SYSTEMS = {
-    "linux": ("linux-gnu.2.17", "manylinux_2_17_{machine}.manylinux2014_{machine}", ".so"),
+    "linux": ("linux-gnu.2.17", "manylinux_2_17_{machine}", ".so"),
     "musl": ("linux-musl", "musllinux_1_2_{machine}", ".so"),
     "macos": ("macos.11.0", "macosx_11_0_{machine}", ".dylib"),
     "windows": ("windows-gnu", "win_{machine}", ".dll"),
@@ -81,13 +81,18 @@ class Target:
             system = {"darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
         return cls(NAMES.get(name, name), system)
 
+    @staticmethod
+    def named() -> str:
+        """What ``MESHFLOW_TARGET`` says, empty without it."""
+        return os.environ.get("MESHFLOW_TARGET", "")
+
     @classmethod
     def wanted(cls) -> "Target":
         """What ``MESHFLOW_TARGET`` names, "aarch64-linux" for example; this machine without it.
 
         :raises BuildError: for a system that is not known.
         """
-        text = os.environ.get("MESHFLOW_TARGET", "")
+        text = cls.named()
         if not text:
             return cls.here()
         machine, _, system = text.partition("-")
@@ -108,7 +113,7 @@ class Target:
 
     @property
     def tag(self) -> str:
-        """The platform tag of a wheel whose library zig has made."""
+        """The platform tag of a wheel; for Linux, of one whose library zig has made."""
         return SYSTEMS[self.system][1].format(machine=TAGS.get((self.system, self.machine), self.machine))
 
 
@@ -242,7 +247,7 @@ def found() -> Compiler | None:
     named = shlex.split(os.environ.get("CXX", ""), posix=os.name != "nt")
     if named:
         return Compiler(tuple(named), target)
-    if not os.environ.get("MESHFLOW_TARGET"):
+    if not Target.named():
         names = ("cl", "clang++", "g++") if os.name == "nt" else ("g++", "clang++", "c++")
         for name in names:
             path = shutil.which(name)

@@ -1,4 +1,7 @@
 #include "conjugate_gradients.h"
 
 MESHFLOW_KERNEL_OF_ONE(matrix_product)
+MESHFLOW_KERNEL_OF_ONE(pack_rows)
+MESHFLOW_KERNEL_OF_ONE(pack_entries)
+MESHFLOW_KERNEL_OF_ONE(pack_vectors)
 MESHFLOW_KERNEL_OF_ONE(conjugate_gradients)

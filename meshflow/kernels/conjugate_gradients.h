@@ -1,7 +1,9 @@
 // Conjugate gradients for all columns of a sparse system at once (Hestenes and Stiefel), with Jacobi preconditioning.
 //
-// Sums are taken over blocks of rows and then over the blocks, both in their order, so that they do not depend on the number of
-// threads. Columns go four at a time, so that a row of the matrix is read once for all of them.
+// What an iteration costs is reading the matrix, so that is packed first: scaled to a unit diagonal, which need not be read then
+// (that is Jacobi's preconditioning, too); in an order in which neighbours are near; and, of the entries between two rows of one
+// block, each pair once, since the matrix is symmetric. Sums are taken over blocks of rows and then over the blocks, both in their
+// order, so that they do not depend on the number of threads. Columns go four at a time.
 #pragma once
 #include <atomic>
 
@@ -10,20 +12,13 @@
 
 namespace meshflow {
 
-constexpr i64 CG_BLOCK = 2048;  // rows of a sum
+constexpr i64 CG_BLOCK = 1024;  // rows of a block and of a sum
 
-// A matrix (n, n), CSR; vectors (n, k), and the directions (n, wide), of which columns beyond k are not used.
-struct Rows {
-    i64 n, k, wide;
-    const i32 *first, *columns;
-    const double *values, *jacobi;
-
-    bool are_sound(i64 e) const {
-        bool sound = first[0] >= 0 && first[n] <= e;
-        for (i64 i = 0; i < n; ++i) sound &= first[i] <= first[i + 1];
-        return sound && wide >= k;
-    }
-};
+inline bool rows_rise(i64 n, const i32* first, i64 e) {
+    bool rising = first[0] >= 0 && first[n] <= e;
+    for (i64 i = 0; i < n; ++i) rising &= first[i] <= first[i + 1];
+    return rising;
+}
 
 // work.operator()<K>(c) for the columns from c on, K of them.
 template <class F> void for_columns(i64 k, const F& work) {
@@ -34,52 +29,211 @@ template <class F> void for_columns(i64 k, const F& work) {
     if (k - c == 1) work.template operator()<1>(c);
 }
 
-// q = A p of the columns c to c + K - 1 in the rows begin to end - 1; their p . q into dots. False for a column out of range.
-// LOADED: columns of p that are multiplied, K or more; the others are not kept, but four numbers are one vector.
-template <int K, int LOADED> bool product_block(const Rows& a, i64 c, i64 begin, i64 end, const double* p, double* q, double* dots) {
-    double dot[K] = {};
-    for (i64 i = begin; i < end; ++i) {
-        double sum[LOADED] = {};
-        for (i64 e = a.first[i]; e < a.first[i + 1]; ++e) {
-            const std::uint32_t j = static_cast<std::uint32_t>(a.columns[e]);
-            if (j >= a.n) return false;
-            const double w = a.values[e], *x = p + a.wide * j + c;
-            for (int t = 0; t < LOADED; ++t) sum[t] += w * x[t];
+// work(begin, end, block) for the blocks of n rows; it returns false where an index is out of range.
+template <class F> i64 for_blocks_of_rows(i64 n, i32 threads, const F& work) {
+    std::atomic<bool> sound{true};
+    parallel_blocks(n, CG_BLOCK, threads, [&](i64 begin, i64 end, i64 block, i32) {
+        if (!work(begin, end, block)) sound.store(false, std::memory_order_relaxed);
+    });
+    if (sound.load(std::memory_order_relaxed)) return 0;
+    return OUT_OF_RANGE;
+}
+
+// q = A p of n rows in CSR, for k columns.
+inline i64 matrix_product(i64 n, i64 e, i64 k, const i32* first, const i32* columns, const double* values, const double* p,
+                          double* q, i32 threads) {
+    if (!rows_rise(n, first, e)) return OUT_OF_RANGE;
+    return for_blocks_of_rows(n, threads, [&](i64 begin, i64 end, i64) {
+        bool sound = true;
+        for_columns(k, [&]<int K>(i64 c) {
+            for (i64 i = begin; i < end && sound; ++i) {
+                double sum[K] = {};
+                for (i64 at = first[i]; at < first[i + 1]; ++at) {
+                    const std::uint32_t j = static_cast<std::uint32_t>(columns[at]);
+                    if (j >= n) {
+                        sound = false;
+                        break;
+                    }
+                    for (int t = 0; t < K; ++t) sum[t] += values[at] * p[k * j + c + t];
+                }
+                for (int t = 0; t < K; ++t) q[k * i + c + t] = sum[t];
+            }
+        });
+        return sound;
+    });
+}
+
+// --- packing -----------------------------------------------------------------------------------------------------------------
+
+// Rows of a matrix in an order of their own: row r is row order[r] of the matrix, which is where[order[r]] = r. Null: as they are.
+struct Ordered {
+    i64 n;
+    const i32 *order, *where, *first, *columns;
+
+    // visit(entry, column r) of row r; false where an index is out of range.
+    template <class F> bool row(i64 r, const F& visit) const {
+        const std::uint32_t i = static_cast<std::uint32_t>(order ? order[r] : static_cast<i32>(r));
+        if (i >= n) return false;
+        for (i64 at = first[i]; at < first[i + 1]; ++at) {
+            std::uint32_t j = static_cast<std::uint32_t>(columns[at]);
+            if (j >= n) return false;
+            if (where) j = static_cast<std::uint32_t>(where[j]);
+            if (j >= n) return false;
+            visit(at, static_cast<i64>(j));
         }
-        for (int t = 0; t < K; ++t) q[a.k * i + c + t] = sum[t], dot[t] += sum[t] * p[a.wide * i + c + t];
+        return true;
     }
-    for (int t = 0; t < K; ++t) dots[c + t] = dot[t];
-    return true;
-}
+};
 
-template <int K> bool product_block(const Rows& a, i64 c, i64 begin, i64 end, const double* p, double* q, double* dots) {
-    if constexpr (K == 3)
-        if (a.wide >= c + 4) return product_block<3, 4>(a, c, begin, end, p, q, dots);
-    return product_block<K, K>(a, c, begin, end, p, q, dots);
-}
-
-// r -= alpha q; r . D^-1 r and r . r into rho and size.
-template <int K> void descend_block(const Rows& a, i64 c, i64 begin, i64 end, double* r, const double* q, const double* alpha,
-                                    double* rho, double* size) {
-    double sum[K] = {}, square[K] = {};
-    for (i64 i = begin; i < end; ++i)
-        for (int t = 0; t < K; ++t) {
-            const i64 at = a.k * i + c + t;
-            r[at] -= alpha[c + t] * q[at];
-            square[t] += r[at] * r[at];
-            sum[t] += a.jacobi[i] * r[at] * r[at];
+// Where the entries of each packed row begin: near (n + 1,), of which the other row comes later in the same block; far (n + 1,), of
+// other blocks. And the diagonal (n,) of the matrix, in the packed order.
+inline i64 pack_rows(i64 n, i64 e, const i32* first, const i32* columns, const double* values, const i32* order, const i32* where,
+                     i32* near, i32* far, double* diagonal, i32 threads) {
+    if (!rows_rise(n, first, e) || !order != !where) return OUT_OF_RANGE;
+    const Ordered rows{n, order, where, first, columns};
+    near[0] = far[0] = 0;
+    const i64 done = for_blocks_of_rows(n, threads, [&](i64 begin, i64 end, i64) {
+        for (i64 r = begin; r < end; ++r) {
+            double own = 0.0;
+            i32 inside = 0, outside = 0;
+            const bool sound = rows.row(r, [&](i64 at, i64 j) {
+                if (j == r) own += values[at];
+                else if (j < begin || j >= end) ++outside;
+                else if (j > r) ++inside;
+            });
+            if (!sound) return false;
+            near[r + 1] = inside, far[r + 1] = outside, diagonal[r] = own;
         }
-    for (int t = 0; t < K; ++t) rho[c + t] = sum[t], size[c + t] = square[t];
+        return true;
+    });
+    if (done < 0) return done;
+    for (i64 r = 0; r < n; ++r) near[r + 1] += near[r], far[r + 1] += far[r];
+    return 0;
 }
 
-// x += alpha p, then p = D^-1 r + beta p.
-template <int K> void turn_block(const Rows& a, i64 c, i64 begin, i64 end, double* x, const double* r, double* p,
-                                 const double* alpha, const double* beta) {
+// The packed entries: near ones by the places of both their rows in the block, pairs (a, 2), far ones by the place of their row,
+// far_rows (b,), and the packed row that is their column, far_columns (b,); values times scale (n,), in the packed order, of both.
+inline i64 pack_entries(i64 n, i64 e, i64 a, i64 b, const i32* first, const i32* columns, const double* values, const i32* order,
+                        const i32* where, const double* scale, const i32* near, const i32* far, std::uint16_t* pairs,
+                        double* near_values, std::uint16_t* far_rows, i32* far_columns, double* far_values, i32 threads) {
+    if (!rows_rise(n, first, e) || !order != !where || !rows_rise(n, near, a) || !rows_rise(n, far, b)) return OUT_OF_RANGE;
+    const Ordered rows{n, order, where, first, columns};
+    return for_blocks_of_rows(n, threads, [&](i64 begin, i64 end, i64) {
+        for (i64 r = begin; r < end; ++r) {
+            i64 inside = near[r], outside = far[r];
+            bool room = true;
+            const std::uint16_t place = static_cast<std::uint16_t>(r - begin);
+            const bool sound = rows.row(r, [&](i64 at, i64 j) {
+                const double value = values[at] * (scale[r] * scale[j]);
+                if (j < begin || j >= end) {
+                    if (!(room = outside < far[r + 1])) return;
+                    far_rows[outside] = place, far_columns[outside] = static_cast<i32>(j), far_values[outside++] = value;
+                } else if (j > r) {
+                    if (!(room = inside < near[r + 1])) return;
+                    pairs[2 * inside] = place, pairs[2 * inside + 1] = static_cast<std::uint16_t>(j - begin);
+                    near_values[inside++] = value;
+                }
+            });
+            if (!sound || !room || inside != near[r + 1] || outside != far[r + 1]) return false;
+        }
+        return true;
+    });
+}
+
+// target[r] = scale[r] source[order[r]]; or back, target[order[r]] += scale[r] source[r]. Each place of order (n,) once.
+inline i64 pack_vectors(i64 n, i64 k, const i32* order, const double* scale, const double* source, double* target, i64 back,
+                        i32 threads) {
+    return for_blocks_of_rows(n, threads, [&](i64 begin, i64 end, i64) {
+        for (i64 r = begin; r < end; ++r) {
+            const i64 i = order ? static_cast<i64>(static_cast<std::uint32_t>(order[r])) : r;
+            if (i >= n) return false;
+            for (i64 c = 0; c < k; ++c) {
+                if (back) target[k * i + c] += scale[r] * source[k * r + c];
+                else target[k * r + c] = scale[r] * source[k * i + c];
+            }
+        }
+        return true;
+    });
+}
+
+// --- iterations --------------------------------------------------------------------------------------------------------------
+
+struct Packed {
+    i64 n, k;
+    const i32 *near, *far;
+    const std::uint16_t* pairs;
+    const double* near_values;
+    const std::uint16_t* far_rows;
+    const i32* far_columns;
+    const double* far_values;
+
+    // Whether all entries of a block are in range.
+    bool are_sound(i64 begin, i64 end) const {
+        std::uint32_t place = 0, column = 0;
+        const auto raise = [](std::uint32_t& most, std::uint32_t number) { most = most < number ? number : most; };
+        for (i64 at = 2 * i64(near[begin]); at < 2 * i64(near[end]); ++at) raise(place, pairs[at]);
+        for (i64 at = far[begin]; at < far[end]; ++at) raise(place, far_rows[at]);
+        for (i64 at = far[begin]; at < far[end]; ++at) raise(column, static_cast<std::uint32_t>(far_columns[at]));
+        return place < end - begin && column < n;
+    }
+};
+
+// q = A p of the columns c to c + K - 1 in the rows of a block; their p . q into dots. Each near entry is added to both of its rows:
+// without rows to begin and to end there is nothing to guess for a processor, which costs more than the products.
+template <int K> void packed_product(const Packed& a, i64 c, i64 begin, i64 end, const double* p, double* q, double* dots) {
+    constexpr int LANES = K == 3 ? 4 : K;  // four numbers are one vector
+    double x[CG_BLOCK * LANES], y[CG_BLOCK * LANES];
+    const i64 k = a.k, many = end - begin;
+    for (i64 i = 0; i < many; ++i)
+        for (int t = 0; t < LANES; ++t) x[LANES * i + t] = y[LANES * i + t] = t < K ? p[k * (begin + i) + c + t] : 0.0;
+    for (i64 at = a.near[begin]; at < a.near[end]; ++at) {
+        const i64 i = LANES * i64(a.pairs[2 * at]), j = LANES * i64(a.pairs[2 * at + 1]);
+        const double w = a.near_values[at];
+        double of_i[LANES], of_j[LANES];
+        for (int t = 0; t < LANES; ++t) of_i[t] = y[i + t] + w * x[j + t];
+        for (int t = 0; t < LANES; ++t) of_j[t] = y[j + t] + w * x[i + t];
+        for (int t = 0; t < LANES; ++t) y[i + t] = of_i[t];
+        for (int t = 0; t < LANES; ++t) y[j + t] = of_j[t];
+    }
+    for (i64 at = a.far[begin]; at < a.far[end]; ++at) {
+        const i64 i = LANES * i64(a.far_rows[at]), j = k * a.far_columns[at] + c;
+        for (int t = 0; t < K; ++t) y[i + t] += a.far_values[at] * p[j + t];
+    }
+    double dot[LANES] = {};
+    for (i64 i = 0; i < many; ++i)
+        for (int t = 0; t < LANES; ++t) dot[t] += x[LANES * i + t] * y[LANES * i + t];
+    for (i64 i = 0; i < many; ++i)
+        for (int t = 0; t < K; ++t) q[k * (begin + i) + c + t] = y[LANES * i + t];
+    for (int t = 0; t < K; ++t) dots[c + t] = dot[t];
+}
+
+// r -= alpha q; r . r into rho, and with the weights of the matrix before it was scaled, its diagonal, into size.
+template <int K> void descend(i64 k, i64 c, i64 begin, i64 end, const double* __restrict diagonal, double* __restrict r,
+                              const double* __restrict q, const double* alpha, double* rho, double* size) {
+    double by[K], sum[K] = {}, weighted[K] = {};
+    for (int t = 0; t < K; ++t) by[t] = alpha[c + t];
+    for (i64 i = begin; i < end; ++i) {
+        const double weight = diagonal[i];
+        for (int t = 0; t < K; ++t) {
+            const i64 at = k * i + c + t;
+            const double left = r[at] - by[t] * q[at], square = left * left;
+            r[at] = left, sum[t] += square, weighted[t] += weight * square;
+        }
+    }
+    for (int t = 0; t < K; ++t) rho[c + t] = sum[t], size[c + t] = weighted[t];
+}
+
+// x += alpha p, then p = r + beta p.
+template <int K> void turn(i64 k, i64 c, i64 begin, i64 end, double* __restrict x, const double* __restrict r, double* __restrict p,
+                           const double* alpha, const double* beta) {
+    double by[K], keep[K];
+    for (int t = 0; t < K; ++t) by[t] = alpha[c + t], keep[t] = beta[c + t];
     for (i64 i = begin; i < end; ++i)
         for (int t = 0; t < K; ++t) {
-            const i64 at = a.k * i + c + t, way = a.wide * i + c + t;
-            x[at] += alpha[c + t] * p[way];
-            p[way] = a.jacobi[i] * r[at] + beta[c + t] * p[way];
+            const i64 at = k * i + c + t;
+            const double before = p[at];
+            x[at] += by[t] * before;
+            p[at] = r[at] + keep[t] * before;
         }
 }
 
@@ -90,57 +244,39 @@ inline void added(i64 b, i64 k, const double* blocks, i64 half, double* sums) {
         for (i64 c = 0; c < k; ++c) sums[c] += blocks[(2 * at + half) * k + c];
 }
 
-// q = A p.
-inline i64 matrix_product(i64 n, i64 e, i64 k, const i32* first, const i32* columns, const double* values, const double* p,
-                          double* q, i32 threads) {
-    const Rows a{n, k, k, first, columns, values, nullptr};
-    const Memory<double> dots(((n + CG_BLOCK - 1) / CG_BLOCK) * k);
-    if (!dots) return NO_MEMORY;
-    if (!a.are_sound(e)) return OUT_OF_RANGE;
-    std::atomic<bool> sound{true};
-    parallel_blocks(n, CG_BLOCK, threads, [&](i64 begin, i64 end, i64 block, i32) {
-        for_columns(k, [&]<int K>(i64 c) {
-            if (!product_block<K>(a, c, begin, end, p, q, dots.get() + block * k)) sound.store(false, std::memory_order_relaxed);
-        });
-    });
-    if (!sound.load(std::memory_order_relaxed)) return OUT_OF_RANGE;
-    return 0;
-}
-
-// Up to `most` iterations from x, the residual r, the direction p, and their sums rho = r . D^-1 r, size = r . r (k,), all of
-// which are what they are afterwards; q is room to work in. Ends where size is at most goal (k,) in every column. Returns how
-// many iterations it took.
-inline i64 conjugate_gradients(i64 n, i64 e, i64 k, i64 wide, const i32* first, const i32* columns, const double* values,
-                               const double* jacobi, const double* goal, double* x, double* r, double* p, double* q, double* rho,
-                               double* size, i64 most, i32 threads) {
-    const Rows a{n, k, wide, first, columns, values, jacobi};
+// Up to `most` iterations of the packed system from x, the residual r and the direction p, all (n, k), and the sums rho = r . r and
+// size (k,), all of which are what they are afterwards; q is room to work in. Ends where size is at most goal (k,) in every column.
+// Returns how many iterations it took.
+inline i64 conjugate_gradients(i64 n, i64 a, i64 b, i64 k, const i32* near, const i32* far, const std::uint16_t* pairs,
+                               const double* near_values, const std::uint16_t* far_rows, const i32* far_columns,
+                               const double* far_values, const double* diagonal, const double* goal, double* x, double* r, double* p,
+                               double* q, double* rho, double* size, i64 most, i32 threads) {
+    if (!rows_rise(n, near, a) || !rows_rise(n, far, b)) return OUT_OF_RANGE;
+    const Packed matrix{n, k, near, far, pairs, near_values, far_rows, far_columns, far_values};
+    const auto are_sound = [&](i64 begin, i64 end, i64) { return matrix.are_sound(begin, end); };
+    if (for_blocks_of_rows(n, threads, are_sound) < 0) return OUT_OF_RANGE;
     const i64 blocks = (n + CG_BLOCK - 1) / CG_BLOCK;
     const Memory<double> room(2 * blocks * k + 3 * k);
     if (!room) return NO_MEMORY;
-    if (!a.are_sound(e)) return OUT_OF_RANGE;
     double *alpha = room.get(), *beta = alpha + k, *curvature = beta + k, *sums = curvature + k;
-    std::atomic<bool> sound{true};
     for (i64 done = 0; done < most; ++done) {
         bool ended = true;
         for (i64 c = 0; c < k; ++c) ended &= size[c] <= goal[c];
         if (ended) return done;
         parallel_blocks(n, CG_BLOCK, threads, [&](i64 begin, i64 end, i64 block, i32) {
-            for_columns(k, [&]<int K>(i64 c) {
-                if (!product_block<K>(a, c, begin, end, p, q, sums + 2 * block * k)) sound.store(false, std::memory_order_relaxed);
-            });
+            for_columns(k, [&]<int K>(i64 c) { packed_product<K>(matrix, c, begin, end, p, q, sums + 2 * block * k); });
         });
-        if (!sound.load(std::memory_order_relaxed)) return OUT_OF_RANGE;
         added(blocks, k, sums, 0, curvature);
         for (i64 c = 0; c < k; ++c) alpha[c] = curvature[c] > 0.0 ? rho[c] / curvature[c] : 0.0;
         parallel_blocks(n, CG_BLOCK, threads, [&](i64 begin, i64 end, i64 block, i32) {
             double* to = sums + 2 * block * k;
-            for_columns(k, [&]<int K>(i64 c) { descend_block<K>(a, c, begin, end, r, q, alpha, to, to + k); });
+            for_columns(k, [&]<int K>(i64 c) { descend<K>(k, c, begin, end, diagonal, r, q, alpha, to, to + k); });
         });
         for (i64 c = 0; c < k; ++c) beta[c] = rho[c];
         added(blocks, k, sums, 0, rho), added(blocks, k, sums, 1, size);
         for (i64 c = 0; c < k; ++c) beta[c] = beta[c] > 0.0 ? rho[c] / beta[c] : 0.0;
         parallel_blocks(n, CG_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
-            for_columns(k, [&]<int K>(i64 c) { turn_block<K>(a, c, begin, end, x, r, p, alpha, beta); });
+            for_columns(k, [&]<int K>(i64 c) { turn<K>(k, c, begin, end, x, r, p, alpha, beta); });
         });
     }
     return most;

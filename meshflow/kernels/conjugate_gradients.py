@@ -1,16 +1,22 @@
-"""Conjugate gradients for all columns of a sparse system at once; sums do not depend on the number of threads."""
+"""Conjugate gradients for all columns of a sparse symmetric system at once; sums do not depend on the number of threads.
+
+The matrix is packed first: in an order of its rows, scaled to a unit diagonal, which is left out, and of the entries between two
+rows of one block each pair once, ``near`` ones; all others are ``far`` ones.
+"""
 
 from typing import Annotated
 
 from meshflow.kernels.gate import kernel
 from meshflow.kernels.parameters import Array, integer, read, threads, write
 
-__all__ = ["conjugate_gradients", "matrix_product"]
+__all__ = ["conjugate_gradients", "matrix_product", "pack_entries", "pack_rows", "pack_vectors"]
 
 First = Annotated[Array, read("int32", "n+1")]
 Entries = Annotated[Array, read("int32", "e")]
 Values = Annotated[Array, read("float64", "e")]
-Column = Annotated[Array, write("float64", "n", "k")]
+Order = Annotated[Array | None, read("int32", "n", optional=True)]
+Numbers = Annotated[Array, read("float64", "n")]
+Columns = Annotated[Array, write("float64", "n", "k")]
 Sums = Annotated[Array, write("float64", "k")]
 Threads = Annotated[int | None, threads]
 
@@ -21,35 +27,95 @@ def matrix_product(
     columns: Entries,
     values: Values,
     p: Annotated[Array, read("float64", "n", "k")],
-    q: Column,
+    q: Columns,
     threads: Threads = None,
 ) -> None:
     """q = A p, A in CSR."""
 
 
 @kernel
-def conjugate_gradients(
+def pack_rows(
     first: First,
     columns: Entries,
     values: Values,
-    jacobi: Annotated[Array, read("float64", "n")],
+    order: Order,
+    where: Order,
+    near: Annotated[Array, write("int32", "n+1")],
+    far: Annotated[Array, write("int32", "n+1")],
+    diagonal: Annotated[Array, write("float64", "n")],
+    threads: Threads = None,
+) -> None:
+    """Where the near and the far entries of each row of a CSR matrix begin when it is packed, and its diagonal.
+
+    :param order: packed row r is row ``order[r]``, and ``where`` the other way round; None: as they are.
+    """
+
+
+@kernel
+def pack_entries(
+    first: First,
+    columns: Entries,
+    values: Values,
+    order: Order,
+    where: Order,
+    scale: Numbers,
+    near: First,
+    far: First,
+    pairs: Annotated[Array, write("uint16", "a", 2)],
+    near_values: Annotated[Array, write("float64", "a")],
+    far_rows: Annotated[Array, write("uint16", "b")],
+    far_columns: Annotated[Array, write("int32", "b")],
+    far_values: Annotated[Array, write("float64", "b")],
+    threads: Threads = None,
+) -> None:
+    """The entries of a CSR matrix, packed.
+
+    :param scale: what rows and columns are multiplied by, in the packed order.
+    :param near: as :func:`pack_rows` makes it, and ``far``.
+    """
+
+
+@kernel
+def pack_vectors(
+    order: Order,
+    scale: Numbers,
+    source: Annotated[Array, read("float64", "n", "k")],
+    target: Columns,
+    back: Annotated[int, integer],
+    threads: Threads = None,
+) -> None:
+    """target[r] = scale[r] source[order[r]]; or back, target[order[r]] += scale[r] source[r].
+
+    :param back: 0, or 1 for back.
+    """
+
+
+@kernel
+def conjugate_gradients(
+    near: First,
+    far: First,
+    pairs: Annotated[Array, read("uint16", "a", 2)],
+    near_values: Annotated[Array, read("float64", "a")],
+    far_rows: Annotated[Array, read("uint16", "b")],
+    far_columns: Annotated[Array, read("int32", "b")],
+    far_values: Annotated[Array, read("float64", "b")],
+    diagonal: Numbers,
     goal: Annotated[Array, read("float64", "k")],
-    x: Column,
-    r: Column,
-    p: Annotated[Array, write("float64", "n", "wide")],
-    q: Column,
+    x: Columns,
+    r: Columns,
+    p: Columns,
+    q: Columns,
     rho: Sums,
     size: Sums,
     most: Annotated[int, integer],
     threads: Threads = None,
 ) -> int:
-    """Go on from x, the residual r and the direction p; how many iterations it took.
+    """Go on from x, the residual r and the direction p of a packed system; how many iterations it took.
 
     Ends after ``most`` of them, or where ``size`` is at most ``goal`` in every column.
 
-    :param jacobi: one over the diagonal.
-    :param p: may have more columns than k, which are not used: vectors of three stand better in four.
+    :param diagonal: of the matrix before it was scaled, in the packed order.
     :param q: room to work in.
-    :param rho: r . D^-1 r of each column, and ``size``, r . r.
+    :param rho: r . r of each column, and ``size``, r . r of the system before it was scaled.
     """
     raise NotImplementedError

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from meshflow.kernels import compiler
 
-__all__ = ["Environment", "KernelsMissing", "default_threads", "environment", "library", "loaded"]
+__all__ = ["Environment", "KernelsMissing", "built", "default_threads", "environment", "library", "loaded"]
 
 PLACE = Path(__file__).parent / "_lib"
 KEPT = 86400.0  # seconds after which an object or a library of other sources is taken away, when another one is made
@@ -97,7 +97,7 @@ def opened(level: str) -> tuple[ctypes.CDLL, Path]:
 
     :raises KernelsMissing: where it is not there, or the system does not load it.
     """
-    path = _built(level) if compiler.sources() else PLACE / f"meshflow-{level}{compiler.Target.here().suffix}"
+    path = built(level) if compiler.sources() else PLACE / f"meshflow-{level}{compiler.Target.here().suffix}"
     try:
         lib = ctypes.CDLL(str(path))
     except OSError as cause:
@@ -106,9 +106,13 @@ def opened(level: str) -> tuple[ctypes.CDLL, Path]:
     return lib, path
 
 
-def _built(level: str) -> Path:
-    """The library of a source tree for one instruction set, compiled where it is not there or a source has changed."""
-    words = (level, os.environ.get("CXX", ""), compiler.flags())
+def built(level: str) -> Path:
+    """The library of a source tree for one instruction set, compiled where it is not there or a source has changed.
+
+    :raises compiler.BuildError: where it cannot be compiled.
+    """
+    flags = [word for word in compiler.flags() if not word.startswith("-W") or "," in word]  # warnings change nothing
+    words = (level, os.environ.get("CXX", ""), *flags)
     made = hashlib.sha256("".join(compiler.digest(source, *words) for source in compiler.sources()).encode())
     path = PLACE / f"meshflow-{level}-{made.hexdigest()[:16]}{compiler.Target.here().suffix}"
     if not path.exists():

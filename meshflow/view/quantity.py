@@ -73,9 +73,8 @@ def _dressed(noun: Noun, quantity: Quantity, values: Array, contrast: float = 1.
 
 def _samples(noun: Noun) -> Scale:
     """Which samples move (0), are fixed (1), or missing (2)."""
-    kinds = noun.fixed.astype(np.float64)
-    if not isinstance(noun, Mesh):
-        kinds[noun.missing] = 2.0
+    gone = np.zeros(len(noun.points), bool) if isinstance(noun, Mesh) else noun.missing
+    kinds = np.where(gone, 2.0, 0.0 if noun.fixed is None else noun.fixed)
     names = _KINDS[:2] if isinstance(noun, Mesh) else _KINDS
     shares = [f"{100 * float((kinds == k).mean()):.3g} % {name}" for k, name in enumerate(names)]
     return Scale(kinds, -0.5, len(names) - 0.5, "viridis", f"samples: {', '.join(shares)}", names=names)

@@ -121,16 +121,13 @@ def _change(before: Noun, after: Noun) -> float:
         if before.moves == "channels" and before.channels is not None and after.channels is not None:
             return _rms(np.square(before.channels.astype(np.float64) - after.channels))
         return _rms(np.square(paired(before, after, None).removed.values))
-    if isinstance(before, Mesh):
-        raise InputError(
-            f"timeline: states of one kind expected, got {type(before).__name__} and {type(after).__name__}"
-        )
+    missing = before.missing
     if isinstance(before, RangeImage) and isinstance(after, RangeImage):
         squares = np.square(before.depth.astype(np.float64) - after.depth)
     else:
         squares = np.square(data_of(before).astype(np.float64) - data_of(after))
-        squares = squares.reshape(*before.missing.shape, -1).mean(axis=2)
-    return _rms(squares[~before.missing])
+        squares = squares.reshape(*missing.shape, -1).mean(axis=2)
+    return _rms(squares[~missing])
 
 
 def _rms(squares: Array) -> float:
