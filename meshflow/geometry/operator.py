@@ -159,7 +159,7 @@ def gather_gradient(connectivity: Connectivity, cot: Array, points: Array, linea
 
 
 def border_pull(connectivity: Connectivity, points: Array) -> Array:
-    """What ``plane-preserving`` takes out of the area gradient (n, k): the conormals of the boundary edges, measured at points (n, k)."""
+    """What plane-preserving takes out of the area gradient (n, k): the conormals of the boundary edges, measured at points (n, k)."""
     c, out = connectivity, np.zeros(points.shape)
     faces = c.faces[c.border // 3]
     cot, _ = cotangents(points, faces)

@@ -32,8 +32,8 @@ class Surface:
     :param triangulations: of the same points, each (m, 3): one for a mesh, two for the diagonals of a grid.
     :param free: :class:`Axes` or :class:`Rays`; by default all axes (full curvature flow).
     :param fixed: vertices (n,) that stay; by default none.
-    :param boundary: ``neumann``: nothing but the variational boundary; ``plane-preserving``: the pull of the boundary's conormal is
-        taken out, so that tilted planes rest; ``fixed``: boundary vertices stay.
+    :param boundary: ``neumann``: nothing but the variational boundary; ``plane-preserving``: the pull of the boundary's conormal
+        is taken out, so that tilted planes rest; ``fixed``: boundary vertices stay.
     :param alternate: take the triangulations in turn, one per rate evaluation, instead of all together.
     :param time_factor: (n,), of each vertex (pixel footprint squared of a range image); None: 1 for all.
     :param charts: for each triangulation (m, 3, c), the coordinates that are not free of each triangle's corners in a chart of
