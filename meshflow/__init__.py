@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
     from meshflow.estimate.settings import Settings
     from meshflow.flow.controls import AreaChange, Embedded, Fixed, Until
-    from meshflow.flow.engines.grid.rate import GridFlow
+    from meshflow.flow.engines.grid import GridFlow
     from meshflow.flow.engines.mesh import MeshFlow
     from meshflow.flow.march import State, march
     from meshflow.flow.methods.beltrami import Member
@@ -44,7 +44,7 @@ _HOMES = {
     "surfaces.scanner": ("Scanner", "Spherical"),
     "surfaces.free": ("Axes", "Rays"),
     "surfaces.surface": ("Surface",),
-    "flow.engines.grid.rate": ("GridFlow",),
+    "flow.engines.grid": ("GridFlow",),
     "io.formats.cameras": ("read_camera", "write_camera"),
     "io.export": ("to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"),
     "io.files": ("Document", "read", "write"),

@@ -15,7 +15,7 @@ import meshflow
 from meshflow.errors import InputError
 from meshflow.flow.blend import Blend, euler
 from meshflow.flow.constraints import Faithful, trust_of
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.methods.fairing import LowPass
 from meshflow.flow.mobility import Slowed

@@ -12,7 +12,7 @@ import meshflow
 from meshflow.estimate.parameters import expected_error
 from meshflow.estimate.risk import TWICE, Candidate, Trial, risk_curves
 from meshflow.estimate.search import METHODS, _tiled
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.methods.beltrami import Member, Method
 from meshflow.flow.methods.motion import MotionName
 from meshflow.surfaces.lift import HeightField, Lift

@@ -6,7 +6,7 @@ import pytest
 import meshflow
 from meshflow.errors import InputError
 from meshflow.flow.controls import AreaChange, Embedded, Fixed, Until
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
 from meshflow.flow.methods.beltrami import Member

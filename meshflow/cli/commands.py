@@ -11,7 +11,7 @@ import typer
 
 from meshflow.cli import looking
 from meshflow.cli import options as words
-from meshflow.cli.console import err, out, said, table, tell_of_compiling
+from meshflow.cli.console import err, out, said, table
 from meshflow.cli.inputs import HELD, INPUTS, frame, opened, per_sample
 from meshflow.cli.inputs import limit as limit_of
 from meshflow.cli.looking import must_be_drawable, pictured
@@ -124,7 +124,6 @@ def _smoothed(
     if fixed is not None:
         document = document.holding(replace(document.noun, fixed=fixed))
     shown = None if quiet else True
-    tell_of_compiling(quiet)
     done, result = smooth_document(document, {**given, **held}, shown, record=json or report is not None)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}
     options = {**({"dtype": dtype} if dtype else {}), **_left(document, target, result)}
@@ -207,7 +206,6 @@ def _fused(
         raise InputError(f"fuse: depths expected, got {len(sources)} frames without a single one")
     _must_be_writable(first, target, picture, report, overwrite)
     nouns = (None if seen is None else seen.noun for seen in (frame(path, **reading) for path in sources))
-    tell_of_compiling(quiet)
     result = fused(nouns, full=True, limit=limit_of(limit), **given)
     before, done = first.holding(result.before), first.holding(result.thing)
     tags = {f"meshflow:{name}": word for name, word in result.facts.items()}

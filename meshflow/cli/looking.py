@@ -9,7 +9,7 @@ import numpy as np
 from rich.text import Text
 
 from meshflow.cli import options as words
-from meshflow.cli.console import out, said, table, tell_of_compiling
+from meshflow.cli.console import out, said, table
 from meshflow.cli.inputs import INPUTS, opened, per_sample
 from meshflow.errors import InputError
 from meshflow.evaluate.flows import compare_flows as compared
@@ -210,7 +210,6 @@ def _filmed(
     filmable(target, overwrite)
     document = opened(source, **{name: given.pop(name) for name in READ})
     settings = {name: given.pop(name) for name in FLOW}
-    tell_of_compiling(quiet)
     told = filmed(
         document,
         target,
@@ -284,7 +283,6 @@ def _viewed(
     document = opened(source, **reading)
     target = source.with_name(f"{source.stem}_smooth{source.suffix}") if target is None else target
     settings = {name: given.pop(name) for name in FLOW if name in given}
-    tell_of_compiling(quiet)
     address = Address(given.pop("host"), given.pop("port"), given.pop("browser"))
     told = viewed(
         document,
@@ -336,7 +334,6 @@ def compare_flows(
     true, more = None, ()
     if truth is not None:
         true, _, more = _depths(truth, camera, truth_scale)
-    tell_of_compiling()
     found = compared(depths, cam, true, time=time, jump=jump, boundary=boundary)
     notes += more
     if picture is not None:

@@ -97,7 +97,7 @@ class Settings:
     :param stepper: ``auto | explicit | super-time | semi-implicit``, or a stepper with options of its own.
     :param dt: length of a step, squared length; by default what suits the stepper.
     :param control: :class:`Fixed`, :class:`AreaChange` or :class:`Embedded`, instead of ``dt``.
-    :param threads: for grids; by default as many as numba uses.
+    :param threads: for grids; by default as many as the process may use (``MESHFLOW_NUM_THREADS``).
     :raises InputError: for options that exclude each other or make no sense.
     """
 
