@@ -133,7 +133,16 @@ def fill_stiffness(connectivity: Connectivity, cot: Array, directions: Array | N
     data = np.empty(len(pattern.indices))
     rays = None if directions is None else _doubles(directions)
     kernels.fill_stiffness(
-        c.first, c.corners, c.faces, pattern.indptr, pattern.slots, pattern.diagonal, cot, rays, data
+        c.first,
+        c.corners,
+        c.faces,
+        pattern.indptr,
+        pattern.indices,
+        pattern.slots,
+        pattern.diagonal,
+        cot,
+        rays,
+        data,
     )
     return sparse.csr_matrix((data, pattern.indices, pattern.indptr), shape=(c.size, c.size))
 
