@@ -239,7 +239,9 @@ StepperOption = Annotated[
     Literal["auto", "explicit", "super-time", "semi-implicit"], _option(FLOW, "How time is stepped.")
 ]
 Dt = Annotated[float | None, _option(FLOW, "Length of a step, squared length. Default: what suits the stepper.")]
-Threads = Annotated[int | None, _option(FLOW, "Threads for grids. Default: MESHFLOW_NUM_THREADS, or one for each core.")]
+Threads = Annotated[
+    int | None, _option(FLOW, "Threads for grids. Default: MESHFLOW_NUM_THREADS, or one for each core.")
+]
 Picture = Annotated[Path | None, _option(OUTPUT, "A picture of before, after and what was removed (.png).")]
 Panels = Annotated[Path | None, _option(OUTPUT, "A picture of all flows and one silhouette close up (.png).")]
 FlowTime = Annotated[
