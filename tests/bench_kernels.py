@@ -96,7 +96,7 @@ def before():
         return
     process = subprocess.Popen(
         [os.environ.get("BENCH_BEFORE_PYTHON", sys.executable), "-c", textwrap.dedent(WORKER.format(threads=THREADS))],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=place,
         env={**os.environ, "PYTHONPATH": place, "NUMBA_NUM_THREADS": str(THREADS)},
     )  # fmt: skip
 
