@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from meshflow.estimate.noise import Noise
     from meshflow.flow.compute import Compute
     from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
-    from meshflow.flow.engines.grid.rate import GridFlow
+    from meshflow.flow.engines.grid import GridFlow
     from meshflow.flow.engines.mesh import MeshFlow
     from meshflow.flow.march import State, march
     from meshflow.flow.methods import (
@@ -86,7 +86,7 @@ _HOMES = {
         "FixedStep",
         "Until",
     ),
-    "flow.engines.grid.rate": ("GridFlow",),
+    "flow.engines.grid": ("GridFlow",),
     "flow.engines.mesh": ("MeshFlow",),
     "flow.march": (
         "State",

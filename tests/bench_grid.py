@@ -14,7 +14,6 @@ from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -22,18 +21,19 @@ from scipy.ndimage import gaussian_filter
 import meshflow
 from meshflow.flow.blend import euler
 from meshflow.flow.controls import FixedStep, Until
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
 from meshflow.flow.methods import Beltrami
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit
 from meshflow.flow.workspace import Workspace
+from meshflow.kernels.library import default_threads
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1800)]
-THREADS = numba.get_num_threads()
+THREADS = default_threads()
 
 
 def medians(calls, repeats=9):
@@ -127,7 +127,7 @@ def _machine():
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []
     cpu = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.processor())
-    names = ("numba", "numpy")
+    names = ("numpy",)
     return f"{cpu}, Python {platform.python_version()}, " + ", ".join(f"{name} {version(name)}" for name in names)
 
 

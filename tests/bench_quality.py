@@ -19,7 +19,6 @@ from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from helpers.parts import parts
@@ -30,6 +29,7 @@ from peers.search import tuned
 import meshflow
 from meshflow.errors import InputError, MissingPackage
 from meshflow.evaluate.grids import EDGE_REACH, EDGE_SHARE, GridQuality, grid_quality
+from meshflow.kernels.library import default_threads
 from meshflow.synthetic.scenes import Subject
 
 DEM = Path(__file__).parents[2] / "shared" / "data" / "dem"
@@ -261,7 +261,7 @@ def _table(case, rows):
 
 
 def _versions():
-    names = sorted({peer.package for peer in PEERS} | {"numpy", "numba", "PyWavelets", "matplotlib"}, key=str.lower)
+    names = sorted({peer.package for peer in PEERS} | {"numpy", "PyWavelets", "matplotlib"}, key=str.lower)
     found = {}
     for name in names:
         try:
@@ -272,8 +272,8 @@ def _versions():
 
 
 def _share_threads():
-    """As many threads for the peers as numba has: the machine may be shared."""
-    threads = numba.get_num_threads()
+    """As many threads for the peers as ours: the machine may be shared."""
+    threads = default_threads()
     try:
         import cv2
 

@@ -17,7 +17,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 
-import numba
 import numpy as np
 import pytest
 from helpers.parts import parts
@@ -44,7 +43,7 @@ TIMES = (0.15, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 FOCAL, MIDDLE, BASELINE, OFFSET = 994.978, (311.193, 254.877), 0.193001, 31.086
 STEP = 0.125
 PACKAGES = (
-    "meshflow", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "scikit-image", "pyrealsense2", "pymeshlab",
+    "meshflow", "numpy", "scipy", "opencv-contrib-python-headless", "scikit-image", "pyrealsense2", "pymeshlab",
 )  # fmt: skip
 
 
@@ -300,11 +299,11 @@ def _wanted():
 
 @pytest.mark.parametrize("name", _wanted())
 def test_ours_beside_every_peer_at_its_best_for_each_measure(name):
-    print(f"\n{versions()}; {numba.get_num_threads()} threads")
+    print(f"\n{versions()}; {default_threads()} threads")
     try:
         import cv2
 
-        cv2.setNumThreads(numba.get_num_threads())
+        cv2.setNumThreads(default_threads())
     except ImportError as cause:
         print(f"  cv2: {cause}")
     case = CASES[name]()

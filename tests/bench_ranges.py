@@ -15,7 +15,7 @@ from helpers.parts import parts
 
 import meshflow
 from meshflow.flow.blend import euler
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.workspace import Workspace
 from meshflow.surfaces.camera import Pinhole
@@ -67,9 +67,7 @@ def test_frames_per_second_beside_the_bilateral_filter():
         calls[f"one bound, gamma {gamma:g}"] = lambda flow=flow, u=out: flow.bound(u)  # that of the start is kept
     seconds = medians(calls)
     peer = seconds["bilateralFilter, d 9"]
-    versions = ", ".join(
-        f"{package} {version(package)}" for package in ("numpy", "numba", "opencv-contrib-python-headless")
-    )
+    versions = ", ".join(f"{package} {version(package)}" for package in ("numpy", "opencv-contrib-python-headless"))
     print(
         f"\n{name}, {SHAPE[1]} x {SHAPE[0]}, float32, {THREADS} threads, {platform.processor() or platform.machine()}; {versions}"
     )

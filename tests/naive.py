@@ -118,3 +118,14 @@ def graph_flow(points, faces, free):
     b = area_gradient(points, faces) / areas(points, faces, "barycentric")[:, None]
     bar = np.einsum("ndk,nd->nk", free, b)
     return -(np.square(b).sum(1) / np.square(bar).sum(1))[:, None] * bar
+
+
+def stretch(slope2, q):
+    """(W^2q - 1) / (W^2 - 1), W^2 = 1 + slope2: the factor of the free part of lengths for sharpness q; q where it is flat."""
+    return np.expm1(q * np.log1p(slope2)) / slope2 if slope2 > 0 else q
+
+
+def cotangents_of_dots(dot0, dot1, dot2, det):
+    """Cotangents and area of a triangle from the inner products of the edges that leave its corners; 4 T^2 = det."""
+    doubled = np.sqrt(det)
+    return dot0 / doubled, dot1 / doubled, dot2 / doubled, 0.5 * doubled

@@ -9,7 +9,7 @@ from helpers.cameras import ALL, CAMERAS, LENSES, PLAIN, SWEEP, H, W, offset_sca
 from meshflow.errors import InputError
 from meshflow.evaluate.metrics import compare
 from meshflow.flow.controls import Until
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
 from meshflow.flow.methods.beltrami import Member

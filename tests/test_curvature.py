@@ -194,6 +194,6 @@ def test_planes_rest_in_normal_channels_and_a_length_of_zero_is_refused():
 
 def test_lengths_in_normals_are_those_of_a_surface_in_six_dimensions():
     points, faces = sphere(200)
-    flow = MeshFlow(Surface(points, (faces,)), metric=NormalChannels(0.7, Given()))
+    flow = MeshFlow(Surface(points, (faces,)), metric=NormalMetric(0.7, Given()))
     whole = np.column_stack([points, 0.7 * normals_at(points, faces)])
     assert np.allclose(flow.rate(points), -curvature_normal(whole, faces)[:, :3], atol=1e-12)

@@ -2,18 +2,18 @@
 
 import itertools
 
+import naive
 import numpy as np
 import pytest
 from scipy.ndimage import correlate1d
 
 from meshflow.errors import InputError
 from meshflow.flow.controls import Until
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit
-from meshflow.geometry import triangle
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
 
@@ -46,9 +46,9 @@ def slowly(image, alpha, member, which):
         uu, vv, uv = (mean((x * y).sum(axis=2)) for x, y in ((a, a), (b, b), (a, b)))
         for i, j in np.argwhere(present > 0):
             slope2 = alpha**2 * (uu[i, j] / hx**2 + vv[i, j] / hy**2)
-            by = alpha**2 * triangle.stretch(slope2, member.sharpness)
+            by = alpha**2 * naive.stretch(slope2, member.sharpness)
             x, y, xy = hx**2 + by * uu[i, j], hy**2 + by * vv[i, j], by * uv[i, j]
-            cot_p, cot_q, cot_r, area = triangle.cotangents(xy, x - xy, y - xy, x * y - xy * xy)
+            cot_p, cot_q, cot_r, area = naive.cotangents_of_dots(xy, x - xy, y - xy, x * y - xy * xy)
             corners = [(i + c[0], j + c[1]) for c in (p, q, r)]
             for (m, n), cot in (((1, 2), cot_p), ((2, 0), cot_q), ((0, 1), cot_r)):
                 force = 0.5 * cot * (z[corners[m]] - z[corners[n]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshflow.flow.controls import Until
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
 from meshflow.flow.methods.beltrami import Member
@@ -36,10 +36,10 @@ def scene(camera, shape=(H, W), seed=0, noise=0.01):
 
 
 def slowly(lattice, member):
-    """The engine by way of its coupled loops."""
+    """The engine by way of its loops for any coordinates."""
     flow = GridFlow(lattice, member)
     assert flow._by_rays
-    flow._by_rays = False
+    flow._by_rays, flow._by_forms = False, True
     return flow
 
 

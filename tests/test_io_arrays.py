@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from meshflow.errors import FormatError, InputError
+from meshflow.flow.stops import Steps
 from meshflow.io.document import WriteOptions
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import arrays
@@ -107,7 +108,7 @@ def test_a_path_is_read_and_what_comes_back_is_a_document(tmp_path):
         back = taken.to_object(moved(taken.noun))
         assert isinstance(back, Document)
         assert np.array_equal(back.noun.z, moved(taken.noun).z)
-        assert np.array_equal(smooth(path, steps=2).noun.z, smooth(heights(), steps=2))
+        assert np.array_equal(smooth(path, stop=Steps(2)).noun.z, smooth(heights(), stop=Steps(2)))
     with pytest.raises(InputError, match="channels: no option of an array of heights"):
         from_object(tmp_path / "z.npy", {"channels": "heat"})
 

@@ -38,7 +38,7 @@ def test_a_convention_sets_camera_and_units(tmp_path):
 def test_the_command_takes_a_convention_by_name_and_says_what_depths_are(tmp_path):
     make(tmp_path / "a.png", vga(5000))
     words = ["smooth", str(tmp_path / "a.png"), str(tmp_path / "o.tif"), "--camera", "tum", "--steps", "1", "-q"]
-    done = CliRunner().invoke(app, [*words, "--measure", "range", "--pace", "length", "--time", "0.0001"])
+    done = CliRunner().invoke(app, [*words, "--measure", "range", "--time-unit", "length", "--time", "0.0001"])
     assert done.exit_code == 0, done.output
     assert stored(tmp_path / "o.tif")[0].mean() == pytest.approx(2, abs=0.1)
 

@@ -205,7 +205,7 @@ def test_what_shows_all_parts_in_one_flow_says_so(tmp_path):
     notes = meshflow.viewer.session.view(
         read(path), way="page", page=tmp_path / "p.html", count=2, request=Request.of(time=0.01)
     )
-    assert any("all parts flow together here" in note for note in notes)
+    assert any("all parts are smoothed together here" in note for note in notes)
     assert flowing_together(read(glb(tmp_path / "one.glb", ("a", ball())))) == ()
 
 

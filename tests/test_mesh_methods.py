@@ -93,7 +93,7 @@ def test_what_would_only_lose_by_it_is_left_alone_and_says_so():
     horse = read(MESHES / "irregular" / "horse.vtp").noun
     result = smooth(horse, result=True)
     assert np.array_equal(result.after.points, horse.points)
-    assert "more harm than the noise" in result.stopped_because
+    assert "estimated to increase the error" in result.stopped_because
 
 
 def test_thin_triangles_ask_for_others_and_the_result_says_so():

@@ -18,7 +18,7 @@ from meshflow.estimate.constraints import Fixed, Mask, Mobility, PreserveVolume
 from meshflow.flow.blend import Blend, euler
 from meshflow.flow.compute import Compute
 from meshflow.flow.constraints import Faithful, trust_of
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.low_pass import LowPass
 from meshflow.flow.methods import Fairing

@@ -14,7 +14,7 @@ from meshflow.estimate.risk import TWICE, Candidate, Trial, risk_curves
 from meshflow.estimate.search import _tiled
 from meshflow.estimate.told import expected_error
 from meshflow.flow.compute import Compute
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS, Beltrami, PeronaMalik
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.stops import Residual, Steps

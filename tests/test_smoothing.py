@@ -151,7 +151,7 @@ def test_the_quantum_of_quantised_data_is_found_and_its_rounding_counts_as_noise
         (lambda z: meshflow.smooth(z[0]), "2 or 3 dimensions|2 dimensions"),
         (lambda z: meshflow.smooth(z * 1j), "real numbers expected"),
         (lambda z: meshflow.smooth(object()), "expected a numpy array"),
-        (lambda z: meshflow.smooth("terrain.tif"), "meshflow.read"),
+        (lambda z: meshflow.smooth("terrain.tif"), "terrain.tif: no such file"),
         (lambda z: meshflow.smooth(meshflow.HeightField(z), spacing=3), "already says spacing"),
     ],
 )

@@ -7,7 +7,7 @@ import meshflow
 from meshflow.errors import InputError
 from meshflow.flow.compute import Compute
 from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.march import march
 from meshflow.flow.methods import Search

@@ -19,11 +19,11 @@ from meshflow.estimate.constraints import (
 )
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import METHODS, Method, Search
+from meshflow.flow.methods import METHODS, Method
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
 from meshflow.geometry.options import options_of, refused
 
-__all__ = ["asked", "words_of"]
+__all__ = ["asked"]
 
 STOPS: dict[str, Callable[[Any], Any]] = {
     "steps": Steps, "residual": Residual, "area_loss": AreaLoss, "displacement": Displacement,
@@ -90,23 +90,3 @@ def _method(told: Given) -> Method | None:
 
 def _flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
-
-
-def words_of(request: Request) -> list[str]:
-    """The words of the command line that ask for what a request asks, but for its arrays and callables."""
-    words: list[str] = []
-    method = request.method
-    for kind, part in ((Request, request), (Compute, request.compute), (type(method), method)):
-        if part is None:
-            continue
-        if part is method and method is not None and type(method) is not Search:
-            words += ["--method", method.word]
-        for option in options_of(kind):
-            value = getattr(part, option.name)
-            if option.has_flag and value != option.default and isinstance(value, (str, int, float)):
-                if isinstance(value, bool):
-                    words.append(_flag(option.name if value else f"no_{option.name}"))
-                else:
-                    words += [_flag(option.name), str(value)]
-    preserve = request.constraints.preserve
-    return [*words, "--preserve", "scaling" if preserve == "scale" else preserve] if preserve else words

@@ -11,7 +11,7 @@ import typer
 
 from meshflow.cli import looking
 from meshflow.cli.asking import asked
-from meshflow.cli.console import err, out, said, table, tell_of_compiling
+from meshflow.cli.console import err, out, said, table
 from meshflow.cli.environment import environment
 from meshflow.cli.flags import FLOW, Given, command, only
 from meshflow.cli.inputs import frame, opened, per_sample, plain_sample
@@ -74,7 +74,6 @@ def smooth(given: Given) -> None:
     document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
     request = asked(given, partial(per_sample, document))
     _must_be_writable(document, target, given["picture"], given["report"], overwrite)
-    tell_of_compiling(quiet)
     record = given["json"] or given["report"] is not None
     done, result = smooth_object(document, request, None if quiet else True, record=record)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
@@ -152,7 +151,6 @@ def fuse(given: Given) -> None:
         raise InputError(f"fuse: depths expected, got {len(sources)} frames without a single one")
     _must_be_writable(first, target, given["picture"], given["report"], overwrite)
     images = (None if seen is None else seen.noun for seen in (frame(path, reading) for path in sources))
-    tell_of_compiling(quiet)
     back, result = fused(images, request, None)
     before, done = first.holding(result.before), first.holding(back)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
@@ -191,7 +189,7 @@ def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
 
 def _left(document: Document, target: Path, result: Result | Results) -> Writing:
     """For the writer of depth images, which rounds: the noise that is left."""
-    if isinstance(result, Mapping) or writable(document, target, overwrite=True) != "depth_images":
+    if isinstance(result, Mapping) or "left" not in writable(document, target, overwrite=True).WRITES:
         return {}
     return {"left": result.left}
 

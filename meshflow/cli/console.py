@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["err", "out", "said", "table", "tell_of_compiling"]
+__all__ = ["err", "out", "said", "table"]
 
 out, err = Console(), Console(stderr=True, highlight=False)
 
@@ -30,25 +30,3 @@ def said(line: str, notes: tuple[str, ...], style: str | None = None) -> None:
     for sentence in (line, *notes):
         if sentence:
             err.print(sentence, markup=False, soft_wrap=True, style=style)
-
-
-def tell_of_compiling(quiet: bool = False) -> None:
-    """Say so, once and to a terminal only, if loops must be compiled: a first call would seem to hang for half a minute."""
-    if quiet or not err.is_terminal:
-        return
-    from numba.core import event
-
-    class Told(event.Listener):
-        """Speaks at the first function, and no more."""
-
-        spoken = False
-
-        def on_start(self, event: Any) -> None:
-            if not self.spoken:
-                self.spoken = True
-                said("compiling for this machine and kind of data, once: up to a minute", (), style="dim")
-
-        def on_end(self, event: Any) -> None:
-            pass
-
-    event.register("numba:compile", Told())

@@ -9,8 +9,8 @@ import numpy as np
 import typer
 from rich.text import Text
 
-from meshflow.cli.asking import asked, words_of
-from meshflow.cli.console import out, said, table, tell_of_compiling
+from meshflow.cli.asking import asked
+from meshflow.cli.console import out, said, table
 from meshflow.cli.flags import FLOW, Given, command, only
 from meshflow.cli.inputs import opened, per_sample, plain_sample
 from meshflow.cli.options import COMPARED, DRAWING, READING, flags
@@ -99,7 +99,6 @@ def film(given: Given) -> None:
     filmable(target, overwrite)
     document = opened(source, _some(given, READING))
     request = asked(given, plain_sample)
-    tell_of_compiling(quiet)
     look = {**_some(given, DRAWING), "title": _titled(given["title"], source.name)}
     how = {**_some(given, ("rate", "turn", "quantity")), "count": given["frames"]}
     told = filmed(
@@ -115,7 +114,6 @@ def view(given: Given) -> None:
     document = opened(source, reading)
     target = given["saved_as"] or source.with_name(f"{source.stem}_smooth{source.suffix}")
     request = asked(given, plain_sample)
-    tell_of_compiling(quiet)
     look: Given = {**_some(given, DRAWING), "title": _titled(given["title"], source.name)}
     told = viewed(
         document,
@@ -123,7 +121,7 @@ def view(given: Given) -> None:
         page=export,
         overwrite=overwrite,
         address=Address(given["host"], given["port"], given["browser"]),
-        saving=Saving(str(source), target, overwrite, _spoken(reading), words_of),
+        saving=Saving(str(source), target, overwrite, _spoken(reading)),
         count=given["frames"],
         memory=given["memory"] << 20,
         request=request,
@@ -155,7 +153,6 @@ def compare_flows(given: Given) -> None:
     true, more = None, ()
     if given["truth"] is not None:
         true, _, more = _depths(given["truth"], camera, given["truth_scale"])
-    tell_of_compiling()
     found = compared(depths, cam, true, time=given["flow_time"], jump=given["jump"], boundary=given["rim"])
     notes += more
     if picture is not None:

@@ -159,7 +159,7 @@ ALL: tuple[Flag, ...] = (
     Flag("rate", float, "Frames per second.", LOOK, 12.0),
     Flag("turn", float, "Degrees by which the camera walks around the surface meanwhile.", LOOK, 0.0),
     _yes("web", "Serve it to a browser (needs meshflow[web]) instead of opening a window.", LOOK),
-    Flag("host", str, "Address to serve at; beyond this machine a token is asked for.", LOOK, "127.0.0.1"),
+    Flag("host", str, "Address to serve at; the address that is printed holds a token.", LOOK, "127.0.0.1"),
     Flag("port", int, "Port to serve at; 0: any that is free.", LOOK, 0),
     Flag("browser", bool, "Open the page.", LOOK, True, ("--browser/--no-browser",)),
     Flag("export", Path | None, "Write one page that holds all states and opens offline (.html), and end.", LOOK),

@@ -9,7 +9,7 @@ from meshflow.estimate.families import Family
 from meshflow.estimate.noise import spread_tiles
 from meshflow.estimate.risk import PROBE, Candidate, Trial, first_of, ranked, refined, risk_curves, searched
 from meshflow.flow.constraints import Limit
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.mobility import slowed

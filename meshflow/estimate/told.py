@@ -86,7 +86,7 @@ def _of_search(plan: Plan) -> dict[str, Parameter]:
     return {"risk": expected_error(plan.trials[0], value_unit(plan.data), along)}
 
 
-def expected_error(trial: Trial, unit: str, along: str) -> Parameter:
+def expected_error(trial: Trial, unit: str, along: str = "") -> Parameter:
     """What a trial is expected to leave; a mean square below zero is told as what it is, no error of zero."""
     words = f"root mean square error {along or 'to be expected'}"
     if trial.least[1] <= 0:

@@ -32,20 +32,18 @@ def conjugate_gradients(
     :param order: the rows (n,), near ones near each other: the sooner it is done. None: as they are.
     """
     rows, goal = _rows(matrix), tolerance**2 * np.einsum("ij,ij->j", right, right)
-    found = np.zeros(right.shape)
-    if guess is not None:
-        found[...] = guess
-        right = right - product(matrix, found)
-    size = np.einsum("ij,ij->j", right, right)
+    left = right if guess is None else right - product(matrix, guess)
+    size = np.einsum("ij,ij->j", left, left)
     done, some = 0, 1 + WORK // max(1, len(rows[2]) * right.shape[1])
-    if (size <= goal).all():
-        return found, 0
     packed, diagonal, scale = packed_matrix(rows, order)
-    x, r, q = np.zeros(right.shape), np.empty(right.shape), np.empty(right.shape)
-    kernels.pack_vectors(order, scale, np.ascontiguousarray(right), r, 0)
-    p, rho = r.copy(), np.einsum("ij,ij->j", r, r)
+    r = np.empty(right.shape)
+    kernels.pack_vectors(order, scale, np.ascontiguousarray(left), r, 0)
+    x, p, q = np.zeros(right.shape), r.copy(), np.empty(right.shape)
+    rho = np.einsum("ij,ij->j", r, r)
     while done < most and not (size <= goal).all():
         done += kernels.conjugate_gradients(*packed, diagonal, goal, x, r, p, q, rho, size, min(some, most - done))
+    del packed, r, p, q  # before there is one more array
+    found = np.zeros(right.shape) if guess is None else np.array(guess, dtype=np.float64, order="C")
     kernels.pack_vectors(order, scale, x, found, 1)
     return found, done
 

@@ -228,10 +228,11 @@ class SemiImplicit:
                     raise
         ordered = system.in_order(dt) if isinstance(system, Ordered) else None
         if ordered is not None:
+            del system  # the triangles, of which no more is needed
             order, matrix = ordered
-            change = np.empty_like(right)
-            change[order] = solve(matrix, right[order], None, self.solver, self.tolerance)
-            return change
+            right[...] = right[order]
+            right[order] = solve(matrix, right, None, self.solver, self.tolerance)
+            return right
         matrix = system.matrix(dt)
         del system  # its stiffness is a fifth of the memory of a step
         return solve(matrix, right, None, self.solver, self.tolerance)

@@ -17,7 +17,8 @@ class Pattern:
 
     :ivar indptr: of the CSR pattern of vertices joined by an edge, (n + 1,).
     :ivar indices: its columns, sorted within each row.
-    :ivar slots: (3 m, 2), for each corner of ``Connectivity.corners`` where the entries of its two neighbours stand.
+    :ivar slots: (3 m, 2), uint8, for each corner of ``Connectivity.corners`` where in its row the entries of its two neighbours
+        stand; 255: it must be looked for.
     :ivar diagonal: (n,), where the diagonal entries stand.
     """
 
@@ -62,7 +63,7 @@ class Connectivity:
         """The sparse pattern; made when the first matrix is asked for, since explicit steps need none."""
         indptr = np.empty(self.size + 1, np.int32)
         indices = np.empty(kernels.pattern_rows(self.first, self.corners, self.faces, indptr), np.int32)
-        slots, diagonal = np.empty((len(self.corners), 2), np.int32), np.empty(self.size, np.int32)
+        slots, diagonal = np.empty((len(self.corners), 2), np.uint8), np.empty(self.size, np.int32)
         kernels.pattern_entries(self.first, self.corners, self.faces, indptr, indices, slots, diagonal)
         return Pattern(indptr, indices, slots, diagonal)
 

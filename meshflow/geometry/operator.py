@@ -136,7 +136,16 @@ def fill_stiffness(connectivity: Connectivity, cot: Array, directions: Array | N
     data = np.empty(len(pattern.indices))
     rays = None if directions is None else _doubles(directions)
     kernels.fill_stiffness(
-        c.first, c.corners, c.faces, pattern.indptr, pattern.slots, pattern.diagonal, cot, rays, data
+        c.first,
+        c.corners,
+        c.faces,
+        pattern.indptr,
+        pattern.indices,
+        pattern.slots,
+        pattern.diagonal,
+        cot,
+        rays,
+        data,
     )
     return sparse.csr_matrix((data, pattern.indices, pattern.indptr), shape=(c.size, c.size))
 
@@ -159,7 +168,7 @@ def gather_gradient(connectivity: Connectivity, cot: Array, points: Array, linea
 
 
 def border_pull(connectivity: Connectivity, points: Array) -> Array:
-    """What plane-preserving takes out of the area gradient (n, k): the conormals of the boundary edges, measured at points (n, k)."""
+    """What is taken out of the area gradient (n, k): the conormals of the boundary edges, measured at points (n, k)."""
     c, out = connectivity, np.zeros(points.shape)
     faces = c.faces[c.border // 3]
     cot, _ = cotangents(points, faces)

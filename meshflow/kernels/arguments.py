@@ -119,7 +119,7 @@ class ArrayParameter(Parameter):
         written: bool,
         optional: bool,
         strided: bool,
-        over: str,
+        over: tuple[str, ...],
         below: str,
     ) -> None:
         self.generic = isinstance(dtype, str) and dtype == "T"

@@ -22,7 +22,7 @@ __all__ = ["Kernel", "Stopped", "kernel"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
-NO_MEMORY, CANCELLED, OUT_OF_RANGE = -1, -2, -3  # Failure of interface.h
+NO_MEMORY, CANCELLED, OUT_OF_RANGE, BAD_SIZES = -1, -2, -3, -4  # Failure of interface.h
 ENDINGS = {"f": "_f32", "d": "_f64", "": ""}
 REMEMBERED = 512  # kinds of calls of one kernel
 
@@ -85,7 +85,7 @@ class Kernel(Generic[P, R]):
         self._handed = at
         # Pairs of arrays that may not share memory, the first of which is written; whether they may be the same.
         self._apart = [
-            (k, m, one.over == other.name or other.over == one.name)
+            (k, m, other.name in one.over or one.name in other.over)
             for k, (_, _, one) in enumerate(self._arrays)
             for m, (_, _, other) in enumerate(self._arrays)
             if one.written and one is not other and not (other.written and m < k)
@@ -179,6 +179,8 @@ class Kernel(Generic[P, R]):
             raise Stopped(f"{self.name}: stopped before it was done")
         if code == OUT_OF_RANGE:
             raise ValueError(f"{self.name}: an index is out of range: the arrays do not belong to each other")
+        if code == BAD_SIZES:
+            raise ValueError(f"{self.name}: the sizes or options that it was given do not belong together")
         raise RuntimeError(f"{self.name}: it failed with the code {code}, which has no meaning here")
 
     def _found(self, number: str) -> Callable[..., int]:

@@ -26,7 +26,7 @@ using i64 = std::int64_t;
 using u8 = std::uint8_t;
 
 // What a kernel returns where it could not do its work.
-enum Failure : i64 { NO_MEMORY = -1, CANCELLED = -2, OUT_OF_RANGE = -3 };
+enum Failure : i64 { NO_MEMORY = -1, CANCELLED = -2, OUT_OF_RANGE = -3, BAD_SIZES = -4 };
 
 // --- the types of parameters, one letter each: what gate.py reads -------------------------------------------------------------
 

@@ -129,28 +129,23 @@ inline i64 pattern_rows(i64 n, i64 c, i64 m, const i64* first, const i32* corner
     return entries;
 }
 
-// The columns of the pattern, indices (e,), sorted in each row; where the entries of the two neighbours of each of the corners
-// stand, slots (c, 2); and where those of the diagonal, diagonal (n,).
+// The columns of the pattern, indices (e,), sorted in each row; where in its row the entries of the two neighbours of each of the
+// corners stand, slots (c, 2), FARTHER where a byte does not hold it; and where those of the diagonal, diagonal (n,).
 inline i64 pattern_entries(i64 n, i64 c, i64 m, i64 e, const i64* first, const i32* corners, const i32* faces, const i32* indptr,
-                           i32* indices, i32* slots, i32* diagonal, i32 threads) {
+                           i32* indices, u8* slots, i32* diagonal, i32 threads) {
     if (c != 3 * m || !are_rising(indptr, 0, n, e)) return OUT_OF_RANGE;
     return for_rows(n, c, first, corners, faces, threads, [&](i64 i, const i32* row, i64 count) {
         const i32 base = indptr[i];
         if (indptr[i + 1] - base != count) return false;
         for (i64 at = 0; at < count; ++at) indices[base + at] = row[at];
-        const auto place = [&](i32 vertex) {
-            i64 low = 0;
-            for (i64 left = count; left > 1;) {
-                const i64 half = left / 2;
-                low += row[low + half] <= vertex ? half : 0;
-                left -= half;
-            }
-            return base + static_cast<i32>(low);
+        diagonal[i] = base + static_cast<i32>(place_in_row(row, count, static_cast<i32>(i)));
+        const auto slot = [&](i32 vertex) {
+            const i64 place = place_in_row(row, count, vertex);
+            return static_cast<u8>(place < FARTHER ? place : FARTHER);
         };
-        diagonal[i] = place(static_cast<i32>(i));
         for (i64 t = first[i]; t < first[i + 1]; ++t) {
             const Corner at(corners[t]);
-            slots[2 * t] = place(faces[at.b]), slots[2 * t + 1] = place(faces[at.d]);
+            slots[2 * t] = slot(faces[at.b]), slots[2 * t + 1] = slot(faces[at.d]);
         }
         return true;
     });

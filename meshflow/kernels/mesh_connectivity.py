@@ -53,13 +53,14 @@ def pattern_entries(
     faces: Faces,
     indptr: Annotated[Array, read("int32", "n+1")],
     indices: Annotated[Array, write("int32", "e")],
-    slots: Annotated[Array, write("int32", "c", 2)],
+    slots: Annotated[Array, write("uint8", "c", 2)],
     diagonal: Annotated[Array, write("int32", "n")],
     threads: Threads = None,
 ) -> None:
     """The columns of the pattern, sorted in each row; where entries stand.
 
-    ``slots`` takes those of the two neighbours of each corner, ``diagonal`` those of the diagonal.
+    ``slots`` takes those of the two neighbours of each corner, counted in its row (255: it must be looked for), ``diagonal``
+    those of the diagonal, counted from the first row.
 
     :param indptr: as :func:`pattern_rows` makes it.
     """

@@ -55,4 +55,16 @@ template <class F> i64 checked_blocks(i64 n, i32 threads, const F& work) {
     return OUT_OF_RANGE;
 }
 
+// The place of a vertex in a sorted row of vertices; 0 in an empty one.
+constexpr i64 FARTHER = 255;  // a slot that says no place: it is looked for
+inline i64 place_in_row(const i32* row, i64 count, i32 vertex) {
+    i64 low = 0;
+    for (i64 left = count; left > 1;) {
+        const i64 half = left / 2;
+        low += row[low + half] <= vertex ? half : 0;
+        left -= half;
+    }
+    return low;
+}
+
 }  // namespace meshflow

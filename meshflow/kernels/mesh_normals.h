@@ -2,6 +2,7 @@
 #pragma once
 #include <cmath>
 
+#include "grid_weights.h"
 #include "mesh_corners.h"
 
 namespace meshflow {
@@ -59,7 +60,7 @@ inline i64 edge_conductances(i64, i64 m, const double* points, const i32* faces,
 
 // stretch^power. SQUARINGS: the power is -2^SQUARINGS, of sharpness 2, 4 and 8, by products: a power costs more than all the rest.
 template <int SQUARINGS> double conducting(double stretch, double power) {
-    if constexpr (SQUARINGS < 0) return std::pow(stretch, power);
+    if constexpr (SQUARINGS < 0) return grid::raised(stretch, power);
     const double by = 1.0 / stretch;
     if constexpr (SQUARINGS == 1) return by * by;
     if constexpr (SQUARINGS == 2) return by * by * by * by;

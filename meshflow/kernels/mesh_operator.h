@@ -178,40 +178,47 @@ inline i64 area_seen(i64 n, i64 c, i64 m, const i64* first, const i32* corners, 
 }
 
 // The numbers (e,) of the stiffness in the pattern of the mesh: L, or L_ij (d_i . d_j) of directions (n, 3).
-template <bool MOVES> i64 fill(i64 n, i64 c, i64 e, const i64* first, const i32* corners, const i32* faces, const i32* indptr,
-                               const i32* slots, const i32* diagonal, const double* cot, const double* rays, double* data,
-                               i32 threads) {
+struct Places {
+    const i32 *indptr, *indices, *diagonal;
+    const u8* slots;
+};
+template <bool MOVES> i64 fill(i64 n, i64 c, i64 e, const i64* first, const i32* corners, const i32* faces, const Places& places,
+                               const double* cot, const double* rays, double* data, i32 threads) {
     const auto dot = [&](i64 i, i64 j) {
         const double *a = rays + 3 * i, *b = rays + 3 * j;
         return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     };
     return checked_blocks(n, threads, [&](i64 begin, i64 end) {
-        if (!are_around(first, corners, begin, end, c) || !are_rising(indptr, begin, end, e) ||
-            !are_below(slots + 2 * first[begin], 2 * (first[end] - first[begin]), e) ||
-            !are_below(diagonal + begin, end - begin, e))
+        if (!are_around(first, corners, begin, end, c) || !are_rising(places.indptr, begin, end, e) ||
+            !are_below(places.diagonal + begin, end - begin, e))
             return false;
         for (i64 i = begin; i < end; ++i) {
-            for (i64 at = indptr[i]; at < indptr[i + 1]; ++at) data[at] = 0.0;
-            double own = 0.0;
+            const i64 base = places.indptr[i], count = places.indptr[i + 1] - base;
+            double *row = data + base, own = 0.0;
+            for (i64 at = 0; at < count; ++at) row[at] = 0.0;
             for (i64 t = first[i]; t < first[i + 1]; ++t) {
                 const Corner at(corners[t]);
+                i64 j = places.slots[2 * t], k = places.slots[2 * t + 1];
+                if (j == FARTHER) j = place_in_row(places.indices + base, count, faces[at.b]);
+                if (k == FARTHER) k = place_in_row(places.indices + base, count, faces[at.d]);
+                if (j >= count || k >= count) return false;
                 double to_j = 0.5 * cot[at.d], to_k = 0.5 * cot[at.b], both = 0.5 * (cot[at.b] + cot[at.d]);
                 if constexpr (MOVES) to_j *= dot(i, faces[at.b]), to_k *= dot(i, faces[at.d]), both *= dot(i, i);
-                data[slots[2 * t]] -= to_j;
-                data[slots[2 * t + 1]] -= to_k;
-                own += both;
+                row[j] -= to_j, row[k] -= to_k, own += both;
             }
-            data[diagonal[i]] += own;
+            data[places.diagonal[i]] += own;
         }
         return true;
     });
 }
 
 inline i64 fill_stiffness(i64 n, i64 c, i64 m, i64 e, const i64* first, const i32* corners, const i32* faces, const i32* indptr,
-                          const i32* slots, const i32* diagonal, const double* cot, const double* rays, double* data, i32 threads) {
+                          const i32* indices, const u8* slots, const i32* diagonal, const double* cot, const double* rays,
+                          double* data, i32 threads) {
     if (c != 3 * m) return OUT_OF_RANGE;
-    if (rays) return fill<true>(n, c, e, first, corners, faces, indptr, slots, diagonal, cot, rays, data, threads);
-    return fill<false>(n, c, e, first, corners, faces, indptr, slots, diagonal, cot, rays, data, threads);
+    const Places places{indptr, indices, diagonal, slots};
+    if (rays) return fill<true>(n, c, e, first, corners, faces, places, cot, rays, data, threads);
+    return fill<false>(n, c, e, first, corners, faces, places, cot, rays, data, threads);
 }
 
 }  // namespace meshflow

@@ -149,7 +149,8 @@ def fill_stiffness(
     corners: Corners,
     faces: Faces,
     indptr: Annotated[Array, read("int32", "n+1")],
-    slots: Annotated[Array, read("int32", "c", 2)],
+    indices: Annotated[Array, read("int32", "e")],
+    slots: Annotated[Array, read("uint8", "c", 2)],
     diagonal: Annotated[Array, read("int32", "n")],
     cot: Cotangents,
     rays: Annotated[Array | None, read("float64", "n", 3, optional=True)],
@@ -158,6 +159,6 @@ def fill_stiffness(
 ) -> None:
     """The numbers of the stiffness L in a pattern, or L_ij (d_i . d_j) of vertices that move along rays.
 
-    :param indptr: of the pattern, as :func:`meshflow.kernels.mesh_connectivity.pattern_rows` makes it; ``slots`` and ``diagonal``
-        as :func:`meshflow.kernels.mesh_connectivity.pattern_entries` does.
+    :param indptr: of the pattern, as :func:`meshflow.kernels.mesh_connectivity.pattern_rows` makes it; ``indices``, ``slots`` and
+        ``diagonal`` as :func:`meshflow.kernels.mesh_connectivity.pattern_entries` does.
     """

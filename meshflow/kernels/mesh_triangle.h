@@ -6,12 +6,9 @@
 #pragma once
 #include <cmath>
 
-#include "interface.h"
+#include "grid_triangle.h"
 
 namespace meshflow {
-
-// A triangle whose doubled area is below this share of its longest squared edge has no area: double precision has lost it.
-constexpr double FLAT = 1e-12;
 
 enum Mass : i64 { BARYCENTRIC, VORONOI, RING };  // as meshflow.geometry.operator.MASSES names them
 
@@ -59,16 +56,9 @@ template <class T> Dots<T> joint(const Dots<T>& a, const Dots<T>& b) {
     return {{a.dot[0] + b.dot[0], a.dot[1] + b.dot[1], a.dot[2] + b.dot[2]}, a.det + b.det + mixed(a, b)};
 }
 
-// (W^(2q) - 1) / (W^2 - 1) with W^2 = 1 + slope2: what the free part of a form is multiplied by for sharpness q. For one channel
-// the area of a triangle is then W^q times that of its base; q where the surface is flat (DESIGN.md, section 2).
+// What the free part of a form is multiplied by for sharpness q (grid_weights.h), slope2 = W^2 - 1.
 template <class T> T stretch(T slope2, T q) {
-    if (q == T(1)) return T(1);
-    if (q == T(2)) return T(2) + slope2;
-    if (q == T(1.5)) {
-        const T w = std::sqrt(T(1) + slope2);
-        return w + T(1) / (w + T(1));
-    }
-    return slope2 > T(0) ? std::expm1(q * std::log1p(slope2)) / slope2 : q;
+    return grid::with_weight(q, [&](auto weight) { return decltype(weight)::stretch(slope2, q); });
 }
 
 // `joint` of a free form, stretched for sharpness q, and its base.
@@ -81,7 +71,7 @@ template <class T> Dots<T> sharpened(const Dots<T>& a, const Dots<T>& b, T q) {
 template <class T> Angles<T> angles_of(const Dots<T>& form) {
     const T longest = greater(greater(form.dot[0] + form.dot[1], form.dot[1] + form.dot[2]), form.dot[2] + form.dot[0]);
     const T doubled = std::sqrt(form.det > T(0) ? form.det : T(0)), by = T(1) / doubled;
-    const bool there = doubled > T(FLAT) * longest;
+    const bool there = doubled > T(grid::FLAT) * longest;
     return {{there ? by * form.dot[0] : T(0), there ? by * form.dot[1] : T(0), there ? by * form.dot[2] : T(0)},
             there ? T(0.5) * doubled : T(0)};
 }
@@ -99,9 +89,7 @@ template <class T> T pull(T at_j, T at_k, T x, T x_j, T x_k) { return tension(at
 template <Mass KIND, class T> T share([[maybe_unused]] T cot0, [[maybe_unused]] T cot1, [[maybe_unused]] T cot2, T area) {
     if constexpr (KIND == BARYCENTRIC) return area / T(3);
     else if constexpr (KIND == RING) return area;
-    else if (cot0 < T(0)) return T(0.5) * area;
-    else if (cot1 < T(0) || cot2 < T(0)) return T(0.25) * area;
-    else return T(0.25) * area * (T(1) + cot1 * cot2);
+    else return grid::voronoi_share(cot0, cot1, cot2, area);
 }
 
 // Calls work.template operator()<KIND>() for a kind of mass.

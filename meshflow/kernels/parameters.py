@@ -62,11 +62,11 @@ def read(
     :param below: for int32 and int64: all numbers must be indices, 0 or more and below this size, "n" or
         "n+1" (one pass over the array).
     """
-    return ArrayParameter(dtype, shape, written=False, optional=optional, strided=strided, over="", below=below)
+    return ArrayParameter(dtype, shape, written=False, optional=optional, strided=strided, over=(), below=below)
 
 
 def write(
-    dtype: Any, *shape: str | int, optional: bool = False, strided: bool = False, over: str = ""
+    dtype: Any, *shape: str | int, optional: bool = False, strided: bool = False, over: str | tuple[str, ...] = ()
 ) -> ArrayParameter:
     """An array that is written, or read and written; A* in C++. It shares no memory with any other one.
 
@@ -74,9 +74,10 @@ def write(
     :param shape: as in :func:`read`.
     :param optional: as in :func:`read`.
     :param strided: as in :func:`read`.
-    :param over: the name of an array that this may be the same as: it is then written over.
+    :param over: the name of an array that this may be the same as, or several names: it is then written over.
     """
-    return ArrayParameter(dtype, shape, written=True, optional=optional, strided=strided, over=over, below="")
+    names = (over,) if isinstance(over, str) else over
+    return ArrayParameter(dtype, shape, written=True, optional=optional, strided=strided, over=names, below="")
 
 
 class _Integer(PlainParameter):

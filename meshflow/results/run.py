@@ -14,7 +14,7 @@ from meshflow.flow.conservation import Kept, free_of
 from meshflow.flow.constraints import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
 from meshflow.flow.controls import Control, FixedStep, Until
-from meshflow.flow.engines.grid.rate import GridFlow
+from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.march import VANISHED, State, march

@@ -14,6 +14,7 @@ from meshflow.estimate.parameters import Parameter, squared_unit
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import plan as planned
 from meshflow.estimate.request import Request
+from meshflow.estimate.spoken import words_of
 from meshflow.estimate.told import parameters_of
 from meshflow.flow.methods import POINT_METHODS, method_of
 from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
@@ -164,14 +165,12 @@ class Saving:
     :param target: where a state is saved.
     :param overwrite: in place of a file that is there.
     :param read_as: words of the command line on how the source is read.
-    :param words: makes the words of the command line of a request.
     """
 
     source: str = "IN"
     target: Path | None = None
     overwrite: bool = False
     read_as: tuple[str, ...] = ()
-    words: Callable[[Request], list[str]] | None = None
 
 
 class Desk:
@@ -224,8 +223,8 @@ class Desk:
         """The command line that makes the state at a time."""
         saving = self._saving
         request = self.session.to(time)
-        words = [] if saving.words is None else saving.words(request)
-        return shlex.join(["meshflow", "smooth", saving.source, str(saving.target or "OUT"), *saving.read_as, *words])
+        words = [*saving.read_as, *words_of(request)]
+        return shlex.join(["meshflow", "smooth", saving.source, str(saving.target or "OUT"), *words])
 
     def save(self, time: float) -> str:
         """Write the state that :meth:`command` makes; where to.

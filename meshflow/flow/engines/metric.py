@@ -147,7 +147,7 @@ class Delaunay:
 class Clamped:
     """Weights below zero are zero, so that no coordinate leaves its range (the maximum principle).
 
-    It is not the gradient of the area. With the natural boundary, or a fixed one.
+    It is not the gradient of the area. With the Neumann boundary, or a fixed one.
 
     :param pairs: corners (e,) and (e,) opposite to the edges of two triangles; found when it is settled.
     """
@@ -159,11 +159,11 @@ class Clamped:
     def settled(self, surface: Surface, triangulation: Triangulation, mass: MassKind) -> "Metric":
         """With the pairs of the triangles.
 
-        :raises InputError: with a linear boundary or Voronoi mass, which have weights below zero of their own.
+        :raises InputError: with a plane-preserving boundary or Voronoi mass, which have weights below zero of their own.
         """
         if surface.boundary == "plane-preserving":
             raise InputError(
-                "triangles='clamped': boundary natural or fixed expected, got 'plane-preserving', which leaves the range"
+                "triangles='clamped': boundary neumann or fixed expected, got 'plane-preserving', which leaves the range"
             )
         if mass == "voronoi":
             raise InputError(

@@ -1,4 +1,4 @@
-"""The flow on a grid, without faces: the same rate as the mesh engine's on the same triangles."""
+"""The flow on a grid, without faces: the same rate as the mesh engine's on the same triangles. The loops are in C++ (kernels)."""
 
 from functools import cached_property
 from typing import Any
@@ -7,17 +7,12 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend
-from meshflow.flow.engines.grid.bands import bands, worked
-from meshflow.flow.engines.grid.cells import Cells, border_samples, cells_of
-from meshflow.flow.engines.grid.coupled_sweep import coupled_measured, coupled_swept
-from meshflow.flow.engines.grid.patch_sweep import patched_measured
-from meshflow.flow.engines.grid.ray_sweep import rays_measured, rays_swept
-from meshflow.flow.engines.grid.sizes import sized
-from meshflow.flow.engines.grid.sweep import swept
-from meshflow.flow.engines.grid.system import GridSystem
+from meshflow.flow.engines.grid_layout import Layout, border_samples
+from meshflow.flow.engines.grid_system import GridSystem
 from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry.operator import mass_kind
 from meshflow.geometry.validation import Array, whole
+from meshflow.kernels import grid as kernels
 from meshflow.surfaces.grid import Lattice
 from meshflow.surfaces.triangles import triangulations
 
@@ -25,7 +20,12 @@ __all__ = ["GridFlow"]
 
 # Of a grid of more numbers than LARGE, every so manieth row says enough of an error.
 LARGE, ROUGHLY = 1 << 20, 8
-NOWHERE: Array = np.zeros((0, 0), np.uint8)
+# Lengths below which a pull is rounding, in units of the typical spacing, by bytes of a number.
+ROUNDING = {4: 1e-5, 8: 1e-9}
+# Planes, geometry, codes, kinds and rows of them, samples that stay; lines, where they stand, factors of time; taps; options.
+Asked = tuple[
+    Array, Array, Array, Array, Array, Array | None, Array, Array, Array | None, Array, kernels.GridOptions
+]  # fmt: skip
 
 
 class GridFlow:
@@ -36,7 +36,7 @@ class GridFlow:
 
     :param lattice: the samples and where they may go.
     :param member: which flow of the family.
-    :param threads: how many; by default as many as numba uses (``NUMBA_NUM_THREADS``, ``numba.set_num_threads``).
+    :param threads: how many; by default as many as the process may use (``MESHFLOW_NUM_THREADS``).
     :raises InputError: for a member without meaning here, or slopes so steep that their powers overflow.
     """
 
@@ -57,11 +57,11 @@ class GridFlow:
         which = triangulations(lattice.diagonals)
         self._turns = [(i, i + 1) for i in which] if lattice.diagonals == "alternate" else [(which[0], which[-1] + 1)]
         m = self.member
-        plain = len(lattice.planes) == 1 and lattice.fibres is None
-        self._single = plain and m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric")
-        self._alone = self._single and m.patch == 0
-        by_rays = lattice.fibres is not None and m.patch == 0
-        self._by_rays = by_rays and m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric")
+        # Whether one channel, or samples on lines, are moved by areas alone, without cotangents.
+        by_area = m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric") and m.patch == 0
+        self._alone = by_area and len(lattice.planes) == 1 and lattice.fibres is None
+        self._by_rays = by_area and lattice.fibres is not None
+        self._by_forms = False  # laws compare the loops for few coordinates with those for any number
 
     # --- the contract ---------------------------------------------------------------------------------------------------
 
@@ -71,20 +71,19 @@ class GridFlow:
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """du/dt (n, k), unit of the data per time, or a blend; zero where a sample is missing, fixed, or without triangles."""
-        (one, a), (two, b) = (*blend.toward, *((0.0, u),) * (2 - len(blend.toward)))
-        three, c = blend.drift or (0.0, u)
-        second = len(blend.toward) > 1 or blend.drift is not None
-        factors = np.array((blend.keep, blend.dt, one, two, three), dtype=np.float64)
-        factors[1] /= self._unit**2
-        mix = (factors.astype(self.dtype), second, tuple(self._planes(array) for array in (a, b, c)))
         out = self._columns(np.empty(self.shape, self.dtype), writeable=True) if out is None else out
-        self._swept(self._turns[diagonal % len(self._turns)], self._planes(u), self._planes(out, writeable=True), mix)
+        (one, a), (two, b) = (*blend.toward, *((0.0, None),) * (2 - len(blend.toward)))
+        three, c = blend.drift or (0.0, None)
+        factors = kernels.GridBlend(blend.keep, blend.dt / self._unit**2, one, two, three)
+        beside = self._beside(a), self._beside(b), self._beside(c)
+        asked = self._asked(u, self._turns[diagonal % len(self._turns)])
+        kernels.grid_rate(*asked, self._planes(out, writeable=True), *beside, factors, self.threads)
         return out
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
         sheets = self._turns[-1][1] - self._turns[0][0]
-        return sum(self._measured(u, turn, 0)[0] for turn in self._turns) * self._unit**2 / sheets
+        return sum(self._measured(u, turn, kernels.AREA)[0] for turn in self._turns) * self._unit**2 / sheets
 
     def bound(self, u: Array) -> float:
         """Upper bound of the fastest decay, per time: that of the flat grid where it holds whatever the data.
@@ -108,19 +107,17 @@ class GridFlow:
             flat = self._flat_bound / (3.0 if m.mass == "ring" else 1.0)
             if m.gamma >= -1 or not self._alone:
                 return flat
-            return self._flat_bound * max(self._measured(u, turn, 1)[1] for turn in self._turns)
+            return self._flat_bound * max(self._measured(u, turn, kernels.BOUND)[1] for turn in self._turns)
         # Where the indicator is left out, masses do not matter, and all triangles are asked at once.
         turns = [(self._turns[0][0], self._turns[-1][1])] if self._by_rays and m.gamma >= 0 else self._turns
-        return max(self._measured(u, turn, 1)[1] for turn in turns) / self._unit**2
+        return max(self._measured(u, turn, kernels.BOUND)[1] for turn in turns) / self._unit**2
 
     def system(self, u: Array, diagonal: int = 0) -> GridSystem:
         """Mass and stiffness of the present metric, as seven-point weights (nine with both diagonals); no matrix is made."""
         h, w = self.lattice.shape
-        planes, nothing = self._planes(u), np.empty((0, 0, 0), self.dtype)
         edges, inverses = np.zeros((4, h, w), self.dtype), np.empty((h, w), self.dtype)
-        fixed = (self._geometry, *self._layout, self._held)
-        asked = (self._turns[diagonal % len(self._turns)], planes, nothing, self._no_mix(planes), fixed)
-        self._worked(lambda rows: _COUPLED(rows, *asked, *self._coupled, edges, inverses))
+        asked = self._asked(u, self._turns[diagonal % len(self._turns)])
+        kernels.grid_weights(*asked, edges, inverses, self.threads)
         return GridSystem.of(edges, inverses, self._held, self._rays, self._unit, self.threads)
 
     def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
@@ -129,14 +126,12 @@ class GridFlow:
         :param roughly: look at every eighth row of a large grid: enough to choose a step by.
         """
         every = ROUGHLY if roughly and self._begin.size > LARGE else 1
-        count = max(2, len(terms))
-        terms = (*terms, *[(0.0, terms[0][1])] * (4 - len(terms)))
-        factors, arrays = np.array([c for c, _ in terms], self.dtype), tuple(self._planes(a) for _, a in terms)
-        found = self._worked(lambda rows: sized(rows, every, count, factors, arrays))
+        factors, found = np.zeros(4), np.empty(2)
+        factors[: len(terms)] = [c for c, _ in terms]
+        a, b, c, d = (*(self._planes(array) for _, array in terms), *(None,) * (4 - len(terms)))
+        kernels.grid_size(factors, a, b, c, d, every, found, self.threads)
         samples = -(-self.shape[1] // every) * self.shape[2]
-        return float(np.sqrt(sum(total for total, _ in found) / samples)), float(
-            np.sqrt(max(most for _, most in found))
-        )
+        return float(np.sqrt(found[0] / samples)), float(np.sqrt(found[1]))
 
     # --- what never changes ---------------------------------------------------------------------------------------------
 
@@ -167,33 +162,20 @@ class GridFlow:
         return planes
 
     @cached_property
-    def _cells(self) -> tuple[Cells, Cells]:
-        """The cells of both triangulations; of the one that there is, twice."""
-        borders = self.lattice.boundary == "plane-preserving"
-        made = [
-            cells_of(self.lattice.there, self.lattice.shape, which, borders)
-            for which in triangulations(self.lattice.diagonals)
-        ]
-        return made[0], made[-1]
+    def _layout(self) -> Layout:
+        """Which triangles are there, and which of their edges are borders."""
+        lattice = self.lattice
+        return Layout.of(
+            lattice.there, lattice.shape, lattice.diagonals, lattice.boundary == "plane-preserving", self.threads
+        )
 
     @cached_property
-    def _layout(self) -> tuple[Any, ...]:
-        """The cells as the sweeps take them, and which rows are like the ones above."""
-        one, two = self._cells
-        pairs = (one.first, two.first), (one.runs, two.runs), (one.codes, two.codes)
-        return pairs, one.same & two.same
-
-    @cached_property
-    def _held(self) -> Array:
-        """Samples (h, w) that stay, as uint8; of no size where none does."""
+    def _held(self) -> Array | None:
+        """Samples (h, w) that stay, as uint8; None where none does."""
         held, lattice = self.lattice.fixed, self.lattice
         if lattice.boundary == "fixed":
-            there = lattice.there
-            if there is None:
-                there = np.full((self.shape[1] - 1, self.shape[2] - 1), 15, np.uint8)
-            for which in triangulations(lattice.diagonals):
-                held = held | border_samples(there, which)
-        return held.astype(np.uint8) if held.any() else NOWHERE
+            held = held | border_samples(lattice.there, lattice.shape, lattice.diagonals)
+        return held.astype(np.uint8) if held.any() else None
 
     @cached_property
     def _geometry(self) -> Array:
@@ -218,83 +200,55 @@ class GridFlow:
         return np.stack([np.broadcast_to(part, self.lattice.shape) for part in fibres.directions])
 
     @cached_property
-    def _pitch(self) -> tuple[Any, Any]:
-        """Of the fibres, in the number type of the planes."""
-        fibres = self.lattice.fibres
-        across, down = (None if fibres is None else fibres.pitch) or (np.inf, np.inf)
-        return self.dtype.type(1.0 / across), self.dtype.type(1.0 / down)
-
-    @cached_property
-    def _lines(self) -> tuple[Any, Any]:
-        """Origins and directions of the fibres, each in its number of rows and columns."""
-        fibres = self.lattice.fibres
-        none = (np.zeros((1, 1), self.dtype),) * 3
+    def _lines(self) -> tuple[Array, Array, Array | None]:
+        """Origins and directions of the fibres in a row, where each stands and its steps (6, 3), and factors of time (h, w)."""
+        fibres, where = self.lattice.fibres, np.zeros((6, 3), np.int64)
         if fibres is None:
-            return none, none
-        made = tuple(
-            tuple(np.array(part, dtype=self.dtype, order="C") for part in parts)  # all writeable: one type for numba
-            for parts in (fibres.origins, fibres.directions)
-        )
-        return made[0], made[1]
-
-    # --- one sweep ------------------------------------------------------------------------------------------------------
-
-    def _measured(self, u: Array, sheets: tuple[int, int], bounding: int) -> tuple[float, float]:
-        """Area, and what bounds ask for: the greatest s M_flat / M of one channel, else the bound of the triangles times s.
-
-        :param bounding: 1 where the second is asked for, else 0; the other one is zero where there is no need to know it.
-        """
-        planes = self._planes(u)
-        if self._alone:
-            found = self._swept(sheets, planes, np.empty((0, 0, 0), self.dtype), self._no_mix(planes))
-        else:
-            fixed = (self._geometry, *self._layout, self._held)
-            found = self._worked(
-                (lambda rows: _RAYS_MEASURED(rows, sheets, planes, fixed, *self._coupled[:4], self._pitch, bounding))
-                if self._by_rays
-                else (lambda rows: patched_measured(rows, sheets, planes, fixed, *self._coupled[1:]))
-                if self._single
-                else (lambda rows: coupled_measured(rows, sheets, planes, fixed, *self._coupled))
-            )
-        return sum(area for area, _ in found), max(fastest for _, fastest in found)
-
-    def _swept(self, sheets: tuple[int, int], u: Array, out: Array, mix: tuple[Any, ...]) -> list[Any]:
-        """A sweep that writes, or of one channel, where ``out`` has no size, measures."""
-        asked = (sheets, u, out, mix, (self._geometry, *self._layout, self._held))
-        if self._by_rays:
-            return self._worked(lambda rows: _RAYS(rows, *asked, *self._coupled[:4], self._pitch))
-        if not self._single:
-            none: tuple[Any, ...] = (*self._coupled, np.empty((0, 0, 0), self.dtype), np.empty((0, 0), self.dtype))
-            return self._worked(lambda rows: _COUPLED(rows, *asked, *none))
-        m, number, whole = self.member, self.dtype.type, (0, self.shape[2])
-        kinds = (_quarters(m.sharpness / 2), _quarters(m.gamma), 3 if m.mass == "ring" else 1)
-        exponents = (number(m.sharpness / 2), number(m.gamma))
-        scale, gaps, taps = self._coupled[3][3], self.lattice.there is not None, self._coupled[4]
-        return self._worked(lambda rows: _SINGLE(rows, whole, *asked, kinds, exponents, (taps, scale, gaps)))
-
-    def _no_mix(self, planes: Array) -> tuple[Any, ...]:
-        """For sweeps that write nothing."""
-        return np.zeros(5, self.dtype), False, (planes, planes, planes)
+            return np.zeros(0, self.dtype), where, None
+        parts, at = [*fibres.origins, *fibres.directions], 0
+        for i, part in enumerate(parts):
+            rows, columns = part.shape
+            where[i] = at, columns if rows > 1 else 0, columns > 1
+            at += part.size
+        pace = fibres.pace
+        if pace is not None:
+            pace = np.ascontiguousarray(np.broadcast_to(pace, self.lattice.shape), dtype=self.dtype)
+        return np.concatenate([part.ravel() for part in parts]).astype(self.dtype), where, pace
 
     @cached_property
-    def _coupled(self) -> tuple[Any, ...]:
-        """What the sweeps of several coordinates ask beside: lines, factors of time, kinds and exponents."""
-        m, lattice, number = self.member, self.lattice, self.dtype.type
-        fibres = lattice.fibres
-        pace = (
-            np.empty((0, 0)) if fibres is None or fibres.pace is None else np.broadcast_to(fibres.pace, lattice.shape)
-        )
-        pace = np.ascontiguousarray(pace, dtype=self.dtype)
-        scale, small = (lattice.contrast / self._unit) ** 2, 1e-9 if self.dtype == np.float64 else 1e-5
-        sharp, projection, spatial = m.sharpness != 1.0, m.indicator == "projection", fibres is not None
-        gaps = int(lattice.there is not None)
-        kinds = (int(sharp), _quarters(m.gamma), mass_kind(m.mass), int(projection), int(spatial), gaps)
-        exponents = tuple(number(x) for x in (m.sharpness, m.gamma, m.floor, scale, small))
-        taps = np.empty((0, 0), self.dtype) if m.patch == 0 else m.taps.astype(self.dtype)
-        return self._lines, pace, kinds, exponents, taps
+    def _taps(self) -> Array:
+        """The Gaussian of the patches, of no size where there are none."""
+        return (self.member.taps if self.member.patch > 0 else np.zeros(0)).astype(self.dtype)
 
-    def _worked(self, work: Any) -> list[Any]:
-        return worked(work, bands(self.shape[1], self.shape[2]), self.threads)
+    # --- what the kernels ask for -----------------------------------------------------------------------------------------
+
+    def _options(self, sheets: tuple[int, int]) -> kernels.GridOptions:
+        m, lattice = self.member, self.lattice
+        kind, across, down = kernels.CHANNELS, 0.0, 0.0
+        if lattice.fibres is not None:
+            kind, pitch = kernels.LINES, lattice.fibres.pitch
+            if pitch is not None:
+                kind, across, down = kernels.PINHOLE, 1.0 / pitch[0], 1.0 / pitch[1]
+        scale, small = (lattice.contrast / self._unit) ** 2, ROUNDING[self.dtype.itemsize]
+        gaps, forms = int(lattice.there is not None), int(self._by_forms)
+        kinds = mass_kind(m.mass), int(m.indicator == "projection"), kind, gaps, forms
+        return kernels.GridOptions(m.sharpness, m.gamma, m.floor, scale, small, across, down, *sheets, *kinds)
+
+    def _asked(self, u: Array, sheets: tuple[int, int]) -> Asked:
+        """The parameters that all kernels of a surface have."""
+        layout, (lines, where, pace) = self._layout, self._lines
+        fixed = self._geometry, layout.codes, layout.kinds, layout.row_of, self._held
+        return self._planes(u), *fixed, lines, where, pace, self._taps, self._options(sheets)
+
+    def _beside(self, array: Array | None) -> Array | None:
+        """An array of a blend, as planes."""
+        return None if array is None else self._planes(array)
+
+    def _measured(self, u: Array, sheets: tuple[int, int], asked: int) -> Array:
+        """Area, and what bounds ask for: the greatest s M_flat / M of one channel, else the bound of the triangles times s."""
+        found = np.empty(2)
+        kernels.grid_measured(*self._asked(u, sheets), asked, found, self.threads)
+        return found
 
     def _planes(self, u: Array, writeable: bool = False) -> Array:
         """(n, k) as (k, h, w), a view where it is laid out as :meth:`start`; read-only unless it shall be written."""
@@ -318,15 +272,3 @@ def _extent(planes: Array, missing: Array) -> tuple[float, float]:
         return float(planes.min()), float(planes.max())
     there = np.broadcast_to(~missing, planes.shape)
     return float(planes.min(where=there, initial=np.inf)), float(planes.max(where=there, initial=-np.inf))
-
-
-# Typed as what they are called with, which pyright does not see.
-_COUPLED: Any = coupled_swept
-_SINGLE: Any = swept
-_RAYS: Any = rays_swept
-_RAYS_MEASURED: Any = rays_measured
-
-
-def _quarters(exponent: float) -> int:
-    """Four times an exponent that roots reach, else 99: what the compiled power knows."""
-    return {-2.0: -8, -1.0: -4, -0.5: -2, 0.0: 0, 0.5: 2, 0.75: 3, 1.0: 4}.get(exponent, 99)

@@ -1,1 +1,0 @@
-"""The same rate, faster, where points sit on a grid."""

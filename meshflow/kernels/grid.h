@@ -1,0 +1,189 @@
+// The flow on a grid, as Python calls it: its rate, its area and bound, and the weights of an implicit step.
+#pragma once
+#include "grid_select.h"
+#include "team.h"
+
+namespace meshflow::grid {
+
+// Bytes of a row of the widest tile. Narrower ones would stay in the first cache, but the next rows are then not fetched in advance:
+// at 2048 x 2048 one rate took 1.15 times as long with a quarter of it.
+constexpr i64 WIDEST_TILE = 1 << 14;
+constexpr i64 FEW = 100000;  // numbers of a grid for which threads are not worth waking
+
+INLINE int quarters_of(double gamma) {
+    for (double known : {-2.0, -1.0, -0.5, 0.0, 1.0})
+        if (gamma == known) return static_cast<int>(4.0 * known);
+    return ANY;
+}
+
+// Whether lines stand where they are said to stand: where (6, 3): the first number, the steps down and to the right.
+template <class T> bool placed(Task<T>& t, i64 l, const T* lines, const i64* where) {
+    if (t.lines == CHANNELS) return true;
+    for (int i = 0; i < 6; ++i) {
+        const i64 first = where[3 * i], down = where[3 * i + 1], right = where[3 * i + 2];
+        if (first < 0 || down < 0 || right < 0 || right > 1 || down > l || first + (t.h - 1) * down + (t.w - 1) * right >= l)
+            return false;
+        (i < 3 ? t.origins[i] : t.directions[i - 3]) = {lines + first, down, right};
+    }
+    return true;
+}
+
+// How a grid is cut: by its size alone, so that sums do not depend on threads.
+struct Cut {
+    i64 high, wide, rows, columns, h, w;
+    static Cut of(i64 h, i64 w, i64 most_wide) {
+        const i64 columns = (w + most_wide - 1) / most_wide;
+        const i64 wide = least(w, ((w + columns - 1) / columns + BLOCK - 1) / BLOCK * BLOCK);
+        const i64 high = most(16, least(128, (h + 7) / 8));
+        return {high, wide, (h + high - 1) / high, (w + wide - 1) / wide, h, w};
+    }
+    i64 parts() const { return rows * columns; }
+    Tile tile(i64 part) const {
+        const i64 r = part / columns * high, c = part % columns * wide;
+        return {r, least(r + high, h), c, least(c + wide, w)};
+    }
+};
+
+// work(tile, room, part) for all tiles, each with room for so many rows, which are zero.
+template <class T, class F> i64 over_tiles(const Cut& cut, i64 rows, i64 numbers, i32 threads, const F& work) {
+    const i64 wide = wide_for(cut.wide), size = (rows + 1) * wide + 64;
+    const i64 seats = numbers < FEW ? 1 : least(threads, cut.parts());
+    Memory<T> memory(seats * size);
+    if (!memory) return NO_MEMORY;
+    parallel_for(cut.parts(), static_cast<i32>(seats), [&](i64 part, i32 who) {
+        T* begin = memory.get() + who * size;
+        while (reinterpret_cast<std::uintptr_t>(begin) % 64) ++begin;
+        std::memset(begin, 0, static_cast<std::size_t>((rows + 1) * wide) * sizeof(T));
+        work(cut.tile(part), Room<T>{begin, wide}, part);
+    });
+    return 0;
+}
+
+// Whether a flow goes by the loops for channels, for rays, or by forms.
+template <class T> bool fast(const Task<T>& t) {
+    return !t.by_forms && t.mass != VORONOI && !(t.projection && t.indicated()) && (t.lines != CHANNELS || t.k <= (t.far > 0 ? 1 : MOST_CHANNELS));
+}
+
+template <class T> struct Asking {
+    Task<T> task;
+    double sharpness;
+    i64 result = 0;
+
+    Asking(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const T* geometry, const u8* codes, const u8* kinds,
+           const i32* row_of, const u8* held, const T* lines, const i64* where, const T* pace, const T* taps,
+           const GridOptions& o)
+        : task{}, sharpness(o.sharpness) {
+        task.k = k, task.h = h, task.w = w, task.u = u, task.geometry = geometry;
+        task.codes = {codes, kinds, row_of, h, w};
+        task.first_sheet = static_cast<int>(o.first_sheet), task.last_sheet = static_cast<int>(o.last_sheet);
+        task.sharpness = T(o.sharpness), task.gamma = T(o.gamma), task.floor = T(o.floor), task.scale = T(o.scale);
+        task.small = T(o.small), task.across = T(o.across), task.down = T(o.down), task.quarters = quarters_of(o.gamma);
+        task.mass = static_cast<MassKind>(o.mass), task.projection = o.projection != 0;
+        task.lines = static_cast<LinesKind>(o.lines);
+        task.pace = pace, task.taps = taps, task.far = p - 1, task.gaps = o.gaps != 0, task.by_forms = o.by_forms != 0, task.held = held;
+        const bool sheets = o.first_sheet >= 0 && o.first_sheet < o.last_sheet && o.last_sheet <= 2;
+        const bool kinds_known = o.mass >= 0 && o.mass <= 2 && o.lines >= 0 && o.lines <= 2;
+        if (k < 1 || h < 2 || w < 2 || m < 1 || b != blocks_of(w) || p > WIDEST + 1 || !sheets || !kinds_known ||
+            (o.lines != CHANNELS && (k != 1 || p > 1)) || !placed(task, l, lines, where))
+            result = BAD_SIZES;
+    }
+};
+
+}  // namespace meshflow::grid
+
+namespace meshflow {
+
+// out = keep u + dt rate + ...; see meshflow/kernels/grid.py, which declares what comes.
+template <class T>
+i64 grid_rate(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const T* geometry, const u8* codes, const u8* kinds,
+              const i32* row_of, const u8* held, const T* lines, const i64* where, const T* pace, const T* taps,
+              const GridOptions* options, T* out, const T* one, const T* two, const T* three, const GridBlend* blend,
+              i32 threads) {
+    using namespace grid;
+    Asking<T> asking(k, h, w, m, b, l, p, u, geometry, codes, kinds, row_of, held, lines, where, pace, taps, *options);
+    if (asking.result) return asking.result;
+    Task<T>& t = asking.task;
+    t.out = out, t.a = one, t.b = two, t.c = three;
+    t.mix = {T(blend->keep), T(blend->dt), T(blend->one), T(blend->two), T(blend->three)};
+    t.terms = two || three ? 2 : one ? 1 : 0;
+    const i64 narrow = WIDEST_TILE / static_cast<i64>(sizeof(T));
+    if (!fast(t)) {
+        const FormLoops<T> loops = form_loops_for<T>(asking.sharpness);
+        return over_tiles<T>(Cut::of(h, w, narrow), FormTile<T>::rows(t), k * h * w, threads, [&](const Tile& tile, Room<T> room, i64) {
+            FormTile<T>(t, loops, MOVED, tile, room, {}).run();
+        });
+    }
+    if (t.lines != CHANNELS)
+        return over_tiles<T>(Cut::of(h, w, narrow), ray_room(t), h * w, threads,
+                             [&](const Tile& tile, Room<T> room, i64) { ray_tile(t, MOVED, tile, room); });
+    if (t.far > 0) {
+        const PatchLoops<T> loops = patch_loops_for<T>(asking.sharpness);
+        return over_tiles<T>(Cut::of(h, w, narrow), channel_room(t) + Patches<T>::rows(t), h * w, threads,
+                             [&](const Tile& tile, Room<T> room, i64) { patch_tile(t, loops, tile, room); });
+    }
+    const ChannelLoops<T> loops = channel_loops_for<T>(k, asking.sharpness);
+    return over_tiles<T>(Cut::of(h, w, narrow), channel_room(t), k * h * w, threads, [&](const Tile& tile, Room<T> room, i64) {
+        channel_tile(t, tile, room, [&](int side, i64 r, const Flows<T>& f, BorderRanges<T>& ranges) {
+            channel_row(t, loops, tile, side, r, f, ranges);
+        });
+    });
+}
+
+// The area (asked: 1), or the bound of the triangles (2): found[0] the area; found[1] the greatest s M_flat / M of one channel without
+// patches, else the greatest bound of a triangle times the factor of time at its corners.
+template <class T>
+i64 grid_measured(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const T* geometry, const u8* codes,
+                  const u8* kinds, const i32* row_of, const u8* held, const T* lines, const i64* where, const T* pace,
+                  const T* taps, const GridOptions* options, i64 asked, double* found, i32 threads) {
+    using namespace grid;
+    Asking<T> asking(k, h, w, m, b, l, p, u, geometry, codes, kinds, row_of, held, lines, where, pace, taps, *options);
+    if (asking.result) return asking.result;
+    if (asked != AREA && asked != BOUND) return BAD_SIZES;
+    const Task<T>& t = asking.task;
+    const Asked what = static_cast<Asked>(asked);
+    const Cut cut = Cut::of(h, w, WIDEST_TILE / static_cast<i64>(sizeof(T)));
+    Memory<Measured> parts(cut.parts());
+    if (!parts) return NO_MEMORY;
+    i64 done;
+    if (!fast(t) || t.far > 0 || (t.lines == CHANNELS && k > 1)) {
+        const FormLoops<T> loops = form_loops_for<T>(asking.sharpness);
+        done = over_tiles<T>(cut, FormTile<T>::rows(t), k * h * w, threads, [&](const Tile& tile, Room<T> room, i64 part) {
+            parts[part] = FormTile<T>(t, loops, what, tile, room, {}).run();
+        });
+    } else if (t.lines != CHANNELS) {
+        done = over_tiles<T>(cut, ray_room(t), h * w, threads, [&](const Tile& tile, Room<T> room, i64 part) {
+            parts[part] = ray_tile(t, what, tile, room);
+        });
+    } else {
+        const ChannelLoops<T> loops = channel_loops_for<T>(k, asking.sharpness);
+        done = over_tiles<T>(cut, channel_room(t), h * w, threads, [&](const Tile& tile, Room<T> room, i64 part) {
+            parts[part] = channel_tile(t, tile, room, [&](int side, i64 r, const Flows<T>& f, BorderRanges<T>& ranges) {
+                channel_row(t, loops, tile, side, r, f, ranges);
+            });
+        });
+    }
+    found[0] = found[1] = 0;
+    for (i64 i = 0; i < cut.parts() && !done; ++i) {
+        found[0] += parts[i].area;
+        found[1] = parts[i].fastest > found[1] ? parts[i].fastest : found[1];
+    }
+    return done;
+}
+
+// The weights of all edges of an implicit step, each where it begins, and s / M |d|^2: see grid::Weights.
+template <class T>
+i64 grid_weights(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const T* geometry, const u8* codes,
+                 const u8* kinds, const i32* row_of, const u8* held, const T* lines, const i64* where, const T* pace,
+                 const T* taps, const GridOptions* options, T* edges, T* inverses, i32 threads) {
+    using namespace grid;
+    Asking<T> asking(k, h, w, m, b, l, p, u, geometry, codes, kinds, row_of, held, lines, where, pace, taps, *options);
+    if (asking.result) return asking.result;
+    const Task<T>& t = asking.task;
+    const FormLoops<T> loops = form_loops_for<T>(asking.sharpness);
+    return over_tiles<T>(Cut::of(h, w, WIDEST_TILE / static_cast<i64>(sizeof(T))), FormTile<T>::rows(t), k * h * w, threads,
+                         [&](const Tile& tile, Room<T> room, i64) {
+                             FormTile<T>(t, loops, MOVED, tile, room, {edges, inverses}).run();
+                         });
+}
+
+}  // namespace meshflow

@@ -1,0 +1,51 @@
+// How a loop over a row is told to a compiler. No intrinsics: plain loops that become SIMD, each in a function of its own.
+#pragma once
+#include "interface.h"
+
+// A loop whose turns touch different samples, whatever the pointers: it may be done several turns at once.
+#if defined(__clang__)
+#define SIMD _Pragma("clang loop vectorize(assume_safety)")
+#define UNROLL _Pragma("unroll")
+#elif defined(__GNUC__)
+#define SIMD _Pragma("GCC ivdep")
+#define UNROLL _Pragma("GCC unroll 16")
+#elif defined(_MSC_VER)
+#define SIMD __pragma(loop(ivdep))
+#define UNROLL
+#else
+#define SIMD
+#define UNROLL
+#endif
+
+// INLINE: a formula. LOOP: a loop over a row, compiled once for each of its templates.
+#if defined(_MSC_VER) && !defined(__clang__)
+#define INLINE __forceinline
+#define LOOP __declspec(noinline)
+#else
+#define INLINE inline __attribute__((always_inline))
+#define LOOP __attribute__((noinline))
+#endif
+
+namespace meshflow::grid {
+
+template <class A> INLINE void exchange(A& a, A& b) {
+    A c = a;
+    a = b;
+    b = c;
+}
+INLINE i64 least(i64 a, i64 b) { return a < b ? a : b; }
+INLINE i64 most(i64 a, i64 b) { return a > b ? a : b; }
+
+// Sums and greatest numbers of a row in eight parts, so that they become SIMD, in an order that is always the same.
+struct Sum {
+    double part[8] = {};
+    double total() const { return ((part[0] + part[1]) + (part[2] + part[3])) + ((part[4] + part[5]) + (part[6] + part[7])); }
+};
+template <class F> INLINE void sum_over(Sum& sum, i64 n, const F& term) {
+    i64 i = 0;
+    for (; i + 8 <= n; i += 8)
+        UNROLL for (int k = 0; k < 8; ++k) sum.part[k] += double(term(i + k));
+    for (int k = 0; i < n; ++i, ++k) sum.part[k] += double(term(i));
+}
+
+}  // namespace meshflow::grid

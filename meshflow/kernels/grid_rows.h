@@ -1,0 +1,372 @@
+// A tile of a grid: its task, its rows, and the loops over a row of samples, which no metric changes.
+#pragma once
+#include <cstring>
+#include <initializer_list>
+
+#include "grid_cells.h"
+#include "grid_triangle.h"
+#include "memory.h"
+
+namespace meshflow {
+
+// What a flow on a grid is, beside its arrays (meshflow/kernels/grid.py).
+struct GridOptions {
+    double sharpness, gamma, floor, scale, small;  // scale: alpha^2; small: the length below which a pull is rounding
+    double across, down;                           // 1 / pitch of a pinhole's even grid, else 0
+    i64 first_sheet, last_sheet;                   // triangulations taken together: 0 forward, 1 backward; last not included
+    i64 mass, projection, lines, gaps;             // MassKind; whether the indicator is the projection; LinesKind; missing triangles
+    i64 by_forms;                                  // whether the slow way is taken where there is a fast one
+};
+
+// keep u + dt rate + one (a - u) + two (b - u) + three c.
+struct GridBlend {
+    double keep, dt, one, two, three;
+};
+
+}  // namespace meshflow
+
+namespace meshflow::grid {
+
+enum MassKind : i64 { BARYCENTRIC = 0, VORONOI = 1, RING = 2 };
+enum LinesKind : i64 { CHANNELS = 0, LINES = 1, PINHOLE = 2 };
+
+template <class T> struct Mix {
+    T keep, dt, one, two, three;
+};
+
+// One coordinate of origins or directions: constant along rows or columns where a step is 0.
+template <class T> struct Part {
+    const T* at;
+    i64 down, right;
+};
+
+template <class T> struct Task {
+    i64 k, h, w;
+    const T* u;
+    const T* geometry;  // (h, 7), columns of Ground
+    Codes codes;
+    int first_sheet, last_sheet;
+    T sharpness, gamma, floor, scale, small, across, down;
+    int quarters;  // four times gamma, or ANY
+    MassKind mass;
+    bool projection;
+    LinesKind lines;
+    Part<T> origins[3], directions[3];
+    const T* pace;        // (h, w), factors of time, or null
+    const T* taps;        // the Gaussian of patches, from its middle outwards
+    i64 far;              // taps beside the middle; -1 without patches
+    bool gaps;            // triangles are missing
+    bool by_forms;
+    const u8* held;       // (h, w), samples that stay, or null
+    T* out;               // null: nothing moves
+    const T *a, *b, *c;
+    Mix<T> mix;
+    int terms;  // of the blend beside keep and dt: 0, 1 (one), 2 (all)
+
+    T thirds() const { return mass == RING ? T(3) : T(1); }
+    Ground<T> ground(i64 r) const { return Ground<T>::of(geometry + 7 * r); }
+    const T* to_read(const T* array, i64 at) const { return array ? array + at : u + at; }
+    bool indicated() const { return quarters != 0; }
+    // Whether rows r - 1 and r of cells, and the ground below them, are alike.
+    bool level(i64 r) const {
+        for (int side = first_sheet; side < last_sheet; ++side)
+            if (!codes.same(side, r)) return false;
+        const T* g = geometry + 7 * r + 4;
+        return g[-7] == g[0] && g[0] == g[7];
+    }
+};
+
+// Rows and columns of samples, last not included.
+struct Tile {
+    i64 begin, end, left, right;
+};
+
+// What is found where nothing moves.
+struct Measured {
+    double area = 0, fastest = 0;
+};
+
+// --- rows of a tile --------------------------------------------------------------------------------------------------------------
+
+// Sample `left + j` of the grid stands at j of a row; EDGE numbers on either side may be read, and are zero where nothing is.
+constexpr i64 EDGE = 32;
+
+// The step from row to row: no multiple of a page, or all rows would compete for the same lines of the cache.
+INLINE i64 wide_for(i64 n) { return (n + 2 * EDGE + 1023 - 112) / 1024 * 1024 + 112; }
+
+template <class T> struct Room {
+    T* next;
+    i64 wide;
+    T* take(i64 rows = 1) {
+        T* at = next + EDGE;
+        next += rows * wide;
+        return at;
+    }
+    // A row of double precision.
+    static constexpr i64 DOUBLE = sizeof(double) / sizeof(T);
+    double* take_doubles() { return reinterpret_cast<double*>(take(DOUBLE) - EDGE) + EDGE; }
+};
+
+template <class T> INLINE void zero(T* row, i64 from, i64 to) {
+    if (to > from) std::memset(row + from, 0, static_cast<std::size_t>(to - from) * sizeof(T));
+}
+
+// What the borders of a triangle's edges give to the corners opposite to them: half the pull of the conormal of a border edge is
+// minus the pull on the corner opposite to the edge. x: the code.
+template <class V> struct Bordered {
+    V own_here, beside_here, own_below, beside_below;
+    template <class X> static INLINE Bordered of(X x, const V& on_q, const V& on_r, const V& to_n, const V& to_o, const V& none) {
+        const V p_to = x & 2 ? none - (on_q + on_r) : none, q_to = x & 4 ? on_q : none, r_to = x & 8 ? on_r : none;
+        const V s_to = x & 32 ? none - (to_n + to_o) : none, n_on = x & 64 ? to_n : none, o_on = x & 128 ? to_o : none;
+        return {(q_to + r_to) + (s_to + n_on), p_to + r_to, (p_to + q_to) + (n_on + o_on), s_to + o_on};
+    }
+};
+
+// Numbers that the elements of a row of cells give to the four samples at their corners: own, the ends of the edge down a column,
+// here and below; beside, Q here and N below.
+template <class T> struct Corners {
+    T *own_here, *beside_here, *own_below, *beside_below;
+    static Corners of(Room<T>& room) {
+        T *a = room.take(), *b = room.take(), *c = room.take(), *d = room.take();
+        return {a, b, c, d};
+    }
+    void clear(i64 from, i64 to) const {
+        for (T* row : {own_here, beside_here, own_below, beside_below}) zero(row, from, to);
+    }
+    INLINE void put(i64 i, const Bordered<T>& by) const {
+        own_here[i] = by.own_here, beside_here[i] = by.beside_here, own_below[i] = by.own_below, beside_below[i] = by.beside_below;
+    }
+    INLINE Corners shifted(i64 by) const { return {own_here + by, beside_here + by, own_below + by, beside_below + by}; }
+};
+
+// Codes as wide as the numbers beside them: else SIMD would do as many turns at once as fit codes, with all else spilled.
+template <class T> struct LaneOf { using type = std::int32_t; };
+template <> struct LaneOf<double> { using type = std::int64_t; };
+template <class T> using Lane = typename LaneOf<T>::type;
+template <class L> LOOP void widened(i64 n, const u8* code, L* to) {
+    SIMD for (i64 j = 0; j < n; ++j) to[j] = code[j];
+}
+
+// What a row of cells lets flow for each coordinate: along the row above to Q, along the row below to N, and down the columns.
+template <class T> struct Flows {
+    i64 wide;  // from one coordinate to the next
+    T *to_q, *to_n, *down;
+    T *upper, *lower;  // thirds of area
+    Corners<T> borders;
+    Lane<T>* code;
+    static Flows of(Room<T>& room, i64 coordinates) {
+        T *q = room.take(coordinates), *n = room.take(coordinates), *d = room.take(coordinates), *u = room.take(), *l = room.take();
+        T *a = room.take(coordinates), *b = room.take(coordinates), *c = room.take(coordinates), *e = room.take(coordinates);
+        return {room.wide, q, n, d, u, l, {a, b, c, e}, reinterpret_cast<Lane<T>*>(room.take())};
+    }
+    static i64 rows(i64 coordinates) { return 7 * coordinates + 3; }
+    INLINE Flows shifted(i64 by) const {
+        return {wide, to_q + by, to_n + by, down + by, upper + by, lower + by, borders.shifted(by), code + by};
+    }
+    void clear(i64 coordinates, i64 from, i64 to) const {
+        for (i64 k = 0; k < coordinates; ++k)
+            for (T* row : {to_q, to_n, down}) zero(row + k * wide, from, to);
+        zero(upper, from, to), zero(lower, from, to);
+    }
+};
+
+// --- what cells give, gathered by samples ------------------------------------------------------------------------------------------
+
+template <class T> LOOP void gather_flows(i64 n, i64 e, const T* to_q, const T* to_n, const T* down, T* here, T* below) {
+    SIMD for (i64 j = 0; j < n; ++j) {
+        here[j] += (to_q[j - e] - to_q[j]) - down[j];
+        below[j] += down[j] + (to_n[j + e] - to_n[j]);
+    }
+}
+
+// Fresh: nothing has been given to the samples below yet.
+template <bool Fresh, class T> LOOP void gather_corners(i64 from, i64 to, i64 e, const Corners<T>& c, T* here, T* below) {
+    const T *a = c.own_here, *b = c.beside_here, *d = c.own_below, *f = c.beside_below;
+    SIMD for (i64 j = from; j < to; ++j) {
+        here[j] += a[j] + b[j - e];
+        below[j] = (Fresh ? T(0) : below[j]) + (d[j] + f[j + e]);
+    }
+}
+template <class T> INLINE void gather_corners(bool fresh, i64 from, i64 to, i64 e, const Corners<T>& c, T* here, T* below) {
+    if (fresh) gather_corners<true>(from, to, e, c, here, below);
+    else gather_corners<false>(from, to, e, c, here, below);
+}
+
+// Thirds of areas: the upper triangle gives to P, Q, R, the lower one to S, N and the corner above S.
+template <bool Fresh, class T> LOOP void gather_thirds(i64 n, i64 e, const T* upper, const T* lower, T* here, T* below) {
+    SIMD for (i64 j = 0; j < n; ++j) {
+        const T both = upper[j] + lower[j];
+        here[j] += both + upper[j - e];
+        below[j] = (Fresh ? T(0) : below[j]) + (both + lower[j + e]);
+    }
+}
+template <class T> INLINE void gather_thirds(bool fresh, i64 n, i64 e, const T* upper, const T* lower, T* here, T* below) {
+    if (fresh) gather_thirds<true>(n, e, upper, lower, here, below);
+    else gather_thirds<false>(n, e, upper, lower, here, below);
+}
+
+// The borders of a row of cells, given to the samples around them. Ranges of elements that touch are given at once:
+// what a sample gets does not depend on where they begin.
+template <class T> struct BorderRanges {
+    const Corners<T>& corners;
+    i64 wide, coordinates, n, e;
+    T *here, *below;  // `step` from one coordinate to the next
+    i64 step, from = 0, to = -1;
+
+    void add(i64 first, i64 last) {
+        if (to >= from && first <= to + 2) {
+            for (i64 k = 0; k < coordinates; ++k) corners.shifted(k * wide).clear(to, first);
+            to = last;
+            return;
+        }
+        give();
+        from = first, to = last;
+    }
+    void give() {
+        if (to < from) return;
+        for (i64 k = 0; k < coordinates; ++k) {
+            const Corners<T> at = corners.shifted(k * wide);
+            at.clear(from - 2, from), at.clear(to, to + 2);
+            gather_corners<false>(most(from - 1, 0), least(to + 1, n), e, at, here + k * step, below + k * step);
+        }
+        to = from - 1;
+    }
+};
+
+template <class T> LOOP void presence(i64 from, i64 to, const u8* code, T above, T under, T* upper, T* lower) {
+    SIMD for (i64 j = from; j < to; ++j) {
+        upper[j] = code[j] & 1 ? above : T(0);
+        lower[j] = code[j] & 16 ? under : T(0);
+    }
+}
+template <class T> LOOP void filled(i64 from, i64 to, T above, T under, T* upper, T* lower) {
+    SIMD for (i64 j = from; j < to; ++j) upper[j] = above, lower[j] = under;
+}
+
+// Masses of the flat grid: thirds of what is there, in rows of their own.
+template <class T> struct FlatMass {
+    T *upper, *lower, *here, *below;
+    static FlatMass of(Room<T>& room) {
+        T *a = room.take(), *b = room.take(), *c = room.take(), *d = room.take();
+        return {a, b, c, d};
+    }
+    void gather(const Task<T>& t, const Tile& tile, bool fresh, int side, i64 r, i64 first, i64 last) {
+        const u8* code = t.codes.row(side, r);
+        const T above = t.geometry[7 * r + 4], under = t.geometry[7 * r + 11];
+        for_runs(code, t.codes.kinds(side, r), t.w, first, last, [&](Kind kind, i64 from, i64 to) {
+            from -= tile.left, to -= tile.left;
+            if (kind == PLAIN) filled(from, to, above, under, upper, lower);
+            else if (kind == NONE) zero(upper, from, to), zero(lower, from, to);
+            else presence(from, to, code + tile.left, above, under, upper, lower);
+        });
+        gather_thirds(fresh, tile.right - tile.left, side ? -1 : 1, upper, lower, here, below);
+    }
+};
+
+// A sample at an end of a row between its neighbours: beside it there is none, and no triangle that would ask for one.
+template <class T> INLINE void neighbours(const Task<T>& t, i64 k, i64 r, i64 j, T* around) {
+    const T* row = t.u + (k * t.h + r) * t.w;
+    for (i64 s = -1; s < 2; ++s) around[s + 1] = row[j + s < 0 || j + s >= t.w ? j : j + s];
+}
+
+// --- a row of samples moves -----------------------------------------------------------------------------------------------------
+
+// s / (thirds M): s = (part / whole)^gamma, the edge indicator, held between least and 1; zero where there is no triangle.
+template <int Quarters, class T>
+LOOP void paces(i64 n, T gamma, T least, T thirds, const T* part, const T* whole, const T* mass, T* pace) {
+    SIMD for (i64 j = 0; j < n; ++j) {
+        const T inverse = T(1) / (thirds * mass[j]);
+        if constexpr (Quarters == 0) pace[j] = mass[j] > T(0) ? inverse : T(0);
+        else {
+            T ratio = part[j] / whole[j];
+            ratio = ratio > T(1) || !(whole[j] > T(0)) ? T(1) : ratio;
+            pace[j] = mass[j] > T(0) ? power<Quarters>(ratio < least ? least : ratio, gamma) * inverse : T(0);
+        }
+    }
+}
+template <class T>
+void paces_of(int quarters, i64 n, T gamma, T least, T thirds, const T* part, const T* whole, const T* mass, T* pace) {
+    switch (quarters) {
+        case 0: return paces<0>(n, gamma, least, thirds, part, whole, mass, pace);
+        case 4: return paces<4>(n, gamma, least, thirds, part, whole, mass, pace);
+        case -2: return paces<-2>(n, gamma, least, thirds, part, whole, mass, pace);
+        case -4: return paces<-4>(n, gamma, least, thirds, part, whole, mass, pace);
+        case -8: return paces<-8>(n, gamma, least, thirds, part, whole, mass, pace);
+        default: return paces<ANY>(n, gamma, least, thirds, part, whole, mass, pace);
+    }
+}
+
+template <class T> LOOP void stay(i64 n, const u8* held, T* pace) {
+    SIMD for (i64 j = 0; j < n; ++j) pace[j] = held[j] ? T(0) : pace[j];
+}
+
+// Differences, so that what rests keeps its bits.
+template <int Terms, class T> INLINE T blended(const Mix<T>& mix, T u, T a, T b, T c, T pace, T pull) {
+    T by = -(mix.dt * pace * pull);
+    if constexpr (Terms > 0) by = mix.one * (a - u) + by;
+    if constexpr (Terms > 1) by += mix.two * (b - u) + mix.three * c;
+    return mix.keep * u + by;
+}
+
+template <int Terms, class T>
+LOOP void moved(i64 n, const Mix<T> mix, const T* u, const T* a, const T* b, const T* c, const T* pull, const T* pace, T* out) {
+    SIMD for (i64 j = 0; j < n; ++j)
+        out[j] = blended<Terms>(mix, u[j], Terms > 0 ? a[j] : T(0), Terms > 1 ? b[j] : T(0), Terms > 1 ? c[j] : T(0), pace[j], pull[j]);
+}
+
+// The same from the flows of the last triangulation; `given`: what the samples of this row have been given before, and then those
+// of the row below, with Added what is in `below`.
+template <int Terms, bool Added, class T>
+LOOP void moved_by_flows(i64 n, i64 e, const Mix<T> mix, const T* u, const T* a, const T* b, const T* c, const T* to_q,
+                         const T* to_n, const T* down, T* given, const T* below, const T* pace, T* out) {
+    SIMD for (i64 j = 0; j < n; ++j) {
+        const T pull = given[j] + ((to_q[j - e] - to_q[j]) - down[j]);
+        given[j] = (Added ? below[j] : T(0)) + (down[j] + (to_n[j + e] - to_n[j]));
+        out[j] = blended<Terms>(mix, u[j], Terms > 0 ? a[j] : T(0), Terms > 1 ? b[j] : T(0), Terms > 1 ? c[j] : T(0), pace[j], pull);
+    }
+}
+// Of a row that is not of the tile: what it gives to the row below.
+template <class T> LOOP void passed_on(i64 n, i64 e, const T* to_n, const T* down, T* given, const T* below) {
+    SIMD for (i64 j = 0; j < n; ++j) given[j] = below[j] + (down[j] + (to_n[j + e] - to_n[j]));
+}
+
+// Channel q of a row of samples moved by its pull.
+template <class T> void move_row(const Task<T>& t, const Tile& tile, i64 q, i64 r, const T* pull, const T* pace) {
+    const i64 at = (q * t.h + r) * t.w + tile.left, n = tile.right - tile.left;
+    const T *x = t.to_read(t.a, at), *y = t.to_read(t.b, at), *z = t.to_read(t.c, at);
+    const auto go = [&](auto loop) { loop(n, t.mix, t.u + at, x, y, z, pull, pace, t.out + at); };
+    if (t.terms == 0) go(moved<0, T>);
+    else if (t.terms == 1) go(moved<1, T>);
+    else go(moved<2, T>);
+}
+
+template <class T>
+void move_row_by_flows(const Task<T>& t, const Tile& tile, i64 q, i64 r, i64 e, const Flows<T>& f, bool added, T* given,
+                       const T* below, const T* pace) {
+    const i64 at = (q * t.h + r) * t.w + tile.left, n = tile.right - tile.left, i = q * f.wide;
+    const T *x = t.to_read(t.a, at), *y = t.to_read(t.b, at), *z = t.to_read(t.c, at);
+    const auto go = [&](auto loop) {
+        loop(n, e, t.mix, t.u + at, x, y, z, f.to_q + i, f.to_n + i, f.down + i, given, below, pace, t.out + at);
+    };
+    if (t.terms == 0) added ? go(moved_by_flows<0, true, T>) : go(moved_by_flows<0, false, T>);
+    else if (t.terms == 1) added ? go(moved_by_flows<1, true, T>) : go(moved_by_flows<1, false, T>);
+    else added ? go(moved_by_flows<2, true, T>) : go(moved_by_flows<2, false, T>);
+}
+
+template <class T> LOOP double greatest_product(i64 n, const T* a, const T* b) {
+    double found = 0;
+    for (i64 j = 0; j < n; ++j) {
+        const double x = double(a[j] * b[j]);
+        found = x > found ? x : found;
+    }
+    return found;
+}
+
+// The area of the triangles of elements from to to - 1.
+template <class T> LOOP double area_of(i64 from, i64 to, const T* upper, const T* lower) {
+    Sum sum;
+    sum_over(sum, to - from, [&](i64 j) { return double(upper[from + j]) + double(lower[from + j]); });
+    return 3.0 * sum.total();
+}
+
+}  // namespace meshflow::grid

@@ -1,0 +1,149 @@
+// One triangle: its formulas, each once.
+//
+// A triangle of a grid has its right angle at P, a leg along the row to Q and a leg along the column to R. With a, b the
+// differences of the free coordinates along the legs, x, y the legs on the ground (0 for points in space), s = alpha^2 times the
+// stretch of the sharpness, and the minors m_ij = a_i b_j - a_j b_i,
+//
+//     (2T)^2 = x^2 y^2 + s (x^2 |b|^2 + y^2 |a|^2) + s^2 sum m_ij^2
+//     gradient of the area at Q: (y^2 a_i + s sum_j m_ij b_j) / 4T,   at R: (x^2 b_i - s sum_j m_ij a_j) / 4T,
+//
+// and minus their sum at P. Nothing is left to cancel: of one channel it is (y / 2x) a / W^q and (x / 2y) b / W^q, with area
+// x y W^q / 2.
+#pragma once
+#include "grid_weights.h"
+
+namespace meshflow::grid {
+
+// A triangle whose doubled area is below this share of its longest squared edge has no area.
+constexpr double FLAT = 1e-12;
+
+// The ground below triangles with a leg in one row of samples: columns of `geometry` (rate.h), and what follows from them.
+template <class T> struct Ground {
+    T ax, ay, kx, ky, sixth, x, y;  // (alpha / x)^2, (alpha / y)^2, y / 2x, x / 2y, x y / 6
+    T xx, yy, over_xx, over_yy;
+    static Ground of(const T* g) {
+        const T xx = g[5] * g[5], yy = g[6] * g[6];
+        return {g[0], g[1], g[2], g[3], g[4], g[5], g[6], xx, yy, T(1) / xx, T(1) / yy};
+    }
+};
+
+// What acts on the far ends of the legs, and a third of the area.
+template <class T, int D> struct Pull {
+    T on_q[D], on_r[D], third;
+};
+
+// D coordinates over the ground; scale is alpha^2. The two triangles that share the leg b of a column: (a, b) and (c, -b).
+template <class W, int D, class T>
+INLINE void pair_over_ground(const T (&a)[D], const T (&b)[D], const T (&c)[D], const Ground<T>& above, const Ground<T>& below,
+                             T q, T scale, Pull<T, D>& m, Pull<T, D>& n) {
+    if constexpr (D == 1) {
+        const T square = b[0] * b[0];
+        const T w = W::expansion(T(1) + (above.ax * (a[0] * a[0]) + above.ay * square), q);
+        const T v = W::expansion(T(1) + (below.ax * (c[0] * c[0]) + below.ay * square), q);
+        // One division for both would make the bits of one triangle depend on the other, which a part of a grid may not have.
+        const T over_w = T(1) / w, over_v = T(1) / v;
+        m = {{above.kx * a[0] * over_w}, {above.ky * b[0] * over_w}, above.sixth * w};
+        n = {{below.kx * c[0] * over_v}, {-(below.ky * b[0] * over_v)}, below.sixth * v};
+    } else {
+        T aa = 0, bb = 0, cc = 0, minors = 0, others = 0, ab[D][D], cb[D][D];
+        UNROLL for (int i = 0; i < D; ++i) {
+            aa += a[i] * a[i], bb += b[i] * b[i], cc += c[i] * c[i];
+            UNROLL for (int j = 0; j < i; ++j) {
+                ab[i][j] = a[i] * b[j] - a[j] * b[i], ab[j][i] = -ab[i][j], minors += ab[i][j] * ab[i][j];
+                cb[i][j] = c[i] * b[j] - c[j] * b[i], cb[j][i] = -cb[i][j], others += cb[i][j] * cb[i][j];
+            }
+        }
+        const T s = scale * W::stretch(scale * (aa * above.over_xx + bb * above.over_yy), q);
+        const T t = scale * W::stretch(scale * (cc * below.over_xx + bb * below.over_yy), q);
+        const T one = std::sqrt(above.xx * above.yy + s * ((above.xx * bb + above.yy * aa) + s * minors));
+        const T two = std::sqrt(below.xx * below.yy + t * ((below.xx * bb + below.yy * cc) + t * others));
+        const T half = T(0.5) / one, part = T(0.5) / two;
+        const T hs = half * s, pt = part * t, on_a = half * above.yy, on_b = half * above.xx, on_c = part * below.yy,
+                on_d = part * below.xx;
+        UNROLL for (int i = 0; i < D; ++i) {
+            T to_q = 0, to_r = 0, to_n = 0, to_o = 0;
+            UNROLL for (int j = 0; j < D; ++j)
+                if (j != i) to_q += ab[i][j] * b[j], to_r += ab[i][j] * a[j], to_n += cb[i][j] * b[j], to_o += cb[i][j] * c[j];
+            m.on_q[i] = on_a * a[i] + hs * to_q, m.on_r[i] = on_b * b[i] - hs * to_r;
+            n.on_q[i] = on_c * c[i] + pt * to_n, n.on_r[i] = pt * to_o - on_d * b[i];
+        }
+        m.third = one * T(1.0 / 6), n.third = two * T(1.0 / 6);
+    }
+}
+
+// A vector in space.
+template <class T> struct Vector {
+    T x, y, z;
+    INLINE Vector operator+(const Vector& o) const { return {x + o.x, y + o.y, z + o.z}; }
+    INLINE Vector operator-(const Vector& o) const { return {x - o.x, y - o.y, z - o.z}; }
+    INLINE Vector operator*(T by) const { return {x * by, y * by, z * by}; }
+    INLINE T dot(const Vector& o) const { return x * o.x + y * o.y + z * o.z; }
+    INLINE Vector cross(const Vector& o) const { return {y * o.z - z * o.y, z * o.x - x * o.z, x * o.y - y * o.x}; }
+    INLINE T square() const { return dot(*this); }
+};
+
+// Points in space, legs a and b: the normal a x b, its squared length, 0 where the triangle has no area, and |a|^2 + |b|^2 - a . b.
+// Plain numbers: compilers leave a loop alone where structs hold structs.
+template <class T> struct Spanned {
+    T x, y, z, square, spread;
+    static INLINE Spanned of(const Vector<T>& a, const Vector<T>& b) {
+        const T x = a.y * b.z - a.z * b.y, y = a.z * b.x - a.x * b.z, z = a.x * b.y - a.y * b.x;
+        const T uu = a.square(), vv = b.square(), uv = a.dot(b), far = uu + vv - (uv + uv), more = uu > vv ? uu : vv;
+        const T longest = T(FLAT) * (far > more ? far : more), square = x * x + y * y + z * z;
+        return {x, y, z, square > longest * longest ? square : T(0), uu + vv - uv};
+    }
+    // The gradient of the area at Q and at R, given |a x b|; nothing where there is no area.
+    INLINE void pulls(const Vector<T>& a, const Vector<T>& b, T doubled, Vector<T>& on_q, Vector<T>& on_r) const {
+        const T by = T(0.5) / doubled, half = doubled > T(0) ? by : T(0), u = x * half, v = y * half, w = z * half;
+        on_q.x = b.y * w - b.z * v, on_q.y = b.z * u - b.x * w, on_q.z = b.x * v - b.y * u;
+        on_r.x = v * a.z - w * a.y, on_r.y = w * a.x - u * a.z, on_r.z = u * a.y - v * a.x;
+    }
+    // An upper bound of the decay that the triangle allows, with barycentric masses: 3 (N + sqrt(N^2 - 3 D)) / D, D = |a x b|^2,
+    // N half the sum of the squared lengths. Zero where there is no area.
+    INLINE T decay() const {
+        const T rest = spread * spread - T(3) * square;
+        return square > T(0) ? T(3) * (spread + std::sqrt(rest > T(0) ? rest : T(0))) / square : T(0);
+    }
+};
+
+// A triangle of depths p, q, r seen through a pinhole on an even grid: its points are u (x, y, 1). With a = (q - p) / X and
+// b = (r - p) / Y, X, Y the signed differences of x along the row and of y along the column, the normal is
+// X Y (-a r, -b q, q r + x a r + y b q): no differences of points, so even less is lost. Pulls are those along the rays.
+template <class T> struct Facing {
+    T on_p, on_q, on_r, length;
+    // across: 1 / X, down: 1 / Y, half: |X Y| / 2; x, y: of the ray of P.
+    static INLINE Facing of(T p, T q, T r, T x, T y, T across, T down, T half) {
+        const T a = (q - p) * across, b = (r - p) * down, m = a * r, n = b * q, k = q * r + x * m + y * n;
+        const T length = std::sqrt(m * m + n * n + k * k), over = half / length;
+        const T kk = k * over, mm = (m + x * k) * over, nn = (n + y * k) * over, one = mm * r * across, two = nn * q * down;
+        return {-(one + two), one + nn * b + kk * r, mm * a + two + kk * q, length};
+    }
+};
+
+// The form of a triangle: |u|^2, |v|^2 and u . v of its legs over 4T, in whatever space they are measured, and a third of its area.
+// Then its cotangents are 2 u . v at P, 2 (|u|^2 - u . v) at Q, 2 (|v|^2 - u . v) at R.
+template <class T> struct Form {
+    T uu, vv, uv, third;
+    INLINE T on_q(T a, T b) const { return vv * a - uv * b; }
+    INLINE T on_r(T a, T b) const { return uu * b - uv * a; }
+    // From the products of the legs of the free coordinates alone, and the sum of their squared minors.
+    template <class W> static INLINE Form over_ground(T uu, T vv, T uv, T minors, const Ground<T>& g, T q, T scale) {
+        const T s = scale * W::stretch(scale * (uu * g.over_xx + vv * g.over_yy), q);
+        const T doubled = std::sqrt(g.xx * g.yy + s * ((g.xx * vv + g.yy * uu) + s * minors)), half = T(0.5) / doubled;
+        return {half * (g.xx + s * uu), half * (g.yy + s * vv), half * (s * uv), doubled * T(1.0 / 6)};
+    }
+    static INLINE Form in_space(T uu, T vv, T uv, T minors) {
+        const T doubled = std::sqrt(minors), far = uu + vv - (uv + uv), more = uu > vv ? uu : vv;
+        const bool there = doubled > T(FLAT) * (far > more ? far : more);
+        const T half = there ? T(0.5) / doubled : T(0);
+        return {half * uu, half * vv, half * uv, there ? doubled * T(1.0 / 6) : T(0)};
+    }
+};
+
+// The part of a triangle's area that is the mass of its corner 0, of Voronoi cells (mixed, as Meyer et al. 2002).
+template <class T> INLINE T voronoi_share(T cot0, T cot1, T cot2, T area) {
+    const T sharp = T(0.25) * area * (T(1) + cot1 * cot2), blunt = T(0.25) * area;
+    return cot0 < T(0) ? T(0.5) * area : cot1 < T(0) || cot2 < T(0) ? blunt : sharp;
+}
+
+}  // namespace meshflow::grid
