@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
     from meshflow.flow.engines.grid import GridFlow
     from meshflow.flow.engines.mesh import MeshFlow
+    from meshflow.flow.family import Member
     from meshflow.flow.march import State, march
     from meshflow.flow.methods import (
         Beltrami,
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
         Search,
         TotalVariation,
     )
-    from meshflow.flow.methods.beltrami import Member
     from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
     from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps, When
     from meshflow.fusing import fuse
@@ -110,7 +110,7 @@ _HOMES = {
         "Search",
         "TotalVariation",
     ),
-    "flow.methods.beltrami": ("Member",),
+    "flow.family": ("Member",),
     "flow.steppers": (
         "Explicit",
         "SemiImplicit",

@@ -23,9 +23,9 @@ from meshflow.flow.blend import euler
 from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.family import Member
 from meshflow.flow.march import march
 from meshflow.flow.methods import Beltrami
-from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit
 from meshflow.flow.workspace import Workspace
 from meshflow.kernels.library import default_threads

@@ -17,7 +17,7 @@ import pytest
 
 from meshflow.flow.blend import euler
 from meshflow.flow.engines.grid import GridFlow
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.kernels.arrays import copied
 from meshflow.kernels.library import environment
 from meshflow.surfaces.camera import Pinhole

@@ -16,7 +16,7 @@ from helpers.parts import parts
 import meshflow
 from meshflow.flow.blend import euler
 from meshflow.flow.engines.grid import GridFlow
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.flow.workspace import Workspace
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import Lift, RangeImage

@@ -11,8 +11,8 @@ from meshflow.evaluate.metrics import compare
 from meshflow.flow.controls import Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.family import Member
 from meshflow.flow.march import march
-from meshflow.flow.methods.beltrami import Member
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Camera, Orthographic, Pinhole
 from meshflow.surfaces.lift import Lift, RangeImage

@@ -12,9 +12,9 @@ from meshflow.flow.blend import euler
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
+from meshflow.flow.family import Member
 from meshflow.flow.march import VANISHED
 from meshflow.flow.methods import Fairing
-from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry.connectivity import connect, shared_sides
 from meshflow.geometry.delaunay import clamped
 from meshflow.geometry.operator import cotangents, fill_stiffness, stiffness

@@ -13,6 +13,7 @@ from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Given
+from meshflow.flow.engines.metric import NormalChannels as NormalMetric
 from meshflow.flow.methods import NormalChannels, PrincipalFlow
 from meshflow.flow.methods.principal import Principal
 from meshflow.geometry.connectivity import connect

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from helpers import shapes
 
-from meshflow.flow.controls import Fixed, Until
+from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.family import Member
 from meshflow.flow.march import march
-from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.free import Axes
@@ -20,7 +20,7 @@ STEPPERS = (Explicit(), SemiImplicit("direct"), SemiImplicit("cg"), SemiImplicit
 
 
 def end(flow, time, stepper=None, dt=None):
-    *_, last = march(flow, Until(time=time), stepper or Explicit(), Fixed(dt))
+    *_, last = march(flow, Until(time=time), stepper or Explicit(), FixedStep(dt))
     return last
 
 
@@ -258,7 +258,7 @@ def test_both_is_isotropic_and_alternate_nearly_so(diagonals, low, high):
 
 def end_of(values, diagonals):
     flow = MeshFlow(HeightField(values).lifted(Lift(diagonals=diagonals)))
-    *_, last = march(flow, Until(steps=48), Explicit(), Fixed(1 / 6))
+    *_, last = march(flow, Until(steps=48), Explicit(), FixedStep(1 / 6))
     return last.u.reshape(values.shape)
 
 
@@ -271,7 +271,7 @@ def end_of(values, diagonals):
 def test_explicit_euler_at_a_sixth_of_h_squared_never_grows_the_area(amplitude, gamma, diagonals):
     z = amplitude * np.random.default_rng(10).normal(size=(30, 30))
     flow = MeshFlow(HeightField(z, 0.7).lifted(Lift(diagonals=diagonals, boundary="neumann")), Member(gamma=gamma))
-    areas = [s.area for s in march(flow, Until(steps=40), Explicit(), Fixed(0.7**2 / 6))]
+    areas = [s.area for s in march(flow, Until(steps=40), Explicit(), FixedStep(0.7**2 / 6))]
     assert (np.diff(areas) <= 1e-12 * areas[0]).all()
     if amplitude < 1e4:  # on cliffs of 1e4 the change is below rounding for gamma = 2
         assert areas[-1] < areas[0]
@@ -282,11 +282,11 @@ def test_explicit_euler_at_a_sixth_of_h_squared_never_grows_the_area(amplitude, 
 def test_the_semi_implicit_step_never_grows_the_area(dt, gamma):
     z = 5 * np.random.default_rng(11).normal(size=(20, 20))
     flow = MeshFlow(HeightField(z).lifted(Lift(diagonals="forward", boundary="neumann")), Member(gamma=gamma))
-    areas = [s.area for s in march(flow, Until(steps=8), SemiImplicit("direct"), Fixed(dt))]
+    areas = [s.area for s in march(flow, Until(steps=8), SemiImplicit("direct"), FixedStep(dt))]
     assert (np.diff(areas) <= 1e-12 * areas[0]).all()
     points, faces = shapes.sphere(400)
     flow = MeshFlow(Mesh(points, faces).lifted(Lift()))
-    areas = [s.area for s in march(flow, Until(steps=8), SemiImplicit("direct"), Fixed(dt / 100))]
+    areas = [s.area for s in march(flow, Until(steps=8), SemiImplicit("direct"), FixedStep(dt / 100))]
     assert (np.diff(areas) <= 1e-12 * areas[0]).all()
 
 
@@ -298,7 +298,7 @@ def test_linear_borders_stay_stable_on_white_noise_at_the_same_step():
     errors = {}
     for boundary in ("plane-preserving", "neumann"):
         flow = MeshFlow(HeightField(z).lifted(Lift(boundary=boundary)))
-        *_, last = march(flow, Until(steps=400), Explicit(), Fixed(1 / 6))
+        *_, last = march(flow, Until(steps=400), Explicit(), FixedStep(1 / 6))
         there = np.isfinite(z).ravel()
         errors[boundary] = float(np.sqrt(np.mean((last.u[there, 0] - plane.ravel()[there]) ** 2)))
     assert errors["plane-preserving"] < 0.7 < errors["neumann"], errors

@@ -12,7 +12,7 @@ import pytest
 from meshflow.flow.blend import Blend
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.grid_layout import Layout
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.kernels import grid as kernels
 from meshflow.kernels.compiler import Target
 from meshflow.surfaces.camera import Orthographic, Pinhole
@@ -55,7 +55,7 @@ def scene(kind, shape=(37, 83), dtype=np.float64, holes=True, seed=0):
     return Image((1.5 * rng.normal(size=(*shape, int(kind)))).astype(dtype), (1.3, 0.8), missing, fixed)
 
 
-def flows(kind, diagonals="alternate", boundary="linear", threads=None, members=None, **how):
+def flows(kind, diagonals="alternate", boundary="plane-preserving", threads=None, members=None, **how):
     """Flows of all members that have a meaning for a kind of data."""
     for member in members or MEMBERS:
         if kind in CAMERAS and (member.patch > 0 or member.sharpness != 1):
@@ -70,7 +70,7 @@ KINDS = ["one", "rows", "2", "3", "5", *CAMERAS]
 def digest():
     """What all kernels of the grid compute, in 32 letters: run by another process with another library."""
     found = hashlib.sha256()
-    for kind, dtype, boundary in itertools.product(KINDS, (np.float32, np.float64), ("natural", "linear")):
+    for kind, dtype, boundary in itertools.product(KINDS, (np.float32, np.float64), ("neumann", "plane-preserving")):
         for diagonals in ("alternate", "both"):
             for flow in flows(kind, diagonals, boundary, 1, dtype=dtype):
                 u = flow.start()
@@ -114,7 +114,7 @@ def test_threads_give_the_same_bits(kind, dtype):
 
 
 @pytest.mark.parametrize("kind", ["one", "2", "3", "5", "lines"])
-@pytest.mark.parametrize("boundary", ["natural", "linear"])
+@pytest.mark.parametrize("boundary", ["neumann", "plane-preserving"])
 def test_a_part_of_a_grid_moves_as_in_the_whole_to_the_bit(kind, boundary):
     """Wherever it is cut: what is asked of blocks, tiles and rows does not show."""
     far, shape = 8, (40, 8300)  # wider than two tiles
@@ -147,7 +147,7 @@ def test_a_part_of_a_grid_moves_as_in_the_whole_to_the_bit(kind, boundary):
 
 @pytest.mark.parametrize("kind", ["one", "rows", "2", "3"])
 @pytest.mark.parametrize("diagonals", ["forward", "backward", "both"])
-@pytest.mark.parametrize("boundary", ["natural", "linear"])
+@pytest.mark.parametrize("boundary", ["neumann", "plane-preserving"])
 @pytest.mark.parametrize("holes", [False, True])
 def test_loops_for_few_channels_compute_what_those_for_any_number_do(kind, diagonals, boundary, holes):
     for sharpness, patch in itertools.product((1.0, 1.5, 2.0, 3.0, 4.0, 0.7), (0.0, 0.7)):
@@ -176,7 +176,7 @@ def test_roots_and_products_are_the_general_power(kind, patch, sharpness):
 def test_the_general_power_keeps_its_digits_from_flat_to_steep():
     for slope, q in itertools.product((1e-9, 1e-4, 0.1, 3.0, 1e3), (0.3, 1.2, 2.6)):
         z = slope * np.array([[0.0, 1.0, 3.0], [0.5, 0.0, 2.0], [1.0, 4.0, 0.0]])
-        flow = GridFlow(HeightField(z).gridded(Lift(1.0, "forward", "natural")), Member(sharpness=q))
+        flow = GridFlow(HeightField(z).gridded(Lift(1.0, "forward", "neumann")), Member(sharpness=q))
         faces = [((i, j), (i, j + 1), (i + 1, j)) for i in range(2) for j in range(2)]
         faces += [((i + 1, j + 1), (i + 1, j), (i, j + 1)) for i in range(2) for j in range(2)]
         legs = np.array([[z[q_] - z[p], z[r] - z[p]] for p, q_, r in faces])

@@ -14,9 +14,9 @@ from meshflow.errors import InputError
 from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.family import Member
 from meshflow.flow.march import march
 from meshflow.flow.methods import Search
-from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
 from meshflow.flow.stops import Steps
 from meshflow.surfaces.camera import Pinhole

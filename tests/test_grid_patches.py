@@ -11,8 +11,8 @@ from meshflow.errors import InputError
 from meshflow.flow.controls import Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.family import Member
 from meshflow.flow.march import march
-from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage

@@ -8,8 +8,8 @@ import pytest
 from meshflow.flow.controls import Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.family import Member
 from meshflow.flow.march import march
-from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import SuperTime
 from meshflow.surfaces.camera import Orthographic, Pinhole
 from meshflow.surfaces.lift import Lift, RangeImage

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh
 
 heights = arrays(np.float64, st.tuples(st.integers(3, 7), st.integers(3, 7)), elements=st.floats(-4, 4, width=32))

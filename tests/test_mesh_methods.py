@@ -14,8 +14,8 @@ from meshflow.evaluate.metrics import area, volume
 from meshflow.flow.blend import euler
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.family import Member
 from meshflow.flow.methods import ConformalFlow, CurvatureFlow, Fairing, NormalFilter
-from meshflow.flow.methods.beltrami import Member
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.normals import normals_at
 from meshflow.io.files import read

@@ -38,10 +38,10 @@ MAY = {
 TOP = {"__init__", "__main__", "smoothing", "fusing", "accessors", "errors", "lazy"}
 FILES = sorted(PACKAGE.rglob("*.py"))
 LINES_OF_A_FILE, LINES_OF_A_FUNCTION, PARAMETERS = 400, 60, 6
-MANY_PARAMETERS = 98  # functions that have more, anywhere but in kernels
+MANY_PARAMETERS = 6  # functions that have more, anywhere but in kernels; each says why
 ANY_IN_IO = 7  # parameters annotated with `Any`
-ASSERTS = 59
-UNDOCUMENTED, UNTYPED = 50, 685  # public functions without a docstring, their parameters without a type
+ASSERTS = 3
+UNDOCUMENTED, UNTYPED = 0, 0  # public functions without a docstring, their parameters without a type
 PEERS = {
     "skimage", "pywt", "SimpleITK", "cv2", "diplib", "medpy", "whitebox_workflows", "pymeshlab", "cholespy", "pyrealsense2",
 }  # fmt: skip
@@ -186,13 +186,20 @@ def test_the_top_of_the_package_holds_the_door_and_little_more():
     assert {path.stem for path in PACKAGE.glob("*.py")} == TOP
 
 
+def packages_above(target, name):
+    """The packages that are imported on the way to a module, but for those that the importing module is in itself."""
+    parts = target.split(".")
+    above = (".".join(parts[:n]) for n in range(2, len(parts)))
+    return [package for package in above if not f"{name}.".startswith(f"{package}.")]
+
+
 def test_nothing_is_cyclic():
     names = {
         ".".join(("meshflow", *p.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__"): p
         for p in FILES
     }
     edges = {
-        name: {target for target in imports(path) if target in names}
+        name: {target for one in imports(path) for target in (one, *packages_above(one, name)) if target in names}
         for name, path in names.items()
         if name != "meshflow"
     }

@@ -15,8 +15,8 @@ from meshflow.estimate.search import _tiled
 from meshflow.estimate.told import expected_error
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.grid import GridFlow
+from meshflow.flow.family import Member
 from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS, Beltrami, PeronaMalik
-from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.stops import Residual, Steps
 from meshflow.surfaces.lift import HeightField, Lift
 from meshflow.synthetic.scenes import mesas, ramps

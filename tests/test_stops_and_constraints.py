@@ -180,7 +180,7 @@ def test_the_rest_is_where_smoothness_and_data_pull_alike():
     from meshflow.flow.blend import euler
     from meshflow.flow.constraints import Faithful, trust_of
     from meshflow.flow.engines.grid import GridFlow
-    from meshflow.flow.methods.beltrami import Member
+    from meshflow.flow.family import Member
     from meshflow.surfaces.lift import HeightField, Lift
 
     _, z = noisy(24)

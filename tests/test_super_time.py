@@ -9,9 +9,9 @@ from meshflow.flow.compute import Compute
 from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.family import Member
 from meshflow.flow.march import march
 from meshflow.flow.methods import Search
-from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime, stepper_for
 from meshflow.flow.super_time import reach, schedule, stages
 from meshflow.surfaces.lift import HeightField, Lift, Mesh

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.free import Axes, Rays
 from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage

@@ -7,7 +7,7 @@ from meshflow.flow.blend import euler
 from meshflow.flow.conjugate_gradients import conjugate_gradients
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import metric_of
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import blocked

@@ -8,7 +8,6 @@ import trimesh
 from helpers.parts import parts
 
 import meshflow
-from meshflow.cli.asking import words_of
 from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError
 from meshflow.estimate.request import Request
@@ -78,7 +77,7 @@ def test_the_command_line_makes_the_state_that_is_saved_to_the_last_bit(tmp_path
         trimesh.Trimesh(ball().points, ball().faces, process=False).export(source)
     document = meshflow.read(source)
     settings = QUICK if kind.endswith("npy") else Request.of(method="fairing", time=0.01)
-    desk = Desk(Session.begun(document.noun, settings, count=5), document, Saving(str(source), target, words=words_of))
+    desk = Desk(Session.begun(document.noun, settings, count=5), document, Saving(str(source), target))
     timeline = desk.run({}, lambda share: False)
     desk.shown(timeline)
     moment = timeline.moments[3]

@@ -75,7 +75,10 @@ def command(
     parameters = [flag.parameter() for flag in flags]
 
     def made(work: Callable[[Given], None]) -> Callable[[Given], None]:
+        """Make the command of a function."""
+
         def called(**given: Any) -> None:
+            """Call the function with what was given."""
             work(given)
 
         called.__doc__ = work.__doc__

@@ -20,7 +20,8 @@ from meshflow.estimate.search import (
     searched_on_grid,
     searched_on_mesh,
 )
-from meshflow.flow.methods.beltrami import Beltrami, HeightMethod, Member
+from meshflow.flow.family import Member
+from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
 from meshflow.flow.methods.searched import Search as Searched
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.lift import Lift, Mesh, Noun, RangeImage, data_of

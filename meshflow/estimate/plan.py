@@ -13,8 +13,9 @@ from meshflow.estimate.risk import Trial
 from meshflow.flow.conservation import Keep
 from meshflow.flow.constraints import Limit
 from meshflow.flow.controls import Until
+from meshflow.flow.family import Member
 from meshflow.flow.methods import Method
-from meshflow.flow.methods.beltrami import HeightMethod, Member
+from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.stops import Scale
 from meshflow.geometry.validation import Array

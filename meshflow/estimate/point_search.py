@@ -91,12 +91,14 @@ def searched(noun: Mesh, lift: Lift, told: Tried) -> tuple[Trial, ...]:
     across = beyond(noun.faces)
 
     def risk(one: Array, other: Array) -> float:
+        """The risk of a run and its twin at one time, squared unit of the points."""
         change = np.einsum("ij,ij->i", one - start.points, normals)[counted]
         left = (signs[:, 0] * np.einsum("ij,ij->i", other - one, normals))[counted] / (PROBE * sigma)
         square = float(np.mean(change * change)) + sigma**2 * (2.0 * float(np.mean(left)) - 1.0)
         return square + WEIGHT * sigma**2 * folded(one, noun.faces, across)
 
     def tried(way: PointMethod, times: tuple[float, ...]) -> list[Trial]:
+        """The trial of a method at these times; none where it cannot be run."""
         risks = [sigma**2 * (1.0 + WEIGHT * folded(start.points, noun.faces, across))]
         for pair in _pairs(way, setting, (start, twin), times, slow):
             risks.append(risk(*pair))
@@ -108,6 +110,7 @@ def searched(noun: Mesh, lift: Lift, told: Tried) -> tuple[Trial, ...]:
         return [Trial(way, (0.0, *times)[first : len(risks)], tuple(risks[first:]))]
 
     def looked_at(way: PointMethod, most: float) -> tuple[float, ...]:
+        """The times, up to one, at which the risk of a method is looked at."""
         times = (end,) if end is not None else tuple(t for t in _times(way, step) if way.once or t <= most)
         if len(ways) == 1 or not isinstance(way, Fairing) or way.weights == "uniform":
             return times

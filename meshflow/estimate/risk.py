@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.flow.constraints import Limit
 from meshflow.flow.contract import Flow
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.flow.steppers import Explicit, SuperTime
 from meshflow.flow.super_time import stages
 from meshflow.flow.workspace import Workspace

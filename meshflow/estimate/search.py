@@ -11,7 +11,7 @@ from meshflow.estimate.risk import PROBE, Candidate, Trial, first_of, ranked, re
 from meshflow.flow.constraints import Limit
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.flow.mobility import slowed
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.discontinuities import Cuts
@@ -131,6 +131,7 @@ def tried_on_grid(tiled: _Tiles, search: Search, threads: int | None = None) -> 
     sigma = search.sigma if not isinstance(search.sigma, np.ndarray) else search.sigma.reshape(-1, 1)
 
     def tried(candidate: Candidate) -> list[Trial]:
+        """The trials of a candidate, one for each weight of twicing."""
         pair = (
             GridFlow(replace(tiles, contrast=candidate.contrast), candidate.member, threads),
             GridFlow(replace(twins, contrast=candidate.contrast), candidate.member, threads),
@@ -155,6 +156,7 @@ def tried_on_mesh(noun: Mesh, lift: Lift, search: Search) -> Callable[[Candidate
     counted = ~noun.fixed
 
     def tried(candidate: Candidate) -> list[Trial]:
+        """The trials of a candidate, one for each weight of twicing."""
         one, two = (
             MeshFlow(part.lifted(replace(lift, contrast=candidate.contrast)), candidate.member) for part in (noun, twin)
         )

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.evaluate.outcome import Bends, Outcome, Start, Truth, rim_edges
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.validation import Array, positive

@@ -121,9 +121,11 @@ class _FaithfulSystem:
 
     @property
     def mass(self) -> Array:
+        """That of the system inside, (n,)."""
         return self.system.mass
 
     def matrix(self, dt: float) -> Any:
+        """That of the system inside, with the pull of the data weights on its diagonal."""
         return self.system.matrix(dt) + sparse.diags(
             dt * self.mass * np.broadcast_to(self.trust[:, 0], self.mass.shape)
         )

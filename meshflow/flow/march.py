@@ -81,14 +81,17 @@ class _Taken:
 
     @property
     def dt(self) -> float:
+        """Length of the step, squared length."""
         return self.new.dt
 
     @property
     def error(self) -> float | None:
+        """Error of the step, where its stepper knows it."""
         return self.new.error
 
     @property
     def way(self) -> float:
+        """How far the samples went, root mean square."""
         return self._way
 
     @cached_property
@@ -97,6 +100,7 @@ class _Taken:
         return flow.size((1.0, self.new.u), (-1.0, flow.start()), roughly=True)[0]
 
     def areas(self) -> tuple[float, float]:
+        """Area before and after the step, squared length."""
         return self.old.area, self.new.area
 
 

@@ -35,6 +35,7 @@ def reporting(progress: Progress, words: str) -> Iterator[Callable[[float], obje
         task, begun = bar.add_task(words, total=1.0), monotonic()
 
         def report(share: float) -> None:
+            """Show the share that is done, once somebody has waited."""
             bar.update(task, completed=share)
             if monotonic() - begun > PATIENCE and not bar.finished:
                 bar.start()  # does nothing once it has begun

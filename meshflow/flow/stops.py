@@ -190,9 +190,11 @@ def crossing(
     (old, since), (new, until) = before, after
 
     def blend(share: float) -> Array:
+        """u on the straight line between the ends of the step."""
         return old + np.asarray(share, old.dtype) * (new - old)
 
     def over(share: float, stop: Stop) -> float:
+        """How far a stop is exceeded at a share of the step."""
         u = old if share == 0 else new if share == 1 else blend(share)
         return stop.excess(course, u, since + share * (until - since))
 

@@ -149,6 +149,7 @@ def _averaged(normals: Array, areas: Array, faces: Array, n: int) -> Array:
     around: Array = np.bincount(flat, each, n)[:, None]
 
     def gathered(normals: Array) -> Array:
+        """The mean over the triangles of each vertex, by their areas."""
         sums = np.stack([np.bincount(flat, each * np.repeat(part, 3), n) for part in normals.T], axis=1)
         return np.divide(sums, around, out=np.zeros_like(sums), where=around > 0)
 

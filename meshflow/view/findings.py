@@ -24,13 +24,24 @@ class Named(Protocol):
     """A parameter: a value, its unit, where it came from, and why it is so."""
 
     @property
-    def value(self) -> float | str: ...  # noqa: D102
+    def value(self) -> float | str:
+        """A number or a word."""
+        ...
+
     @property
-    def unit(self) -> str: ...  # noqa: D102
+    def unit(self) -> str:
+        """Of a number."""
+        ...
+
     @property
-    def origin(self) -> str: ...  # noqa: D102
+    def origin(self) -> str:
+        """``given | estimated | default``."""
+        ...
+
     @property
-    def why(self) -> str: ...  # noqa: D102
+    def why(self) -> str:
+        """The reason, in a few words."""
+        ...
 
 
 class Run(Protocol):
@@ -43,29 +54,64 @@ class Run(Protocol):
     """
 
     @property
-    def before(self) -> Noun: ...  # noqa: D102
+    def before(self) -> Noun:
+        """The data before."""
+        ...
+
     @property
-    def after(self) -> Noun: ...  # noqa: D102
+    def after(self) -> Noun:
+        """The data after."""
+        ...
+
     @property
-    def parameters(self) -> Mapping[str, Named]: ...  # noqa: D102
+    def parameters(self) -> Mapping[str, Named]:
+        """By name."""
+        ...
+
     @property
-    def noise(self) -> Any: ...  # noqa: D102
+    def noise(self) -> Any:
+        """What was found in the data."""
+        ...
+
     @property
-    def candidates(self) -> Sequence[Any]: ...  # noqa: D102
+    def candidates(self) -> Sequence[Any]:
+        """Of the search, the chosen one first."""
+        ...
+
     @property
-    def history(self) -> Any: ...  # noqa: D102
+    def history(self) -> Any:
+        """The run in arrays."""
+        ...
+
     @property
-    def removed(self) -> Any: ...  # noqa: D102
+    def removed(self) -> Any:
+        """Before minus after."""
+        ...
+
     @property
-    def correlation(self) -> Any: ...  # noqa: D102
+    def correlation(self) -> Any:
+        """Of what was removed with itself; None where it is not known."""
+        ...
+
     @property
-    def stopped_because(self) -> str: ...  # noqa: D102
+    def stopped_because(self) -> str:
+        """Why the run ended, a sentence."""
+        ...
+
     @property
-    def warnings(self) -> Sequence[str]: ...  # noqa: D102
+    def warnings(self) -> Sequence[str]:
+        """Sentences."""
+        ...
+
     @property
-    def version(self) -> str: ...  # noqa: D102
+    def version(self) -> str:
+        """Of meshflow."""
+        ...
+
     @property
-    def parts(self) -> Mapping[str, "Run"]: ...  # noqa: D102
+    def parts(self) -> Mapping[str, "Run"]:
+        """Runs by name, of which this is the whole."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

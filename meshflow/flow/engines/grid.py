@@ -9,7 +9,7 @@ from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.grid_layout import Layout, border_samples
 from meshflow.flow.engines.grid_system import GridSystem
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.geometry.operator import mass_kind
 from meshflow.geometry.validation import Array, whole
 from meshflow.kernels import grid as kernels

@@ -11,7 +11,7 @@ from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.dense import Dense
 from meshflow.flow.engines.metric import Given, Measured, Metric
 from meshflow.flow.engines.triangulation import Triangulation, triangulations_of
-from meshflow.flow.methods.beltrami import Member
+from meshflow.flow.family import Member
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import Blocks, blocked, march_blocks
 from meshflow.geometry.connectivity import Connectivity

@@ -1,13 +1,12 @@
-"""The family of W^q: exponents, edge indicator and mass as engines take them, and the methods of it that have names."""
+"""The methods of the family of W^q: by its exponents, and those that have names."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
-
-import numpy as np
+from typing import ClassVar
 
 from meshflow.errors import InputError
+from meshflow.flow.family import Indicator, Mass, Member
 from meshflow.geometry.options import option
-from meshflow.geometry.validation import Array, number, positive
+from meshflow.geometry.validation import number, positive
 
 __all__ = [
     "Beltrami",
@@ -15,86 +14,11 @@ __all__ = [
     "GraphFlow",
     "Heat",
     "HeightMethod",
-    "Indicator",
-    "Mass",
     "MeanCurvatureDiffusion",
-    "Member",
     "Patches",
     "PeronaMalik",
     "TotalVariation",
 ]
-
-Indicator = Literal["metric", "projection"]
-Mass = Literal["barycentric", "voronoi", "ring"]
-# The widest patch: the taps must fit beside the rows of a grid.
-WIDEST = 6.0
-
-
-@dataclass(frozen=True)
-class Member:
-    """One flow of the family dX/dt = -(edge indicator)^gamma P B.
-
-    :param gamma: exponent of the edge indicator, the convention of section 4.2, defined in every dimension: -2 graph flow
-        (the motion of the shape under mean curvature flow), -1 mean curvature diffusion (El-Fallah and Ford), 0 Beltrami
-        flow (14), above 0 stronger preservation of edges (10). The gamma of section 3 is this one plus 1. Where all
-        coordinates are free (a mesh), the indicator is 1 and gamma has no effect.
-    :param sharpness: q, above 0: in each triangle the free part of lengths is stretched so that a triangle of slope s has area
-        W^q instead of W = sqrt(1 + s^2), all channels together. 1 is the paper. With gamma = -1 the flux across an edge is then
-        grad / W^q: q = 1 [FEF98], q = 2 Perona and Malik (1), q = 4 Geman and McClure. No effect where all coordinates are
-        free; not defined along rays.
-    :param indicator: ``metric``: area of the triangles around a vertex projected across its free directions over their true
-        area, 1/W of a height field (3); ``projection``: \\|PB\\| / \\|B\\| as (10) writes it. Both lie in [0, 1].
-    :param mass: ``barycentric``: time as in the heat equation on flat data; ``voronoi`` (mixed): the same; ``ring``: the
-        whole ring, as (14): time runs three times slower.
-    :param patch: rho, in samples: lengths are measured in the space of patches, the Gaussian neighbourhoods of this width that
-        each sample carries (DESIGN.md, section 2; on grids, not along rays). 0: of single samples. With gamma = -1 it leaks along
-        edges; with gamma = 0, 0.5 to 1 lowers the error of the flow on noisy data.
-    :param floor: least value of the ``projection`` indicator, which is 0/0 on flat surfaces and, for gamma < 0, would let the
-        motion grow without bound.
-    :raises InputError: for an unknown word, a gamma that is not finite, a sharpness that is not positive, a floor outside
-        (0, 1], or a patch that is negative or wider than 6 samples.
-    """
-
-    gamma: float = 0.0
-    sharpness: float = 1.0
-    indicator: Indicator = "metric"
-    mass: Mass = "barycentric"
-    floor: float = 0.05
-    patch: float = 0.0
-
-    def __post_init__(self) -> None:
-        number(self.gamma, "gamma")
-        positive(self.sharpness, "sharpness")
-        if self.indicator not in ("metric", "projection"):
-            raise InputError(f"indicator: metric or projection expected, got {self.indicator!r}")
-        if self.mass not in ("barycentric", "voronoi", "ring"):
-            raise InputError(f"mass: barycentric, voronoi or ring expected, got {self.mass!r}")
-        if positive(self.floor, "floor") > 1:
-            raise InputError(f"floor: a number in (0, 1] expected, got {self.floor}")
-
-        if not 0 <= number(self.patch, "patch") <= WIDEST:
-            raise InputError(f"patch: a width between 0 and {WIDEST:g} samples expected, got {self.patch}")
-
-    @property
-    def taps(self) -> Array:
-        """The Gaussian of the patches, from its middle outwards, of sum 1 with both its sides; one tap where there is none."""
-        far = int(np.ceil(2.5 * self.patch))
-        taps = np.exp(-0.5 * np.square(np.arange(far + 1) / self.patch)) if far else np.ones(1)
-        return taps / (2.0 * taps.sum() - taps[0])
-
-    def check(self, along_rays: bool, on_grid: bool) -> None:
-        """Refuse a member that has no meaning on a surface.
-
-        :raises InputError: for a sharpness other than 1 along rays: no common base holds the triangles there, and tilted planes
-            would no longer rest; for patches along rays or on a mesh.
-        """
-        if along_rays and self.sharpness != 1.0:
-            raise InputError(
-                f"sharpness: along rays only 1 is defined, got {self.sharpness}; use gamma to keep edges of a range image"
-            )
-        if self.patch > 0 and (along_rays or not on_grid):
-            where = "along rays" if along_rays else "on a mesh"
-            raise InputError(f"patch: {where} samples have no patches, got {self.patch}; height fields and images have")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from meshflow.flow.conservation import AlongNormals
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped, Conformal, Given, metric_of
-from meshflow.flow.methods.beltrami import Mass, Member
+from meshflow.flow.family import Mass, Member
 from meshflow.flow.methods.border_curve import Bordered
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.steppers import Stepper, StepperName, stepper_for

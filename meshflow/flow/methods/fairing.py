@@ -7,8 +7,8 @@ from typing import ClassVar
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import metric_of
+from meshflow.flow.family import Member
 from meshflow.flow.low_pass import LowPass, Weights
-from meshflow.flow.methods.beltrami import Member
 from meshflow.flow.methods.curvature import bordered
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.steppers import Stepper, StepperName

@@ -7,7 +7,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import NormalChannels as Lengths
 from meshflow.flow.engines.metric import metric_of
-from meshflow.flow.methods.beltrami import Mass, Member
+from meshflow.flow.family import Mass, Member
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.geometry.options import option
 from meshflow.geometry.validation import positive

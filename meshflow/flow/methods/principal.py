@@ -11,7 +11,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Given, Measured, Metric
 from meshflow.flow.engines.triangulation import Triangulation
-from meshflow.flow.methods.beltrami import Mass, Member
+from meshflow.flow.family import Mass, Member
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.wrapper import Around
 from meshflow.geometry.curvature import directed

@@ -70,6 +70,7 @@ def _sections(document: Document, options: ReadOptions) -> Multipart | None:
     document = document.holding(noun)
 
     def to_object(nouns: Sequence[Noun]) -> Document:
+        """The document around the smoothed parts."""
         meshes = [one for one in nouns if isinstance(one, Mesh)]
         points = np.array(noun.points, dtype=np.result_type(*(one.points for one in meshes)))
         channels = None
@@ -100,6 +101,7 @@ def _section(document: Document, noun: Mesh, rows: Array) -> Adopted:
     )
 
     def samples(given: ArrayLike | None, word: str) -> ArrayLike | None:
+        """One number per sample of this part."""
         found = document.samples(given, word)
         values = np.asarray(found)
         if values.ndim == 0:

@@ -35,6 +35,7 @@ def from_blocks(blocks: pyvista.MultiBlock, options: ReadOptions) -> Multipart:
         raise InputError("pyvista.MultiBlock: at least one block with a surface expected, got none")
 
     def to_object(nouns: Sequence[Noun]) -> pyvista.MultiBlock:
+        """The blocks around the smoothed parts."""
         new, start = blocks.copy(deep=True), 0
         for i, found in inner:
             stop = start + len(found.parts)

@@ -48,6 +48,7 @@ class _Layout:
 
     @property
     def order(self) -> tuple[Hashable, ...]:
+        """The dimensions in the order in which samples are read."""
         return (*self.leading, self.y, self.x, *((self.channel,) if self.channel else ()))
 
 

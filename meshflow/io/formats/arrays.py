@@ -210,6 +210,7 @@ def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Adopted:
     noun = Mesh(np.asarray(points), np.array(faces), channels, options.moves, nowhere(options.fixed_mask))
 
     def to_object(smoothed: Mesh) -> tuple[Array, ...]:
+        """Arrays of the smoothed mesh: points, faces, channels."""
         if smoothed.channels is None:
             return np.array(smoothed.points), np.array(faces)
         return (

@@ -286,6 +286,7 @@ def _gone(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | 
 
 def _frame(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Frame:
     def of(each: Sequence[T]) -> tuple[T, ...]:
+        """Those of the bands that are read."""
         return tuple(each[i - 1] for i in chosen)
 
     spaces = [

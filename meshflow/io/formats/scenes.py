@@ -166,6 +166,7 @@ def taken_apart(
         made.append(Parts(copy, tuple(mine), skin, options.attribute))
 
     def to_object(nouns: Sequence[Noun]) -> trimesh.Scene:
+        """The scene around the smoothed parts."""
         new: trimesh.Scene = copy.copy()
         for one, noun in zip(made, nouns, strict=True):
             if not isinstance(noun, Mesh):

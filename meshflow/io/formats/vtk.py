@@ -114,6 +114,7 @@ def listened() -> Iterator[list[str]]:
     root = logging.getLogger()  # where pyvista sends the errors of VTK
 
     def deaf(record: logging.LogRecord) -> bool:
+        """Keep the first line of a message, and print none."""
         heard.append(record.getMessage().strip().splitlines()[0])
         return False
 
