@@ -11,7 +11,7 @@ import skimage.data
 
 import meshflow
 import meshflow.view
-from meshflow.surfaces.lift import Image
+from meshflow.surfaces.image import Image
 
 
 def main(picture: Path | None = None) -> float:

@@ -15,7 +15,7 @@ import meshflow
 import meshflow.view
 from meshflow.estimate.constraints import PreserveVolume
 from meshflow.flow.methods import Fairing
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 from meshflow.synthetic.samples import irregular_mesh
 
 

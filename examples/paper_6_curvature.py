@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import meshflow.view
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 from meshflow.synthetic import shapes
 from meshflow.synthetic.samples import irregular_mesh
 

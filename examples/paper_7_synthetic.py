@@ -10,7 +10,7 @@ import numpy as np
 
 import meshflow
 import meshflow.view
-from meshflow.surfaces.lift import Image
+from meshflow.surfaces.image import Image
 from meshflow.synthetic.samples import picture as discs
 
 

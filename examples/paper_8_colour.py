@@ -12,7 +12,7 @@ import skimage.data
 import meshflow
 import meshflow.view
 from meshflow.flow.super_time import stages
-from meshflow.surfaces.lift import Image
+from meshflow.surfaces.image import Image
 
 
 def main(picture: Path | None = None) -> tuple[int, float]:

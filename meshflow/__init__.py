@@ -56,7 +56,11 @@ if TYPE_CHECKING:
     from meshflow.smoothing import estimate_noise, smooth
     from meshflow.surfaces.camera import Orthographic, Pinhole
     from meshflow.surfaces.free import Axes, Rays
-    from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
+    from meshflow.surfaces.grid import Lift
+    from meshflow.surfaces.height_field import HeightField
+    from meshflow.surfaces.image import Image
+    from meshflow.surfaces.mesh import Mesh
+    from meshflow.surfaces.range_image import RangeImage
     from meshflow.surfaces.scanner import Scanner, Spherical
     from meshflow.surfaces.surface import Surface
     from meshflow.viewer.filming import film
@@ -150,13 +154,11 @@ _HOMES = {
         "Orthographic",
         "Pinhole",
     ),
-    "surfaces.lift": (
-        "HeightField",
-        "Image",
-        "Lift",
-        "Mesh",
-        "RangeImage",
-    ),
+    "surfaces.grid": ("Lift",),
+    "surfaces.height_field": ("HeightField",),
+    "surfaces.image": ("Image",),
+    "surfaces.mesh": ("Mesh",),
+    "surfaces.range_image": ("RangeImage",),
     "surfaces.scanner": (
         "Scanner",
         "Spherical",

@@ -34,7 +34,9 @@ from meshflow.io.objects import Adopted, from_object, opened, taken_in
 from meshflow.results.multipart import Results, one_by_one
 from meshflow.results.result import Result
 from meshflow.results.run import run
-from meshflow.surfaces.lift import HeightField, RangeImage, from_disparity, in_disparity
+from meshflow.surfaces.disparity import from_disparity, in_disparity
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Metadata", "estimate_noise", "must_exist", "noise_facts", "smooth", "smooth_object"]
 

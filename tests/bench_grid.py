@@ -30,7 +30,10 @@ from meshflow.flow.steppers import Explicit, SemiImplicit
 from meshflow.flow.workspace import Workspace
 from meshflow.kernels.library import default_threads
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.range_image import RangeImage
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1800)]
 THREADS = default_threads()

@@ -21,7 +21,10 @@ from meshflow.flow.family import Member
 from meshflow.kernels.arrays import copied
 from meshflow.kernels.library import environment
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.range_image import RangeImage
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(3600)]
 THREADS = int(os.environ.get("BENCH_THREADS", "2"))

@@ -157,9 +157,9 @@ CASES = {
 }
 
 
-def ours(case, z, pace="footprint", **options):
+def ours(case, z, time_unit="footprint", **options):
     """The front door; missing stays NaN."""
-    image = RangeImage(z.astype(np.float32), case.camera, pace=pace)
+    image = RangeImage(z.astype(np.float32), case.camera, time_unit=time_unit)
     found = meshflow.smooth(image, **parts(**options)).depth.astype(np.float64)
     return np.where(np.isfinite(z), found, np.nan)
 
@@ -178,7 +178,7 @@ def our_peer(case):
     def run(z, sigma, time, gamma, pace):
         return ours(case, z, pace, time=time * whiles[z.tobytes()], gamma=float(gamma))
 
-    grid = {"time": TIMES, "gamma": ("0", "-1"), "pace": ("footprint", "noise")}
+    grid = {"time": TIMES, "gamma": ("0", "-1"), "time_unit": ("footprint", "noise")}
     return Peer("ours, best", "meshflow", run, grid)
 
 

@@ -19,7 +19,8 @@ from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.family import Member
 from meshflow.flow.workspace import Workspace
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.synthetic.samples import depth_scene
 
 cv2 = pytest.importorskip("cv2")

@@ -15,7 +15,8 @@ from meshflow.flow.family import Member
 from meshflow.flow.march import march
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Camera, Orthographic, Pinhole
-from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Scanner, Spherical
 
 RNG = np.random.default_rng(5)
@@ -102,7 +103,7 @@ def test_both_engines_move_alike_for_every_camera(camera):
     missing[3:8, 10:14], missing[20, ::7] = True, True
     depth[missing] = np.nan
     for pace in ("footprint", "length"):
-        noun = RangeImage(depth, camera, pace=pace)
+        noun = RangeImage(depth, camera, time_unit=pace)
         member = Member(gamma=0.5)
         slow, fast = MeshFlow(noun.lifted(Lift()), member), GridFlow(noun.gridded(Lift()), member)
         one, other = (flow.rate(flow.start(), 1) for flow in (slow, fast))
@@ -137,7 +138,7 @@ def test_time_in_length_is_time_in_footprints_where_all_footprints_are_equal():
     one = smooth(depth, camera=camera, time=5.0, kind="depth")
     other = smooth(depth, camera=camera, time=5.0 * 0.02**2, kind="depth", time_unit="length")
     assert np.abs(one - other).max() < 1e-12
-    assert RangeImage(depth, camera, pace="length").step == pytest.approx(0.02)
+    assert RangeImage(depth, camera, time_unit="length").step == pytest.approx(0.02)
     assert np.array_equal(
         smooth(depth, camera=camera, time_unit="length"), smooth(depth, camera=camera)
     ) or np.allclose(smooth(depth, camera=camera, time_unit="length"), smooth(depth, camera=camera), atol=1e-12)
@@ -215,7 +216,10 @@ BAD = [
     (lambda: Pinhole(1, 1, 1, 1, (0.1, 0.2, 0, np.nan)), "distortion: a finite number expected, got nan"),
     (lambda: Pinhole(50, 50, 20, 15, (-3.0, 0, 0, 0)).rays((H, W)), r"no ray is found for \d+ of 1200 pixels"),
     (lambda: RangeImage(IMAGE, PLAIN, measure="z"), "measure: depth .* or range .* expected, got 'z'"),
-    (lambda: RangeImage(IMAGE, PLAIN, pace="metres"), "pace: footprint, length or noise expected, got 'metres'"),
+    (
+        lambda: RangeImage(IMAGE, PLAIN, time_unit="metres"),
+        "time_unit: footprint, length or noise expected, got 'metres'",
+    ),
     (lambda: RangeImage(IMAGE, "kinect"), "camera: a Pinhole, Orthographic, Spherical or Scanner expected, got str"),
     (lambda: Orthographic(0, 1), "camera dx: a positive finite number of length per pixel expected, got 0"),
     (lambda: Spherical((0, 0), (1, 2)), r"camera azimuth: .* at most a turn apart, expected, got 0, 0"),

@@ -12,7 +12,11 @@ from meshflow.flow.march import march
 from meshflow.flow.steppers import Explicit, SemiImplicit
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.free import Axes
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.surface import Surface
 
 GAMMAS = (-2.0, -1.0, 0.0, 1.0)

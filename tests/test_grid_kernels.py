@@ -16,7 +16,10 @@ from meshflow.flow.family import Member
 from meshflow.kernels import grid as kernels
 from meshflow.kernels.compiler import Target
 from meshflow.surfaces.camera import Orthographic, Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.range_image import RangeImage
 
 CAMERAS = {
     "pinhole": lambda h, w: Pinhole(1.2 * w, 1.1 * w, 0.45 * w, 0.5 * h),

@@ -20,7 +20,10 @@ from meshflow.flow.methods import Search
 from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
 from meshflow.flow.stops import Steps
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.range_image import RangeImage
 
 CAMERA = Pinhole(120, 120, 70.3, 55.1)
 RNG = np.random.default_rng(0)

@@ -15,7 +15,10 @@ from meshflow.flow.family import Member
 from meshflow.flow.march import march
 from meshflow.flow.steppers import Explicit
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.range_image import RangeImage
 
 
 def scene(channels, holes, seed=0, shape=(9, 12)):

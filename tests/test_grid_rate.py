@@ -12,7 +12,10 @@ from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.family import Member
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.range_image import RangeImage
 
 GAMMAS, INDICATORS, MASSES = (-2.0, -1.0, 0.0, 0.3, 1.0), ("metric", "projection"), ("barycentric", "voronoi", "ring")
 BOUNDARIES, DIAGONALS, SHARPNESSES = (

@@ -12,7 +12,8 @@ from meshflow.flow.family import Member
 from meshflow.flow.march import march
 from meshflow.flow.steppers import SuperTime
 from meshflow.surfaces.camera import Orthographic, Pinhole
-from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Spherical
 
 H, W = 13, 17

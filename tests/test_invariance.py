@@ -8,7 +8,10 @@ from hypothesis.extra.numpy import arrays
 
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.family import Member
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
 
 heights = arrays(np.float64, st.tuples(st.integers(3, 7), st.integers(3, 7)), elements=st.floats(-4, 4, width=32))
 members = st.builds(

@@ -14,7 +14,10 @@ from meshflow.io.formats import arrays
 from meshflow.io.objects import from_object
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 CAMERA = Pinhole(525, 525, 3.5, 2.5)

@@ -13,7 +13,7 @@ from meshflow.io.formats import depth_images as depths
 from meshflow.io.formats.cameras import camera_for
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.range_image import RangeImage
 
 ICL = SHARED / "range" / "icl_livingroom_pairs"
 PLAIN = {"fx": 525, "fy": 520, "cx": 3.5, "cy": 2.5}

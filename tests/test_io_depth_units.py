@@ -13,7 +13,7 @@ from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError, NothingThere
 from meshflow.io.files import Document, read, write
 from meshflow.surfaces.camera import Orthographic, Pinhole
-from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Scanner, Spherical
 
 NEAR = Pinhole(8, 8, 3.5, 2.5)
@@ -56,7 +56,7 @@ def test_measure_and_pace_are_handed_on(tmp_path):
     np.save(tmp_path / "a.npy", counts() / 1000)
     for name in ("a.png", "a.npy"):
         noun = read(tmp_path / name, camera=NEAR, measure="range", time_unit="length").noun
-        assert (noun.measure, noun.pace) == ("range", "length")
+        assert (noun.measure, noun.time_unit) == ("range", "length")
     assert read(tmp_path / "a.png", camera=Spherical((30, -30), (10, -10))).noun.measure == "range"
 
 

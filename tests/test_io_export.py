@@ -8,7 +8,8 @@ import meshflow
 from meshflow.errors import InputError
 from meshflow.io.export import to_mesh, to_normals, to_open3d, to_points, to_pyvista
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Spherical
 
 RNG = np.random.default_rng(2)

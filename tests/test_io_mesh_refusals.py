@@ -14,7 +14,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.io.files import read, write
 from meshflow.io.formats import meshes
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])

@@ -11,7 +11,7 @@ from helpers.mesh_files import again, cube_obj, moved, whole
 
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/data is not there")

@@ -115,7 +115,7 @@ def test_other_hints_reach_the_range_image():
     ).noun
     assert noun.missing[7, 7]
     assert noun.fixed[12, 12]
-    assert (noun.jump, noun.measure, noun.pace) == (0.2, "range", "length")
+    assert (noun.jump, noun.measure, noun.time_unit) == (0.2, "range", "length")
 
 
 # Made in the test: open3d ends a process with 1 where a tensor outlives it.

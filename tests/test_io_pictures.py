@@ -14,7 +14,8 @@ from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import pictures
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import HeightField, Image
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 DRIVERS = {".png": "PNG", ".tif": "GTiff", ".bmp": "BMP", ".webp": "WEBP", ".jpg": "JPEG"}

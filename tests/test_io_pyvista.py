@@ -8,7 +8,8 @@ import pyvista
 
 from meshflow.errors import InputError
 from meshflow.io.objects import from_object
-from meshflow.surfaces.lift import HeightField, Image
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 
 
 def ball():

@@ -13,7 +13,9 @@ from meshflow.io.files import read, write
 from meshflow.io.formats.range_grids import Scan
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import Lift, Mesh, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Scanner
 
 H, W = 12, 16

@@ -16,7 +16,8 @@ from meshflow.io.files import Document, read, write
 from meshflow.io.formats import raster_bands as bands
 from meshflow.io.formats import rasters
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import HeightField, Image
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 DEMS = sorted(p.name for p in (SHARED / "dem").glob("*") if p.suffix != ".IMG") if SHARED.exists() else []

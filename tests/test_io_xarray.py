@@ -11,7 +11,8 @@ import rasterio
 
 from meshflow.errors import InputError
 from meshflow.io.objects import from_object
-from meshflow.surfaces.lift import HeightField, Image
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 
 xr = pytest.importorskip("xarray")
 

@@ -13,7 +13,9 @@ from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.linear_solve import solve
 from meshflow.flow.march import march
 from meshflow.flow.steppers import Explicit, SemiImplicit, stepper_for
-from meshflow.surfaces.lift import HeightField, Lift, Mesh
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.surface import Surface
 
 

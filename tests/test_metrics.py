@@ -10,7 +10,10 @@ from meshflow.errors import InputError
 from meshflow.evaluate import metrics
 from meshflow.evaluate.facts import describe
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.synthetic import samples
 
 RNG = np.random.default_rng(0)

@@ -26,7 +26,10 @@ from meshflow.flow.mobility import Slowed
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.io.document import Source
 from meshflow.smoothing import smooth
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
 
 BALL, FACES = sphere(400)
 NOISY = along_normals(BALL, FACES, 0.2)

@@ -8,7 +8,7 @@ import meshflow
 from meshflow.estimate.noise import noise_growth, noise_of, noise_on
 from meshflow.estimate.planner import noise_in
 from meshflow.smoothing import noise_facts
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 from meshflow.synthetic.scenes import mesas, ramps
 
 NONE = np.zeros((256, 256), bool)

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 import meshflow
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.visibility import Sight
 from meshflow.synthetic.samples import CAMERA, depth_scene
 from meshflow.synthetic.solids import Ball

@@ -13,7 +13,7 @@ from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Search
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.discontinuities import cuts_by_noise, islands
-from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Spherical
 from meshflow.synthetic.samples import CAMERA, depth_scene
 
@@ -76,7 +76,7 @@ def test_noise_of_each_sample_sets_its_time():
     noisy = truth + sigma * rng.normal(size=truth.shape)
     known = meshflow.smooth(RangeImage(noisy, camera, sigma=sigma), result=True)
     alike = meshflow.smooth(RangeImage(noisy, camera), time=known.parameters["time"].value)
-    assert known.parameters["pace"].value == "noise"
+    assert known.parameters["time_unit"].value == "noise"
     assert np.std(known.data.depth - truth) < 0.8 * np.std(alike.depth - truth)
 
 

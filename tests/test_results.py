@@ -17,7 +17,8 @@ from meshflow.flow.methods import Fairing
 from meshflow.geometry.normals import normals_at
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import Mesh, RangeImage
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view.findings import found
 
 BALL, FACES = sphere(400)

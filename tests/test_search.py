@@ -18,7 +18,8 @@ from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.family import Member
 from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS, Beltrami, PeronaMalik
 from meshflow.flow.stops import Residual, Steps
-from meshflow.surfaces.lift import HeightField, Lift
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
 from meshflow.synthetic.scenes import mesas, ramps
 
 

@@ -8,7 +8,9 @@ import trimesh
 
 from meshflow.errors import InputError
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import Lift, Mesh, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.visibility import Sight
 from meshflow.synthetic.samples import CAMERA, SCENE, depth_scene
 from meshflow.synthetic.sensors import StructuredLight, TimeOfFlight, observe, seen

@@ -181,7 +181,8 @@ def test_the_rest_is_where_smoothness_and_data_pull_alike():
     from meshflow.flow.constraints import Faithful, trust_of
     from meshflow.flow.engines.grid import GridFlow
     from meshflow.flow.family import Member
-    from meshflow.surfaces.lift import HeightField, Lift
+    from meshflow.surfaces.grid import Lift
+    from meshflow.surfaces.height_field import HeightField
 
     _, z = noisy(24)
     flow = GridFlow(HeightField(z).gridded(Lift(0.7, "both")), Member(-1.0))

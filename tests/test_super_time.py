@@ -14,7 +14,9 @@ from meshflow.flow.march import march
 from meshflow.flow.methods import Search
 from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime, stepper_for
 from meshflow.flow.super_time import reach, schedule, stages
-from meshflow.surfaces.lift import HeightField, Lift, Mesh
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.mesh import Mesh
 
 
 def waves(n=40):

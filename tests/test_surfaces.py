@@ -7,7 +7,11 @@ from meshflow.errors import InputError
 from meshflow.flow.family import Member
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.free import Axes, Rays
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Scanner
 from meshflow.surfaces.surface import Surface
 from meshflow.surfaces.triangles import grid_triangulations, triangles_there

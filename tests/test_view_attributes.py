@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import meshflow
 from meshflow.cli.commands import app
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 from meshflow.synthetic import shapes
 from meshflow.view import compare
 from meshflow.view.appearance import carried, taken

@@ -11,7 +11,10 @@ from meshflow.flow.compute import Compute
 from meshflow.flow.stops import Residual, Steps
 from meshflow.results.run import run, states
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.synthetic import shapes
 from meshflow.view import compare
 from meshflow.view.frames import Frames

@@ -10,7 +10,10 @@ from matplotlib.image import imread
 
 from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import compare, hillshade, page, show
 from meshflow.view.geometry import as_shown, drawable, geometry_of
 from meshflow.view.look import Look

@@ -8,7 +8,10 @@ import pytest
 from meshflow.errors import InputError
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.discontinuities import Cuts
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.synthetic import shapes
 from meshflow.view import measured, quantity
 from meshflow.view.geometry import geometry_of

@@ -5,7 +5,10 @@ import pytest
 
 from meshflow.errors import InputError
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import compare, page, show, vtk_scene
 from meshflow.view.geometry import geometry_of
 from meshflow.view.look import Look

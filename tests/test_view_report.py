@@ -10,7 +10,10 @@ import meshflow
 from meshflow.errors import FormatError, MissingPackage
 from meshflow.flow.compute import Compute
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import charts, findings
 from meshflow.view.findings import found
 from meshflow.view.pair import paired

@@ -8,7 +8,10 @@ from rasterio.transform import Affine
 
 import meshflow
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import page, show
 from meshflow.view.look import Look
 from meshflow.view.scale_bar import Ground, ground_of, scale_bar_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshflow.surfaces.lift import HeightField
+from meshflow.surfaces.height_field import HeightField
 from meshflow.view import page
 from meshflow.view.look import Look
 from meshflow.view.scale import Scale, showing, showing_both, symmetric, together

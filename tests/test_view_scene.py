@@ -8,7 +8,10 @@ from matplotlib.image import imread
 import meshflow
 from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.synthetic import shapes
 from meshflow.view import compare, measured, page, plotter, show
 from meshflow.view.appearance import taken

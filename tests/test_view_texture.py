@@ -13,7 +13,7 @@ import meshflow
 from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.results.run import states
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 from meshflow.synthetic import shapes
 from meshflow.view import compare, plotter, show
 from meshflow.view.appearance import taken

@@ -10,7 +10,8 @@ from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Beltrami
-from meshflow.surfaces.lift import HeightField, Mesh
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.mesh import Mesh
 from meshflow.synthetic.shapes import sphere
 from meshflow.view.look import Look
 from meshflow.viewer.column import COLUMN

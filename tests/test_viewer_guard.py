@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 import pytest
 
-from meshflow.surfaces.lift import HeightField
+from meshflow.surfaces.height_field import HeightField
 from meshflow.synthetic.samples import terrain
 from meshflow.viewer.curves import curves, curves_as_picture
 from meshflow.viewer.guard import Between, OneOf, Visitors, sifted

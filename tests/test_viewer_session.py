@@ -13,7 +13,8 @@ from meshflow.errors import FormatError, InputError
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Beltrami
-from meshflow.surfaces.lift import HeightField, Mesh
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.mesh import Mesh
 from meshflow.synthetic.shapes import sphere
 from meshflow.viewer.curves import curves, told
 from meshflow.viewer.session import Desk, Saving, Session, view

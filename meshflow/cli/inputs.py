@@ -9,7 +9,8 @@ from meshflow.cli.flags import Given
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
-from meshflow.surfaces.lift import Mesh, data_of
+from meshflow.surfaces.data import data_of
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "samples"]
 

@@ -20,7 +20,8 @@ from meshflow.evaluate.metrics import compare as measured
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import must_be_free
 from meshflow.io.files import Document
-from meshflow.surfaces.lift import Mesh, RangeImage
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import compare as draw_pair
 from meshflow.view import show as draw_one
 from meshflow.view.attributes import Riding, riding

@@ -24,7 +24,10 @@ from meshflow.flow.family import Member
 from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
 from meshflow.flow.methods.searched import Search as Searched
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Lift, Mesh, Noun, RangeImage, data_of
+from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "is_rounded", "limit_of", "no_noise", "tuned"]
 
@@ -252,7 +255,7 @@ def _timed_along(plan: Plan, data: RangeImage, ratio: Array, footprint: Array) -
     :param ratio: sigma over the width of a pixel, of the samples that are there; ``footprint``: that width.
     """
     request, noise = plan.request, plan.noise
-    width = footprint if data.pace == "length" else 1.0
+    width = footprint if data.time_unit == "length" else 1.0
     much, most = RAY_TIME * float(np.median(ratio * width**2)), RAY_MOST * data.step**2
     if much > most and request.until_time is None:
         words = f"noise of {float(np.median(ratio)):.3g} pixel widths: time is held at {RAY_MOST:g} squared footprints"
@@ -260,11 +263,13 @@ def _timed_along(plan: Plan, data: RangeImage, ratio: Array, footprint: Array) -
         plan = replace(plan, warnings=(*plan.warnings, words))
     time, when = _time(request, min(much, most), Decided("estimated", f"{RAY_TIME:g} sigma / h"))
     own = (
-        noise.how == "given" and np.ndim(data.sigma if data.sigma is not None else 0.0) > 0 and data.pace == "footprint"
+        noise.how == "given"
+        and np.ndim(data.sigma if data.sigma is not None else 0.0) > 0
+        and data.time_unit == "footprint"
     )
     if own and request.until_time is None and request.steps is None and not request.stops:
         how = Decided("estimated", "in proportion to sigma / h of each sample")
-        plan = plan.with_({"pace": how}, data=replace(data, pace="noise"))
+        plan = plan.with_({"time_unit": how}, data=replace(data, time_unit="noise"))
     return plan.with_({"time": when}, time=time)
 
 

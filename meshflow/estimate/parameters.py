@@ -5,7 +5,11 @@ from typing import Literal
 
 import numpy as np
 
-from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Origin", "Parameter", "contrast_unit", "squared_unit", "value_unit"]
 
@@ -94,7 +98,7 @@ def value_unit(data: Noun) -> str:
 def squared_unit(data: Noun) -> str:
     """The unit of time."""
     if isinstance(data, RangeImage):
-        return "pixel footprints²" if data.pace != "length" else f"{data.unit}²" if data.unit else "squared length"
+        return "pixel footprints²" if data.time_unit != "length" else f"{data.unit}²" if data.unit else "squared length"
     if isinstance(data, HeightField) and data.unit:
         return f"{data.unit}²"
     if isinstance(data, Image) and np.ndim(data.spacing[0]) == 0 and data.spacing == (1.0, 1.0):

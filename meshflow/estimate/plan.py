@@ -19,7 +19,9 @@ from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.stops import Scale
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Lift, Mesh, Noun, data_of
+from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Decided", "Plan", "size_of"]
 

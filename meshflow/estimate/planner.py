@@ -17,7 +17,9 @@ from meshflow.flow.methods.beltrami import Patches
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.mobility import speed_of
 from meshflow.geometry.validation import Array, mask_of
-from meshflow.surfaces.lift import Mesh, Noun, RangeImage, data_of
+from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["noise_in", "plan"]
 

@@ -16,7 +16,8 @@ from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.mobility import slowed
 from meshflow.geometry.normals import beyond, measured, normals_at
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Lift, Mesh
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["Tried", "candidates", "searched"]

@@ -25,7 +25,8 @@ from meshflow.geometry.operator import cotangents, total_area
 from meshflow.geometry.options import options_of
 from meshflow.geometry.validation import Array
 from meshflow.geometry.volume import is_closed, volume
-from meshflow.surfaces.lift import Lift, Mesh
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["moving"]
 

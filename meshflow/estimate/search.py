@@ -15,8 +15,8 @@ from meshflow.flow.family import Member
 from meshflow.flow.mobility import slowed
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.discontinuities import Cuts
-from meshflow.surfaces.grid import Lattice
-from meshflow.surfaces.lift import Lift, Mesh
+from meshflow.surfaces.grid import Lattice, Lift
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["LOOKED_AT", "MESH_ENOUGH", "TIMES", "Search", "candidates", "searched_on_grid", "searched_on_mesh"]
 

@@ -10,7 +10,8 @@ from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, When
 from meshflow.geometry.options import options_of
 from meshflow.geometry.validation import truth_of
-from meshflow.surfaces.lift import Mesh, RangeImage
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["expected_error", "parameters_of"]
 
@@ -74,7 +75,7 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
     elif isinstance(plan.data, Mesh):
         found["triangles"] = _decided(plan, "triangles", plan.request.compute.triangles)
     if isinstance(plan.data, RangeImage):
-        found["pace"] = _decided(plan, "pace", plan.data.pace)
+        found["time_unit"] = _decided(plan, "time_unit", plan.data.time_unit)
     return found
 
 

@@ -7,7 +7,12 @@ import numpy as np
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["describe"]
 

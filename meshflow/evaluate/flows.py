@@ -15,7 +15,8 @@ from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.free import ALL, Axes, Rays
-from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.surface import Boundary, Surface
 from meshflow.surfaces.visibility import Sight
 

@@ -10,7 +10,7 @@ from meshflow.errors import InputError
 from meshflow.evaluate.metrics import compare, rms_difference
 from meshflow.evaluate.similarity import structural_similarity
 from meshflow.geometry.validation import Array, positive
-from meshflow.surfaces.lift import HeightField
+from meshflow.surfaces.height_field import HeightField
 
 __all__ = ["EDGE_REACH", "EDGE_SHARE", "GridQuality", "edges_of", "grid_quality"]
 

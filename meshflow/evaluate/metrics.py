@@ -11,7 +11,12 @@ from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
 from meshflow.geometry.volume import is_closed, volume
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.surface import Surface
 
 __all__ = [

@@ -14,7 +14,7 @@ from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import carries, stored_normals
 from meshflow.io.formats.vtk import save_polydata
 from meshflow.io.vertex_merging import joined
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 if TYPE_CHECKING:
     import pyvista

@@ -11,7 +11,11 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.metadata import Kind, ReadOptions, as_given
-from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 if TYPE_CHECKING:
     import trimesh

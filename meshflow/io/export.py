@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError, need
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.range_image import RangeImage
 
 if TYPE_CHECKING:
     import pyvista as pv

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.surfaces.camera import Camera, Measure
-from meshflow.surfaces.lift import Moves, Pace
+from meshflow.surfaces.mesh import Moves
+from meshflow.surfaces.range_image import TimeUnit
 
 __all__ = [
     "MASKS",
@@ -75,7 +76,7 @@ class Metadata(TypedDict, total=False):
     camera: CameraLike | None
     depth_scale: float | None
     measure: Measure | None
-    time_unit: Pace | None
+    time_unit: TimeUnit | None
     jump: Jump
     viewpoint: Sequence[float] | None
     band: int | None
@@ -114,7 +115,7 @@ class ReadOptions:
     camera: CameraLike | None = None
     depth_scale: float | None = None
     measure: Measure | None = None
-    time_unit: Pace | None = None
+    time_unit: TimeUnit | None = None
     jump: Jump = "noise"
     viewpoint: Sequence[float] | None = None
     band: int | None = None

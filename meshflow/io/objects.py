@@ -9,7 +9,10 @@ from meshflow.errors import InputError
 from meshflow.io.document import Adopted, Document, adopted_by
 from meshflow.io.files import read_with
 from meshflow.io.metadata import Metadata, ReadOptions
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Adopted", "from_object", "opened", "taken_in"]
 

@@ -14,7 +14,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, mask_of, real, truth_of
 from meshflow.io.document import Section
 from meshflow.io.metadata import MASKS, Found, looked_up
-from meshflow.surfaces.lift import Mesh, Moves
+from meshflow.surfaces.mesh import Mesh, Moves
 
 __all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
 

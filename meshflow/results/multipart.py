@@ -14,7 +14,8 @@ from meshflow.estimate.parameters import Parameter
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Adopted, Multipart
 from meshflow.results.result import Result, release
-from meshflow.surfaces.lift import Noun, together
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.multipart import together
 
 __all__ = ["Results", "one_by_one"]
 

@@ -16,7 +16,9 @@ from meshflow.estimate.parameters import Parameter, value_unit
 from meshflow.estimate.risk import Trial
 from meshflow.flow.march import State
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Mesh, Noun, RangeImage, data_of
+from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["History", "Moment", "Result", "release"]
 

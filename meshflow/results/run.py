@@ -23,7 +23,9 @@ from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.validation import whole
 from meshflow.results.result import History, Moment, Result, release
-from meshflow.surfaces.lift import Mesh, Noun, RangeImage
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["run", "states"]
 
@@ -50,7 +52,7 @@ def run(data: Noun, request: Request, progress: Progress = None, *, record: bool
         warnings += _alone(engine, plan) if record is not None else ()
     done = replace(done, fixed=data.fixed)
     if isinstance(done, RangeImage) and isinstance(data, RangeImage):
-        done = replace(done, sigma=data.sigma, pace=data.pace)
+        done = replace(done, sigma=data.sigma, time_unit=data.time_unit)
     return Result(
         data=done,
         after=done,

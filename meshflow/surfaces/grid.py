@@ -1,6 +1,6 @@
 """Samples on a grid, each free along its channels or along its ray: what the nouns of a grid have in common."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from meshflow.surfaces.triangles import (
     triangulations,
 )
 
-__all__ = ["Fibres", "Lattice", "Lift", "Spacing", "held"]
+__all__ = ["Fibres", "Lattice", "Lift", "Spacing", "held", "OnGrid"]
 
 
 @dataclass(frozen=True)
@@ -189,3 +189,15 @@ def held(values: Array, u: Array, missing: Array) -> Array:
         return moved
     gone = missing if values.ndim == missing.ndim else missing[..., None]
     return np.where(gone, values, moved)
+
+
+@dataclass(frozen=True, eq=False)
+class OnGrid:
+    """What height fields and images share: samples above a grid."""
+
+    boundary: Boundary = field(default="neumann", init=False)
+
+    def lattice(self, planes: Array, missing: Array, fixed: Array, spacing: Spacing, lift: Lift) -> Lattice:
+        """Free coordinates (k, h, w) above a grid."""
+        boundary = lift.boundary or self.boundary
+        return Lattice(planes, missing, fixed, spacing, lift.contrast, lift.diagonals, boundary)

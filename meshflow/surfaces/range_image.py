@@ -14,9 +14,9 @@ from meshflow.surfaces.discontinuities import Cuts, cuts_by_noise, islands
 from meshflow.surfaces.grid import Fibres, Lattice, Lift, held
 from meshflow.surfaces.surface import Boundary, Surface
 
-__all__ = ["Pace", "RangeImage"]
+__all__ = ["TimeUnit", "RangeImage"]
 
-Pace = Literal["footprint", "length", "noise"]
+TimeUnit = Literal["footprint", "length", "noise"]
 # The share of the nearest depth that is a jump where nothing is known of the noise.
 SHARE = 0.05
 # How far sigma / h of a sample may be from the median where time follows it: stable steps shorten with the greatest.
@@ -44,7 +44,7 @@ class RangeImage:
         and without it ``noise`` is a share of 5 %.
     :param measure: what the depths are, ``depth`` along the optical axis or ``range`` along the ray; by default what suits the
         camera.
-    :param pace: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``;
+    :param time_unit: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``;
         ``noise``: in squared footprints where sigma / h is the median, and in proportion to it elsewhere, so that all noise goes
         alike.
     :param unit: the name of the unit of the depths, for reports and pictures; that of depths that a file holds is m.
@@ -58,7 +58,7 @@ class RangeImage:
     fixed: Array = field(default_factory=nowhere)
     jump: float | Literal["noise"] | None = "noise"
     measure: Measure | None = None
-    pace: Pace = "footprint"
+    time_unit: TimeUnit = "footprint"
     sigma: Array | float | None = None
     unit: str = ""
     boundary: Boundary = field(default="plane-preserving", init=False)
@@ -86,8 +86,8 @@ class RangeImage:
             positive(self.jump, "jump")
         if self.sigma is not None:
             object.__setattr__(self, "sigma", _noise(self.sigma, depth.shape, missing))
-        if self.pace not in ("footprint", "length", "noise"):
-            raise InputError(f"pace: footprint, length or noise expected, got {self.pace!r}")
+        if self.time_unit not in ("footprint", "length", "noise"):
+            raise InputError(f"time_unit: footprint, length or noise expected, got {self.time_unit!r}")
         self.camera.check((depth.shape[0], depth.shape[1]), self.counted, missing)
         object.__setattr__(self, "measure", self.counted)
         object.__setattr__(self, "depth", depth)
@@ -154,17 +154,17 @@ class RangeImage:
     @property
     def step(self) -> float:
         """h: 1 where time is counted in pixel footprints, else their median, a length."""
-        if self.pace != "length":
+        if self.time_unit != "length":
             return 1.0
         return float(np.median(self.footprint[~self.missing]))
 
     @property
     def stride(self) -> Array | None:
         """What time is counted in squares of, (h, w); None: the same everywhere, in the unit of the depths."""
-        if self.pace == "length":
+        if self.time_unit == "length":
             return None
         footprint = self.footprint
-        if self.pace == "footprint" or self.sigma is None:
+        if self.time_unit == "footprint" or self.sigma is None:
             return footprint
         there = ~self.missing & (footprint > 0)
         ratio = np.divide(self.sigma, footprint, out=np.ones_like(footprint), where=there)

@@ -9,7 +9,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.grid import Fibres
-from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Sight", "met"]
 

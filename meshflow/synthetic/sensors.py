@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, number, positive, whole
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.visibility import Sight, met
 from meshflow.synthetic.solids import Solid
 

@@ -9,7 +9,8 @@ from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.files import Document
 from meshflow.io.objects import from_object
-from meshflow.surfaces.lift import Mesh, Noun
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.mesh import Mesh
 from meshflow.view.texture import Textured, image_of, texture_of
 
 __all__ = ["carried", "flowing_together", "taken"]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 from meshflow.view.appearance import carried
 
 __all__ = ["Riding", "riding"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.surfaces.lift import Noun
+from meshflow.surfaces.data import Noun
 from meshflow.view import page
 from meshflow.view.frames import FILMS, Frames
 from meshflow.view.geometry import Geometry, geometry_of, raised, thinned

@@ -8,8 +8,13 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.data import Noun
 from meshflow.surfaces.discontinuities import Cuts
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.triangles import grid_triangulations, triangles_there
 from meshflow.view.look import Look, Seen, View, camera_view, mesh_view, picture_view, side_view, terrain_view
 from meshflow.view.texture import Texture, Textured

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Image
+from meshflow.surfaces.image import Image
 from meshflow.view.geometry import Geometry
 from meshflow.view.look import Look
 from meshflow.view.scale import Scale

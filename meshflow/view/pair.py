@@ -7,7 +7,11 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view.appearance import taken
 from meshflow.view.attributes import riding
 from meshflow.view.scale import Scale, ranging, symmetric, together

@@ -10,7 +10,11 @@ from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import signed_mean
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import HeightField, Image, Lift, Mesh, Noun
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.surface import Surface
 from meshflow.view.appearance import taken
 from meshflow.view.scale import Scale, ranging, symmetric

@@ -7,7 +7,11 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import HeightField, Image, Mesh, Noun, RangeImage
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import hillshade, vtk_scene
 from meshflow.view.geometry import SAMPLES, Geometry, as_shown, drawable, geometry_of
 from meshflow.view.look import Look, RendererName, Seen

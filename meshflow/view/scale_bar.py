@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshflow.io.files import Document
-from meshflow.surfaces.lift import Noun
+from meshflow.surfaces.data import Noun
 from meshflow.view.numbers import plain, rounded
 
 __all__ = ["Ground", "ScaleBar", "ground_of", "scale_bar_of"]

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, real
-from meshflow.surfaces.lift import Mesh, Noun
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.mesh import Mesh
 from meshflow.view.appearance import taken
 from meshflow.view.geometry import Geometry, raised
 from meshflow.view.look import Look

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Texture", "Textured", "image_of", "texture_of"]
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from meshflow.errors import InputError, need
-from meshflow.surfaces.lift import Noun
+from meshflow.surfaces.data import Noun
 from meshflow.view.look import Look
 from meshflow.viewer.controls import Address, Controls
 from meshflow.viewer.curves import curves_as_picture, told

@@ -16,7 +16,9 @@ import numpy as np
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import beside, must_be_free
-from meshflow.surfaces.lift import Image, Mesh, Noun
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
 from meshflow.view.geometry import Geometry, as_shown, drawable, geometry_of, raised, thinned
 from meshflow.view.look import Look
 from meshflow.view.pair import paired

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from meshflow.surfaces.lift import Noun
+from meshflow.surfaces.data import Noun
 from meshflow.viewer.controls import Controls
 from meshflow.viewer.screen import Colouring, Screen
 from meshflow.viewer.timeline import Timeline

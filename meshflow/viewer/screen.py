@@ -7,7 +7,8 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Image, Noun
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.image import Image
 from meshflow.view import vtk_scene
 from meshflow.view.geometry import Geometry, as_shown, drawable, geometry_of, raised, thinned
 from meshflow.view.look import Look

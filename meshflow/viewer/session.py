@@ -23,7 +23,8 @@ from meshflow.io.files import Document, write
 from meshflow.results.result import Result
 from meshflow.results.run import run
 from meshflow.results.run import states as flowing
-from meshflow.surfaces.lift import Mesh, Noun
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.mesh import Mesh
 from meshflow.view.appearance import flowing_together, taken
 from meshflow.view.look import Look, Looks, looking
 from meshflow.viewer.browser import Served

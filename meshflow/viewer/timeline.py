@@ -9,7 +9,10 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.lift import Lift, Mesh, Noun, RangeImage, data_of
+from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.view.pair import paired
 
 __all__ = ["MEMORY", "Moment", "Timeline", "recorded"]

@@ -3,7 +3,7 @@
 from contextlib import closing
 from typing import Any
 
-from meshflow.surfaces.lift import Noun
+from meshflow.surfaces.data import Noun
 from meshflow.view.look import Look
 from meshflow.viewer.column import Column
 from meshflow.viewer.controls import Controls

@@ -17,7 +17,8 @@ from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.free import Axes
-from meshflow.surfaces.lift import Lift, RangeImage
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.visibility import Sight
 from peers.search import Peer
 

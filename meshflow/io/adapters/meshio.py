@@ -10,7 +10,7 @@ from meshflow.geometry.validation import Array
 from meshflow.io.document import Adopted
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 if TYPE_CHECKING:
     import meshio

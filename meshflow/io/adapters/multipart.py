@@ -12,7 +12,8 @@ from meshflow.geometry.validation import Array
 from meshflow.io.document import Adopted, Document, Multipart, told_apart
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import taken_in
-from meshflow.surfaces.lift import Mesh, Noun
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.mesh import Mesh
 
 if TYPE_CHECKING:
     pass

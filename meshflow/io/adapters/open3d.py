@@ -11,7 +11,7 @@ from meshflow.io.adapters import open3d_images as images
 from meshflow.io.document import Adopted
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 if TYPE_CHECKING:
     import open3d

@@ -11,7 +11,7 @@ from meshflow.io.depth_units import in_metres
 from meshflow.io.document import Adopted
 from meshflow.io.formats.cameras import calibration_for
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["from_object", "is_image"]
 

@@ -11,7 +11,7 @@ from meshflow.io.adapters.pyvista_grids import from_image_data, from_structured_
 from meshflow.io.document import Adopted
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["from_object"]
 

@@ -8,7 +8,7 @@ from meshflow.errors import InputError
 from meshflow.io.adapters.pyvista import from_object
 from meshflow.io.document import Adopted, Multipart, adopted_by, told_apart
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import Noun
+from meshflow.surfaces.data import Noun
 
 __all__ = ["from_blocks"]
 

@@ -11,7 +11,8 @@ from meshflow.geometry.validation import Array, mask_of, spacing_of
 from meshflow.io.document import Adopted
 from meshflow.io.metadata import ReadOptions, looked_up
 from meshflow.io.vertex_merging import fitted
-from meshflow.surfaces.lift import HeightField, Image
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 
 __all__ = ["from_image_data", "from_structured_grid"]
 

@@ -12,7 +12,8 @@ from meshflow.geometry.validation import Array, Spacing, mask_of, nowhere, real,
 from meshflow.io.document import Adopted
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.spacing import between_samples, height_unit, on_ellipsoid, units_disagree
-from meshflow.surfaces.lift import HeightField, Image
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 
 if TYPE_CHECKING:
     from rasterio.crs import CRS

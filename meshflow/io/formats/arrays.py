@@ -18,7 +18,10 @@ from meshflow.io.depth_units import LARGEST, in_metres
 from meshflow.io.document import Adopted, Document, Source, WriteOptions, samples_of
 from meshflow.io.formats.cameras import calibration_for, camera_for
 from meshflow.io.metadata import Kind, ReadOptions
-from meshflow.surfaces.lift import HeightField, Image, Mesh, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["can_write", "from_object", "read", "write"]
 

@@ -12,7 +12,7 @@ from meshflow.io.document import Document, WriteOptions, depths_of
 from meshflow.io.formats.cameras import calibration_for
 from meshflow.io.formats.raster_bands import Encoding, Framed, load, merged, save
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["can_write", "read", "write"]
 
@@ -70,7 +70,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         found.missing | frame.gone[0],
         jump=options.jump,
         measure=options.measure,
-        pace=options.time_unit or "footprint",
+        time_unit=options.time_unit or "footprint",
         unit="m",
     )
     return Document(noun, path, Depths(frame, found.units, whole, values[0]), found.notes)

@@ -13,7 +13,7 @@ from meshflow.io.depth_units import in_metres
 from meshflow.io.document import Document, Source, WriteOptions, depths_of
 from meshflow.io.formats.cameras import calibration_for
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["can_write", "read", "write"]
 
@@ -71,7 +71,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         found.missing,
         jump=options.jump,
         measure=options.measure,
-        pace=options.time_unit or "footprint",
+        time_unit=options.time_unit or "footprint",
         unit="m",
     )
     return Document(noun, path, Layers(header, channels, name, found.units), notes)

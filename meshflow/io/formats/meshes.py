@@ -12,7 +12,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Document, MeshSource, WriteOptions
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["can_write", "read", "write"]
 

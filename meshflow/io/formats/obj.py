@@ -24,7 +24,7 @@ from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, MeshSource, Section
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.vertex_merging import Skin, is_soup, said_of
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Obj", "read"]
 

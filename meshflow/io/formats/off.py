@@ -17,7 +17,7 @@ from meshflow.io.document import Document, MeshSource
 from meshflow.io.formats.obj import rewritten
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.vertex_merging import Skin, is_soup
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Off", "read"]
 

@@ -13,7 +13,8 @@ from meshflow.io.formats.raster_bands import Encoding, Frame, Framed, load, merg
 from meshflow.io.formats.rasters import Raster
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import DTYPES, rounded
-from meshflow.surfaces.lift import HeightField, Image
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 
 __all__ = ["Picture", "can_write", "read", "write"]
 

@@ -21,7 +21,7 @@ from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, MeshSource
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["KNOWN", "TEXTURE", "Ply", "elements_of", "has", "read", "stacked", "values_of"]
 

@@ -15,7 +15,7 @@ from meshflow.io.atomic_write import beside
 from meshflow.io.document import Document, Source, WriteOptions, depths_of
 from meshflow.io.formats.ply_layout import PlyBytes, loaded
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import RangeImage
+from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Scanner
 
 __all__ = ["can_write", "read", "write"]
@@ -74,7 +74,7 @@ def read(path: Path, options: ReadOptions) -> Document:
                 f"{path.name}: viewpoint {tuple(map(float, eye))} is a point of the scan; it is where the scanner stood"
             )
         camera = Scanner(np.where(np.isnan(points), np.nan, points - eye), eye)
-    noun = RangeImage(values, camera, index < 0, jump=options.jump, pace=options.time_unit or "footprint")
+    noun = RangeImage(values, camera, index < 0, jump=options.jump, time_unit=options.time_unit or "footprint")
     return Document(noun, path, Scan(file, index, noun.depth), (how,))
 
 

@@ -24,7 +24,9 @@ from meshflow.io.atomic_write import beside
 from meshflow.io.document import Source
 from meshflow.io.formats.raster_drivers import allowed_drivers, must_be_numbers, must_fit
 from meshflow.io.spacing import linear_unit
-from meshflow.surfaces.lift import HeightField, Image, RangeImage
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Encoding", "Frame", "Framed", "framed", "layers", "load", "merged", "save"]
 

@@ -12,7 +12,8 @@ from meshflow.io.formats.raster_bands import Encoding, Frame, Framed, load, merg
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import DTYPES, mark, rounded
 from meshflow.io.spacing import between_samples, height_unit, units_disagree
-from meshflow.surfaces.lift import HeightField, Image
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 
 __all__ = ["Raster", "can_write", "read", "write"]
 

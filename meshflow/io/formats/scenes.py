@@ -17,7 +17,8 @@ from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stor
 from meshflow.io.document import Adopted, Document, MeshSource, Section
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, joined, said_of
-from meshflow.surfaces.lift import Mesh, Noun
+from meshflow.surfaces.data import Noun
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Parts", "read", "taken_apart"]
 

@@ -15,7 +15,7 @@ from meshflow.errors import FormatError
 from meshflow.io.adapters.pyvista import from_object
 from meshflow.io.document import Adopted, Document, MeshSource
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.lift import Mesh
+from meshflow.surfaces.mesh import Mesh
 
 if TYPE_CHECKING:
     import pyvista

@@ -17,7 +17,8 @@ from meshflow.io.document import Document, MeshSource, Multipart, Section
 from meshflow.io.formats.vtk import listened, scene_mesh
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.vertex_merging import said_of
-from meshflow.surfaces.lift import Mesh, together
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.multipart import together
 
 if TYPE_CHECKING:
     import pyvista

@@ -1,0 +1,51 @@
+"""Range images as height fields of inverse depths over the pixels of a pinhole, and back."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.surfaces.camera import Pinhole
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.range_image import RangeImage
+
+__all__ = ["from_disparity", "in_disparity"]
+
+
+def in_disparity(image: RangeImage) -> HeightField:
+    """Inverse depths above the pixels, of a pinhole without distortion: there, too, planes are planes.
+
+    To take where the noise is that of a disparity: sigma of the depth grows with its square, that of the inverse depth is the
+    same everywhere, and so is the contrast that suits it.
+
+    :returns: 1 / depth over pixels of width 1 (of height fx / fy), cut where the depth jumps.
+    :raises InputError: for another camera, or ranges: their planes are not planes there.
+    """
+    camera = image.camera
+    if not isinstance(camera, Pinhole) or camera.distortion or image.measure != "depth":
+        raise InputError(
+            f"space='disparity': planes are planes in the inverse depth of a pinhole without distortion only, got "
+            f"{image.measure}s of {type(camera).__name__} ({camera.summary}); undistort the image, or leave the space out"
+        )
+    missing = image.missing
+    whole = np.where(missing, 1.0, image.depth)
+    sides = float(np.sqrt(camera.fy / camera.fx)), float(np.sqrt(camera.fx / camera.fy))
+    inverse = np.where(missing, 0.0, 1.0 / whole).astype(image.depth.dtype)
+    unit = f"1/{image.unit}" if image.unit else "1 / depth"
+    return HeightField(inverse, sides, missing, image.fixed, unit, image.cuts)
+
+
+def from_disparity(image: RangeImage, field: HeightField) -> RangeImage:
+    """The depths of inverse ones; where nothing moved, and where samples are missing, those of ``image``.
+
+    :raises InputError: where an inverse depth is zero or less: a depth beyond the horizon.
+    """
+    before = in_disparity(image)
+    still = image.missing | (field.z == before.z)
+    if (field.z[~still] <= 0).any():
+        raise InputError(
+            f"space='disparity': {int((field.z[~still] <= 0).sum())} inverse depths are no longer above zero; give a limit"
+        )
+    return replace(
+        image, depth=np.where(still, image.depth, 1.0 / np.where(still, 1.0, field.z)).astype(image.depth.dtype)
+    )

@@ -1,0 +1,62 @@
+"""Height fields: elevations on a grid, of which each sample may move along z."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
+from meshflow.surfaces.discontinuities import Cuts
+from meshflow.surfaces.grid import Lattice, Lift, OnGrid, held
+from meshflow.surfaces.surface import Boundary, Surface
+
+__all__ = ["HeightField"]
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField(OnGrid):
+    """Elevations on a grid; z alone is free.
+
+    :param z: (h, w), row 0 in the north; NaN, infinite and masked samples are missing. Integers become floating point.
+    :param spacing: one number or (dx, dy) in the horizontal unit, dx a number or one per row (degrees on an ellipsoid).
+    :param missing: (h, w), further samples that are missing.
+    :param fixed: (h, w), samples that stay.
+    :param unit: the name of the unit of z, for reports and pictures.
+    :param cuts: edges of the grid that no triangle has: what is on one side of a fault does not touch what is on the other.
+    :raises InputError: for fewer than 2 x 2 samples, nothing but missing ones, or a spacing that is not positive.
+    """
+
+    z: Array
+    spacing: Spacing = (1.0, 1.0)
+    missing: Array = field(default_factory=nowhere)
+    fixed: Array = field(default_factory=nowhere)
+    unit: str = ""
+    cuts: Cuts | None = None
+    boundary: Boundary = field(default="plane-preserving", init=False)
+
+    def __post_init__(self) -> None:
+        z, missing = samples(self.z, self.missing, (2,), "height field")
+        object.__setattr__(self, "z", z)
+        object.__setattr__(self, "missing", missing)
+        object.__setattr__(self, "fixed", mask_of(self.fixed, z.shape, "fixed"))
+        object.__setattr__(self, "spacing", spacing_of(self.spacing, z.shape[0]))
+
+    def __repr__(self) -> str:
+        return brief(self, self.z, self.missing, f"spacing {self.step:.6g}", self.unit and f"heights in {self.unit}")
+
+    @property
+    def step(self) -> float:
+        """h: the typical distance of neighbours, in the horizontal unit (the geometric mean of dx and dy)."""
+        return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
+
+    def gridded(self, lift: Lift) -> Lattice:
+        """The grid that a grid engine moves, z as it is; nothing is copied."""
+        lattice = self.lattice(self.z[None], self.missing, self.fixed, self.spacing, lift)
+        return replace(lattice, cuts=self.cuts)
+
+    def lifted(self, lift: Lift) -> Surface:
+        """The surface (x, y, contrast z), of h * w vertices; missing ones have no triangle."""
+        return self.gridded(lift).surface()
+
+    def lowered(self, u: Array) -> "HeightField":
+        """A copy whose elevations are u (h * w, 1), in their unit; missing ones keep their bits."""
+        return replace(self, z=held(self.z, u, self.missing))

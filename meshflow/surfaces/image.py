@@ -1,0 +1,56 @@
+"""Images: channels on a grid, of which each sample may move along its channels."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
+from meshflow.surfaces.grid import Lattice, Lift, OnGrid, held
+from meshflow.surfaces.surface import Surface
+
+__all__ = ["Image"]
+
+
+@dataclass(frozen=True, eq=False)
+class Image(OnGrid):
+    """Channels on a grid: grey, colour, a vector or tensor field; the channels are free, all together.
+
+    :param values: (h, w) or (h, w, k); a sample with a channel that is NaN, infinite or masked is missing.
+    :param spacing: one number or (dx, dy), pixels by default.
+    :param missing: (h, w), further samples that are missing.
+    :param fixed: (h, w), samples that stay.
+    :raises InputError: as :class:`HeightField`.
+    """
+
+    values: Array
+    spacing: Spacing = (1.0, 1.0)
+    missing: Array = field(default_factory=nowhere)
+    fixed: Array = field(default_factory=nowhere)
+
+    def __post_init__(self) -> None:
+        values, missing = samples(self.values, self.missing, (2, 3), "image")
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "missing", missing)
+        object.__setattr__(self, "fixed", mask_of(self.fixed, missing.shape, "fixed"))
+        object.__setattr__(self, "spacing", spacing_of(self.spacing, missing.shape[0]))
+
+    def __repr__(self) -> str:
+        return brief(self, self.values, self.missing)
+
+    @property
+    def step(self) -> float:
+        """h: the typical distance of neighbours (the geometric mean of dx and dy)."""
+        return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
+
+    def gridded(self, lift: Lift) -> Lattice:
+        """The grid that a grid engine moves, the channels as they are; nothing is copied."""
+        planes = self.values[None] if self.values.ndim == 2 else np.moveaxis(self.values, 2, 0)
+        return self.lattice(planes, self.missing, self.fixed, self.spacing, lift)
+
+    def lifted(self, lift: Lift) -> Surface:
+        """The surface (x, y, contrast c1, ..., contrast ck), of h * w vertices."""
+        return self.gridded(lift).surface()
+
+    def lowered(self, u: Array) -> "Image":
+        """A copy whose channels are u (h * w, k), in their unit; missing samples keep their bits."""
+        return replace(self, values=held(self.values, u, self.missing))
