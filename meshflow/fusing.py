@@ -47,6 +47,8 @@ def fuse_frames(
     frames: Iterable[Any], request: Request, progress: Progress = None, *, metadata: Mapping[str, Any] | None = None
 ) -> tuple[Any, Result]:
     """:func:`fuse` for a request that is made: the smoothed depths, and what was done."""
+    if isinstance(frames, np.ndarray) and frames.ndim == 2:
+        raise InputError("frames: two or more depth images expected, got one array; give a list of them")
     seen = _Seen(frames, dict(metadata or {}))
     one = averaged(seen)
     told, first = seen.first

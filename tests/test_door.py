@@ -127,10 +127,17 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
         (lambda: Request.of(stop=[Steps(2), Steps(3)]), "Steps is given twice"),
         (lambda: Request.of(stop=[Residual(0.9), Residual(0.5)]), "Residual is given twice"),
         (lambda: Request.of(stop=5), "stop: Steps, Residual"),  # type: ignore[arg-type]
-        (lambda: Request.of(stop=Residual), "stop: Steps, Residual"),  # type: ignore[arg-type]
+        (lambda: Request.of(stop=Residual), r"got the class Residual; give Residual\(\.\.\.\)"),  # type: ignore[arg-type]
         (lambda: Request.of(constraints=[MaxChange(1), MaxChange(2)]), "MaxChange is given twice"),
         (lambda: Request.of(constraints=["fixed"]), "constraints: one of Fixed"),  # type: ignore[list-item]
         (lambda: Request.of(constraints=Fixed()), "Fixed: a value expected"),
+        (lambda: Request.of(method=PeronaMalik), r"give PeronaMalik\(\)"),  # type: ignore[arg-type]
+        (lambda: Request.of(constraints=PreserveVolume), r"give PreserveVolume"),  # type: ignore[arg-type]
+        (lambda: Request.of(constraints="volume"), "got 'volume'"),  # type: ignore[arg-type]
+        (
+            lambda: Request.of(constraints=[PreserveVolume(), meshflow.PreserveArea()]),
+            "one of PreserveVolume and PreserveArea",
+        ),
         (lambda: Request.of(method=3), "method: a word or a method"),  # type: ignore[arg-type]
         (lambda: Request.of(method=Search(twicing=1.0), stop=Residual(0.5)), "a time is doubled"),
     ],
@@ -256,4 +263,4 @@ def test_an_option_of_another_method_is_refused_with_those_that_have_it(tmp_path
     words = ["smooth", str(tmp_path / "z.npy"), str(tmp_path / "o.npy"), "--method", "graph", "--order", "3"]
     told = CliRunner().invoke(app, words)
     assert told.exit_code != 0
-    assert "--order: no option of method graph; fairing have it" in str(told.exception)
+    assert "--order: no option of method graph; it belongs to fairing" in str(told.exception)

@@ -101,3 +101,8 @@ def test_along_the_rays_the_command_reads_ranges_and_searches(files):
     for i in (1, 2):
         (files / f"{i}.png").write_bytes((files / "0.png").read_bytes())
     assert "3 frames without a single one" in str(called(files).exception)
+
+
+def test_one_array_is_no_list_of_frames():
+    with pytest.raises(InputError, match="got one array; give a list"):
+        meshflow.fuse(np.ones((8, 8)), camera=Pinhole(60.0, 60.0, 3.5, 3.5))

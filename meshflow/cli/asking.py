@@ -84,7 +84,7 @@ def _method(told: Given) -> Method | None:
     for name in options:
         if name not in known:
             having = [w for w, k in METHODS.items() if isinstance(k, type) and name in {o.name for o in options_of(k)}]
-            raise InputError(f"{_flag(name)}: no option of method {word}; {', '.join(having)} have it")
+            raise InputError(f"{_flag(name)}: no option of method {word}; it belongs to {', '.join(having)}")
     return kind(**options)
 
 

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from meshflow.cli.console import out
 from meshflow.cli.flags import FLOW
-from meshflow.flow.methods import METHODS, POINT_METHODS
+from meshflow.flow.methods import METHODS, POINT_METHODS, Search
 from meshflow.geometry.options import options_of
 
 __all__ = ["methods_table", "options_table"]
@@ -21,7 +21,13 @@ def methods_table(json: bool, markdown: bool) -> None:
     for word, kind in METHODS.items():
         if not isinstance(kind, type):
             continue
-        moves = "points of a mesh" if kind in POINT_METHODS else "values above a base"
+        moves = (
+            "points of a mesh"
+            if kind in POINT_METHODS
+            else "both"
+            if issubclass(kind, Search)
+            else "values above a base"
+        )
         names = ", ".join(f"--{o.flag.replace('_', '-')}" for o in options_of(kind))
         rows.append((word, moves, names, (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")))
     _printed(("method", "moves", "options", "what it is"), rows, json, markdown)

@@ -144,13 +144,22 @@ class Constraints:
 
         :raises InputError: for what is no constraint, and two of one kind.
         """
-        several = [given] if isinstance(given, KINDS) else list(given) if isinstance(given, Iterable) else [given]
+        listed = isinstance(given, Iterable) and not isinstance(given, (str, type, *KINDS))
+        several: list[Any] = list(given) if listed else [given]
         found: dict[str, Any] = {}
         for one in several:
+            if isinstance(one, type):
+                raise InputError(
+                    f"constraints: a constraint expected, got the class {one.__name__}; give {one.__name__}(...)"
+                )
             if not isinstance(one, KINDS):
                 names = ", ".join(kind.__name__ for kind in KINDS)
                 raise InputError(f"constraints: one of {names} expected, got {one!r}")
             name, value = _said(one)
+            if name == "preserve" and name in found:
+                raise InputError(
+                    "constraints: one of PreserveVolume and PreserveArea expected, got two; the mesh keeps one of them"
+                )
             if name in found:
                 raise InputError(f"constraints: {type(one).__name__} is given twice; combine them")
             if value is None:

@@ -175,7 +175,9 @@ def _stops(given: object) -> tuple[int | None, tuple[Stop, ...]]:
             if any(type(one) is type(other) and not isinstance(one, When) for other in found):
                 raise InputError(f"stop: {type(one).__name__} is given twice")
             found.append(one)
-        elif callable(one) and not isinstance(one, type):
+        elif isinstance(one, type):
+            raise InputError(f"stop: a stop expected, got the class {one.__name__}; give {one.__name__}(...)")
+        elif callable(one):
             found.append(When(one))
         else:
             raise InputError(

@@ -49,6 +49,8 @@ def method_of(given: "str | Method") -> Method:
         if given in METHODS:
             return METHODS[given]()
         raise refused(given, tuple(METHODS), "method")
+    if isinstance(given, type):
+        raise InputError(f"method: a method expected, got the class {given.__name__}; give {given.__name__}()")
     raise InputError(f"method: a word or a method, as PeronaMalik(sharpness=2), expected, got {given!r}")
 
 
