@@ -1,6 +1,6 @@
 """A value as it was used: with its unit, who chose it, and why."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -84,10 +84,6 @@ class Parameter:
 
     def __rtruediv__(self, other: float) -> float:
         return float(other) / float(self)
-
-    def told(self, why: str) -> "Parameter":
-        """The same for another reason."""
-        return replace(self, why=why)
 
 
 def value_unit(data: Noun) -> str:
