@@ -47,6 +47,16 @@ def test_a_residual_counts_the_samples_that_are_there():
     assert np.sqrt(np.nanmean((smoothed - z) ** 2)) == pytest.approx(1.6, rel=1e-3)
 
 
+def test_a_residual_counts_the_samples_that_may_move():
+    _, z = noisy()
+    region = np.zeros(z.shape, bool)
+    region[20:50, 10:60] = True
+    flow = Beltrami(gamma=0, contrast=0.7)
+    smoothed = meshflow.smooth(z, method=flow, noise=2.0, stop=Residual(0.8), constraints=Mask(region))
+    assert rms((smoothed - z)[region]) == pytest.approx(1.6, rel=1e-3)
+    assert np.array_equal(smoothed[~region], z[~region])
+
+
 def test_a_residual_of_several_channels_counts_them_alike():
     rng = np.random.default_rng(1)
     z = np.zeros((40, 40, 3)) + 2 * rng.normal(size=(40, 40, 3))

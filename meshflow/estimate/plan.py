@@ -121,7 +121,9 @@ class Plan:
         shape, n = size_of(self.data)
         k = int(np.prod(shape)) // n
         each = 1.0 if isinstance(self.data, Mesh) and self.data.moves != "channels" else float(np.sqrt(k))
-        return Scale(self.noise.sigma * self.request.strength * each, self.there, _Seen(shape))
+        stays = self.data.fixed if isinstance(self.data, Mesh) else self.data.fixed | self.data.missing
+        moving = float(np.mean(~stays)) or 1.0  # where nothing may move no stop is asked
+        return Scale(self.noise.sigma * self.request.strength * each, moving, _Seen(shape))
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ class Scale:
     """What makes a caller's numbers those of a run.
 
     :ivar sigma: the noise as the flow measures it, unit of u, of a sample with all its channels.
-    :ivar there: the share of the samples that are there; those that are not do not move and are not counted.
+    :ivar there: the share of the samples that are there and may move; the others are not counted.
     :ivar seen: makes of u (n, k) the values as the caller knows them.
     """
 
