@@ -13,7 +13,7 @@ import meshflow
 from meshflow.errors import FormatError
 from meshflow.evaluate.metrics import compare
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import Fairing
+from meshflow.flow.methods import Fairing, Search
 from meshflow.geometry.normals import normals_at
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Pinhole
@@ -64,6 +64,14 @@ def test_a_summary_names_what_had_an_effect():
     assert not any(word in summary for word in ("sharpness", "patch", "contrast"))
     both = smooth((NOISY, FACES), time=0.01, channels=BALL, moves="all", result=True)
     assert "contrast" in both.parameters
+
+
+@pytest.mark.parametrize("options", [{"contrast": 2.0}, {"twicing": 0.5}, {"indicator": "projection"}])
+def test_options_without_effect_on_points_are_told_and_choose_no_other_method(options):
+    plain = smooth((NOISY, FACES), result=True)
+    told = smooth((NOISY, FACES), method=Search(**options), result=True)
+    assert np.array_equal(told.after.points, plain.after.points)
+    assert f"{next(iter(options))}: no effect where points move" in told.warnings
 
 
 @pytest.mark.parametrize("words", [{"method": "heat"}, {"gamma": -1.0}, {"sharpness": 2.0}, {"method": "perona-malik"}])

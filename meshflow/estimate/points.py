@@ -58,18 +58,23 @@ def moving(data: Mesh, request: Request, noise: Noise, mobility: Array | None = 
             f"method={method.word!r}: of points in R^3 that move alone, got moves={data.moves!r} in R^{data.points.shape[1]}"
         )
     shaping = isinstance(method, (NormalFilter, Fairing))
-    if shaping or (whole and _open(request)):
-        return _shaped(data, request, noise, mobility)
-    return _curved(data, request, noise, mobility)
+    plan = (_shaped if shaping or (whole and _open(request)) else _curved)(data, request, noise, mobility)
+    useless = _useless(request) if data.moves == "points" else ()
+    return replace(plan, warnings=(*plan.warnings, *useless))
 
 
 def _open(request: Request) -> bool:
     """Whether the caller leaves the method open, and asks for nothing that the curvature flow alone knows."""
     if isinstance(request.method, PointMethod) or request.named:
         return False
+    return not (request.heights.mass != Search().mass or request.asked or request.compute.stepping)
+
+
+def _useless(request: Request) -> tuple[str, ...]:
+    """A warning on options of a search that have no effect where points alone move."""
     plain, asked = Search(), request.heights
-    told = any(getattr(asked, name) != getattr(plain, name) for name in ("contrast", "twicing", "indicator", "mass"))
-    return not (told or request.asked or request.compute.stepping)
+    names = [name for name in ("contrast", "twicing", "indicator") if getattr(asked, name) != getattr(plain, name)]
+    return (f"{', '.join(names)}: no effect where points move",) if names and not request.named else ()
 
 
 def _along(request: Request) -> Along:
