@@ -144,8 +144,9 @@ class Constraints:
 
         :raises InputError: for what is no constraint, and two of one kind.
         """
-        listed = isinstance(given, Iterable) and not isinstance(given, (str, type, *KINDS))
-        several: list[Any] = list(given) if listed else [given]
+        several: list[Any] = [given]
+        if isinstance(given, Iterable) and not isinstance(given, (str, type)):
+            several = list(given)
         found: dict[str, Any] = {}
         for one in several:
             if isinstance(one, type):
