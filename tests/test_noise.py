@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 from helpers import shapes
+from scipy.ndimage import gaussian_filter
 
 import meshflow
 from meshflow.estimate.noise import noise_growth, noise_of, noise_on
 from meshflow.estimate.planner import noise_in
 from meshflow.smoothing import noise_facts
 from meshflow.surfaces.mesh import Mesh
-from meshflow.synthetic.scenes import mesas, ramps
+from meshflow.synthetic.samples import fractal
+from meshflow.synthetic.scenes import fractal_terrain, mesas, ramps
 
 NONE = np.zeros((256, 256), bool)
 
@@ -28,6 +30,39 @@ def test_white_noise_is_found_within_five_percent(make, sigma):
     found = noise_of(z, NONE)
     assert found.sigma == pytest.approx(sigma, rel=0.05)
     assert found.how == "patches"
+
+
+def blurred_noise(shape, width, seed):
+    noise = gaussian_filter(np.random.default_rng(seed).normal(size=(shape[0] + 20, shape[1] + 20)), width)[
+        10:-10, 10:-10
+    ]
+    return noise / noise.std()
+
+
+@pytest.mark.parametrize("width", [0.5, 0.7, 1.2, 2.0])
+@pytest.mark.parametrize(
+    "make", [smooth_surface, lambda: fractal_terrain(256), lambda: mesas(256)], ids=["smooth", "fractal", "mesas"]
+)
+def test_correlated_noise_is_found_with_its_deviation_and_its_length(make, width):
+    truth = make()
+    for seed, part in ((11, 0.03), (12, 0.08)):
+        sigma = part * np.ptp(truth)
+        found = noise_of(truth + sigma * blurred_noise(truth.shape, width, seed), NONE)
+        assert found.how == "spectrum"
+        assert found.sigma == pytest.approx(sigma, rel=0.1)
+        assert found.length == pytest.approx(width, rel=0.2)
+        middle = found.correlation.shape[0] // 2
+        assert found.correlation[middle, middle] == 1
+        assert (found.correlation == found.correlation[::-1, ::-1]).all()
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.0, 2.5])
+def test_a_rough_surface_without_noise_is_not_taken_for_correlated_noise(exponent):
+    for seed in range(3):
+        found = noise_of(60 * fractal(256, exponent, np.random.default_rng(seed)), NONE)
+        assert (found.correlation, found.length) == (None, 0)
+    for make in (smooth_surface, lambda: mesas(256), lambda: ramps(256)):
+        assert noise_of(make(), NONE).correlation is None
 
 
 def test_holes_and_what_lies_in_them_do_not_count():

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sparse
 
+from meshflow.estimate.noise_spectrum import correlated_noise, correlation_of, length_of
 from meshflow.estimate.patch_noise import patch_noise
 from meshflow.geometry.laplacians import neighbour_means
 from meshflow.geometry.validation import Array
@@ -25,7 +26,7 @@ CLASSES, CLASS_SIZE = 24, 50
 Tile = tuple[slice, slice]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Noise:
     """Noise of samples, in the unit of the values.
 
@@ -33,7 +34,10 @@ class Noise:
     :ivar quantum: smallest step between values of quantised data; 0 where they are continuous.
     :ivar channels: sigma of each channel.
     :ivar share: of the samples that lie on whole multiples of the quantum, one another's distance; 0 without a quantum.
-    :ivar how: what found it: ``patches``, ``differences``, or ``nothing`` where there are too few samples.
+    :ivar how: what found it: ``patches``, ``spectrum`` (correlated noise), ``differences``, or ``nothing`` for too few samples.
+    :ivar correlation: (2 r + 1, 2 r + 1), of samples by their lag in rows and columns, 1 in the middle; None: the noise is white.
+    :ivar length: standard deviation, in samples, of the Gaussian that correlates neighbours of white noise as much; 0: white.
+    :ivar between: (k, k), the correlation between channels; None for one channel, or where it was not looked at.
     """
 
     sigma: float
@@ -41,6 +45,9 @@ class Noise:
     channels: tuple[float, ...] = ()
     share: float = 0.0
     how: str = "nothing"
+    correlation: Array | None = None
+    length: float = 0.0
+    between: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -72,13 +79,17 @@ def noise_of(values: Array, missing: Array) -> Noise:
     :param missing: (h, w).
     """
     stack = values.reshape(*missing.shape, -1)
-    sigmas, quanta, shares, how = [], [], [], "nothing"
+    sigmas, quanta, shares, covariances, how = [], [], [], [], "nothing"
     tiles = spread_tiles(missing.shape)
     for channel in np.moveaxis(stack, 2, 0):
         parts = [(channel[tile].astype(np.float64), ~missing[tile]) for tile in tiles]
         quantum, share = _quantum(np.concatenate([channel[tile][~missing[tile]] for tile in tiles]))
         sigma, by = _sigma(parts)
-        how = by if how == "nothing" else how
+        covariance = correlated_noise(parts, quantum)
+        if covariance is not None:
+            sigma, by = float(np.sqrt(covariance[0, 0])), "spectrum"
+            covariances.append(covariance)
+        how = by if how in ("nothing", "patches") else how
         largest = max((np.abs(part[there]).max(initial=0.0) for part, there in parts), default=0.0)
         if sigma <= 2.0 * np.finfo(values.dtype).eps * largest:
             sigma = 0.0  # the rounding of numbers is no noise
@@ -88,7 +99,8 @@ def noise_of(values: Array, missing: Array) -> Noise:
         quanta.append(quantum)
         shares.append(share)
     whole = float(np.sqrt(np.mean(np.square(sigmas))))
-    return Noise(whole, max(quanta), tuple(sigmas), max(shares), how)
+    correlation = correlation_of(np.sum(covariances, axis=0)) if covariances else None
+    return Noise(whole, max(quanta), tuple(sigmas), max(shares), how, correlation, length_of(correlation))
 
 
 def _sigma(parts: list[tuple[Array, Array]]) -> tuple[float, str]:
