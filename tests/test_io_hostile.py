@@ -116,6 +116,54 @@ def test_an_array_that_promises_more_than_the_file_holds_is_refused(tmp_path):
     refused(lambda: read(tmp_path / "a.npy"), "a.npy cannot be read")
 
 
+@pytest.mark.parametrize("count", ["4000000000", "16000000000000000000", "-1", "many"])
+@pytest.mark.parametrize("element", ["vertex", "face", "range_grid"])
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
+def test_a_ply_that_promises_more_than_it_holds_is_refused_before_anything_is_made(tmp_path, count, element, form):
+    counts = {"vertex": "3", "face": "1", "range_grid": "3"} | {element: count}
+    text = f"ply\nformat {form} 1.0\nobj_info num_cols 3\nobj_info num_rows 1\nelement vertex {counts['vertex']}\n"
+    text += "".join(f"property float {axis}\n" for axis in "xyz")
+    for name in ("face", "range_grid"):
+        if name != "range_grid" or element == name:
+            text += f"element {name} {counts[name]}\nproperty list uchar int vertex_indices\n"
+    body = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n1 0\n1 1\n1 2\n"
+    if form != "ascii":
+        body = np.eye(3, dtype="<f4").tobytes() + b"\x03" + np.arange(3, dtype="<i4").tobytes()
+    (tmp_path / "a.ply").write_bytes((text + "end_header\n").encode() + body)
+    refused(
+        lambda: read(tmp_path / "a.ply"), f"{count} of element {element} promised in {len(body) + 1} bytes|promised in"
+    )
+
+
+def test_a_raster_of_more_bands_than_any_instrument_has_is_refused_and_one_of_them_is_read(tmp_path):
+    with rasterio.open(
+        tmp_path / "a.tif", "w", driver="GTiff", width=2, height=2, count=2000, dtype="uint8", interleave="pixel"
+    ):
+        pass
+    refused(lambda: read(tmp_path / "a.tif"), "2000 bands, and 1024 smoothed as one image is the limit; choose one")
+    assert read(tmp_path / "a.tif", band=1999).noun.z.shape == (2, 2)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".off", ".ply"])
+def test_a_polygon_of_very_many_corners_is_refused_with_the_limit(tmp_path, suffix):
+    for corners, fits in ((4096, True), (20_000, False)):
+        angles = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+        rows = [f"{x!r} {y!r} 0" for x, y in np.c_[np.cos(angles), np.sin(angles)].tolist()]
+        face = " ".join(map(str, range(corners)))
+        text = {
+            ".obj": "\n".join([f"v {row}" for row in rows] + ["f " + " ".join(map(str, range(1, corners + 1)))]) + "\n",
+            ".off": "\n".join([f"OFF\n{corners} 1 0", *rows, f"{corners} {face}"]) + "\n",
+            ".ply": "\n".join(
+                [f"ply\nformat ascii 1.0\nelement vertex {corners}", *(f"property double {axis}" for axis in "xyz"),
+                 "element face 1\nproperty list int int vertex_indices\nend_header", *rows, f"{corners} {face}"]) + "\n",
+        }[suffix]  # fmt: skip
+        (tmp_path / f"a{suffix}").write_text(text)
+        if fits:
+            assert len(read(tmp_path / f"a{suffix}").noun.faces) == corners - 2
+        else:
+            refused(lambda: read(tmp_path / f"a{suffix}"), "a polygon of 20000 corners, and 4096 is the limit")
+
+
 # --- words that are no numbers
 
 

@@ -11,7 +11,7 @@ __all__ = ["ALL", "DRAWING", "FILES", "READING", "flags"]
 
 INPUT, OUTPUT, LOOK = "What the file is", "What is written", "How it looks"
 FILES = (
-    "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTK, VTM; PNG, JPEG; "
+    "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM; PNG, JPEG; "
     ".npy, .npz."
 )
 QUANTITIES = Literal["curvature", "edges", "triangles", "samples"]

@@ -52,7 +52,7 @@ _HOLDS = {
         "vertex normals",
     },
 }
-_HOLDS[".vtk"] = _HOLDS[".vtp"]
+_HOLDS[".vtk"] = _HOLDS[".vtu"] = _HOLDS[".vtp"]
 
 
 def save(scene: trimesh.Scene, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
@@ -80,7 +80,7 @@ def save(scene: trimesh.Scene, path: Path, target: Path, tags: Mapping[str, str]
         )
         first, home = joined(np.asarray(one.vertices))
         one = trimesh.Trimesh(np.asarray(one.vertices)[first], home[one.faces], process=False)
-    if suffix in (".vtp", ".vtk"):
+    if suffix in (".vtp", ".vtu", ".vtk"):
         save_polydata(_polydata(one), path, tags)
     elif suffix == ".off":
         path.write_text(export_off(one, digits=16))

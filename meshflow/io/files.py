@@ -13,7 +13,7 @@ from meshflow.io.metadata import Metadata, ReadOptions
 
 __all__ = ["Document", "read", "read_with", "writable", "write"]
 
-MESHES = frozenset({".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".vtp", ".vtk", ".vtm", ".3mf"})
+MESHES = frozenset({".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".vtp", ".vtu", ".vtk", ".vtm", ".3mf"})
 ARRAYS = frozenset({".npy", ".npz"})
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 TIFF = frozenset({".tif", ".tiff"})

@@ -1,4 +1,4 @@
-"""Mesh files: PLY, OBJ, STL, OFF, GLB, VTP, VTK, VTM.
+"""Mesh files: PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM.
 
 A file of its own format is rewritten as sparingly as the format allows: of PLY, OBJ and OFF the very bytes are kept but
 for positions, normals and the channel that moved; the others go through the library that reads them.
@@ -19,7 +19,7 @@ __all__ = ["can_write", "read", "write"]
 NAME: str = "a mesh file"
 READS: tuple[str, ...] = ("kind", "channels", "moves")
 WRITES: tuple[str, ...] = ()
-_WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtk", ".vtm")
+_WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtu", ".vtk", ".vtm")
 
 # What the readers raise on a file that is not what it claims to be; they share no class of their own.
 _BROKEN = (
@@ -83,6 +83,7 @@ _READERS: Mapping[str, Callable[[Path, ReadOptions], Document]] = {
     ".obj": _obj,
     ".off": _off,
     ".vtp": _vtk,
+    ".vtu": _vtk,
     ".vtk": _vtk,
     ".vtm": _vtm,
     ".stl": _scene,
@@ -129,7 +130,7 @@ def can_write(document: Document, suffix: str) -> bool:
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write a mesh in the format of the extension: its own, or another one.
 
-    :param options: tags are kept as comments (PLY, OBJ, OFF) or field data (VTP, VTK); the other formats have no room for them.
+    :param options: tags are kept as comments (PLY, OBJ, OFF) or field data (VTP, VTU, VTK); others have no room.
     :returns: what the format could not hold.
     :raises FormatError: for a format that is only read, or cannot hold the mesh; nothing is then written.
     """

@@ -23,6 +23,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, MeshSource, Section
 from meshflow.io.metadata import ReadOptions
+from meshflow.io.polygons import must_be_small
 from meshflow.io.vertex_merging import Skin, is_soup, said_of
 from meshflow.surfaces.mesh import Mesh
 
@@ -129,6 +130,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     rows, normal_rows, polygons, normals, labels = _parsed(path, lines)
     if not polygons:
         raise FormatError(f"{path.name}: no faces in {len(rows)} vertices; a mesh with triangles expected")
+    must_be_small(path.name, max(map(len, polygons)))
     words = [lines[row].split() for row in rows]
     channels = options.attribute
     points = np.array([word[1:4] for word in words], dtype=np.float64)

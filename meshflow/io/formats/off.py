@@ -16,6 +16,7 @@ from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, MeshSource
 from meshflow.io.formats.obj import rewritten
 from meshflow.io.metadata import ReadOptions
+from meshflow.io.polygons import must_be_small
 from meshflow.io.vertex_merging import Skin, is_soup
 from meshflow.surfaces.mesh import Mesh
 
@@ -90,6 +91,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         )
     for row in told[first + vertices : first + vertices + faces]:
         words = lines[row].split("#")[0].split()
+        must_be_small(path.name, int(words[0]))
         if len(words) <= int(words[0]):
             raise FormatError(
                 f"{path.name}, line {row + 1}: a face of {words[0]} corners expected, got {lines[row].strip()!r}"

@@ -5,6 +5,7 @@ polygons stay polygons.
 """
 
 import io
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +20,9 @@ from trimesh.resolvers import FilePathResolver
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, MeshSource
+from meshflow.io.formats.ply_layout import must_hold
 from meshflow.io.metadata import Found, ReadOptions
+from meshflow.io.polygons import must_be_small
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.mesh import Mesh
 
@@ -166,6 +169,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         )
     elements = mesh.metadata["_ply_raw"]
     _must_be_whole(path, elements)
+    must_be_small(path.name, _corners(elements))
     points = stacked(elements, ("x", "y", "z"))
     if points.dtype.kind != "f":
         raise FormatError(
@@ -195,6 +199,8 @@ def elements_of(path: Path) -> Elements:
 
 def _loaded(path: Path, content: bytes) -> Any:
     """What trimesh makes of the file, vertices as they are stored."""
+    header, _, body = content.partition(b"end_header")
+    must_hold(path, header, len(body))
     with warnings.catch_warnings():  # older numpy stops at a word that is no number, and only warns
         warnings.filterwarnings("error", message="string or file could not be read", category=DeprecationWarning)
         try:
@@ -270,6 +276,17 @@ def _places(vertex: Element) -> dict[str, int]:
         column = vertex["data"][name]
         at += 1 + (column.shape[1] if column.ndim == 2 else 1) if "LIST" in kind else 1
     return places
+
+
+def _corners(elements: Elements) -> int:
+    """Of the largest polygon."""
+    for name in elements["face"]["properties"]:
+        if re.fullmatch("vertex_ind(ex|ices)", name):
+            column = elements["face"]["data"][name]
+            if column.dtype == object:  # ASCII, polygons of different length
+                return max(map(len, column))
+            return values_of(elements, "face", name)[0].size
+    return 0
 
 
 def _polygons(elements: Elements, triangles: int) -> tuple[str, ...]:

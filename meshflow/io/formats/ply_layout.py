@@ -14,7 +14,7 @@ import numpy as np
 from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array
 
-__all__ = ["Element", "PlyBytes", "has_grid", "loaded"]
+__all__ = ["Element", "PlyBytes", "has_grid", "loaded", "must_hold"]
 
 _TYPES = {
     name: code
@@ -108,6 +108,21 @@ def has_grid(path: Path) -> bool:
         return b"element range_grid" in file.read(65536).partition(b"end_header")[0]
 
 
+def must_hold(path: Path, header: bytes, body: int) -> None:
+    """Refuse a header that promises more than the file can hold, before anything is made of it.
+
+    :param header: the bytes of the header.
+    :param body: how many bytes stand behind it; each element needs one at least.
+    :raises FormatError: with the element and both numbers.
+    """
+    for name, count in re.findall(rb"(?m)^[ \t]*element[ \t]+(\S+)[ \t]+(\S+)", header):
+        if not count.isdigit() or int(count) > body:
+            raise FormatError(
+                f"{path.name}: {count.decode('latin-1')[:20]} of element {name.decode('latin-1')[:40]} promised in {body} bytes; "
+                "is it cut off? Get the whole file"
+            )
+
+
 def loaded(path: Path) -> PlyBytes:
     """Read a PLY file.
 
@@ -120,6 +135,7 @@ def loaded(path: Path) -> PlyBytes:
             f"{path.name}: no PLY header (ply ... end_header); is it whole, and does its extension tell the truth?"
         )
     header, body = content[: end.end()], content[end.end() :]
+    must_hold(path, header, len(body))
     order, info, elements = _header(header.decode("utf-8", "replace"), path)
     vertex = next((i for i, element in enumerate(elements) if element.name == "vertex"), None)
     names = [name for name, _ in elements[vertex].columns] if vertex is not None else []

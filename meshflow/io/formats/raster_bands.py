@@ -32,6 +32,9 @@ __all__ = ["Encoding", "Frame", "Framed", "framed", "layers", "load", "merged", 
 
 T = TypeVar("T")
 
+# More bands than any instrument has; what is measured for each pair of them would take longer than anybody waits.
+_MOST_BANDS = 1024
+
 # Without this GDAL (3.10) reads a PNG of 8 bit that is cut short as whole, what is not there out of unset memory.
 _SAFE = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": False}
 _LOSSLESS = ("GTiff", "PNG", "BMP", "WEBP")
@@ -271,10 +274,15 @@ def _check_bands(path: Path, source: DatasetReader, chosen: list[int]) -> None:
             f"{path.name} holds no bands of samples, but {inside or 'nothing'}; gdal_translate one to .tif"
         )
     for band in chosen:
-        if band not in source.indexes:
+        if band not in range(1, source.count + 1):
             raise InputError(
                 f"{path.name}: band {band!r} expected to be one of 1 to {source.count}; bands count from 1"
             )
+    if len(chosen) > _MOST_BANDS:
+        raise FormatError(
+            f"{path.name}: {len(chosen)} bands, and {_MOST_BANDS} smoothed as one image is the limit; choose one (band, --band), "
+            "or take some out: gdal_translate -b"
+        )
 
 
 def _gone(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Array:

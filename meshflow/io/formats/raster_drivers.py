@@ -6,11 +6,13 @@ TIFF that is a WMS makes requests.
 
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import rasterio
 
 from meshflow.errors import FormatError
+from meshflow.io.own_folder import must_stay_inside
 
 __all__ = ["allowed_drivers", "must_be_numbers", "must_fit"]
 
@@ -44,7 +46,7 @@ def allowed_drivers(path: Path) -> list[str]:
     if suffix == ".asc":
         return ["AAIGrid", "GRASSASCIIGrid"]
     if suffix == ".vrt":
-        _must_stay_inside(path)
+        must_stay_inside(path, _named(path), "a VRT", "gdal_translate it to .tif if you trust it")
         return ["VRT"]
     with rasterio.Env() as env:
         return sorted(set(env.drivers()) - _ELSEWHERE)
@@ -100,16 +102,8 @@ def must_be_numbers(path: Path) -> dict[str, str]:
     return {"DATATYPE": "Float64"} if holds_nan and b"." not in content[start : start + _LOOKED_AT] else {}
 
 
-def _must_stay_inside(path: Path) -> None:
-    """A VRT reads files of its own folder, and of folders in it."""
-    folder = path.resolve().parent
+def _named(path: Path) -> Iterator[str]:
+    """The files that a VRT names."""
     for found in _VRT_SOURCE.finditer(path.read_bytes()):
-        name = found.group(1).decode("utf-8", "replace")
-        if not name:
-            continue
-        outside = "://" in name or "/vsi" in name or name.startswith("<") or ":" in name.partition("/")[0]
-        if outside or not (folder / name).resolve().is_relative_to(folder):
-            raise FormatError(
-                f"{path.name}: a VRT reads files of its own folder alone, this one names {name[:80]}; "
-                "gdal_translate it to .tif if you trust it"
-            )
+        if name := found.group(1).decode("utf-8", "replace"):
+            yield name

@@ -1,9 +1,6 @@
-"""VTP and VTK: read and written by VTK through pyvista, all arrays in their types."""
+"""VTP, VTU and VTK: read and written by VTK through pyvista, all arrays in their types."""
 
-import logging
-import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +11,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import FormatError
 from meshflow.io.adapters.pyvista import from_object
 from meshflow.io.document import Adopted, Document, MeshSource
+from meshflow.io.formats.vtk_process import Other, read_apart
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.mesh import Mesh
 
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-__all__ = ["VtkFile", "listened", "read", "save_polydata", "scene_mesh"]
+__all__ = ["VtkFile", "read", "save_polydata", "scene_mesh"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +29,8 @@ class VtkFile(MeshSource):
     adopted: Adopted
 
     def writes(self, suffix: str) -> bool:
-        """Whether it is ``.vtp`` or ``.vtk``."""
-        return suffix in (".vtp", ".vtk")
+        """Whether it is ``.vtp``, ``.vtu`` or ``.vtk``."""
+        return suffix in (".vtp", ".vtu", ".vtk")
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
         """An array of one number per vertex, as it is or by the name of a point array."""
@@ -73,63 +71,24 @@ def scene_mesh(poly: "pyvista.PolyData") -> "trimesh.Trimesh":
 
 
 def save_polydata(poly: "pyvista.PolyData", path: Path, tags: Mapping[str, str]) -> None:
-    """Write a PolyData, tags as field data."""
+    """Write a PolyData, tags as field data; as ``.vtu`` it is an UnstructuredGrid."""
     for name, word in tags.items():
         poly.add_field_data([str(word)], f"meshflow:{name}")
-    poly.save(str(path))
+    (poly.cast_to_unstructured_grid() if path.suffix.lower() == ".vtu" else poly).save(str(path))
 
 
 def read(path: Path, options: ReadOptions) -> Document:
-    """Read a VTP or legacy VTK file.
+    """Read a VTP, a VTU whose cells lie on a surface, or a legacy VTK file.
 
     :raises FormatError: for a broken file, and for another data set than PolyData.
     :raises InputError: for channels that it does not have, or whatever the noun refuses.
     """
-    import pyvista
-
-    with listened() as heard:
-        thing = pyvista.read(str(path))
-    if heard:
+    found = read_apart(path, "is it whole, and does its extension tell the truth?")
+    if isinstance(found, Other):
+        why = f", {found.why}" if found.why else ""
         raise FormatError(
-            f"{path.name} cannot be read: {heard[0]}; is it whole, and does its extension tell the truth?"
-        )
-    if not isinstance(thing, pyvista.PolyData):
-        raise FormatError(
-            f"{path.name}: polygons (PolyData) expected, got {type(thing).__name__}; open it with pyvista.read and "
+            f"{path.name}: polygons (PolyData) expected, got {found.kind}{why}; open it with pyvista.read and "
             "hand the object over, or take its surface: .extract_surface().triangulate().save('surface.vtp')"
         )
-    adopted = from_object(thing, options.without("kind"))
+    adopted = from_object(found, options.without("kind"))
     return Document(adopted.noun, path, VtkFile(adopted), adopted.notes)
-
-
-@contextmanager
-def listened() -> Iterator[list[str]]:
-    """What VTK has to say while it reads, and not on standard error.
-
-    A file that is cut off comes back as a mesh of whatever is in memory, with no more than a warning: any word counts.
-    """
-    import pyvista
-
-    heard: list[str] = []
-    root = logging.getLogger()  # where pyvista sends the errors of VTK
-
-    def deaf(record: logging.LogRecord) -> bool:
-        """Keep the first line of a message, and print none."""
-        heard.append(record.getMessage().strip().splitlines()[0])
-        return False
-
-    root.addFilter(deaf)
-    try:
-        with (
-            warnings.catch_warnings(),
-            pyvista.vtk_verbosity("off"),
-            pyvista.VtkErrorCatcher(send_to_logging=False) as errors,
-        ):
-            warnings.filterwarnings("error", message="The VTK reader", category=UserWarning)
-            try:
-                yield heard
-            except (UserWarning, RuntimeError) as cause:
-                heard.append(str(cause).strip().splitlines()[-1].strip('"\t '))
-        heard.extend(event.alert.strip().splitlines()[-1] for event in errors.events)
-    finally:
-        root.removeFilter(deaf)

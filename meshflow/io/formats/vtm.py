@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -14,8 +15,10 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.pyvista_blocks import from_blocks
 from meshflow.io.document import Document, MeshSource, Multipart, Section
-from meshflow.io.formats.vtk import listened, scene_mesh
+from meshflow.io.formats.vtk import scene_mesh
+from meshflow.io.formats.vtk_process import Other, read_apart
 from meshflow.io.metadata import ReadOptions
+from meshflow.io.own_folder import must_stay_inside
 from meshflow.io.vertex_merging import said_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.multipart import together
@@ -113,14 +116,13 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises FormatError: for a broken file, one that names files that are not there, or blocks that are no surfaces.
     :raises InputError: for channels that a block does not have, or whatever a noun refuses.
     """
+    must_stay_inside(path, _named(path), "a VTM", "move its blocks there")
+    blocks = read_apart(path, "are the files beside it that it names?")
     import pyvista
 
-    with listened() as heard:
-        blocks = pyvista.read(str(path))
-    if heard:
-        raise FormatError(f"{path.name} cannot be read: {heard[0]}; are the files beside it that it names?")
-    if not isinstance(blocks, pyvista.MultiBlock):
-        raise FormatError(f"{path.name}: blocks expected, got {type(blocks).__name__}")
+    if isinstance(blocks, Other) or not isinstance(blocks, pyvista.MultiBlock):
+        kind = blocks.kind if isinstance(blocks, Other) else type(blocks).__name__
+        raise FormatError(f"{path.name}: blocks expected, got {kind}")
     found = from_blocks(blocks, options.without("kind"))
     parts = found.parts
     meshes = tuple(part.noun for _, part in parts if isinstance(part.noun, Mesh))
@@ -130,3 +132,16 @@ def read(path: Path, options: ReadOptions) -> Document:
     notes = [f"{name}: {note}" for name, part in parts for note in part.notes]
     source = VtkBlocks(path, found, meshes)
     return Document(together(meshes), path, source, (*notes, *said_of(source.sections)))
+
+
+def _named(path: Path) -> Iterator[str]:
+    """The files that the index names.
+
+    :raises FormatError: when it is no XML.
+    """
+    try:
+        for element in ElementTree.fromstring(path.read_bytes()).iter():
+            if name := element.get("file"):
+                yield name
+    except ElementTree.ParseError as cause:
+        raise FormatError(f"{path.name} cannot be read: no index of blocks in XML ({cause}); is it whole?") from cause

@@ -1,0 +1,22 @@
+"""Polygons become triangles, a fan each: one of very many corners would be a vertex with as many neighbours."""
+
+from meshflow.errors import FormatError
+
+__all__ = ["must_be_small"]
+
+# What is measured around a vertex takes the square of its neighbours.
+_MOST_CORNERS = 4096
+
+
+def must_be_small(name: str, corners: int) -> None:
+    """Refuse a polygon of too many corners, before the work that would take minutes.
+
+    :param name: of the file.
+    :param corners: of its largest polygon.
+    :raises FormatError: with the number and the limit.
+    """
+    if corners > _MOST_CORNERS:
+        raise FormatError(
+            f"{name}: a polygon of {corners} corners, and {_MOST_CORNERS} is the limit for a fan of triangles; triangulate it "
+            "first, for example in MeshLab or Blender"
+        )
