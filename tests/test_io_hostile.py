@@ -9,6 +9,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 import rasterio
+import trimesh
 from rasterio.control import GroundControlPoint
 
 import meshflow
@@ -72,6 +73,64 @@ def test_a_vrt_reads_its_own_folder_and_no_other(tmp_path):
     ):
         (home / "a.vrt").write_text(VRT.format(relative=1, name=name))
         refused(lambda: read(home / "a.vrt"), "a VRT reads files of its own folder alone, this one names")
+    (home / "a.vrt").write_text(VRT.format(relative=1, name="../outside.tif"))
+    assert np.array_equal(read(home / "a.vrt", allow_remote=True).noun.z, z)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "<![CDATA[../outside.tif]]>",
+        "&#46;./outside.tif",
+        "&lt;VRTDataset/&gt;",
+        "inner.tif",
+        "inner.vrt",
+        "wms.tif",
+        "{0}",
+    ],
+)
+def test_a_vrt_does_not_get_out_by_another_way(tmp_path, name):
+    home = tmp_path / "home"
+    home.mkdir()
+    tiff(tmp_path / "outside.tif")
+    for inner in ("inner.tif", "inner.vrt"):
+        (home / inner).write_text(VRT.format(relative=1, name="../outside.tif"))
+    (home / "wms.tif").write_text('<GDAL_WMS><Service name="TMS"/></GDAL_WMS>')
+    (home / "a.vrt").write_text(VRT.format(relative=1, name=name.format(tmp_path / "outside.tif")))
+    refused(lambda: read(home / "a.vrt"), "a VRT reads files of its own folder alone|its source .* describes one")
+
+
+@pytest.mark.parametrize(
+    "uri", ["../outside.bin", "%2e%2e/outside.bin", "/etc/passwd", "http://127.0.0.1:9/gltf_buffer_0.bin"]
+)
+def test_a_gltf_reads_its_own_folder_and_no_other(tmp_path, uri):
+    (tmp_path / "home").mkdir()
+    for name, content in trimesh.exchange.gltf.export_gltf(trimesh.Scene(trimesh.creation.icosphere(1))).items():
+        (tmp_path / "home" / name).write_bytes(content)
+    path = tmp_path / "home" / "model.gltf"
+    assert len(read(path).noun.faces) == 80
+    told = json.loads(path.read_text())
+    told["buffers"][0]["uri"] = uri
+    path.write_text(json.dumps(told))
+    refused(lambda: read(path), "a GLTF reads files of its own folder alone, this one names")
+
+
+def test_heights_in_a_zip_are_read_and_no_broken_zip_ends_the_process(tmp_path):
+    heights = (np.arange(1201 * 1201) % 500).reshape(1201, 1201)
+    path = tmp_path / "N46E008.hgt.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("N46E008.hgt", heights.astype(">i2").tobytes())
+    document = read(path)
+    assert np.array_equal(document.noun.z, heights)
+    assert document.source.frame.transform.f == pytest.approx(47, abs=1e-3)
+    whole, rng = path.read_bytes(), np.random.default_rng(5)
+    for trial in range(40):
+        content = bytearray(whole)
+        for at in [*rng.integers(0, len(content), 2), -rng.integers(1, 100)]:
+            content[at] = rng.integers(0, 256)
+        path.write_bytes(content if trial % 4 else content[: rng.integers(1, len(content))])
+        with suppress(InputError):
+            read(path)
 
 
 def test_a_picture_that_is_called_by_another_name_is_still_read(tmp_path):

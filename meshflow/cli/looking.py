@@ -137,7 +137,9 @@ def _spoken(reading: Given) -> tuple[str, ...]:
     """The options with which a file was read, as words of a command line."""
     found: list[str] = []
     for name, value in reading.items():
-        if value is not None:
+        if value is True:
+            found.append(f"--{name.replace('_', '-')}")
+        elif value is not None:
             found += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else (value,))]
     return tuple(found)
 

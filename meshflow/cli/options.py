@@ -76,6 +76,14 @@ ALL: tuple[Flag, ...] = (
         "Default: what the file says, else along z.",
         INPUT,
     ),
+    Flag(
+        "allow_remote",
+        bool | None,
+        "A file may name others outside its folder, and in a network (VRT, VTM, glTF): only if you trust it.",
+        INPUT,
+        None,
+        ("--allow-remote",),
+    ),
     Flag("truth", Path | None, "True depths of the same pixels, seen by the same camera.", INPUT),
     Flag("truth_scale", float | None, "Units of the truth per metre, as --depth-scale of IN.", INPUT),
     Flag(
@@ -173,7 +181,9 @@ ALL: tuple[Flag, ...] = (
     ),
     Flag("memory", int, "Megabytes of states that are kept; others are computed again.", LOOK, 1024),
 )
-READING = ("kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "viewpoint")
+READING = (
+    "kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "viewpoint", "allow_remote",
+)  # fmt: skip
 DRAWING = ("azimuth", "altitude", "exaggeration", "up", "seen", "colours", "own_colours", "size", "title")
 
 

@@ -81,6 +81,7 @@ class Metadata(TypedDict, total=False):
     viewpoint: Sequence[float] | None
     band: int | None
     nodata: float | None
+    allow_remote: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +104,7 @@ class ReadOptions:
     :param viewpoint: (x, y, z), where the scanner of a PLY range grid stood.
     :param band: of a raster, the one to read, from 1.
     :param nodata: of a raster or an array file, the value that marks missing samples.
+    :param allow_remote: a file may name others outside its own folder, and in a network; otherwise it is refused.
     """
 
     kind: Kind | None = None
@@ -120,6 +122,7 @@ class ReadOptions:
     viewpoint: Sequence[float] | None = None
     band: int | None = None
     nodata: float | None = None
+    allow_remote: bool = False
 
     @classmethod
     def of(cls, metadata: Mapping[str, object]) -> "ReadOptions":

@@ -17,7 +17,7 @@ from meshflow.surfaces.mesh import Mesh
 __all__ = ["can_write", "read", "write"]
 
 NAME: str = "a mesh file"
-READS: tuple[str, ...] = ("kind", "channels", "moves")
+READS: tuple[str, ...] = ("kind", "channels", "moves", "allow_remote")
 WRITES: tuple[str, ...] = ()
 _WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtu", ".vtk", ".vtm")
 

@@ -23,6 +23,7 @@ from meshflow.geometry.validation import Array, real
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Source
 from meshflow.io.formats.raster_drivers import allowed_drivers, must_be_numbers, must_fit
+from meshflow.io.formats.zipped_heights import taken_out
 from meshflow.io.spacing import linear_unit
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -154,18 +155,25 @@ class Encoding:
     creation: Mapping[str, Any] = field(default_factory=dict)
 
 
-def load(path: Path, *, bands: Sequence[int] | None = None, nodata: float | None = None) -> tuple[Array, Frame]:
+def load(
+    path: Path, *, bands: Sequence[int] | None = None, nodata: float | None = None, remote: bool = False
+) -> tuple[Array, Frame]:
     """Samples (k, h, w) as float32 or float64, scale and offset applied, and their frame.
 
     Missing is what nodata, an internal mask, or an alpha of 0 says, and what is not finite; its samples keep their bits.
 
     :param bands: which, from 1; None: all but the alpha band.
     :param nodata: in place of the one that the file declares.
+    :param remote: the file may name others outside its folder, and networks.
     :raises FormatError: when GDAL cannot open or read the file, or it holds no bands.
     """
     opening = must_be_numbers(path) if path.suffix.lower() == ".asc" else {}
     try:
-        with _quiet(), DatasetReader(str(path), driver=allowed_drivers(path), **opening) as source:
+        with (
+            _quiet(),
+            taken_out(path) as file,
+            DatasetReader(str(file), driver=allowed_drivers(file, remote), **opening) as source,
+        ):
             must_fit(path, len(bands or source.indexes), source.height, source.width)
             colours = source.colorinterp
             chosen = list(bands or [i for i in source.indexes if colours[i - 1] != ColorInterp.alpha])

@@ -6,13 +6,12 @@ TIFF that is a WMS makes requests.
 
 import os
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import rasterio
 
 from meshflow.errors import FormatError
-from meshflow.io.own_folder import must_stay_inside
+from meshflow.io.formats.vrt import must_be_local
 
 __all__ = ["allowed_drivers", "must_be_numbers", "must_fit"]
 
@@ -26,18 +25,16 @@ _ELSEWHERE = {
 }  # fmt: skip
 # The share of the memory of the machine that the samples of a raster may take; the work needs as much again, and more.
 _SHARE = 0.5
-_VRT_SOURCE = re.compile(
-    rb"<(?:Source(?:Filename|Dataset)|Filename|\w*Dataset\w*|KEY|Path)\b[^>]*>\s*([^<]*?)\s*<", re.IGNORECASE
-)
 _WORD = re.compile(rb"(?<!\S)(?:\S*[^\s0-9.,+\-eE]\S*|[eE+\-.,]+(?!\S))")
 # Bytes of an ASCII grid by which GDAL tells whole numbers from others.
 _LOOKED_AT = 100_000
 _NAN = re.compile(rb"(?:nan|1\.#qnan)$", re.IGNORECASE)
 
 
-def allowed_drivers(path: Path) -> list[str]:
+def allowed_drivers(path: Path, remote: bool = False) -> list[str]:
     """The drivers that may open a file, by its extension.
 
+    :param remote: it may name files outside its folder, and networks.
     :raises FormatError: for a VRT that names a file outside its folder, a network, or a virtual file system.
     """
     suffix = path.suffix.lower()
@@ -46,10 +43,11 @@ def allowed_drivers(path: Path) -> list[str]:
     if suffix == ".asc":
         return ["AAIGrid", "GRASSASCIIGrid"]
     if suffix == ".vrt":
-        must_stay_inside(path, _named(path), "a VRT", "gdal_translate it to .tif if you trust it")
+        if not remote:
+            must_be_local(path)
         return ["VRT"]
     with rasterio.Env() as env:
-        return sorted(set(env.drivers()) - _ELSEWHERE)
+        return sorted(set(env.drivers()) - (set() if remote else _ELSEWHERE))
 
 
 def must_fit(path: Path, bands: int, height: int, width: int) -> None:
@@ -100,10 +98,3 @@ def must_be_numbers(path: Path) -> dict[str, str]:
             "get the whole file"
         )
     return {"DATATYPE": "Float64"} if holds_nan and b"." not in content[start : start + _LOOKED_AT] else {}
-
-
-def _named(path: Path) -> Iterator[str]:
-    """The files that a VRT names."""
-    for found in _VRT_SOURCE.finditer(path.read_bytes()):
-        if name := found.group(1).decode("utf-8", "replace"):
-            yield name

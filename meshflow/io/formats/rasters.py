@@ -18,7 +18,7 @@ from meshflow.surfaces.image import Image
 __all__ = ["Raster", "can_write", "read", "write"]
 
 NAME: str = "a raster"
-READS: tuple[str, ...] = ("kind", "band", "nodata", "spacing")
+READS: tuple[str, ...] = ("kind", "band", "nodata", "spacing", "allow_remote")
 WRITES: tuple[str, ...] = ("dtype",)
 
 _TILE = 256
@@ -36,14 +36,16 @@ def read(path: Path, options: ReadOptions) -> Document:
     where nothing is said. Missing is what nodata, an internal mask or an alpha of 0 says, and NaN.
 
     :param options: ``kind``, ``terrain`` or ``image``, where the number of bands would mislead; ``band``, the one to read, from
-        1; ``nodata``, in place of the value that the file declares; ``spacing``, in place of what the file says.
+        1; ``nodata``, in place of the value that the file declares; ``spacing``, in place of what the file says;
+        ``allow_remote``, so that a VRT may name what it likes.
     :raises FormatError: when GDAL cannot read the file.
     :raises InputError: for a band that is not there, several bands as one terrain, or a grid that is sheared.
     """
     kind, band = options.kind, options.band
     if kind not in (None, "terrain", "image"):
         raise InputError(f"{path.name}: a raster is a terrain or an image, got kind={kind!r}")
-    values, frame = load(path, bands=None if band is None else [band], nodata=options.nodata)
+    bands = None if band is None else [band]
+    values, frame = load(path, bands=bands, nodata=options.nodata, remote=options.allow_remote)
     if kind == "terrain" and len(values) > 1:
         raise InputError(f"{path.name}: one band expected for a terrain, got {len(values)}; choose one: band=1")
     notes: tuple[str, ...] = ()

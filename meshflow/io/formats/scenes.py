@@ -1,8 +1,7 @@
 """STL, GLB, glTF and 3MF: scenes of named parts, read and written by trimesh; one noun with sections."""
 
-import json
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,12 +9,15 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 from trimesh.exchange.stl import export_stl_ascii
+from trimesh.resolvers import FilePathResolver
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stored_normals, with_changes
 from meshflow.io.document import Adopted, Document, MeshSource, Section
+from meshflow.io.formats.gltf import lost, named
 from meshflow.io.metadata import Found, ReadOptions
+from meshflow.io.own_folder import must_stay_inside
 from meshflow.io.vertex_merging import Skin, joined, said_of
 from meshflow.surfaces.data import Noun
 from meshflow.surfaces.mesh import Mesh
@@ -122,9 +124,13 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises InputError: for channels that a part does not have, or whatever the noun refuses.
     """
     suffix = path.suffix.lower()
-    notes = list(_gltf_notes(path)) if suffix == ".glb" else []
+    notes = list(lost(path)) if suffix in (".glb", ".gltf") else []
     is_ascii = suffix == ".stl" and _is_ascii_stl(path)
-    scene = trimesh.load_scene(path, file_type=suffix[1:], process=False)
+    if suffix in (".gltf", ".glb") and not options.allow_remote:
+        advice = "move it there, or --allow-remote (allow_remote=True)"
+        must_stay_inside(path, named(path), f"a {suffix[1:].upper()}", advice)
+    near = FilePathResolver(str(path), allow_anywhere=options.allow_remote)
+    scene = trimesh.load_scene(path, file_type=suffix[1:], process=False, resolver=near)
     parts = _parts_of(path.name, scene, suffix)
     others = len(scene.geometry) - len(parts)
     if others:
@@ -245,27 +251,3 @@ def _is_ascii_stl(path: Path) -> bool:
         last = lines[-1].decode("latin-1")[:40]
         raise FormatError(f"{path.name}: cut off, an ASCII STL ends with endsolid, this one with {last!r}")
     return True
-
-
-def _gltf_notes(path: Path) -> Iterator[str]:
-    """What of a GLB does not pass through trimesh; its header tells.
-
-    :raises FormatError: for geometry in a compression that trimesh would read as zeros.
-    """
-    content = path.read_bytes()
-    if content[:4] != b"glTF" or len(content) < 20:
-        raise InputError(f"not a GLB: it starts with {content[:4]!r} instead of b'glTF'")
-    header = json.loads(content[20 : 20 + struct.unpack_from("<I", content, 12)[0]])
-    packed = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"} & set(header.get("extensionsRequired", ()))
-    if packed:
-        raise FormatError(
-            f"{path.name}: compressed with {', '.join(packed)}; decompress it first (gltf-transform copy)"
-        )
-    lost = {name for name in ("animations", "skins") if header.get(name)}
-    for mesh in header.get("meshes", ()):
-        for primitive in mesh["primitives"]:
-            kept = {"POSITION", "NORMAL", "COLOR_0"} | ({"TEXCOORD_0"} if "material" in primitive else set())
-            lost |= {name for name in primitive["attributes"] if name not in kept and not name.startswith("_")}
-            lost |= {"morph targets"} if primitive.get("targets") else set()
-    if lost:
-        yield f"not written again by this GLB writer: {', '.join(sorted(lost))}"

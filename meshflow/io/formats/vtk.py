@@ -90,5 +90,5 @@ def read(path: Path, options: ReadOptions) -> Document:
             f"{path.name}: polygons (PolyData) expected, got {found.kind}{why}; open it with pyvista.read and "
             "hand the object over, or take its surface: .extract_surface().triangulate().save('surface.vtp')"
         )
-    adopted = from_object(found, options.without("kind"))
+    adopted = from_object(found, options.without("kind", "allow_remote"))
     return Document(adopted.noun, path, VtkFile(adopted), adopted.notes)

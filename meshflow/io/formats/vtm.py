@@ -116,14 +116,15 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises FormatError: for a broken file, one that names files that are not there, or blocks that are no surfaces.
     :raises InputError: for channels that a block does not have, or whatever a noun refuses.
     """
-    must_stay_inside(path, _named(path), "a VTM", "move its blocks there")
+    if not options.allow_remote:
+        must_stay_inside(path, _named(path), "a VTM", "move its blocks there, or --allow-remote (allow_remote=True)")
     blocks = read_apart(path, "are the files beside it that it names?")
     import pyvista
 
     if isinstance(blocks, Other) or not isinstance(blocks, pyvista.MultiBlock):
         kind = blocks.kind if isinstance(blocks, Other) else type(blocks).__name__
         raise FormatError(f"{path.name}: blocks expected, got {kind}")
-    found = from_blocks(blocks, options.without("kind"))
+    found = from_blocks(blocks, options.without("kind", "allow_remote"))
     parts = found.parts
     meshes = tuple(part.noun for _, part in parts if isinstance(part.noun, Mesh))
     if len(meshes) < len(parts):

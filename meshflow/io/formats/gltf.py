@@ -1,0 +1,63 @@
+"""What the header of a GLB or a glTF says: the files that it names, and what does not pass through trimesh."""
+
+import json
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from meshflow.errors import FormatError, InputError
+
+__all__ = ["lost", "named"]
+
+_PACKED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+
+
+def _header(path: Path) -> Any:
+    """The JSON of a GLB or a glTF.
+
+    :raises InputError: when it is neither.
+    """
+    content = path.read_bytes()
+    if path.suffix.lower() == ".gltf":
+        found = json.loads(content.decode("utf-8-sig"))
+    elif content[:4] == b"glTF" and len(content) >= 20:
+        found = json.loads(content[20 : 20 + struct.unpack_from("<I", content, 12)[0]])
+    else:
+        raise InputError(f"not a GLB: it starts with {content[:4]!r} instead of b'glTF'")
+    if not isinstance(found, dict):
+        raise InputError(f"not a glTF: an object expected in its JSON, got {type(found).__name__}")
+    return found
+
+
+def named(path: Path) -> Iterator[str]:
+    """The files that it names, as they are written and as they are meant."""
+    header = _header(path)
+    for kind in ("buffers", "images"):
+        for one in header.get(kind, ()):
+            name = one.get("uri", "")
+            if name and not name.startswith("data:"):
+                yield name
+                yield unquote(name)
+
+
+def lost(path: Path) -> Iterator[str]:
+    """What of it does not pass through trimesh, in a sentence.
+
+    :raises FormatError: for geometry in a compression that trimesh would read as zeros.
+    """
+    header = _header(path)
+    packed = _PACKED & set(header.get("extensionsRequired", ()))
+    if packed:
+        raise FormatError(
+            f"{path.name}: compressed with {', '.join(packed)}; decompress it first (gltf-transform copy)"
+        )
+    names = {name for name in ("animations", "skins") if header.get(name)}
+    for mesh in header.get("meshes", ()):
+        for primitive in mesh["primitives"]:
+            kept = {"POSITION", "NORMAL", "COLOR_0"} | ({"TEXCOORD_0"} if "material" in primitive else set())
+            names |= {name for name in primitive["attributes"] if name not in kept and not name.startswith("_")}
+            names |= {"morph targets"} if primitive.get("targets") else set()
+    if names:
+        yield f"not written again by this GLB writer: {', '.join(sorted(names))}"
