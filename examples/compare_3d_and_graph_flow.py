@@ -25,8 +25,8 @@ def rms(z: np.ndarray, truth: np.ndarray, there: np.ndarray) -> float:
 
 def main() -> tuple[float, float]:
     """The least rms errors, metres, of the flow in space and of the flow of the heights, over four times."""
-    terrain = meshflow.read(DATA / "terrain.tif").noun
-    truth, there = meshflow.read(DATA / "terrain_truth.tif").noun.z, ~terrain.missing
+    terrain = meshflow.read(DATA / "terrain.tif").data
+    truth, there = meshflow.read(DATA / "terrain_truth.tif").data.z, ~terrain.missing
     surface = terrain.lifted(meshflow.Lift(diagonals="forward"))
     in_space = meshflow.Surface(
         surface.points, surface.triangulations, fixed=terrain.missing.ravel(), boundary="plane-preserving"

@@ -24,7 +24,7 @@ def main(picture: Path | None = None) -> float:
         if there
         else (HOME / "data", ("terrain.tif", "terrain_truth.tif"))
     )
-    raw, truth = (meshflow.read(folder / name).noun for name in names)
+    raw, truth = (meshflow.read(folder / name).data for name in names)
 
     smoothed = meshflow.smooth(raw)
 

@@ -19,13 +19,13 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 
 def main(picture: Path | None = None) -> float:
     """The rms error after over that before."""
-    scan = meshflow.read(DATA / "scene_depth.png", camera=DATA / "scene_camera.json").noun
-    truth = meshflow.read(DATA / "scene_truth.tif", camera=DATA / "scene_camera.json").noun
+    scan = meshflow.read(DATA / "scene_depth.png", camera=DATA / "scene_camera.json").data
+    truth = meshflow.read(DATA / "scene_truth.tif", camera=DATA / "scene_camera.json").data
 
     smoothed = meshflow.smooth(scan, time=5.0)
 
     seen = ~(scan.missing | truth.missing)
-    before, after = (1000 * np.sqrt(np.mean((noun.depth - truth.depth)[seen] ** 2)) for noun in (scan, smoothed))
+    before, after = (1000 * np.sqrt(np.mean((data.depth - truth.depth)[seen] ** 2)) for data in (scan, smoothed))
     print(f"rms error of the depth: {before:.2f} mm before, {after:.2f} mm after")
     if picture is not None:
         meshflow.view.compare(

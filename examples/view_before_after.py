@@ -20,7 +20,7 @@ def main(folder: Path | None = None) -> float:
     folder = folder or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
     document = meshflow.read(DATA / "terrain.tif")
-    before = document.noun
+    before = document.data
 
     after = meshflow.smooth(before)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
     from meshflow.flow.engines.grid import GridFlow
     from meshflow.flow.engines.mesh import MeshFlow
-    from meshflow.flow.family import Member
+    from meshflow.flow.family import Variant
     from meshflow.flow.march import State, march
     from meshflow.flow.methods import (
         Beltrami,
@@ -114,7 +114,7 @@ _HOMES = {
         "Search",
         "TotalVariation",
     ),
-    "flow.family": ("Member",),
+    "flow.family": ("Variant",),
     "flow.steppers": (
         "Explicit",
         "SemiImplicit",

@@ -13,7 +13,7 @@ from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import Array
 from meshflow.io.metadata import ReadOptions
-from meshflow.io.objects import Adopted, taken_in
+from meshflow.io.objects import Imported, taken_in
 from meshflow.results.result import Result
 from meshflow.smoothing import Metadata, must_exist, smooth_object
 from meshflow.surfaces.range_image import RangeImage
@@ -51,7 +51,7 @@ def fuse_frames(
         raise InputError("frames: two or more depth images expected, got one array; give a list of them")
     seen = _Seen(frames, dict(metadata or {}))
     one = averaged(seen)
-    told, first = seen.first
+    imported, first = seen.first
     gone = one.count == 0
     sigma = np.where(gone, 1.0, np.maximum(one.sigma, np.finfo(np.float32).tiny))
     depth = np.where(gone, 0.0, one.mean).astype(first.depth.dtype)
@@ -60,9 +60,11 @@ def fuse_frames(
     _, found = smooth_object(mean, request, progress)
     if not isinstance(found, Result):
         raise InputError("frames: depth images expected, each of one view")
-    back = told.to_object(replace(found.after, sigma=first.sigma))
+    back = imported.to_object(replace(found.after, sigma=first.sigma))
     spread = not still and request.noise is None
-    return back, _told(replace(found, data=back, warnings=(*seen.warnings, *told.notes, *found.warnings)), one, spread)
+    return back, _reported(
+        replace(found, data=back, warnings=(*seen.warnings, *imported.notes, *found.warnings)), one, spread
+    )
 
 
 @dataclass(eq=False)
@@ -74,7 +76,7 @@ class _Seen:
 
     frames: Iterable[Any]
     metadata: dict[str, Any]
-    taken: tuple[Adopted, RangeImage] | None = None
+    taken: tuple[Imported, RangeImage] | None = None
     empty: list[int] = field(default_factory=list)
 
     def __iter__(self) -> Iterator[Array]:
@@ -94,7 +96,7 @@ class _Seen:
             raise InputError(f"frames: two or more with depths, of the same view, expected, got {used}{self._left_out}")
 
     @property
-    def first(self) -> tuple[Adopted, RangeImage]:
+    def first(self) -> tuple[Imported, RangeImage]:
         """The first frame that has depths, as an object and as a range image.
 
         :raises InputError: where there is none.
@@ -103,12 +105,12 @@ class _Seen:
             raise InputError("frames: two or more with depths, of the same view, expected, got none")
         return self.taken
 
-    def _depths(self, frame: Any) -> tuple[Adopted, RangeImage]:
+    def _depths(self, frame: Any) -> tuple[Imported, RangeImage]:
         kind = {} if isinstance(frame, RangeImage) else {"kind": "depth"}
         taken = taken_in(frame, ReadOptions.of({**kind, **self.metadata}))
-        if not isinstance(taken.noun, RangeImage):
+        if not isinstance(taken.data, RangeImage):
             raise InputError(f"frames: depth images expected, got {type(frame).__name__}")
-        return taken, taken.noun
+        return taken, taken.data
 
     @property
     def _left_out(self) -> str:
@@ -123,7 +125,7 @@ class _Seen:
         return (f"{len(self.empty)} of the frames (number {some}) without a single depth, left out",)
 
 
-def _told(found: Result, one: Averaged, spread: bool) -> Result:
+def _reported(found: Result, one: Averaged, spread: bool) -> Result:
     """With the frames among the parameters, and the noise as what it is: measured, where the frames differ."""
     seen = one.count > 0
     parameters = dict(found.parameters)

@@ -30,7 +30,7 @@ from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
 from meshflow.geometry.options import nearest, options_of
 from meshflow.io.adapters.multipart import multipart
 from meshflow.io.metadata import Metadata, ReadOptions
-from meshflow.io.objects import Adopted, from_object, opened, taken_in
+from meshflow.io.objects import Imported, from_object, opened, taken_in
 from meshflow.results.multipart import Results, one_by_one
 from meshflow.results.result import Result
 from meshflow.results.run import run
@@ -162,18 +162,18 @@ def smooth_object(
     if parts is not None:
         results = one_by_one(parts, request.constraints, lambda part: _smoothed(part, request, progress, record))
         return results.data, results
-    adopted = taken_in(data, options)
-    found = _smoothed(adopted, request, progress, record)
-    back = adopted.to_object(found.after)
-    return back, replace(found, data=back, warnings=(*adopted.notes, *found.warnings))
+    imported = taken_in(data, options)
+    found = _smoothed(imported, request, progress, record)
+    back = imported.to_object(found.after)
+    return back, replace(found, data=back, warnings=(*imported.notes, *found.warnings))
 
 
-def _smoothed(adopted: Adopted, request: Request, progress: Progress, record: bool | None) -> Result:
+def _smoothed(imported: Imported, request: Request, progress: Progress, record: bool | None) -> Result:
     """An adopted object, with arrays as it has its samples."""
-    request = replace(request, constraints=request.constraints.sampled(adopted.samples))
-    if request.domain == "disparity" and isinstance(adopted.noun, RangeImage):
-        return _in_disparity(adopted.noun, request, progress, record)
-    return run(adopted.noun, request, progress, record=record)
+    request = replace(request, constraints=request.constraints.sampled(imported.samples))
+    if request.domain == "disparity" and isinstance(imported.data, RangeImage):
+        return _in_disparity(imported.data, request, progress, record)
+    return run(imported.data, request, progress, record=record)
 
 
 def must_exist(words: Iterable[str]) -> None:
@@ -246,12 +246,12 @@ def _in_disparity(data: RangeImage, request: Request, progress: Progress, record
 def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: bool) -> dict[str, Parameter]:
     """The parameters of a run on inverse depths, in their units."""
     units = {"time": "pixels²", "dt": "pixels²", "contrast": f"pixels per {inverse}"}
-    told = {name: replace(p, unit=units.get(name, p.unit)) for name, p in parameters.items()}
-    told["domain"] = Parameter("disparity", "", "given")
+    reported = {name: replace(p, unit=units.get(name, p.unit)) for name, p in parameters.items()}
+    reported["domain"] = Parameter("disparity", "", "given")
     if stepped:
-        told |= {name: replace(told[name], origin="default", why=STEPPED) for name in ("patch", "time")}
-        told |= {name: replace(told[name], origin="default") for name in ("method", "gamma", "sharpness")}
-    return told
+        reported |= {name: replace(reported[name], origin="default", why=STEPPED) for name in ("patch", "time")}
+        reported |= {name: replace(reported[name], origin="default") for name in ("method", "gamma", "sharpness")}
+    return reported
 
 
 def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
@@ -263,7 +263,7 @@ def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
     :raises InputError: for what cannot be smoothed.
     """
     must_exist(metadata)
-    return noise_in(from_object(data, metadata).noun)
+    return noise_in(from_object(data, metadata).data)
 
 
 def noise_facts(data: Any) -> dict[str, float]:

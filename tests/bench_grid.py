@@ -23,7 +23,7 @@ from meshflow.flow.blend import euler
 from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.march import march
 from meshflow.flow.methods import Beltrami
 from meshflow.flow.steppers import Explicit, SemiImplicit
@@ -63,9 +63,9 @@ def noise(*shape, dtype=np.float32, seed=0):
     return 2 * np.random.default_rng(seed).standard_normal(shape, dtype)
 
 
-def rate(noun, member=None, contrast=0.75):
+def rate(data, variant=None, contrast=0.75):
     """A call that computes one rate and takes one explicit step with it."""
-    flow = GridFlow(noun.gridded(Lift(1.0 if isinstance(noun, RangeImage) else contrast)), member or Member())
+    flow = GridFlow(data.gridded(Lift(1.0 if isinstance(data, RangeImage) else contrast)), variant or Variant())
     u, out = flow.start(), Workspace(flow).take()
     return lambda: flow.rate(u, 0, euler(0.1), out)
 
@@ -90,14 +90,14 @@ def test_one_rate_beside_a_copy_of_the_array():
     n = 4096
     z, steep = noise(n, n), np.linspace(1, 1.5, n)
     holes = ragged_holes(n)
-    nouns = {
+    surfaces = {
         "one channel": (HeightField(z), None),
         "10 % missing in ragged holes": (HeightField(z, missing=holes), None),
-        "spacing per row, gamma 1": (HeightField(z, (steep, 1.0)), Member(1.0)),
-        "gamma -1, sharpness 1.5": (HeightField(z), Member(-1.0, 1.5)),
-        "gamma -1, sharpness 2": (HeightField(z), Member(-1.0, 2.0)),
-        "patches of 0.7": (HeightField(z), Member(patch=0.7)),
-        "patches of 1.5": (HeightField(z), Member(patch=1.5)),
+        "spacing per row, gamma 1": (HeightField(z, (steep, 1.0)), Variant(1.0)),
+        "gamma -1, sharpness 1.5": (HeightField(z), Variant(-1.0, 1.5)),
+        "gamma -1, sharpness 2": (HeightField(z), Variant(-1.0, 2.0)),
+        "patches of 0.7": (HeightField(z), Variant(patch=0.7)),
+        "patches of 1.5": (HeightField(z), Variant(patch=1.5)),
         "two channels": (Image(noise(n, n, 2)), None),
         "three channels": (Image(noise(n, n, 3)), None),
         "pinhole range image": (RangeImage(2 + 0.005 * z, Pinhole(n, n, n / 2, n / 2)), None),
@@ -105,13 +105,13 @@ def test_one_rate_beside_a_copy_of_the_array():
     print(f"\none rate, {n} x {n}, alternate diagonals, {THREADS} threads, {_machine()}")
     for dtype in (np.float32, np.float64):
         calls = {"copy": copy(z.astype(dtype))}
-        for name, (noun, member) in nouns.items():
-            fields = {"one channel": "z"}.get(name) or next(f for f in ("z", "values", "depth") if hasattr(noun, f))
-            typed = type(noun)(getattr(noun, fields).astype(dtype), *_rest(noun))
-            calls[name] = rate(typed, member)
+        for name, (data, variant) in surfaces.items():
+            fields = {"one channel": "z"}.get(name) or next(f for f in ("z", "values", "depth") if hasattr(data, f))
+            typed = type(data)(getattr(data, fields).astype(dtype), *_rest(data))
+            calls[name] = rate(typed, variant)
         found = medians(calls)
         print(f"  {np.dtype(dtype).name}: copy {1e3 * found['copy']:.1f} ms")
-        for name in nouns:
+        for name in surfaces:
             beside = found[name] / found["one channel"]
             print(
                 f"    {name:30s} {1e3 * found[name]:6.1f} ms = {found[name] / found['copy']:5.2f} copies"
@@ -120,10 +120,10 @@ def test_one_rate_beside_a_copy_of_the_array():
         assert found["one channel"] < 20 * found["copy"]
 
 
-def _rest(noun):
-    if isinstance(noun, RangeImage):
-        return (noun.camera, noun.missing)
-    return (noun.spacing, noun.missing)
+def _rest(data):
+    if isinstance(data, RangeImage):
+        return (data.camera, data.missing)
+    return (data.spacing, data.missing)
 
 
 def _machine():
@@ -135,8 +135,8 @@ def _machine():
 
 
 def test_the_grid_engine_beside_the_mesh_engine():
-    noun, lift = HeightField(noise(1024, 1024, dtype=np.float64)), Lift(0.75)
-    mesh, grid = MeshFlow(noun.lifted(lift)), GridFlow(noun.gridded(lift))
+    data, lift = HeightField(noise(1024, 1024, dtype=np.float64)), Lift(0.75)
+    mesh, grid = MeshFlow(data.lifted(lift)), GridFlow(data.gridded(lift))
     spare = Workspace(grid).take()
     found = medians(
         {"mesh": lambda: mesh.rate(mesh.surface.start), "grid": lambda: grid.rate(grid.start(), out=spare)}, 5

@@ -17,7 +17,7 @@ import pytest
 
 from meshflow.flow.blend import euler
 from meshflow.flow.engines.grid import GridFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.kernels.arrays import copied
 from meshflow.kernels.library import environment
 from meshflow.surfaces.camera import Pinhole
@@ -73,11 +73,11 @@ def call(kind, gamma, sharpness, patch, n, dtype):
     """An explicit step: one rate, and what it moves."""
     rng = np.random.default_rng(0)
     z = (2 * rng.standard_normal((n, n, 3) if kind == "three" else (n, n), np.float32)).astype(dtype)
-    noun = Image(z) if kind == "three" else HeightField(z)
+    data = Image(z) if kind == "three" else HeightField(z)
     if kind == "pinhole":
-        noun = RangeImage((2 + 0.005 * z).astype(dtype), Pinhole(n, n, n / 2, n / 2))
-    lattice = noun.gridded(Lift(1.0 if kind == "pinhole" else 0.75))
-    flow = GridFlow(lattice, Member(gamma=gamma, sharpness=sharpness, patch=patch), THREADS)
+        data = RangeImage((2 + 0.005 * z).astype(dtype), Pinhole(n, n, n / 2, n / 2))
+    grid = data.gridded(Lift(1.0 if kind == "pinhole" else 0.75))
+    flow = GridFlow(grid, Variant(gamma=gamma, sharpness=sharpness, patch=patch), THREADS)
     u, step = flow.start(), euler(0.1)
     out = np.empty_like(u)
     return lambda: flow.rate(u, 0, step, out)

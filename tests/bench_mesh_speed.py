@@ -320,8 +320,8 @@ def test_memory_of_a_semi_implicit_step(tmp_path, length):
     for path, array in zip(paths, (points, faces), strict=True):
         np.save(path, array)
     command = [sys.executable, "-c", textwrap.dedent(MEASURED), *paths, repr(length**2 / 2 * edge**2)]
-    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
-    found = json.loads(told)
+    reported = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+    found = json.loads(reported)
     more = (found["peak"] - found["before"]) / len(points)
     print(f"\nmemory of a semi-implicit step of {length} edges, {len(points)} vertices, structure included: {more:.0f} bytes"
           " per vertex beyond the mesh")  # fmt: skip

@@ -60,12 +60,12 @@ OURS: list[dict] = [
             "method": "normal-filter",
             "crease_contrast": contrast,
             "crease_sharpness": sharpness,
-            "regularize": evened,
+            "regularize": regularized,
             "time": time,
             "search": False,
         }
         for contrast, sharpness in ((2.0, 8.0), (3.0, 8.0), (4.0, 4.0), (8.0, 2.0), (1.0, 4.0))
-        for evened in (0.0, 0.2, 0.3, 0.5)
+        for regularized in (0.0, 0.2, 0.3, 0.5)
         for time in (20.0, 50.0, 100.0, 200.0, 300.0, 500.0)
     ),
     *(
@@ -201,8 +201,8 @@ class Cache:
     def row(self, case, peer, drift=np.inf):
         """The row of a peer, searched where it is not kept."""
         name = peer.name + (KEEPING if drift < np.inf else "")
-        told = hashlib.sha256(case.noisy.tobytes() + case.shape.faces.tobytes()).hexdigest()[:16]
-        state = f"{peer.package} {version(peer.package)}, data {told}, {dict(peer.grid)}"
+        reported = hashlib.sha256(case.noisy.tobytes() + case.shape.faces.tobytes()).hexdigest()[:16]
+        state = f"{peer.package} {version(peer.package)}, data {reported}, {dict(peer.grid)}"
         kept = self.found.get(case.name, {}).get(name)
         if kept is None or kept["state"] != state:
             found = tuned(peer, case.noisy, case.level * case.shape.edge, case.judge(drift))

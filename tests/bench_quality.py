@@ -40,7 +40,7 @@ pytestmark = [pytest.mark.bench, pytest.mark.timeout(12 * 3600)]
 TIMES = (0.5, 1, 2, 3, 5, 7.5, 10, 15, 20, 30, 45, 60, 90, 120)
 # Members of the family; contrast in sample distances over the noise, patch in samples. Patches go without gamma -1: there they
 # leak along edges and make the flow stiff (one such run at time 30 took minutes).
-MEMBERS = [
+VARIANTS = [
     {"gamma": gamma, "sharpness": sharpness, "contrast": contrast} | ({"patch": patch} if patch else {})
     for sharpness, gamma, contrasts, patches in (
         (1, 0, (1, 1.5, 2, 3, 4), (0, 0.5, 0.7, 1, 1.5)),
@@ -109,8 +109,8 @@ def _mola():
     if not all((DEM / name).exists() for name in names):
         print(f"  mola is left out: {DEM} is absent")
         return None
-    truth, coarse = (meshflow.read(DEM / name).noun for name in names)
-    spacing = tuple(float(np.mean(pace)) for pace in truth.spacing)
+    truth, coarse = (meshflow.read(DEM / name).data for name in names)
+    spacing = tuple(float(np.mean(time_factor)) for time_factor in truth.spacing)
     subject = Subject("mola", lambda: truth.z.astype(np.float64), (), spacing=spacing, quantum=200.0)
     return Case(subject, 200.0, subject.truth(), coarse.z.astype(np.float64))
 
@@ -167,9 +167,9 @@ def _refused(word):
     return False
 
 
-def members(case):
+def variants(case):
     """The members that this meshflow takes, in the units of a case."""
-    found = [member | {"contrast": member["contrast"] / case.sigma} for member in MEMBERS]
+    found = [variant | {"contrast": variant["contrast"] / case.sigma} for variant in VARIANTS]
     if case.noisy.ndim == 3:
         found = [
             m
@@ -177,24 +177,24 @@ def members(case):
             if m["sharpness"] <= SHARPEST and m["sharpness"] * m["contrast"] * case.sigma < STEEPEST + 0.1
         ]
     if case.subject.kind == "terrain":
-        found = [member | {"boundary": boundary} for boundary, member in product(BOUNDARIES, found)]
+        found = [variant | {"boundary": boundary} for boundary, variant in product(BOUNDARIES, found)]
     if case.subject.quantum:
-        found += [member | {"max_change": share * case.level} for share, member in product(LIMITS, found)]
+        found += [variant | {"max_change": share * case.level} for share, variant in product(LIMITS, found)]
     words = [
         word
         for word in ("patch", "max_change", "twicing")
-        if any(word in member for member in found) and _refused(word)
+        if any(word in variant for variant in found) and _refused(word)
     ]
-    return [member for member in found if not any(word in member for word in words)]
+    return [variant for variant in found if not any(word in variant for word in words)]
 
 
 def best_of_ours(case, smoothed: Callable = ours):
     """The member and time of least rms: all members, times until the rms has grown :data:`PATIENCE` times in a row."""
     errors = {}
-    for i, member in enumerate(found := members(case)):
+    for i, variant in enumerate(found := variants(case)):
         grown, last = 0, np.inf
         for time in TIMES:
-            errors[i, time] = now = case.rms(smoothed(case, time=time, **member))
+            errors[i, time] = now = case.rms(smoothed(case, time=time, **variant))
             grown, last = grown + 1 if now > last else 0, now
             if grown == PATIENCE:
                 break
@@ -220,8 +220,8 @@ class Cache:
 
     def row(self, case, peer):
         """The row of a peer, searched where it is not kept."""
-        told = hashlib.sha256(case.truth.tobytes() + case.noisy.tobytes()).hexdigest()[:16]
-        state = f"{peer.package} {version(peer.package)}, data {told}, {dict(peer.grid)}"
+        reported = hashlib.sha256(case.truth.tobytes() + case.noisy.tobytes()).hexdigest()[:16]
+        state = f"{peer.package} {version(peer.package)}, data {reported}, {dict(peer.grid)}"
         kept = self.found.get(case.name, {}).get(peer.name)
         if kept is None or kept["state"] != state:
             found = tuned(peer, case.noisy, case.sigma, case.rms)
@@ -330,7 +330,7 @@ def test_defaults_alone():
 def test_defaults_beside_our_best_and_beside_every_peer_at_its_best():
     print(f"\nquality against the truth, seed {SEED} of the noise, meshflow {version('meshflow')}; {_versions()}")
     print(f"edges: within {EDGE_REACH} samples of the top {EDGE_SHARE:.0%} of the truth's gradient; normals: degrees;")
-    print(f"multiples are of sigma; * lies on the edge of its range; {len(MEMBERS)} members at times {TIMES} h²")
+    print(f"multiples are of sigma; * lies on the edge of its range; {len(VARIANTS)} members at times {TIMES} h²")
     _share_threads()
     kept, found = Cache(), []
     for case in cases():

@@ -175,8 +175,8 @@ def our_peer(case):
         for z in case.noisy
     }
 
-    def run(z, sigma, time, gamma, pace):
-        return ours(case, z, pace, time=time * whiles[z.tobytes()], gamma=float(gamma))
+    def run(z, sigma, time, gamma, time_factor):
+        return ours(case, z, time_factor, time=time * whiles[z.tobytes()], gamma=float(gamma))
 
     grid = {"time": TIMES, "gamma": ("0", "-1"), "time_unit": ("footprint", "noise")}
     return Peer("ours, best", "meshflow", run, grid)
@@ -227,9 +227,9 @@ class Cache:
 
     def row(self, case, peer):
         """The row of a peer, searched where it is not kept."""
-        told = hashlib.sha256(b"".join(z.tobytes() for z in (*case.truths, *case.noisy))).hexdigest()[:16]
+        reported = hashlib.sha256(b"".join(z.tobytes() for z in (*case.truths, *case.noisy))).hexdigest()[:16]
         asked = [column.name for column in case.columns]
-        state = f"{peer.package} {version(peer.package)}, data {told}, {dict(peer.grid)}, {asked}"
+        state = f"{peer.package} {version(peer.package)}, data {reported}, {dict(peer.grid)}, {asked}"
         kept = self.found.get(case.name, {}).get(peer.name)
         if kept is None or kept["state"] != state:
             row = best_of(case, peer)

@@ -16,7 +16,7 @@ from helpers.parts import parts
 import meshflow
 from meshflow.flow.blend import euler
 from meshflow.flow.engines.grid import GridFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.workspace import Workspace
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.grid import Lift
@@ -57,12 +57,12 @@ def medians(calls, repeats=15):
 
 def test_frames_per_second_beside_the_bilateral_filter():
     name, depth = frame()
-    seen, noun = np.nan_to_num(depth), RangeImage(depth, CAMERA)
+    seen, data = np.nan_to_num(depth), RangeImage(depth, CAMERA)
     cv2.setNumThreads(THREADS)
     calls = {"bilateralFilter, d 9": lambda: cv2.bilateralFilter(seen, 9, 0.05, 3)}
-    calls |= {words: lambda more=more: meshflow.smooth(noun, **parts(threads=THREADS, **more)) for words, more in RUNS}
+    calls |= {words: lambda more=more: meshflow.smooth(data, **parts(threads=THREADS, **more)) for words, more in RUNS}
     for gamma in (0.0, 1.0, -1.0):
-        flow = GridFlow(noun.gridded(Lift()), Member(gamma=gamma), THREADS)
+        flow = GridFlow(data.gridded(Lift()), Variant(gamma=gamma), THREADS)
         u, out = flow.start(), Workspace(flow).take()
         calls[f"one rate, gamma {gamma:g}"] = lambda flow=flow, u=u, out=out: flow.rate(u, 0, euler(0.1), out)
         calls[f"one bound, gamma {gamma:g}"] = lambda flow=flow, u=out: flow.bound(u)  # that of the start is kept

@@ -30,8 +30,8 @@ def rms(error):
 
 
 def test_mola_quantised_to_200_m():
-    coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
-    truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z.astype(float)
+    coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").data
+    truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").data.z.astype(float)
     default = meshflow.smooth(coarse, result=True)
     known = meshflow.smooth(
         coarse, method=Beltrami(gamma=0, contrast=coarse.step / 115), time=coarse.step**2, result=True
@@ -50,57 +50,57 @@ def _scenes():
         float
     )
     yield "Jacksboro, sigma 5 m", meshflow.HeightField(relief + 5 * rng.normal(size=relief.shape)), relief
-    yield "data/terrain.tif", meshflow.read(data / "terrain.tif").noun, meshflow.read(data / "terrain_truth.tif").noun.z
+    yield "data/terrain.tif", meshflow.read(data / "terrain.tif").data, meshflow.read(data / "terrain_truth.tif").data.z
     yield (
         "data/picture.png",
-        meshflow.read(data / "picture.png").noun,
-        meshflow.read(data / "picture_truth.png").noun.values,
+        meshflow.read(data / "picture.png").data,
+        meshflow.read(data / "picture_truth.png").data.values,
     )
-    coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
-    yield "MOLA, 200 m steps", coarse, meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z
+    coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").data
+    yield "MOLA, 200 m steps", coarse, meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").data.z
 
 
 def test_default_contrast_and_time_against_the_best_of_a_grid():
     print("\nrms error: before, by default, the best of contrast 0.5 to 3 h / noise and time 1 to 8 h²")
-    for name, noun, truth in _scenes():
-        key = "values" if isinstance(noun, meshflow.Image) else "z"
-        found = noise_facts(noun)["noise"]
+    for name, data, truth in _scenes():
+        key = "values" if isinstance(data, meshflow.Image) else "z"
+        found = noise_facts(data)["noise"]
 
-        def error(smoothed, key=key, truth=truth, there=~noun.missing):
+        def error(smoothed, key=key, truth=truth, there=~data.missing):
             return rms((getattr(smoothed, key).astype(float) - truth)[there])
 
         runs = {
             (c, t): error(
                 meshflow.smooth(
-                    noun, method=Beltrami(gamma=0, contrast=c * noun.step / found), time=t * noun.step**2, result=True
+                    data, method=Beltrami(gamma=0, contrast=c * data.step / found), time=t * data.step**2, result=True
                 ).after
             )
             for c in (0.5, 1.0, 1.5, 2.0, 3.0)
             for t in (1, 2, 3, 5, 8)
         }
-        best, default = min(runs, key=runs.__getitem__), error(meshflow.smooth(noun, result=True).after)
-        print(f"  {name:21} {error(noun):8.3f} {default:8.3f} {runs[best]:8.3f} at contrast {best[0]}, time {best[1]}")
-        assert default < error(noun)
+        best, default = min(runs, key=runs.__getitem__), error(meshflow.smooth(data, result=True).after)
+        print(f"  {name:21} {error(data):8.3f} {default:8.3f} {runs[best]:8.3f} at contrast {best[0]}, time {best[1]}")
+        assert default < error(data)
 
 
 def test_saint_helens_keeps_its_ragged_mask(tmp_path):
     path = SHARED / "dem/SainteHelens.dem"
     document = meshflow.read(path)
-    run = meshflow.smooth(document.noun, result=True)
+    run = meshflow.smooth(document.data, result=True)
     meshflow.write(document.holding(run.after), tmp_path / "out.tif")
     with rasterio.open(path) as before, rasterio.open(tmp_path / "out.tif") as after:
         same = np.array_equal(before.read_masks(1), after.read_masks(1))
-    removed = rms((run.after.z - document.noun.z)[~document.noun.missing])
+    removed = rms((run.after.z - document.data.z)[~document.data.missing])
     print(
-        f"\nSt Helens: {document.noun.missing.sum()} samples missing, mask {'identical' if same else 'CHANGED'}; ",
+        f"\nSt Helens: {document.data.missing.sum()} samples missing, mask {'identical' if same else 'CHANGED'}; ",
         end="",
     )
-    print(f"noise found {noise_facts(document.noun)['noise']:.2f} m, rms removed {removed:.2f} m")
+    print(f"noise found {noise_facts(document.data)['noise']:.2f} m, rms removed {removed:.2f} m")
     assert same
 
 
 def test_horse_with_noise_of_a_quarter_of_its_edges():
-    clean = meshflow.read(SHARED / "meshes/irregular/horse.vtp").noun
+    clean = meshflow.read(SHARED / "meshes/irregular/horse.vtp").data
     points = clean.points.astype(float)
     normals = trimesh.Trimesh(points, clean.faces, process=False).vertex_normals
     noisy = points + 0.25 * clean.step * np.random.default_rng(0).normal(size=(len(points), 1)) * normals
@@ -135,8 +135,8 @@ def _scored(name, points, camera, clean):
 def test_livingroom_along_rays_and_in_space(frame):
     folder = SHARED / "range/icl_livingroom_pairs"
     camera = folder / "camera_primesense.json"
-    noisy = meshflow.read(folder / f"noisy_0000{frame}.png", camera=camera).noun
-    clean = meshflow.read(folder / f"clean_0000{frame}.png", camera=camera).noun.depth
+    noisy = meshflow.read(folder / f"noisy_0000{frame}.png", camera=camera).data
+    clean = meshflow.read(folder / f"clean_0000{frame}.png", camera=camera).data.depth
     lift, until = meshflow.Lift(), meshflow.Until(time=5.0)
     surface = noisy.lifted(lift)
     valid = ~noisy.missing.ravel()
@@ -178,10 +178,10 @@ def test_time_to_the_first_picture_and_frames_per_second(tmp_path):
     _timed("the first without OpenGL", lambda: view.show(field, tmp_path / "c.png", renderer="hillshade"))
     _timed("compare, three panels", lambda: view.compare(field, field, tmp_path / "d.png"))
     large = meshflow.HeightField(fractal_terrain(4096).astype(np.float32))
-    told = _timed("4096 x 4096", lambda: view.show(large, tmp_path / "e.png"))
-    print(f"    said: {', '.join(told.notes)}")
+    reported = _timed("4096 x 4096", lambda: view.show(large, tmp_path / "e.png"))
+    print(f"    said: {', '.join(reported.notes)}")
     _timed("its mean curvature, of all samples", lambda: view.measured(large, "curvature"))
-    assert "every 5th sample" in " ".join(told.notes)
+    assert "every 5th sample" in " ".join(reported.notes)
 
 
 def test_a_mesh_of_millions_of_triangles_stays_interactive():
@@ -211,10 +211,10 @@ def test_frames_per_second_of_the_slider_through_time(size):
     from meshflow.viewer.screen import Screen
     from meshflow.viewer.session import Session
 
-    noun = meshflow.HeightField(fractal_terrain(size) + np.random.default_rng(1).normal(size=(size, size)))
+    data = meshflow.HeightField(fractal_terrain(size) + np.random.default_rng(1).normal(size=(size, size)))
     begun = time.perf_counter()
     session = Session.begun(
-        noun, Request.of(method=Beltrami(gamma=0.0, contrast=2.0), time=8.0, compute=Compute(search=False)), count=16
+        data, Request.of(method=Beltrami(gamma=0.0, contrast=2.0), time=8.0, compute=Compute(search=False)), count=16
     )
     timeline = session.run()
     states = time.perf_counter() - begun

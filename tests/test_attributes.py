@@ -51,13 +51,13 @@ def visuals(mesh):
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_attributes_of_real_files_come_back_as_they_were(path, tmp_path):
     document = read(path)
-    step = document.noun.step
-    shaken = document.noun.points + 0.05 * step * np.random.default_rng(0).normal(size=document.noun.points.shape)
-    noun = smooth(
-        document.holding(type(document.noun)(shaken, document.noun.faces)).noun, method="curvature", stop=Steps(2)
+    step = document.data.step
+    shaken = document.data.points + 0.05 * step * np.random.default_rng(0).normal(size=document.data.points.shape)
+    data = smooth(
+        document.holding(type(document.data)(shaken, document.data.faces)).data, method="curvature", stop=Steps(2)
     )
     target = tmp_path / path.name
-    write(document.holding(noun), target)
+    write(document.holding(data), target)
     before, after = parts(path), parts(target)
     assert list(before) == list(after)
     moved = 0.0

@@ -11,7 +11,7 @@ from meshflow.evaluate.metrics import compare
 from meshflow.flow.controls import Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.march import march
 from meshflow.smoothing import smooth
 from meshflow.surfaces.camera import Camera, Orthographic, Pinhole
@@ -26,9 +26,9 @@ RNG = np.random.default_rng(5)
 def test_every_camera_projects_its_points_to_their_pixels(camera):
     assert isinstance(camera, Camera)
     depth = 1 + RNG.random((H, W))
-    noun = RangeImage(depth, camera)
+    data = RangeImage(depth, camera)
     columns, rows = np.meshgrid(np.arange(W), np.arange(H))
-    found = camera.project(noun.cloud.reshape(-1, 3), (H, W))
+    found = camera.project(data.cloud.reshape(-1, 3), (H, W))
     assert np.abs(found - np.stack([columns.ravel(), rows.ravel()], -1)).max() < 1e-8
 
 
@@ -62,11 +62,11 @@ def test_rays_of_a_lens_are_those_of_opencv(lens):
 
 def test_a_lens_without_distortion_is_no_lens_and_stays_separable():
     assert Pinhole(50, 55, 19.5, 14.5, (0, 0, 0, 0)) == PLAIN
-    assert [part.shape for part in PLAIN.fibres((H, W), "depth").directions] == [(1, W), (H, 1), (1, 1)]
+    assert [part.shape for part in PLAIN.lines((H, W), "depth").directions] == [(1, W), (H, 1), (1, 1)]
 
 
 @pytest.mark.parametrize("name", ["pinhole", "lens 8", "orthographic"])
-def test_depth_and_range_of_the_same_points_give_the_same_surface_and_pace(name):
+def test_depth_and_range_of_the_same_points_give_the_same_surface_and_time_unit(name):
     camera, depth = CAMERAS[name], 1 + RNG.random((H, W))
     length = np.linalg.norm(rays_of(camera, "depth"), axis=2)
     one = RangeImage(depth, camera, jump=None).lifted(Lift())
@@ -102,10 +102,10 @@ def test_both_engines_move_alike_for_every_camera(camera):
     missing = np.zeros((H, W), bool)
     missing[3:8, 10:14], missing[20, ::7] = True, True
     depth[missing] = np.nan
-    for pace in ("footprint", "length"):
-        noun = RangeImage(depth, camera, time_unit=pace)
-        member = Member(gamma=0.5)
-        slow, fast = MeshFlow(noun.lifted(Lift()), member), GridFlow(noun.gridded(Lift()), member)
+    for time_factor in ("footprint", "length"):
+        data = RangeImage(depth, camera, time_unit=time_factor)
+        variant = Variant(gamma=0.5)
+        slow, fast = MeshFlow(data.lifted(Lift()), variant), GridFlow(data.gridded(Lift()), variant)
         one, other = (flow.rate(flow.start(), 1) for flow in (slow, fast))
         assert np.isfinite(one).all()
         assert np.abs(one - other).max() <= 1e-10 * np.abs(one).max()
@@ -118,18 +118,21 @@ def test_both_engines_move_alike_for_every_camera(camera):
 
 @ALL
 def test_planes_rest_for_every_camera(camera):
-    rays, origins = rays_of(camera), camera.fibres((H, W), camera.usual).at(np.zeros((H, W)))
+    rays, origins = rays_of(camera), camera.lines((H, W), camera.usual).at(np.zeros((H, W)))
     normal = np.array([0.1, -0.1, 1.0]) if not isinstance(camera, Spherical) else np.array([0.1, -0.1, 1.0])
     across = rays @ normal
     away = np.where(np.abs(across) > 0.05, (3.0 * np.sign(np.median(across)) - origins @ normal) / across, np.nan)
     away[away <= 0] = np.nan
-    noun = RangeImage(away, camera, jump=None)
-    flow = GridFlow(noun.gridded(Lift()), Member())
+    data = RangeImage(away, camera, jump=None)
+    flow = GridFlow(data.gridded(Lift()), Variant())
     for turn in (0, 1):
         rate = flow.rate(flow.start(), turn)
-        pace = noun.gridded(Lift()).surface().time_factor[:, None]
+        time_factor = data.gridded(Lift()).surface().time_factor[:, None]
         scale = np.nanmax(away)
-        assert np.abs(rate[pace > 0] / pace[pace > 0]).max() * np.median(pace[pace > 0]) < 1e-10 * scale
+        assert (
+            np.abs(rate[time_factor > 0] / time_factor[time_factor > 0]).max() * np.median(time_factor[time_factor > 0])
+            < 1e-10 * scale
+        )
 
 
 def test_time_in_length_is_time_in_footprints_where_all_footprints_are_equal():
@@ -146,14 +149,14 @@ def test_time_in_length_is_time_in_footprints_where_all_footprints_are_equal():
 
 def test_values_of_a_scanner_with_origins_of_its_own_may_be_zero_and_below():
     camera = offset_scanner()
-    noun = RangeImage(np.where(np.arange(W) % 2, 0.001, -0.001) * np.ones((H, 1)), camera)
-    assert not noun.missing.any()
-    assert noun.gridded(Lift()).jump is None
-    flow = GridFlow(noun.gridded(Lift()), Member())
+    data = RangeImage(np.where(np.arange(W) % 2, 0.001, -0.001) * np.ones((H, 1)), camera)
+    assert not data.missing.any()
+    assert data.gridded(Lift()).jump is None
+    flow = GridFlow(data.gridded(Lift()), Variant())
     *_, last = march(flow, Until(time=3.0))
     assert np.abs(last.u).mean() < 0.0003
     with pytest.raises(InputError, match="depths above zero expected, got -0.001"):
-        RangeImage(noun.depth, CAMERAS["scanner"])
+        RangeImage(data.depth, CAMERAS["scanner"])
 
 
 def test_rays_matter_only_where_there_are_samples():
@@ -163,8 +166,8 @@ def test_rays_matter_only_where_there_are_samples():
     with pytest.raises(InputError, match=r"longer than zero expected, 2 are not, the first in row 2, column 3"):
         RangeImage(depth, Scanner(rays))
     depth[2, 3] = depth[5, 6] = 0
-    noun = RangeImage(depth, Scanner(rays))
-    for flow in (GridFlow(noun.gridded(Lift()), Member()), MeshFlow(noun.lifted(Lift()), Member())):
+    data = RangeImage(depth, Scanner(rays))
+    for flow in (GridFlow(data.gridded(Lift()), Variant()), MeshFlow(data.lifted(Lift()), Variant())):
         assert np.isfinite(flow.rate(flow.start())).all()
     origins = np.zeros((H, W, 3))
     origins[0, 0] = np.nan

@@ -33,15 +33,15 @@ def test_the_readme_of_this_repository_has_a_test_command():
 )
 def test_a_readme_without_a_test_command_fails_the_run(tmp_path, text, message):
     (tmp_path / "README.md").write_text(text)
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, ROOT / ".ci" / "readme.py", tmp_path / "README.md"],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert told.returncode == 1
-    assert message in told.stderr
-    assert told.stdout == ""
+    assert reported.returncode == 1
+    assert message in reported.stderr
+    assert reported.stdout == ""
 
 
 def test_the_run_stops_where_the_readme_names_no_command(tmp_path):
@@ -49,9 +49,9 @@ def test_the_run_stops_where_the_readme_names_no_command(tmp_path):
     for name in ("run", "readme.py"):
         (tmp_path / ".ci" / name).write_text((ROOT / ".ci" / name).read_text())
     (tmp_path / "README.md").write_text("nothing\n")
-    told = subprocess.run(["bash", tmp_path / ".ci" / "run"], capture_output=True, text=True, check=False)
-    assert told.returncode != 0
-    assert "'<!-- tests -->' expected" in told.stderr
+    reported = subprocess.run(["bash", tmp_path / ".ci" / "run"], capture_output=True, text=True, check=False)
+    assert reported.returncode != 0
+    assert "'<!-- tests -->' expected" in reported.stderr
 
 
 def test_every_requirement_has_a_lower_bound_that_can_be_installed():

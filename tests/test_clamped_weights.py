@@ -12,7 +12,7 @@ from meshflow.flow.blend import euler
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.march import VANISHED
 from meshflow.flow.methods import Fairing
 from meshflow.geometry.connectivity import connect, shared_sides
@@ -53,7 +53,7 @@ def test_values_never_leave_their_range_where_triangles_are_obtuse(stepper, time
 @pytest.mark.parametrize("gamma", [-1.0, 0.0, 1.0])
 def test_the_largest_explicit_step_takes_each_value_to_a_mean_of_its_neighbours(gamma):
     surface = Surface(np.column_stack([POINTS, 3.0 * VALUES]), (FACES,), boundary="neumann")
-    flow = MeshFlow(surface, Member(gamma=gamma), metric=Clamped())
+    flow = MeshFlow(surface, Variant(gamma=gamma), metric=Clamped())
     u = flow.start()
     around = [set() for _ in u]
     for triangle in FACES:
@@ -142,7 +142,7 @@ def test_what_leaves_the_range_is_refused():
     with pytest.raises(InputError, match="'plane-preserving', which leaves the range"):
         MeshFlow(Surface(POINTS, (FACES,), boundary="plane-preserving"), metric=Clamped())
     with pytest.raises(InputError, match="'voronoi', which asks for all angles"):
-        MeshFlow(Surface(POINTS, (FACES,)), Member(mass="voronoi"), metric=Clamped())
+        MeshFlow(Surface(POINTS, (FACES,)), Variant(mass="voronoi"), metric=Clamped())
 
 
 @pytest.mark.parametrize("stepper", ["auto", "semi-implicit"])
@@ -173,5 +173,5 @@ def test_triangles_that_clamping_makes_segments_vanish_and_break_nothing(stepper
 @pytest.mark.parametrize("name", sorted(p.name for p in (SHARED / "meshes" / "messy").glob("*")))
 def test_what_is_messy_is_smoothed_with_clamped_weights(name):
     assert np.isfinite(
-        smooth(read(SHARED / "meshes" / "messy" / name).noun, compute=Compute(triangles="clamped")).points
+        smooth(read(SHARED / "meshes" / "messy" / name).data, compute=Compute(triangles="clamped")).points
     ).all()

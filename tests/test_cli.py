@@ -73,7 +73,7 @@ def test_one_command_smooths_a_terrain_and_says_what_it_did(terrain, tmp_path):
         assert float(after.tags(ns="meshflow")["noise"]) == pytest.approx(2.0, rel=0.1)
     assert 0.5 < np.sqrt(np.mean((smoothed - z) ** 2)) < 5
     library = meshflow.read(terrain)
-    assert np.allclose(meshflow.smooth(library.noun).z[valid], smoothed, rtol=1e-6)
+    assert np.allclose(meshflow.smooth(library.data).z[valid], smoothed, rtol=1e-6)
 
 
 def test_info_says_what_a_file_is_in_words_and_in_json(terrain):
@@ -92,7 +92,7 @@ def test_compare_measures_what_smoothing_took_away(terrain, tmp_path):
     target = tmp_path / "out.tif"
     run("smooth", terrain, target, "--steps", "3", "-q")
     facts = json.loads(run("compare", terrain, target, "--json").stdout)
-    before, after = meshflow.read(terrain).noun, meshflow.read(target).noun
+    before, after = meshflow.read(terrain).data, meshflow.read(target).data
     difference = (after.z - before.z)[~before.missing]
     assert facts["rms difference"] == pytest.approx(np.sqrt(np.mean(difference**2)), rel=1e-5)
 
@@ -235,7 +235,7 @@ def test_the_help_names_every_option_with_its_unit():
 
 
 def test_masks_limits_and_weights_are_files_of_the_same_samples(terrain, tmp_path):
-    before = meshflow.read(terrain).noun
+    before = meshflow.read(terrain).data
     only, weights = np.zeros(before.z.shape, bool), np.full(before.z.shape, 1e6)
     only[10:30, 10:40] = True
     np.save(tmp_path / "only.npy", only.astype(np.uint8))
@@ -252,7 +252,7 @@ def test_masks_limits_and_weights_are_files_of_the_same_samples(terrain, tmp_pat
             app, ["smooth", *map(str, [terrain, target, *words]), "--time", "300", "--gamma", "0", "-q"]
         )
         assert done.exit_code == 0, done.output
-        moved[name] = np.where(before.missing, 0, np.abs(meshflow.read(target).noun.z - before.z))
+        moved[name] = np.where(before.missing, 0, np.abs(meshflow.read(target).data.z - before.z))
     assert moved["mask"][~only].max() == 0 < moved["mask"][only].max()
     assert moved["fixed"][only].max() == 0 < moved["fixed"][~only].max()
     assert 0.4 < moved["max_change"].max() <= 0.5001

@@ -54,8 +54,8 @@ def test_inverse_depths_come_back_as_depths(frames):
 
 def test_frames_are_fused_into_one(frames):
     done = called(frames, "fuse", *(frames / f"{i}.png" for i in range(3)), "-o", frames / "f.tif", "--json")
-    told = json.loads(done.stdout)
-    assert len(told["in"]) == 3
+    reported = json.loads(done.stdout)
+    assert len(reported["in"]) == 3
     fused = counts(frames / "f.tif")
     truth = 2.0 + 0.01 * np.arange(48)
     seen = fused > 0

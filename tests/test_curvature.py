@@ -150,8 +150,8 @@ def test_the_threshold_follows_from_the_noise_and_says_so():
 @pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/data is not there")
 @pytest.mark.parametrize("name", sorted(p.name for p in (SHARED / "meshes" / "messy").glob("*")))
 def test_what_is_messy_stays_finite_along_directions(name):
-    noun = read(SHARED / "meshes" / "messy" / name).noun
-    assert np.isfinite(smooth(noun, method="principal").points).all()
+    data = read(SHARED / "meshes" / "messy" / name).data
+    assert np.isfinite(smooth(data, method="principal").points).all()
 
 
 @pytest.mark.parametrize("kind", ["iso", "nrm"])

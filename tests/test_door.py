@@ -192,11 +192,11 @@ def test_a_parameter_that_is_a_number_behaves_as_one():
 
 def test_parameters_are_made_from_the_plan():
     found = smooth(Z, method=Beltrami(gamma=-1.0, contrast=2.0), time=1.5, result=True)
-    told = {name: (p.value, p.origin) for name, p in found.parameters.items()}
-    assert told["gamma"] == (-1.0, "given")
-    assert told["contrast"] == (2.0, "given")
-    assert told["time"] == (1.5, "given")
-    assert told["noise"][1] == "estimated"
+    reported = {name: (p.value, p.origin) for name, p in found.parameters.items()}
+    assert reported["gamma"] == (-1.0, "given")
+    assert reported["contrast"] == (2.0, "given")
+    assert reported["time"] == (1.5, "given")
+    assert reported["noise"][1] == "estimated"
     assert found.history.time[-1] == pytest.approx(1.5)
     assert json.loads(found.to_json())["parameters"]["time"]["value"] == 1.5
 
@@ -233,14 +233,14 @@ def test_the_noise_of_any_data_can_be_asked_for():
 
 
 def test_the_version_is_said_in_python_and_by_the_command():
-    told = CliRunner().invoke(app, ["--version"])
-    assert told.exit_code == 0
-    assert told.output.strip() == meshflow.__version__
+    reported = CliRunner().invoke(app, ["--version"])
+    assert reported.exit_code == 0
+    assert reported.output.strip() == meshflow.__version__
 
 
 def test_the_environment_is_said_for_reports_of_faults():
-    told = CliRunner().invoke(app, ["info", "--environment", "--json"])
-    found = json.loads(told.output)
+    reported = CliRunner().invoke(app, ["info", "--environment", "--json"])
+    found = json.loads(reported.output)
     assert {"meshflow", "python", "numpy", "threads", "instruction set"} <= set(found)
     assert found["meshflow"] == meshflow.__version__
 
@@ -261,6 +261,6 @@ def test_the_help_shows_first_what_most_need():
 def test_an_option_of_another_method_is_refused_with_those_that_have_it(tmp_path):
     np.save(tmp_path / "z.npy", Z)
     words = ["smooth", str(tmp_path / "z.npy"), str(tmp_path / "o.npy"), "--method", "graph", "--order", "3"]
-    told = CliRunner().invoke(app, words)
-    assert told.exit_code != 0
-    assert "--order: no option of method graph; it belongs to fairing" in str(told.exception)
+    reported = CliRunner().invoke(app, words)
+    assert reported.exit_code != 0
+    assert "--order: no option of method graph; it belongs to fairing" in str(reported.exception)

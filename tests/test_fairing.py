@@ -9,7 +9,7 @@ from meshflow.flow import low_pass
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.low_pass import LowPass
 from meshflow.flow.methods import Fairing
-from meshflow.flow.methods.normal_filter import FacetFlow
+from meshflow.flow.methods.normal_filter import NormalFilterFlow
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Surface
@@ -86,8 +86,8 @@ def test_a_ball_shrinks_the_less_the_higher_the_order():
 
 
 def test_a_flow_without_a_matrix_is_refused():
-    facets = FacetFlow(Surface(BALL, (FACES,)))
-    with pytest.raises(InputError, match="low-pass: the matrix of an operator expected, FacetFlow has none"):
+    facets = NormalFilterFlow(Surface(BALL, (FACES,)))
+    with pytest.raises(InputError, match="low-pass: the matrix of an operator expected, NormalFilterFlow has none"):
         LowPass(2).step(facets, facets.start(), 0.1, 0)
 
 

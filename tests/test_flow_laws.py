@@ -7,7 +7,7 @@ from helpers import shapes
 
 from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.march import march
 from meshflow.flow.steppers import Explicit, SemiImplicit
 from meshflow.surfaces.camera import Pinhole
@@ -99,7 +99,7 @@ def test_tilted_planes_with_ragged_holes_rest_under_linear(gamma, indicator, cha
     planes = np.stack([(q + 0.5) * 0.7 * columns - 0.3 * (q + 1) * rows + q for q in range(channels)], axis=-1)
     for diagonals in ("forward", "backward", "both", "alternate"):
         surface = Image(planes, missing=ragged(30, 40)).lifted(Lift(diagonals=diagonals, boundary="plane-preserving"))
-        flow = MeshFlow(surface, Member(gamma=gamma, indicator=indicator))
+        flow = MeshFlow(surface, Variant(gamma=gamma, indicator=indicator))
         u = flow.start()
         scale = np.abs(planes).max()
         for turn in (0, 1):
@@ -113,7 +113,7 @@ def test_planes_seen_by_a_camera_rest(gamma):
     x, y, _ = np.moveaxis(camera.rays((30, 40)), 2, 0)
     depth = 2.0 / (1 + 0.5 * x - 0.3 * y)  # n . p = 2
     depth[ragged(30, 40)] = 0
-    flow = MeshFlow(RangeImage(depth, camera).lifted(Lift()), Member(gamma=gamma))
+    flow = MeshFlow(RangeImage(depth, camera).lifted(Lift()), Variant(gamma=gamma))
     for stepper in STEPPERS[:2]:
         last = end(flow, 5.0, stepper)
         assert np.abs(last.u - flow.start()).max() < 1e-12 * depth.max()
@@ -124,10 +124,10 @@ def test_planes_seen_by_a_camera_rest(gamma):
 
 def test_natural_conserves_the_mass_weighted_mean():
     rng = np.random.default_rng(2)
-    noun = Image(rng.normal(size=(20, 24, 2)), missing=ragged(20, 24))
+    data = Image(rng.normal(size=(20, 24, 2)), missing=ragged(20, 24))
     for diagonals in ("forward", "both"):
         for gamma in (-1.0, 0.0, 1.0):
-            flow = MeshFlow(noun.lifted(Lift(diagonals=diagonals)), Member(gamma=gamma))
+            flow = MeshFlow(data.lifted(Lift(diagonals=diagonals)), Variant(gamma=gamma))
             u = flow.start()
             weights = flow.system(u).mass[:, None]
             for stepper in STEPPERS[:2]:
@@ -139,7 +139,7 @@ def test_natural_conserves_the_mass_weighted_mean():
 def test_mean_curvature_diffusion_conserves_the_plain_mean_for_all_time():
     rng = np.random.default_rng(3)
     field = HeightField(rng.normal(size=(32, 32)) * 3)
-    flow = MeshFlow(field.lifted(Lift(boundary="neumann", diagonals="forward")), Member(gamma=-1.0))
+    flow = MeshFlow(field.lifted(Lift(boundary="neumann", diagonals="forward")), Variant(gamma=-1.0))
     base = flow._triangulations[0].flat
     last = end(flow, 1.0)
     assert (base @ last.u) == pytest.approx(base @ flow.start(), abs=1e-10 * np.abs(base @ np.abs(flow.start())).max())
@@ -178,10 +178,10 @@ def _free(surface):
 @pytest.mark.parametrize("channels", [1, 2])
 def test_the_engine_is_the_papers_formula_taken_literally(gamma, indicator, boundary, mass, channels):
     rng = np.random.default_rng(5)
-    noun = Image(rng.normal(size=(5, 6, channels)), (0.8, 1.3))
+    data = Image(rng.normal(size=(5, 6, channels)), (0.8, 1.3))
     for diagonals in ("forward", "both"):
-        surface = noun.lifted(Lift(diagonals=diagonals, boundary=boundary))
-        ours = MeshFlow(surface, Member(gamma=gamma, indicator=indicator, mass=mass)).rate(surface.start)
+        surface = data.lifted(Lift(diagonals=diagonals, boundary=boundary))
+        ours = MeshFlow(surface, Variant(gamma=gamma, indicator=indicator, mass=mass)).rate(surface.start)
         truth = naive.rate(surface.points, surface.triangulations, _free(surface), gamma, indicator, mass, boundary)
         assert np.abs(ours - truth).max() <= 1e-11 * np.abs(truth).max()
 
@@ -192,7 +192,7 @@ def test_the_engine_along_rays_is_the_papers_formula_taken_literally(gamma, indi
     rng = np.random.default_rng(6)
     depth = 2 + 0.05 * rng.normal(size=(5, 6))
     surface = RangeImage(depth, Pinhole(20, 22, 2.5, 2.0), jump=None).lifted(Lift(diagonals="forward"))
-    ours = MeshFlow(surface, Member(gamma=gamma, indicator=indicator)).rate(surface.start)
+    ours = MeshFlow(surface, Variant(gamma=gamma, indicator=indicator)).rate(surface.start)
     length = np.linalg.norm(surface.free.directions, axis=1)
     truth = naive.rate(
         surface.points, surface.triangulations, _free(surface), gamma, indicator, "barycentric", "plane-preserving"
@@ -205,7 +205,7 @@ def test_gamma_minus_two_by_projection_is_the_graph_flow_of_any_number_of_channe
     rng = np.random.default_rng(7)
     for channels in (1, 2, 4):
         surface = Image(rng.normal(size=(6, 6, channels))).lifted(Lift(diagonals="forward"))
-        ours = MeshFlow(surface, Member(gamma=-2, indicator="projection", floor=1e-9)).rate(surface.start)
+        ours = MeshFlow(surface, Variant(gamma=-2, indicator="projection", floor=1e-9)).rate(surface.start)
         truth = naive.graph_flow(surface.points, surface.triangulations[0], _free(surface))
         assert np.abs(ours / truth - 1).max() < 1e-10
 
@@ -215,7 +215,7 @@ def test_gamma_minus_two_has_the_normal_speed_of_mean_curvature_flow():
     for n in (20, 40, 80):
         values, h = bumps(n)
         surface = HeightField(values[..., 0], h).lifted(Lift(diagonals="both"))
-        graph = MeshFlow(surface, Member(gamma=-2)).rate(surface.start)[:, 0]
+        graph = MeshFlow(surface, Variant(gamma=-2)).rate(surface.start)[:, 0]
         full = MeshFlow(Surface(surface.points, surface.triangulations, boundary="plane-preserving")).rate(
             surface.points
         )
@@ -234,7 +234,7 @@ def test_gamma_equals_the_finite_difference_flows_of_section_2_to_second_order(g
     for n in (20, 40, 80):
         values, h = bumps(n)
         surface = HeightField(values[..., 0], h).lifted(Lift(diagonals="both"))
-        ours = MeshFlow(surface, Member(gamma=gamma)).rate(surface.start).reshape(n, n)[1:-1, 1:-1]
+        ours = MeshFlow(surface, Variant(gamma=gamma)).rate(surface.start).reshape(n, n)[1:-1, 1:-1]
         truth = naive.flow_of_section_3(values[..., 0], h, gamma + 1)
         errors.append(np.abs(ours - truth).max() / np.abs(truth).max())
     order = np.log2(errors[0] / errors[2]) / 2
@@ -274,7 +274,7 @@ def end_of(values, diagonals):
 @pytest.mark.parametrize("diagonals", ["forward", "both"])
 def test_explicit_euler_at_a_sixth_of_h_squared_never_grows_the_area(amplitude, gamma, diagonals):
     z = amplitude * np.random.default_rng(10).normal(size=(30, 30))
-    flow = MeshFlow(HeightField(z, 0.7).lifted(Lift(diagonals=diagonals, boundary="neumann")), Member(gamma=gamma))
+    flow = MeshFlow(HeightField(z, 0.7).lifted(Lift(diagonals=diagonals, boundary="neumann")), Variant(gamma=gamma))
     areas = [s.area for s in march(flow, Until(steps=40), Explicit(), FixedStep(0.7**2 / 6))]
     assert (np.diff(areas) <= 1e-12 * areas[0]).all()
     if amplitude < 1e4:  # on cliffs of 1e4 the change is below rounding for gamma = 2
@@ -285,7 +285,7 @@ def test_explicit_euler_at_a_sixth_of_h_squared_never_grows_the_area(amplitude, 
 @pytest.mark.parametrize("gamma", GAMMAS)
 def test_the_semi_implicit_step_never_grows_the_area(dt, gamma):
     z = 5 * np.random.default_rng(11).normal(size=(20, 20))
-    flow = MeshFlow(HeightField(z).lifted(Lift(diagonals="forward", boundary="neumann")), Member(gamma=gamma))
+    flow = MeshFlow(HeightField(z).lifted(Lift(diagonals="forward", boundary="neumann")), Variant(gamma=gamma))
     areas = [s.area for s in march(flow, Until(steps=8), SemiImplicit("direct"), FixedStep(dt))]
     assert (np.diff(areas) <= 1e-12 * areas[0]).all()
     points, faces = shapes.sphere(400)

@@ -84,11 +84,11 @@ def test_the_command_fuses_with_the_words_of_smooth(files):
     words = ("--domain", "disparity", "--measure", "depth", "--no-search", "--max-change", 0.01)
     done = called(files, *words, "--picture", files / "p.png", "--report", files / "r.html", "--json")
     assert done.exit_code == 0, (done.output, done.exception)
-    told = json.loads(done.stdout)
-    assert told["parameters"]["domain"]["value"] == "disparity"
-    assert told["parameters"]["max_change"]["value"] == 0.01
-    assert told["parameters"]["noise"]["why"] == "spread of the frames"
-    assert any("number 1) without a single depth" in note for note in told["notes"])
+    reported = json.loads(done.stdout)
+    assert reported["parameters"]["domain"]["value"] == "disparity"
+    assert reported["parameters"]["max_change"]["value"] == 0.01
+    assert reported["parameters"]["noise"]["why"] == "spread of the frames"
+    assert any("number 1) without a single depth" in note for note in reported["notes"])
     assert (files / "p.png").stat().st_size > 1000
     assert "spread of the frames" in (files / "r.html").read_text()
 

@@ -12,7 +12,7 @@ import pytest
 from meshflow.flow.blend import Blend
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.grid_layout import Layout
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.kernels import grid as kernels
 from meshflow.kernels.compiler import Target
 from meshflow.surfaces.camera import Orthographic, Pinhole
@@ -25,24 +25,24 @@ CAMERAS = {
     "pinhole": lambda h, w: Pinhole(1.2 * w, 1.1 * w, 0.45 * w, 0.5 * h),
     "lines": lambda h, w: Orthographic(0.07, 0.06),
 }
-MEMBERS = [
-    Member(),
-    Member(-1.0),
-    Member(-1.0, 1.5),
-    Member(-2.0, 2.0, mass="ring"),
-    Member(0.3, 3.0),
-    Member(1.0, 4.0),
-    Member(-0.5, 0.7),
-    Member(0.5, mass="voronoi"),
-    Member(-1.0, indicator="projection"),
-    Member(patch=0.7),
-    Member(-1.0, 1.5, patch=1.5),
-    Member(0.3, 1.2, patch=2.5),
+VARIANTS = [
+    Variant(),
+    Variant(-1.0),
+    Variant(-1.0, 1.5),
+    Variant(-2.0, 2.0, mass="ring"),
+    Variant(0.3, 3.0),
+    Variant(1.0, 4.0),
+    Variant(-0.5, 0.7),
+    Variant(0.5, mass="voronoi"),
+    Variant(-1.0, indicator="projection"),
+    Variant(patch=0.7),
+    Variant(-1.0, 1.5, patch=1.5),
+    Variant(0.3, 1.2, patch=2.5),
 ]
 
 
 def scene(kind, shape=(37, 83), dtype=np.float64, holes=True, seed=0):
-    """A noun with holes, long runs of whole rows and of nothing, and samples that stay."""
+    """A data object with holes, long runs of whole rows and of nothing, and samples that stay."""
     rng = np.random.default_rng(seed)
     missing, fixed = rng.random(shape) < 0.04 * holes, rng.random(shape) < 0.03 * holes
     missing[:, : shape[1] // 2] &= np.arange(shape[0])[:, None] % 7 == 0
@@ -58,13 +58,13 @@ def scene(kind, shape=(37, 83), dtype=np.float64, holes=True, seed=0):
     return Image((1.5 * rng.normal(size=(*shape, int(kind)))).astype(dtype), (1.3, 0.8), missing, fixed)
 
 
-def flows(kind, diagonals="alternate", boundary="plane-preserving", threads=None, members=None, **how):
+def flows(kind, diagonals="alternate", boundary="plane-preserving", threads=None, variants=None, **how):
     """Flows of all members that have a meaning for a kind of data."""
-    for member in members or MEMBERS:
-        if kind in CAMERAS and (member.patch > 0 or member.sharpness != 1):
+    for variant in variants or VARIANTS:
+        if kind in CAMERAS and (variant.patch > 0 or variant.sharpness != 1):
             continue
         lift = Lift(1.0 if kind in CAMERAS else 1.7, diagonals, boundary)
-        yield GridFlow(scene(kind, **how).gridded(lift), member, threads)
+        yield GridFlow(scene(kind, **how).gridded(lift), variant, threads)
 
 
 KINDS = ["one", "rows", "2", "3", "5", *CAMERAS]
@@ -109,7 +109,7 @@ def test_threads_give_the_same_bits(kind, dtype):
     found = []
     for threads in (1, 2, 5):
         rates = []
-        for flow in flows(kind, threads=threads, shape=(200, 700), dtype=dtype, members=MEMBERS[:4] + MEMBERS[7:10]):
+        for flow in flows(kind, threads=threads, shape=(200, 700), dtype=dtype, variants=VARIANTS[:4] + VARIANTS[7:10]):
             u = flow.start()
             rates += [flow.rate(u).tobytes(), flow.area(u), flow.bound(u), flow.size((2.0, u))]
         found.append(rates)
@@ -121,12 +121,12 @@ def test_threads_give_the_same_bits(kind, dtype):
 def test_a_part_of_a_grid_moves_as_in_the_whole_to_the_bit(kind, boundary):
     """Wherever it is cut: what is asked of blocks, tiles and rows does not show."""
     far, shape = 8, (40, 8300)  # wider than two tiles
-    noun = scene(kind, shape, np.float32)
-    for member in MEMBERS[:4] + MEMBERS[7:11]:
-        if kind in CAMERAS and (member.patch > 0 or member.sharpness != 1):
+    data = scene(kind, shape, np.float32)
+    for variant in VARIANTS[:4] + VARIANTS[7:11]:
+        if kind in CAMERAS and (variant.patch > 0 or variant.sharpness != 1):
             continue
         lift = Lift(1.0 if kind in CAMERAS else 1.7, "forward", boundary)
-        whole = GridFlow(noun.gridded(lift), member)
+        whole = GridFlow(data.gridded(lift), variant)
         rate = whole.rate(whole.start()).T.reshape(whole.shape)
         for rows, columns in (
             (slice(0, 31), slice(0, 8300)),
@@ -137,15 +137,15 @@ def test_a_part_of_a_grid_moves_as_in_the_whole_to_the_bit(kind, boundary):
                 columns = slice(0, columns.stop)
                 rows = slice(0, rows.stop)
             values = {"lines": "depth", "one": "z"}.get(kind, "values")
-            rest = (CAMERAS[kind](*shape),) if kind in CAMERAS else (noun.spacing,)
-            part = type(noun)(
-                getattr(noun, values)[rows, columns], *rest, noun.missing[rows, columns], noun.fixed[rows, columns]
+            rest = (CAMERAS[kind](*shape),) if kind in CAMERAS else (data.spacing,)
+            part = type(data)(
+                getattr(data, values)[rows, columns], *rest, data.missing[rows, columns], data.fixed[rows, columns]
             )
-            cut = GridFlow(part.gridded(lift), member)
+            cut = GridFlow(part.gridded(lift), variant)
             ours = cut.rate(cut.start()).T.reshape(cut.shape)
             top, left = far * (rows.start > 0), far * (columns.start > 0)
             inner = np.s_[:, top : ours.shape[1] - far, left : ours.shape[2] - far]
-            assert np.array_equal(ours[inner], rate[:, rows, columns][inner]), f"{member} {rows} {columns}"
+            assert np.array_equal(ours[inner], rate[:, rows, columns][inner]), f"{variant} {rows} {columns}"
 
 
 @pytest.mark.parametrize("kind", ["one", "rows", "2", "3"])
@@ -155,14 +155,14 @@ def test_a_part_of_a_grid_moves_as_in_the_whole_to_the_bit(kind, boundary):
 def test_loops_for_few_channels_compute_what_those_for_any_number_do(kind, diagonals, boundary, holes):
     for sharpness, patch in itertools.product((1.0, 1.5, 2.0, 3.0, 4.0, 0.7), (0.0, 0.7)):
         for gamma in (0.0, -1.0):
-            member = Member(gamma, sharpness, patch=patch)
-            (flow,) = flows(kind, diagonals, boundary, members=[member], holes=holes)
+            variant = Variant(gamma, sharpness, patch=patch)
+            (flow,) = flows(kind, diagonals, boundary, variants=[variant], holes=holes)
             ours = flow.rate(flow.start())
             flow._by_forms = True
             theirs = flow.rate(flow.start())
             # The other way takes the difference of products where this one has nothing to cancel: the more, the greater W^q is.
             bound = 2e-11 if sharpness < 3 else 1e-9
-            assert np.abs(ours - theirs).max() <= bound * np.abs(theirs).max(), f"{member}"
+            assert np.abs(ours - theirs).max() <= bound * np.abs(theirs).max(), f"{variant}"
 
 
 @pytest.mark.parametrize("kind", ["one", "3"])
@@ -171,7 +171,7 @@ def test_loops_for_few_channels_compute_what_those_for_any_number_do(kind, diago
 def test_roots_and_products_are_the_general_power(kind, patch, sharpness):
     rates = []
     for q in (sharpness, sharpness * (1 + 4e-16)):
-        (flow,) = flows(kind, members=[Member(-0.5 * (1 + 4e-16 * (q != sharpness)), q, patch=patch)])
+        (flow,) = flows(kind, variants=[Variant(-0.5 * (1 + 4e-16 * (q != sharpness)), q, patch=patch)])
         rates.append(flow.rate(flow.start()))
     assert np.abs(rates[0] - rates[1]).max() <= 1e-12 * np.abs(rates[0]).max()
 
@@ -179,7 +179,7 @@ def test_roots_and_products_are_the_general_power(kind, patch, sharpness):
 def test_the_general_power_keeps_its_digits_from_flat_to_steep():
     for slope, q in itertools.product((1e-9, 1e-4, 0.1, 3.0, 1e3), (0.3, 1.2, 2.6)):
         z = slope * np.array([[0.0, 1.0, 3.0], [0.5, 0.0, 2.0], [1.0, 4.0, 0.0]])
-        flow = GridFlow(HeightField(z).gridded(Lift(1.0, "forward", "neumann")), Member(sharpness=q))
+        flow = GridFlow(HeightField(z).gridded(Lift(1.0, "forward", "neumann")), Variant(sharpness=q))
         faces = [((i, j), (i, j + 1), (i + 1, j)) for i in range(2) for j in range(2)]
         faces += [((i + 1, j + 1), (i + 1, j), (i, j + 1)) for i in range(2) for j in range(2)]
         legs = np.array([[z[q_] - z[p], z[r] - z[p]] for p, q_, r in faces])
@@ -190,7 +190,7 @@ def test_the_general_power_keeps_its_digits_from_flat_to_steep():
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_blend_is_the_rate_and_what_it_asks_for_beside(kind):
     rng = np.random.default_rng(0)
-    for flow in flows(kind, members=[Member(), Member(-1.0), Member(mass="voronoi")]):
+    for flow in flows(kind, variants=[Variant(), Variant(-1.0), Variant(mass="voronoi")]):
         u = flow.start()
         a, b, c = (np.asfortranarray(rng.normal(size=u.shape)) for _ in range(3))
         rate = flow.rate(u)
@@ -206,7 +206,7 @@ def test_a_blend_is_the_rate_and_what_it_asks_for_beside(kind):
 
 
 def test_what_does_not_belong_together_is_refused():
-    flow = GridFlow(scene("3").gridded(Lift()), Member(patch=0.7))
+    flow = GridFlow(scene("3").gridded(Lift()), Variant(patch=0.7))
     asked, out = list(flow._asked(flow.start(), (0, 1))), np.empty(flow.shape)
     blend = kernels.GridBlend(0.0, 1.0, 0.0, 0.0, 0.0)
     rest = (out, None, None, None, blend, 1)

@@ -14,7 +14,7 @@ from meshflow.errors import InputError
 from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.march import march
 from meshflow.flow.methods import Search
 from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
@@ -29,7 +29,7 @@ CAMERA = Pinhole(120, 120, 70.3, 55.1)
 RNG = np.random.default_rng(0)
 
 
-def nouns(h=90, w=140, dtype=np.float64, seed=0):
+def surfaces(h=90, w=140, dtype=np.float64, seed=0):
     """One channel, three, and depth, with ragged holes."""
     rng = np.random.default_rng(seed)
     missing = rng.random((h, w)) < 0.02
@@ -48,8 +48,8 @@ def nouns(h=90, w=140, dtype=np.float64, seed=0):
 KINDS = ("one", "rows", "three", "range")
 
 
-def run(noun, steps=6, dt=0.02, threads=None, member=None, stepper=None):
-    flow = GridFlow(noun.gridded(Lift()), member or Member(), threads)
+def run(data, steps=6, dt=0.02, threads=None, variant=None, stepper=None):
+    flow = GridFlow(data.gridded(Lift()), variant or Variant(), threads)
     *_, last = march(flow, Until(steps=steps), stepper or Explicit(), FixedStep(dt))
     return last.u.T.reshape(flow.shape)
 
@@ -61,16 +61,16 @@ def run(noun, steps=6, dt=0.02, threads=None, member=None, stepper=None):
 @pytest.mark.parametrize("kind", ["one", "rows", "three"])
 @pytest.mark.parametrize("gamma", [0.0, -1.0, 1.0])
 def test_tiles_with_a_halo_of_n_equal_the_whole_bit_for_bit_after_n_steps(kind, dtype, gamma):
-    noun, steps, member = nouns(dtype=dtype)[kind], 6, Member(gamma=gamma, sharpness=1.5 if gamma == -1 else 1.0)
+    data, steps, variant = surfaces(dtype=dtype)[kind], 6, Variant(gamma=gamma, sharpness=1.5 if gamma == -1 else 1.0)
     dt = 0.001 if kind == "three" else 0.02
-    whole = run(noun, steps, dt, member=member)
+    whole = run(data, steps, dt, variant=variant)
     for top, left, height, width in ((0, 0, 40, 60), (33, 41, 40, 60), (51, 80, 39, 60), (20, 7, 1, 1)):
         rows = slice(max(top - steps, 0), min(top + height + steps, 90))
         columns = slice(max(left - steps, 0), min(left + width + steps, 140))
-        values = noun.values if kind == "three" else noun.z
-        spacing = (noun.spacing[0][rows], noun.spacing[1]) if kind == "rows" else noun.spacing
-        part = type(noun)(values[rows, columns], spacing, noun.missing[rows, columns])
-        tile = run(part, steps, dt, member=member)
+        values = data.values if kind == "three" else data.z
+        spacing = (data.spacing[0][rows], data.spacing[1]) if kind == "rows" else data.spacing
+        part = type(data)(values[rows, columns], spacing, data.missing[rows, columns])
+        tile = run(part, steps, dt, variant=variant)
         inside = tile[
             :,
             top - rows.start : top - rows.start + height,
@@ -82,17 +82,17 @@ def test_tiles_with_a_halo_of_n_equal_the_whole_bit_for_bit_after_n_steps(kind, 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("stepper", [Explicit(), SuperTime(), SuperTime(2), SemiImplicit("cg")], ids=lambda s: s.name)
 def test_results_do_not_depend_on_the_number_of_threads(kind, stepper):
-    noun = nouns(h=240, w=300)[kind]  # several bands
-    results = [run(noun, 2, 0.02, threads, stepper=stepper).tobytes() for threads in (1, 2, 5)]
+    data = surfaces(h=240, w=300)[kind]  # several bands
+    results = [run(data, 2, 0.02, threads, stepper=stepper).tobytes() for threads in (1, 2, 5)]
     assert results[0] == results[1] == results[2]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("diagonals", ["both", "alternate"])
 def test_a_run_on_the_grid_is_the_run_on_its_triangles(kind, diagonals):
-    noun = nouns(20, 24)[kind]
+    data = surfaces(20, 24)[kind]
     lift = Lift(diagonals=diagonals)
-    grid, mesh = GridFlow(noun.gridded(lift), Member(gamma=1.0)), MeshFlow(noun.lifted(lift), Member(gamma=1.0))
+    grid, mesh = GridFlow(data.gridded(lift), Variant(gamma=1.0)), MeshFlow(data.lifted(lift), Variant(gamma=1.0))
     for stepper, dt in ((Explicit(), 0.05), (SuperTime(), 0.3), (SuperTime(2), 0.3), (SemiImplicit("direct"), 0.5)):
         ends = [list(march(flow, Until(steps=5), stepper, FixedStep(dt)))[-1] for flow in (grid, mesh)]
         way = np.abs(ends[1].u - mesh.start()).max()
@@ -105,14 +105,14 @@ def test_a_run_on_the_grid_is_the_run_on_its_triangles(kind, diagonals):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("gamma", [0.0, -1.0, 1.0])
 def test_single_precision_is_within_its_bound_of_double_precision(kind, gamma):
-    single, double = nouns(dtype=np.float32)[kind], nouns(dtype=np.float64)[kind]
+    single, double = surfaces(dtype=np.float32)[kind], surfaces(dtype=np.float64)[kind]
     values = {"three": "values", "range": "depth"}.get(kind, "z")
     exact = type(double)(
         getattr(single, values).astype(np.float64), *([CAMERA] if kind == "range" else [double.spacing]), double.missing
     )
-    member = Member(gamma=gamma)
+    variant = Variant(gamma=gamma)
     dt = 0.001 if kind == "three" else 0.02
-    ours, truth = run(single, 20, dt, member=member), run(exact, 20, dt, member=member)
+    ours, truth = run(single, 20, dt, variant=variant), run(exact, 20, dt, variant=variant)
     start = np.where(exact.missing, 0, np.moveaxis(np.atleast_3d(getattr(exact, values)), 2, 0))
     assert ours.dtype == np.float32
     bound = 3e-6 * np.abs(truth - start).max() + 20 * np.finfo(np.float32).eps * np.abs(start).max()
@@ -143,18 +143,18 @@ def test_slopes_whose_powers_no_number_holds_are_refused():
 
 
 @pytest.mark.parametrize("stepper", [Explicit(), SuperTime(), SuperTime(2), SemiImplicit("cg")], ids=lambda s: s.name)
-@pytest.mark.parametrize("member", [Member(), Member(1.0), Member(-1.0, 1.5), Member(-2.0)], ids=str)
-def test_tilted_planes_with_ragged_holes_rest_and_what_is_held_keeps_its_bits(stepper, member):
+@pytest.mark.parametrize("variant", [Variant(), Variant(1.0), Variant(-1.0, 1.5), Variant(-2.0)], ids=str)
+def test_tilted_planes_with_ragged_holes_rest_and_what_is_held_keeps_its_bits(stepper, variant):
     rows, columns = np.mgrid[0:40, 0:50]
     plane = 3.0 + 0.7 * columns - 0.4 * rows
-    noun = nouns(40, 50)["one"]
-    moved = run(HeightField(plane, (1.3, 0.8), noun.missing), 5, 0.02, member=member, stepper=stepper)[0]
-    assert np.abs(moved - plane)[~noun.missing].max() < 1e-12 * np.abs(plane).max()
-    fixed = RNG.random(noun.missing.shape) < 0.2
-    noun = HeightField(noun.z, noun.spacing, noun.missing, fixed)
-    moved = run(noun, 5, 0.02, member=member, stepper=stepper)[0]
-    assert (moved[fixed & ~noun.missing] == noun.z[fixed & ~noun.missing]).all()
-    assert (moved[~fixed & ~noun.missing] != noun.z[~fixed & ~noun.missing]).mean() > 0.9
+    data = surfaces(40, 50)["one"]
+    moved = run(HeightField(plane, (1.3, 0.8), data.missing), 5, 0.02, variant=variant, stepper=stepper)[0]
+    assert np.abs(moved - plane)[~data.missing].max() < 1e-12 * np.abs(plane).max()
+    fixed = RNG.random(data.missing.shape) < 0.2
+    data = HeightField(data.z, data.spacing, data.missing, fixed)
+    moved = run(data, 5, 0.02, variant=variant, stepper=stepper)[0]
+    assert (moved[fixed & ~data.missing] == data.z[fixed & ~data.missing]).all()
+    assert (moved[~fixed & ~data.missing] != data.z[~fixed & ~data.missing]).mean() > 0.9
 
 
 def test_planes_seen_by_a_camera_rest_in_single_precision_too():
@@ -176,10 +176,10 @@ def test_a_single_island_stays():
 @pytest.mark.parametrize("shape", [(2, 2), (2, 9), (9, 2), (3, 3), (2, 700), (700, 2), (4, 1030)])
 @pytest.mark.parametrize("diagonals", ["forward", "alternate", "both"])
 def test_the_smallest_grids_are_smoothed_as_their_triangles_are(shape, diagonals):
-    noun = HeightField(RNG.normal(size=shape))
+    data = HeightField(RNG.normal(size=shape))
     for boundary in ("neumann", "plane-preserving", "fixed"):
         lift = Lift(1.0, diagonals, boundary)
-        grid, mesh = GridFlow(noun.gridded(lift)), MeshFlow(noun.lifted(lift))
+        grid, mesh = GridFlow(data.gridded(lift)), MeshFlow(data.lifted(lift))
         for turn in (0, 1):
             assert np.allclose(grid.rate(grid.start(), turn), mesh.rate(mesh.start(), turn), rtol=0, atol=1e-11)
 
@@ -217,7 +217,7 @@ def test_the_order_of_the_callers_memory_changes_nothing_and_it_keeps_its_bytes(
 
 
 def test_states_of_a_run_stay_as_they_were_unless_their_memory_is_recycled():
-    flow = GridFlow(nouns()["one"].gridded(Lift()))
+    flow = GridFlow(surfaces()["one"].gridded(Lift()))
     kept = list(march(flow, Until(time=3.0), SuperTime(), FixedStep(0.5)))
     copies = [state.u.copy() for state in march(flow, Until(time=3.0), SuperTime(), FixedStep(0.5), recycle=True)]
     assert all((state.u == copy).all() for state, copy in zip(kept, copies, strict=True))

@@ -11,7 +11,7 @@ from meshflow.errors import InputError
 from meshflow.flow.controls import Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.march import march
 from meshflow.flow.steppers import Explicit
 from meshflow.surfaces.camera import Pinhole
@@ -27,11 +27,11 @@ def scene(channels, holes, seed=0, shape=(9, 12)):
     return Image(3 * rng.normal(size=(*shape, channels)), (1.3, 0.8), missing)
 
 
-def slowly(image, alpha, member, which):
+def slowly(image, alpha, variant, which):
     """du/dt (h, w, k) on one triangulation, each triangle measured in the space of patches, one after the other."""
     z, there = np.where(image.missing[..., None], 0.0, image.values), ~image.missing
     (hx, hy), (h, w, k) = image.spacing, image.values.shape
-    taps = np.concatenate([member.taps[:0:-1], member.taps])
+    taps = np.concatenate([variant.taps[:0:-1], variant.taps])
     pull, mass, flat = np.zeros((h, w, k)), np.zeros((h, w)), np.zeros((h, w))
     for lower in (False, True):
         p, q, r = [((1, 1), (1, 0), (0, 1)), ((1, 0), (1, 1), (0, 0))][which] if lower else (
@@ -49,7 +49,7 @@ def slowly(image, alpha, member, which):
         uu, vv, uv = (mean((x * y).sum(axis=2)) for x, y in ((a, a), (b, b), (a, b)))
         for i, j in np.argwhere(present > 0):
             slope2 = alpha**2 * (uu[i, j] / hx**2 + vv[i, j] / hy**2)
-            by = alpha**2 * naive.stretch(slope2, member.sharpness)
+            by = alpha**2 * naive.stretch(slope2, variant.sharpness)
             x, y, xy = hx**2 + by * uu[i, j], hy**2 + by * vv[i, j], by * uv[i, j]
             cot_p, cot_q, cot_r, area = naive.cotangents_of_dots(xy, x - xy, y - xy, x * y - xy * xy)
             corners = [(i + c[0], j + c[1]) for c in (p, q, r)]
@@ -60,7 +60,7 @@ def slowly(image, alpha, member, which):
             for corner in corners:
                 mass[corner] += area / 3
                 flat[corner] += hx * hy / 6
-    speed = np.where(mass > 0, flat / np.where(mass > 0, mass, 1), 1) ** member.gamma
+    speed = np.where(mass > 0, flat / np.where(mass > 0, mass, 1), 1) ** variant.gamma
     return -pull * np.where(mass > 0, speed / np.where(mass > 0, mass, 1), 0)[..., None]
 
 
@@ -69,18 +69,18 @@ def slowly(image, alpha, member, which):
 def test_the_rate_is_that_of_triangles_measured_in_patches(channels, rho, holes):
     image = scene(channels, holes)
     for gamma, sharpness in itertools.product((0.0, -1.0, 0.5), (1.0, 1.5)):
-        member = Member(gamma=gamma, sharpness=sharpness, patch=rho)
-        flow = GridFlow(image.gridded(Lift(1.7)), member)
+        variant = Variant(gamma=gamma, sharpness=sharpness, patch=rho)
+        flow = GridFlow(image.gridded(Lift(1.7)), variant)
         for turn in (0, 1):
             ours = flow.rate(flow.start(), turn).reshape(image.values.shape)
-            theirs = slowly(image, 1.7, member, turn)
+            theirs = slowly(image, 1.7, variant, turn)
             assert np.abs(ours - theirs).max() <= 1e-11 * np.abs(theirs).max()
 
 
 @pytest.mark.parametrize("diagonals", ["alternate", "both"])
 def test_a_patch_of_no_width_is_a_sample(diagonals):
-    lattice = scene(2, True).gridded(Lift(1.7, diagonals))
-    plain, narrow = GridFlow(lattice, Member()), GridFlow(lattice, Member(patch=0.05))
+    grid = scene(2, True).gridded(Lift(1.7, diagonals))
+    plain, narrow = GridFlow(grid, Variant()), GridFlow(grid, Variant(patch=0.05))
     rates = [flow.rate(flow.start()) for flow in (plain, narrow)]
     assert np.abs(rates[0] - rates[1]).max() < 1e-13 * np.abs(rates[0]).max()
 
@@ -88,7 +88,7 @@ def test_a_patch_of_no_width_is_a_sample(diagonals):
 @pytest.mark.parametrize("gamma", [0.0, 1.0, -1.0])
 def test_steps_as_long_as_the_bound_allows_stay_within_the_data(gamma):
     image = scene(3, True, shape=(40, 40))
-    flow = GridFlow(image.gridded(Lift(5.0)), Member(gamma=gamma, patch=0.8))
+    flow = GridFlow(image.gridded(Lift(5.0)), Variant(gamma=gamma, patch=0.8))
     assert gamma < 0 or flow.bound(flow.start()) == pytest.approx(max(6 / 1.3**2 + 6 / 0.8**2, 9 / 0.8**2))
     *_, last = march(flow, Until(steps=60), Explicit())
     there = ~image.missing.ravel()
@@ -103,8 +103,8 @@ def test_one_channel_is_measured_as_the_sweep_of_several_measures_it(holes, diag
     image = scene(1, holes, shape=(40, 30))
     beside = Image(np.concatenate([image.values, np.zeros_like(image.values)], axis=2), image.spacing, image.missing)
     for gamma, sharpness in itertools.product((-1.0, -0.5, 0.3), (1.0, 1.5)):
-        member = Member(gamma=gamma, sharpness=sharpness, patch=0.7, mass=mass)
-        one, two = (GridFlow(noun.gridded(Lift(1.7, diagonals)), member) for noun in (image, beside))
+        variant = Variant(gamma=gamma, sharpness=sharpness, patch=0.7, mass=mass)
+        one, two = (GridFlow(data.gridded(Lift(1.7, diagonals)), variant) for data in (image, beside))
         assert one.area(one.start()) == two.area(two.start())
         assert one.bound(one.start()) == two.bound(two.start())
 
@@ -112,18 +112,18 @@ def test_one_channel_is_measured_as_the_sweep_of_several_measures_it(holes, diag
 def test_planes_with_holes_rest_in_the_space_of_patches():
     rng = np.random.default_rng(0)
     plane = 3.0 * np.mgrid[0:30, 0:40][0] - 2.0 * np.mgrid[0:30, 0:40][1]
-    noun = HeightField(plane, missing=rng.random((30, 40)) < 0.1)
-    flow = GridFlow(noun.gridded(Lift(2.0)), Member(patch=1.0))
+    data = HeightField(plane, missing=rng.random((30, 40)) < 0.1)
+    flow = GridFlow(data.gridded(Lift(2.0)), Variant(patch=1.0))
     assert np.abs(flow.rate(flow.start())).max() < 1e-13 * np.abs(plane).max()
 
 
 def test_bands_and_threads_do_not_show():
     z = np.random.default_rng(0).normal(size=(400, 300)).astype(np.float32)
-    lattice = HeightField(z, missing=z > 2).gridded(Lift(2.0))
-    one, two = (GridFlow(lattice, Member(patch=0.7), threads) for threads in (1, 2))
+    grid = HeightField(z, missing=z > 2).gridded(Lift(2.0))
+    one, two = (GridFlow(grid, Variant(patch=0.7), threads) for threads in (1, 2))
     assert np.array_equal(one.rate(one.start()), two.rate(two.start()))
     part = HeightField(z[:260], missing=z[:260] > 2).gridded(Lift(2.0))  # another height, other bands
-    cut = GridFlow(part, Member(patch=0.7))
+    cut = GridFlow(part, Variant(patch=0.7))
     rates = [flow.rate(flow.start()).reshape(-1, 300)[:250] for flow in (one, cut)]
     assert np.array_equal(*rates)
 
@@ -135,7 +135,7 @@ def test_patches_lower_the_error_of_the_flow_on_a_noisy_terrain():
     image = Image(truth + 2 * rng.normal(size=truth.shape))
     errors = []
     for rho in (0.0, 0.7):
-        flow = GridFlow(image.gridded(Lift(1.0)), Member(patch=rho))
+        flow = GridFlow(image.gridded(Lift(1.0)), Variant(patch=rho))
         errors.append(min(np.std(s.u.reshape(truth.shape) - truth) for s in march(flow, Until(time=5.0))))
     assert errors[1] < 0.85 * errors[0], f"rms error {errors[0]:.3f} of samples, {errors[1]:.3f} of patches"
 
@@ -143,13 +143,13 @@ def test_patches_lower_the_error_of_the_flow_on_a_noisy_terrain():
 @pytest.mark.parametrize("rho", [-1.0, np.nan, np.inf, 7.0])
 def test_a_patch_that_is_none_is_refused(rho):
     with pytest.raises(InputError, match="patch: a (width between 0 and 6 samples|finite number)"):
-        Member(patch=rho)
+        Variant(patch=rho)
 
 
 def test_patches_are_refused_where_there_are_none():
     image = scene(2, False)
     with pytest.raises(InputError, match="on a mesh samples have no patches"):
-        MeshFlow(image.lifted(Lift()), Member(patch=1.0))
+        MeshFlow(image.lifted(Lift()), Variant(patch=1.0))
     depth = RangeImage(np.ones((5, 5)), Pinhole(10, 10, 2, 2))
     with pytest.raises(InputError, match="along rays samples have no patches"):
-        GridFlow(depth.gridded(Lift()), Member(patch=1.0))
+        GridFlow(depth.gridded(Lift()), Variant(patch=1.0))

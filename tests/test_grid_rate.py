@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.grid import Lift
@@ -28,7 +28,7 @@ CAMERA = Pinhole(30, 28, 8.3, 6.2)
 
 
 def scene(kind, seed=0):
-    """A noun with ragged holes and samples that stay, and the contrast that it takes."""
+    """A data object with ragged holes and samples that stay, and the contrast that it takes."""
     rng = np.random.default_rng(seed)
     missing, fixed = rng.random((H, W)) < 0.06, rng.random((H, W)) < 0.05
     missing[4:8, 5:9] |= rng.random((4, 4)) < 0.7
@@ -43,18 +43,18 @@ def scene(kind, seed=0):
     return Image(1.5 * rng.normal(size=(H, W, int(kind))), (1.3, 0.8), missing, fixed), 1.7
 
 
-def engines(noun, lift, member):
-    return GridFlow(noun.gridded(lift), member), MeshFlow(noun.lifted(lift), member)
+def engines(data, lift, variant):
+    return GridFlow(data.gridded(lift), variant), MeshFlow(data.lifted(lift), variant)
 
 
-def agree(noun, lift, member, tolerance=1e-12):
-    grid, mesh = engines(noun, lift, member)
+def agree(data, lift, variant, tolerance=1e-12):
+    grid, mesh = engines(data, lift, variant)
     assert np.array_equal(grid.start(), mesh.start())
     for turn in (0, 1):
         ours, theirs = grid.rate(grid.start(), turn), mesh.rate(mesh.start(), turn)
         scale = np.abs(theirs).max()
         assert np.abs(ours - theirs).max() <= tolerance * scale, f"{np.abs(ours - theirs).max() / scale:.1e} relative"
-        assert (ours[(noun.missing | noun.fixed).ravel()] == 0).all()
+        assert (ours[(data.missing | data.fixed).ravel()] == 0).all()
     assert grid.area(grid.start()) == pytest.approx(mesh.area(mesh.start()), rel=1e-12)
 
 
@@ -62,14 +62,14 @@ def agree(noun, lift, member, tolerance=1e-12):
 @pytest.mark.parametrize("diagonals", DIAGONALS)
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 def test_the_rate_on_the_grid_is_the_rate_on_its_triangles(kind, diagonals, boundary):
-    noun, contrast = scene(kind)
+    data, contrast = scene(kind)
     sharpnesses = (1.0,) if kind == "range" else SHARPNESSES
     for gamma, indicator, mass, sharpness in itertools.product(GAMMAS, INDICATORS, MASSES, sharpnesses):
         if gamma == 0.0 and indicator == "projection":
             continue  # without gamma there is no indicator
-        member = Member(gamma=gamma, sharpness=sharpness, indicator=indicator, mass=mass)
+        variant = Variant(gamma=gamma, sharpness=sharpness, indicator=indicator, mass=mass)
         # Of one steep channel with Voronoi masses the cotangents themselves are taken, which nearly cancel, in both engines.
-        agree(noun, Lift(contrast, diagonals, boundary), member, 5e-12 if mass == "voronoi" else 1e-12)
+        agree(data, Lift(contrast, diagonals, boundary), variant, 5e-12 if mass == "voronoi" else 1e-12)
 
 
 shapes = st.tuples(st.integers(2, 9), st.integers(2, 9))
@@ -87,9 +87,9 @@ def test_the_rates_agree_on_any_data(data, shape, channels):
     gone = gone.reshape(shape) & (np.random.default_rng(0).random(shape) < 0.5)
     gone[0, 0] = False
     spacing = data.draw(st.sampled_from([1.0, (0.5, 2.0), (np.linspace(1.0, 1.5, shape[0]), 1.0)]))
-    member = data.draw(
+    variant = data.draw(
         st.builds(
-            Member,
+            Variant,
             gamma=st.sampled_from([-1.0, 0.0, 1.0]),
             sharpness=st.sampled_from([1.0, 1.5, 2.0]),
             mass=st.sampled_from(["barycentric", "ring"]),
@@ -100,8 +100,8 @@ def test_the_rates_agree_on_any_data(data, shape, channels):
         data.draw(st.sampled_from(DIAGONALS)),
         data.draw(st.sampled_from(BOUNDARIES)),
     )
-    noun = Image(values, spacing, gone) if channels > 1 else HeightField(values[..., 0], spacing, gone)
-    grid, mesh = engines(noun, lift, member)
+    image = Image(values, spacing, gone) if channels > 1 else HeightField(values[..., 0], spacing, gone)
+    grid, mesh = engines(image, lift, variant)
     for turn in (0, 1):
         ours, theirs = grid.rate(grid.start(), turn), mesh.rate(mesh.start(), turn)
         # Slopes up to 100 make single terms of a sum as much larger than the sum.
@@ -112,10 +112,10 @@ def test_the_rates_agree_on_any_data(data, shape, channels):
 @pytest.mark.parametrize("kind", ["one", "rows", "3", "range"])
 @pytest.mark.parametrize("diagonals", DIAGONALS)
 def test_the_seven_point_weights_are_the_stiffness_and_cg_on_the_grid_equals_the_sparse_solve(kind, diagonals):
-    noun, contrast = scene(kind)
-    for member in (Member(), Member(gamma=1.0), Member(gamma=-1.0, indicator="projection")):
+    data, contrast = scene(kind)
+    for variant in (Variant(), Variant(gamma=1.0), Variant(gamma=-1.0, indicator="projection")):
         lift = Lift(contrast, diagonals, "plane-preserving")
-        grid, mesh = engines(noun, lift, member)
+        grid, mesh = engines(data, lift, variant)
         for turn in (0, 1):
             ours, theirs = grid.system(grid.start(), turn).matrix(0.7), mesh.system(mesh.start(), turn).matrix(0.7)
             assert abs(ours - theirs).max() < 1e-12 * abs(theirs).max()
@@ -129,11 +129,11 @@ def test_the_seven_point_weights_are_the_stiffness_and_cg_on_the_grid_equals_the
 @pytest.mark.parametrize("kind", ["one", "3", "range"])
 @pytest.mark.parametrize("gamma", GAMMAS)
 def test_the_bound_on_the_grid_is_no_lower_than_the_fastest_decay(kind, gamma):
-    noun, contrast = scene(kind)
+    data, contrast = scene(kind)
     for mass, indicator in itertools.product(MASSES, INDICATORS):
         for sharpness in (1.0,) if kind == "range" else (1.0, 1.5, 2.0):
             lift = Lift(contrast, "alternate", "neumann")
-            grid = GridFlow(noun.gridded(lift), Member(gamma, sharpness, indicator, mass))
+            grid = GridFlow(data.gridded(lift), Variant(gamma, sharpness, indicator, mass))
             u = grid.start()
             for turn in (0, 1):
                 # The Jacobian of the rate itself, one column at a time: what an explicit step must be stable for. Where s and M

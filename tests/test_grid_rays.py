@@ -8,7 +8,7 @@ import pytest
 from meshflow.flow.controls import Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.march import march
 from meshflow.flow.steppers import SuperTime
 from meshflow.surfaces.camera import Orthographic, Pinhole
@@ -36,9 +36,9 @@ def scene(camera, shape=(H, W), seed=0, noise=0.01):
     return RangeImage(depth, camera, missing, fixed)
 
 
-def slowly(lattice, member):
+def slowly(grid, variant):
     """The engine by way of its loops for any coordinates."""
-    flow = GridFlow(lattice, member)
+    flow = GridFlow(grid, variant)
     assert flow._by_rays
     flow._by_rays, flow._by_forms = False, True
     return flow
@@ -48,17 +48,17 @@ def slowly(lattice, member):
 @pytest.mark.parametrize("boundary", ["neumann", "plane-preserving", "fixed"])
 @pytest.mark.parametrize("diagonals", ["forward", "backward", "both", "alternate"])
 def test_scalars_along_the_rays_are_what_whole_pulls_give(camera, boundary, diagonals):
-    noun, lift = scene(CAMERAS[camera]), Lift(1.0, diagonals, boundary)
+    data, lift = scene(CAMERAS[camera]), Lift(1.0, diagonals, boundary)
     for gamma, mass in itertools.product(GAMMAS, MASSES):
-        member = Member(gamma=gamma, mass=mass)
-        ours, theirs = GridFlow(noun.gridded(lift), member), slowly(noun.gridded(lift), member)
-        mesh, u = MeshFlow(noun.lifted(lift), member), ours.start()
+        variant = Variant(gamma=gamma, mass=mass)
+        ours, theirs = GridFlow(data.gridded(lift), variant), slowly(data.gridded(lift), variant)
+        mesh, u = MeshFlow(data.lifted(lift), variant), ours.start()
         for turn in (0, 1):
             rate, other, truth = ours.rate(u, turn), theirs.rate(u, turn), mesh.rate(mesh.start(), turn)
             scale = np.abs(truth).max()
             assert np.abs(rate - truth).max() <= 1e-12 * scale, f"gamma {gamma}, {mass}"
             assert np.abs(rate - other).max() <= 1e-12 * scale, f"gamma {gamma}, {mass}"
-            assert (rate[(noun.missing | noun.fixed).ravel()] == 0).all()
+            assert (rate[(data.missing | data.fixed).ravel()] == 0).all()
         assert ours.area(u) == pytest.approx(mesh.area(mesh.start()), rel=1e-12)
 
 
@@ -67,11 +67,11 @@ def test_scalars_along_the_rays_are_what_whole_pulls_give(camera, boundary, diag
 @pytest.mark.parametrize("mass", MASSES)
 def test_the_bound_without_the_indicator_holds_and_is_tight(camera, noise, mass):
     for gamma, seed in itertools.product((0.0, 0.5, 1.0, -1.0), range(3)):
-        noun, member = scene(CAMERAS[camera], (9, 11), seed, noise), Member(gamma=gamma, mass=mass)
+        data, variant = scene(CAMERAS[camera], (9, 11), seed, noise), Variant(gamma=gamma, mass=mass)
         for diagonals in ("alternate", "both"):
-            lattice = noun.gridded(Lift(1.0, diagonals, "neumann"))
-            flow, u = GridFlow(lattice, member), GridFlow(lattice, member).start()
-            bound, measured = flow.bound(u), slowly(lattice, member).bound(u)
+            grid = data.gridded(Lift(1.0, diagonals, "neumann"))
+            flow, u = GridFlow(grid, variant), GridFlow(grid, variant).start()
+            bound, measured = flow.bound(u), slowly(grid, variant).bound(u)
             for turn in (0, 1):
                 system = flow.system(u, turn)
                 matrix = (system.matrix(1.0) - system.matrix(0.0)).toarray() / system.mass[:, None]
@@ -88,8 +88,8 @@ def test_planes_with_ragged_holes_rest_whatever_the_power(gamma, diagonals):
     camera, shape = Pinhole(120, 118, 40.3, 31.2), (60, 80)
     x, y = np.moveaxis(camera.rays(shape), 2, 0)[:2]
     depth = 2 / (1 + 0.5 * x - 0.3 * y)
-    noun = RangeImage(depth, camera, np.random.default_rng(0).random(shape) < 0.1)
-    flow = GridFlow(noun.gridded(Lift(1.0, diagonals, "plane-preserving")), Member(gamma=gamma))
+    data = RangeImage(depth, camera, np.random.default_rng(0).random(shape) < 0.1)
+    flow = GridFlow(data.gridded(Lift(1.0, diagonals, "plane-preserving")), Variant(gamma=gamma))
     for turn in (0, 1):
         dt = 2 / flow.bound(flow.start())
         assert dt * np.abs(flow.rate(flow.start(), turn)).max() < 1e-12 * depth.max()
@@ -107,8 +107,8 @@ def test_the_longest_explicit_step_is_asked_for_once_a_step():
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("gamma", [0.0, 1.0, -1.0])
 def test_bounds_areas_and_rates_have_the_same_bits_with_any_number_of_threads(dtype, gamma):
-    noun = scene(Pinhole(300, 300, 150, 120), (240, 300))  # several bands
-    noun = RangeImage(noun.depth.astype(dtype), noun.camera, noun.missing)
-    flows = [GridFlow(noun.gridded(Lift()), Member(gamma=gamma), threads) for threads in (1, 2, 5)]
+    data = scene(Pinhole(300, 300, 150, 120), (240, 300))  # several bands
+    data = RangeImage(data.depth.astype(dtype), data.camera, data.missing)
+    flows = [GridFlow(data.gridded(Lift()), Variant(gamma=gamma), threads) for threads in (1, 2, 5)]
     u = flows[0].start()
     assert len({(flow.bound(u), flow.area(u), flow.rate(u).tobytes()) for flow in flows}) == 1

@@ -32,18 +32,18 @@ def said(tmp_path, words):
 
 def test_depths_are_metres_and_the_missing_ones_are_known(tmp_path):
     document = read(make(tmp_path / "a.png", counts()), camera=CAMERA)
-    assert isinstance(document.noun, RangeImage)
+    assert isinstance(document.data, RangeImage)
     assert document.kind == "depth"
-    assert document.noun.depth[0, 1] == np.float32(1.007)
-    assert np.argwhere(document.noun.missing).tolist() == [[0, 0], [1, 1]]
-    assert document.noun.jump == "noise"
-    assert read(tmp_path / "a.png", camera=CAMERA, jump=None).noun.jump is None
+    assert document.data.depth[0, 1] == np.float32(1.007)
+    assert np.argwhere(document.data.missing).tolist() == [[0, 0], [1, 1]]
+    assert document.data.jump == "noise"
+    assert read(tmp_path / "a.png", camera=CAMERA, jump=None).data.jump is None
 
 
 @pytest.mark.parametrize("scale", [1000, 5000, 10000])
 def test_whole_numbers_come_out_as_they_came_in(tmp_path, scale):
     document = read(make(tmp_path / "a.png", counts()), camera=CAMERA, depth_scale=scale)
-    assert document.noun.depth[0, 1] == pytest.approx(1007 / scale)
+    assert document.data.depth[0, 1] == pytest.approx(1007 / scale)
     notes = write(document, tmp_path / "b.png")
     assert np.array_equal(stored(tmp_path / "b.png")[0], counts())
     assert [("rounded to 1 mm, up to 0.5 mm off" in note) for note in notes] == ([True] if scale == 1000 else [])
@@ -59,23 +59,23 @@ def test_every_number_of_sixteen_bit_survives_metres(tmp_path):
 
 def test_a_tiff_holds_metres_exactly(tmp_path):
     document = read(make(tmp_path / "a.png", counts()), camera=CAMERA)
-    smoothed = replace(document.noun, depth=document.noun.depth * np.float32(1.0001))
+    smoothed = replace(document.data, depth=document.data.depth * np.float32(1.0001))
     assert write(document.holding(smoothed), tmp_path / "b.tif", tags={"meshflow:q": "1"}) == ()
     out, nodata = stored(tmp_path / "b.tif")
-    there = ~document.noun.missing
+    there = ~document.data.missing
     assert out.dtype == np.float32
     assert np.array_equal(out[there], smoothed.depth[there])
     assert (out[~there] == 0).all()
     assert nodata == 0
     again = read(tmp_path / "b.tif", camera=CAMERA)
-    assert np.array_equal(again.noun.missing, document.noun.missing)
+    assert np.array_equal(again.data.missing, document.data.missing)
 
 
 def test_a_float_tiff_comes_out_as_it_came_in(tmp_path):
     raw = (counts() / 1000).astype("float32")
     raw[0, 0], raw[1, 1] = 0, np.nan
     document = read(make(tmp_path / "a.tif", raw), camera=CAMERA)
-    assert np.argwhere(document.noun.missing).tolist() == [[0, 0], [1, 1]]
+    assert np.argwhere(document.data.missing).tolist() == [[0, 0], [1, 1]]
     write(document, tmp_path / "b.tif")
     assert stored(tmp_path / "b.tif")[0].tobytes() == raw.tobytes()
 
@@ -106,7 +106,7 @@ def test_other_kinds_of_pictures_are_refused(tmp_path):
 
 def test_rounding_is_told_where_it_is_not_small_beside_the_noise_that_is_left(tmp_path):
     document = read(make(tmp_path / "a.png", counts()), camera=CAMERA)
-    moved = document.holding(replace(document.noun, depth=document.noun.depth + np.float32(0.003)))
+    moved = document.holding(replace(document.data, depth=document.data.depth + np.float32(0.003)))
     note = write(moved, tmp_path / "b.png", left=0.0002)[0]
     assert "rounding to 1 mm errs by 0.29 mm (rms): the 0.2 mm of noise that are left become 0.35 mm" in note
     assert ".tif, .npy or .exr, which hold float32 or a depth_scale of 10000" in note
@@ -118,7 +118,7 @@ def test_rounding_is_told_where_it_is_not_small_beside_the_noise_that_is_left(tm
 @pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")
 def test_a_frame_of_a_depth_camera_comes_out_as_it_came_in(tmp_path):
     document = read(ICL / "noisy_00000.png", camera=ICL / "camera_primesense.json")
-    assert document.noun.camera == Pinhole(525, 525, 319.5, 239.5)
+    assert document.data.camera == Pinhole(525, 525, 319.5, 239.5)
     write(document, tmp_path / "out.png")
     assert np.array_equal(stored(tmp_path / "out.png")[0], stored(ICL / "noisy_00000.png")[0])
 

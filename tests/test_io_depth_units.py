@@ -27,10 +27,10 @@ def vga(scale):
 
 def test_a_convention_sets_camera_and_units(tmp_path):
     path = make(tmp_path / "a.png", vga(5000))
-    found = read(path, camera="tum").noun
+    found = read(path, camera="tum").data
     assert found.camera == Pinhole(525, 525, 319.5, 239.5)
     assert found.depth[0, 0] == pytest.approx(2.0)
-    assert read(path, camera="tum", depth_scale=1000).noun.depth[0, 0] == pytest.approx(10.0)
+    assert read(path, camera="tum", depth_scale=1000).data.depth[0, 0] == pytest.approx(10.0)
     with pytest.raises(InputError, match=r"camera tum saw 640 x 480 pixels, b\.png has 8 x 6"):
         read(make(tmp_path / "b.png", counts()), camera="tum")
 
@@ -48,16 +48,16 @@ def test_floating_point_is_metres_whatever_units_the_camera_writes_in_whole_numb
     depth = (vga(5000) / 5000).astype("float32")
     path = tmp_path / f"a{suffix}"
     np.save(path, depth) if suffix == ".npy" else make(path, depth)
-    assert np.array_equal(read(path, camera="tum").noun.depth, depth)
+    assert np.array_equal(read(path, camera="tum").data.depth, depth)
 
 
 def test_measure_and_pace_are_handed_on(tmp_path):
     make(tmp_path / "a.png", counts())
     np.save(tmp_path / "a.npy", counts() / 1000)
     for name in ("a.png", "a.npy"):
-        noun = read(tmp_path / name, camera=NEAR, measure="range", time_unit="length").noun
-        assert (noun.measure, noun.time_unit) == ("range", "length")
-    assert read(tmp_path / "a.png", camera=Spherical((30, -30), (10, -10))).noun.measure == "range"
+        data = read(tmp_path / name, camera=NEAR, measure="range", time_unit="length").data
+        assert (data.measure, data.time_unit) == ("range", "length")
+    assert read(tmp_path / "a.png", camera=Spherical((30, -30), (10, -10))).data.measure == "range"
 
 
 def test_whole_numbers_of_an_array_are_read_as_those_of_a_png(tmp_path):
@@ -65,8 +65,8 @@ def test_whole_numbers_of_an_array_are_read_as_those_of_a_png(tmp_path):
     np.save(tmp_path / "a.npy", counts())
     for scale in (None, 5000):
         one, other = (read(tmp_path / name, camera=NEAR, depth_scale=scale) for name in ("a.png", "a.npy"))
-        assert np.array_equal(one.noun.depth[~one.noun.missing], other.noun.depth[~other.noun.missing])
-        assert np.array_equal(one.noun.missing, other.noun.missing)
+        assert np.array_equal(one.data.depth[~one.data.missing], other.data.depth[~other.data.missing])
+        assert np.array_equal(one.data.missing, other.data.missing)
         assert one.notes == other.notes
     with pytest.raises(InputError, match=r"depth_scale 1000 belongs to depths \(h, w\) with a camera"):
         read(tmp_path / "a.npy", depth_scale=1000)
@@ -83,7 +83,7 @@ def test_turned_bits_are_recognised_and_refused_with_the_way_out(tmp_path):
         read(path, camera="kinect")
     back = ((turned >> 3) | (turned << 13)).astype("uint16")
     assert np.array_equal(back, raw)
-    assert np.allclose(read(path, camera="kinect", depth_scale=8000).noun.depth[1:], raw[1:] / 1000)
+    assert np.allclose(read(path, camera="kinect", depth_scale=8000).data.depth[1:], raw[1:] / 1000)
     read(make(tmp_path / "b.png", raw), camera="kinect")
     read(make(tmp_path / "c.png", (raw // 50) * 160), camera="kinect")  # steps of 16 and more are a coarse sensor
 
@@ -139,7 +139,7 @@ def test_a_single_depth_is_told_and_none_is_refused(tmp_path):
     assert "only 1 of 48 depths is there: no triangle, so nothing can move" in document.notes[1]
     from meshflow.smoothing import smooth
 
-    assert np.array_equal(smooth(document.noun, time=5.0).depth, document.noun.depth)
+    assert np.array_equal(smooth(document.data, time=5.0).depth, document.data.depth)
 
 
 def test_negative_depths_are_refused(tmp_path):
@@ -150,10 +150,10 @@ def test_negative_depths_are_refused(tmp_path):
 
 def test_rounding_that_takes_the_gain_back_is_told_with_its_size(tmp_path):
     document = read(make(tmp_path / "a.png", counts()), camera=NEAR)
-    moved = replace(document.noun, depth=document.noun.depth + np.float32(0.0004))
+    moved = replace(document.data, depth=document.data.depth + np.float32(0.0004))
     notes = write(document.holding(moved), tmp_path / "b.png")
     assert any("depths changed by 0.4 mm (rms), less than the steps of 1 mm" in note for note in notes)
-    moved = replace(document.noun, depth=document.noun.depth + np.float32(0.004))
+    moved = replace(document.data, depth=document.data.depth + np.float32(0.004))
     assert not any("less than" in note for note in write(document.holding(moved), tmp_path / "c.png"))
     notes = write(document.holding(moved), tmp_path / "d.png", depth_scale=100)
     assert any("changed by 4 mm (rms), less than the steps of 10 mm" in note for note in notes)
@@ -168,12 +168,12 @@ def test_values_that_may_be_zero_do_not_fit_into_a_depth_image(tmp_path):
         write(document, tmp_path / "a.tif")
     write(document, tmp_path / "a.npy")
     assert np.array_equal(np.load(tmp_path / "a.npy"), depth, equal_nan=True)
-    assert np.array_equal(read(tmp_path / "a.npy", camera=rays).noun.missing, np.isnan(depth))
+    assert np.array_equal(read(tmp_path / "a.npy", camera=rays).data.missing, np.isnan(depth))
 
 
 def test_an_orthographic_depth_image_is_read(tmp_path):
-    noun = read(make(tmp_path / "a.png", counts()), camera=Orthographic(0.01, 0.01)).noun
-    assert noun.camera == Orthographic(0.01, 0.01)
+    data = read(make(tmp_path / "a.png", counts()), camera=Orthographic(0.01, 0.01)).data
+    assert data.camera == Orthographic(0.01, 0.01)
 
 
 @pytest.mark.shared
@@ -181,4 +181,4 @@ def test_an_orthographic_depth_image_is_read(tmp_path):
 def test_a_real_frame_needs_no_doubts():
     document = read(REAL, camera="primesense")
     assert document.notes == ("depths of 1000 units per metre are taken, and told, in metres",)
-    assert 0.5 < np.median(document.noun.depth) < 5
+    assert 0.5 < np.median(document.data.depth) < 5

@@ -25,28 +25,28 @@ def image(camera=CAMERAS["pinhole"], jump=0.05):
 
 
 def test_points_are_those_of_the_samples_that_are_there_row_by_row():
-    noun = image()
-    points = to_points(noun)
-    assert np.array_equal(points, noun.cloud[~noun.missing])
-    assert np.array_equal(points[:, 2], noun.depth[~noun.missing])
-    assert np.array_equal(meshflow.to_points(noun), points)
+    data = image()
+    points = to_points(data)
+    assert np.array_equal(points, data.cloud[~data.missing])
+    assert np.array_equal(points[:, 2], data.depth[~data.missing])
+    assert np.array_equal(meshflow.to_points(data), points)
 
 
 def test_points_have_the_colours_of_their_pixels():
-    noun = image()
-    points, colours = to_points(noun, PICTURE)
-    assert np.array_equal(points, to_points(noun))
-    assert np.array_equal(colours, PICTURE[~noun.missing])
+    data = image()
+    points, colours = to_points(data, PICTURE)
+    assert np.array_equal(points, to_points(data))
+    assert np.array_equal(colours, PICTURE[~data.missing])
     with pytest.raises(InputError, match="colours: a picture of shape"):
-        to_points(noun, PICTURE[1:])
+        to_points(data, PICTURE[1:])
 
 
 @ALL
 def test_normals_have_length_one_and_look_at_the_camera(camera):
-    noun = image(camera)
-    normals, there = to_normals(noun), ~noun.missing
+    data = image(camera)
+    normals, there = to_normals(data), ~data.missing
     assert np.allclose(np.linalg.norm(normals, axis=1), 1)
-    sights = (noun.points_at(noun.depth + 1) - noun.cloud)[there]
+    sights = (data.points_at(data.depth + 1) - data.cloud)[there]
     assert ((normals * sights).sum(1) < 0).mean() > 0.98
 
 
@@ -64,11 +64,11 @@ def test_a_plane_has_its_own_normal():
 
 
 def test_a_mesh_has_colours_and_no_triangle_across_a_jump():
-    noun = image()
-    mesh = to_mesh(noun, PICTURE)
+    data = image()
+    mesh = to_mesh(data, PICTURE)
     assert np.ptp(mesh.triangles[..., 2], axis=1).max() < 0.1
-    assert len(mesh.vertices) == (~noun.missing).sum()
-    assert np.array_equal(mesh.visual.vertex_colors[:, :3], PICTURE[~noun.missing])
+    assert len(mesh.vertices) == (~data.missing).sum()
+    assert np.array_equal(mesh.visual.vertex_colors[:, :3], PICTURE[~data.missing])
     assert len(to_mesh(image(jump=None)).faces) == len(mesh.faces) + 2 * (H - 1)
     lonely = np.full((H, W), np.nan)
     lonely[:2, :2] = lonely[9, 9] = 1.0
@@ -86,45 +86,45 @@ def test_colours_of_every_type_are_the_same_colours(convert):
 @pytest.mark.parametrize("tensor", [False, True])
 def test_open3d_gets_the_same_points_normals_triangles_and_colours(tensor):
     pytest.importorskip("open3d")
-    noun, plain = image(), to_mesh(image())
-    cloud = to_open3d(noun, PICTURE, "points", tensor=tensor)
-    mesh = to_open3d(noun, PICTURE, tensor=tensor)
+    data, plain = image(), to_mesh(image())
+    cloud = to_open3d(data, PICTURE, "points", tensor=tensor)
+    mesh = to_open3d(data, PICTURE, tensor=tensor)
     if tensor:
         cloud, mesh = cloud.to_legacy(), mesh.to_legacy()
-    assert np.allclose(cloud.points, to_points(noun), atol=1e-6)
-    assert np.allclose(cloud.normals, to_normals(noun), atol=1e-6)
-    assert np.allclose(cloud.colors, PICTURE[~noun.missing] / 255, atol=1e-6)
+    assert np.allclose(cloud.points, to_points(data), atol=1e-6)
+    assert np.allclose(cloud.normals, to_normals(data), atol=1e-6)
+    assert np.allclose(cloud.colors, PICTURE[~data.missing] / 255, atol=1e-6)
     assert np.allclose(mesh.vertices, plain.vertices, atol=1e-6)
     assert np.array_equal(mesh.triangles, plain.faces)
-    assert np.allclose(mesh.vertex_normals, to_normals(noun), atol=1e-6)
-    assert np.allclose(mesh.vertex_colors, PICTURE[~noun.missing] / 255, atol=1e-6)
-    bare = to_open3d(noun, tensor=tensor)
+    assert np.allclose(mesh.vertex_normals, to_normals(data), atol=1e-6)
+    assert np.allclose(mesh.vertex_colors, PICTURE[~data.missing] / 255, atol=1e-6)
+    bare = to_open3d(data, tensor=tensor)
     assert not (("colors" in bare.vertex) if tensor else bare.has_vertex_colors())
 
 
 def test_open3d_makes_the_same_points_of_the_same_image():
     open3d = pytest.importorskip("open3d")
-    noun = image()
-    depth = np.where(noun.missing, 0, noun.depth).astype(np.float32)
+    data = image()
+    depth = np.where(data.missing, 0, data.depth).astype(np.float32)
     camera = open3d.camera.PinholeCameraIntrinsic(W, H, 50, 55, 19.5, 14.5)
     theirs = open3d.geometry.PointCloud.create_from_depth_image(
         open3d.geometry.Image(depth), camera, depth_scale=1.0, depth_trunc=100.0
     )
-    assert np.allclose(theirs.points, to_points(noun), atol=1e-6)
+    assert np.allclose(theirs.points, to_points(data), atol=1e-6)
 
 
 def test_pyvista_gets_a_grid_of_which_missing_samples_are_hidden():
-    noun = image()
-    grid = to_pyvista(noun, PICTURE)
+    data = image()
+    grid = to_pyvista(data, PICTURE)
     assert tuple(grid.dimensions) == (H, W, 1)
     points = np.asarray(grid.points).reshape(W, H, 3).transpose(1, 0, 2)
-    assert np.allclose(points[~noun.missing], noun.cloud[~noun.missing])
+    assert np.allclose(points[~data.missing], data.cloud[~data.missing])
     assert np.isfinite(points).all()
     colours = np.asarray(grid.point_data["colours"]).reshape(W, H, 3).transpose(1, 0, 2)
     assert np.array_equal(colours, PICTURE)
     hidden = np.asarray(grid.point_data["vtkGhostType"]).reshape(W, H).T > 0
-    assert np.array_equal(hidden, noun.missing)
-    assert np.array_equal(np.isnan(grid.point_data["depth"]).reshape(W, H).T, noun.missing)
+    assert np.array_equal(hidden, data.missing)
+    assert np.array_equal(np.isnan(grid.point_data["depth"]).reshape(W, H).T, data.missing)
 
 
 SPARSE = np.where(np.indices((H, W)).sum(0) % 2, np.nan, 1.0)
@@ -151,6 +151,6 @@ def test_what_is_no_surface_with_colours_is_refused(make, words):
 
 
 def test_points_without_triangles_have_normals_towards_the_camera():
-    noun = RangeImage(SPARSE, Pinhole(50, 50, 20, 15))
-    points = to_points(noun)
-    assert np.allclose(to_normals(noun), -points / np.linalg.norm(points, axis=1, keepdims=True))
+    data = RangeImage(SPARSE, Pinhole(50, 50, 20, 15))
+    points = to_points(data)
+    assert np.allclose(to_normals(data), -points / np.linalg.norm(points, axis=1, keepdims=True))

@@ -33,10 +33,10 @@ def stored(path):
 def test_depths_are_those_of_z_of_y_or_of_the_only_channel(tmp_path, name):
     more = {"A": np.zeros_like(DEPTH)} if name != "depth" else {}
     document = read(made(tmp_path / "a.exr", {name: DEPTH, **more}), camera=CAMERA)
-    assert (document.kind, type(document.source), document.noun.unit) == ("depth", Layers, "m")
-    assert np.argwhere(document.noun.missing).tolist() == [[0, i] for i in range(4)]
-    there = ~document.noun.missing
-    assert np.array_equal(document.noun.depth[there], DEPTH[there])
+    assert (document.kind, type(document.source), document.data.unit) == ("depth", Layers, "m")
+    assert np.argwhere(document.data.missing).tolist() == [[0, i] for i in range(4)]
+    there = ~document.data.missing
+    assert np.array_equal(document.data.depth[there], DEPTH[there])
 
 
 def test_an_exr_comes_out_as_it_came_in_with_its_other_channels_and_attributes(tmp_path):
@@ -48,21 +48,21 @@ def test_an_exr_comes_out_as_it_came_in_with_its_other_channels_and_attributes(t
     assert (header["comments"], header["meshflow:time"]) == ("of a renderer", "5")
     assert channels["Z"].tobytes() == DEPTH.tobytes()
     assert all(np.array_equal(channels[name], plane) for name, plane in colours.items())
-    noun = document.noun
-    depth, gone = noun.depth.copy(), noun.missing.copy()
+    data = document.data
+    depth, gone = data.depth.copy(), data.missing.copy()
     depth[5, 5], gone[5, 5] = 0, True  # dropped on the way
-    write(document.holding(replace(noun, depth=depth, missing=gone)), tmp_path / "c.exr")
+    write(document.holding(replace(data, depth=depth, missing=gone)), tmp_path / "c.exr")
     assert stored(tmp_path / "c.exr")[1]["Z"][5, 5] == 0
 
 
 def test_any_depths_are_written_and_read_again(tmp_path):
     pytest.importorskip("OpenEXR")
-    noun = RangeImage(DEPTH, CAMERA, missing=DEPTH > 1e9)
-    document = Document(noun, tmp_path / "a.npy")
+    data = RangeImage(DEPTH, CAMERA, missing=DEPTH > 1e9)
+    document = Document(data, tmp_path / "a.npy")
     write(document, tmp_path / "a.exr", depth_scale=1000)
-    again = read(tmp_path / "a.exr", camera=CAMERA, depth_scale=1000).noun
-    assert np.array_equal(again.missing, noun.missing)
-    assert np.allclose(again.depth[~again.missing], noun.depth[~noun.missing], rtol=1e-6)
+    again = read(tmp_path / "a.exr", camera=CAMERA, depth_scale=1000).data
+    assert np.array_equal(again.missing, data.missing)
+    assert np.allclose(again.depth[~again.missing], data.depth[~data.missing], rtol=1e-6)
 
 
 def test_half_precision_is_told(tmp_path):

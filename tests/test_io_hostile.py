@@ -64,7 +64,7 @@ def test_a_vrt_reads_its_own_folder_and_no_other(tmp_path):
     z = tiff(home / "tiles" / "a.tif")
     tiff(tmp_path / "outside.tif")
     (home / "a.vrt").write_text(VRT.format(relative=1, name="tiles/a.tif"))
-    assert np.array_equal(read(home / "a.vrt").noun.z, z)
+    assert np.array_equal(read(home / "a.vrt").data.z, z)
     for name in (
         "../outside.tif",
         str(tmp_path / "outside.tif"),
@@ -136,7 +136,7 @@ def test_heights_in_a_zip_are_read_and_no_broken_zip_ends_the_process(tmp_path):
 def test_a_picture_that_is_called_by_another_name_is_still_read(tmp_path):
     z = tiff(tmp_path / "a.tif")
     (tmp_path / "a.tif").rename(tmp_path / "a.png")
-    assert np.array_equal(read(tmp_path / "a.png").noun.values, z)
+    assert np.array_equal(read(tmp_path / "a.png").data.values, z)
 
 
 # --- sizes, before memory
@@ -245,10 +245,10 @@ def test_a_word_in_an_ascii_grid_is_refused_with_its_line(tmp_path, word):
 def test_numbers_in_an_ascii_grid_are_read(tmp_path, numbers):
     (tmp_path / "a.asc").write_text(ASC + numbers)
     expected = np.array(numbers.split(), dtype=np.float64).reshape(2, 3)
-    noun = read(tmp_path / "a.asc").noun
+    data = read(tmp_path / "a.asc").data
     there = np.isfinite(expected) & (expected != -9999)
-    np.testing.assert_allclose(noun.z[there], expected[there], rtol=1e-6)
-    assert np.array_equal(noun.missing, ~there)
+    np.testing.assert_allclose(data.z[there], expected[there], rtol=1e-6)
+    assert np.array_equal(data.missing, ~there)
 
 
 # --- broken inside
@@ -296,7 +296,7 @@ def test_ground_control_points_without_a_crs_come_back(tmp_path):
     tiff(tmp_path / "a.tif", gcps=points, crs=rasterio.crs.CRS())
     document = read(tmp_path / "a.tif")
     write(document, tmp_path / "b.tif")
-    assert np.array_equal(read(tmp_path / "b.tif").noun.z, document.noun.z)
+    assert np.array_equal(read(tmp_path / "b.tif").data.z, document.data.z)
 
 
 def test_a_crs_that_is_neither_projected_nor_geographic_has_no_unit_to_disagree_with(tmp_path):
@@ -304,7 +304,7 @@ def test_a_crs_that_is_neither_projected_nor_geographic_has_no_unit_to_disagree_
     geocentric = "EPSG:4978"
     for crs in (local, geocentric):
         tiff(tmp_path / "a.tif", crs=crs, transform=rasterio.Affine(2, 0, 0, 0, -2, 6))
-        assert read(tmp_path / "a.tif").noun.spacing == (2.0, 2.0)
+        assert read(tmp_path / "a.tif").data.spacing == (2.0, 2.0)
 
 
 def test_a_material_library_without_a_name_is_left_alone(tmp_path):

@@ -33,11 +33,11 @@ def test_custom_vertex_scalars_survive_in_their_types(tmp_path):
 def test_an_element_before_the_vertices_survives(tmp_path):
     path = ply(tmp_path / "in.ply", before=[("element camera 1\nproperty float view_px", "7.5")])
     document, _ = again(path, tmp_path / "out.ply", by=0.5)
-    assert document.noun.points.shape == (4, 3)
+    assert document.data.points.shape == (4, 3)
     lines = (tmp_path / "out.ply").read_text().splitlines()
     assert "element camera 1" in lines
     assert "7.5" in lines
-    np.testing.assert_array_equal(read(tmp_path / "out.ply").noun.points, document.noun.points + 0.5)
+    np.testing.assert_array_equal(read(tmp_path / "out.ply").data.points, document.data.points + 0.5)
 
 
 @pytest.mark.parametrize("kind", ["binary_little_endian", "binary_big_endian"])
@@ -53,8 +53,8 @@ def test_binary_ply_of_either_byte_order_survives_but_for_what_moved(kind, tmp_p
     )
     (tmp_path / "in.ply").write_bytes(header.encode() + vertex.tobytes() + face.tobytes())
     document = read(tmp_path / "in.ply")
-    assert document.noun.points.dtype == np.float64
-    write(document.holding(replace(document.noun, points=document.noun.points + 1 / 3)), tmp_path / "out.ply", tags={})
+    assert document.data.points.dtype == np.float64
+    write(document.holding(replace(document.data, points=document.data.points + 1 / 3)), tmp_path / "out.ply", tags={})
     for name in "xyz":
         vertex[name] += 1 / 3
     assert (tmp_path / "out.ply").read_bytes() == header.encode() + vertex.tobytes() + face.tobytes()
@@ -63,7 +63,7 @@ def test_binary_ply_of_either_byte_order_survives_but_for_what_moved(kind, tmp_p
 def test_polygons_stay_polygons_and_the_reader_says_so(tmp_path):
     path = ply(tmp_path / "in.ply", faces=["4 0 1 3 2", "3 0 2 1"])
     document, _ = again(path, tmp_path / "out.ply")
-    assert len(document.noun.faces) == 3
+    assert len(document.data.faces) == 3
     assert any("2 polygons are smoothed as 3 triangles" in note for note in document.notes)
     assert (tmp_path / "out.ply").read_text().splitlines()[-2:] == ["4 0 1 3 2", "3 0 2 1"]
 
@@ -73,10 +73,10 @@ def test_stored_normals_are_those_of_the_moved_shape(tmp_path):
     assert mesh.vertex_normals.shape == (162, 3)  # makes them, and so the exporter writes them
     mesh.export(tmp_path / "in.ply")
     document = read(tmp_path / "in.ply")
-    flat = document.noun.points * np.float32([1, 1, 0.2])
-    write(document.holding(replace(document.noun, points=flat)), tmp_path / "out.ply", tags={})
+    flat = document.data.points * np.float32([1, 1, 0.2])
+    write(document.holding(replace(document.data, points=flat)), tmp_path / "out.ply", tags={})
     normals = whole(tmp_path / "out.ply").vertex_normals
-    expected = trimesh.Trimesh(flat, document.noun.faces, process=False).vertex_normals
+    expected = trimesh.Trimesh(flat, document.data.faces, process=False).vertex_normals
     np.testing.assert_allclose(normals, expected, atol=1e-6)
     assert np.abs(normals - mesh.vertex_normals).max() > 0.3
 
@@ -96,14 +96,14 @@ def test_tags_become_comments(tmp_path):
     document = read(ply(tmp_path / "in.ply"))
     write(document, tmp_path / "out.ply", tags={"scale": "2\nm"})
     assert "comment meshflow:scale 2 m" in (tmp_path / "out.ply").read_text().splitlines()
-    assert np.array_equal(read(tmp_path / "out.ply").noun.points, document.noun.points)
+    assert np.array_equal(read(tmp_path / "out.ply").data.points, document.data.points)
 
 
 def test_an_obj_keeps_all_lines_but_positions_and_normals(tmp_path):
     path = cube_obj(tmp_path / "a")
     document, notes = again(path, tmp_path / "a" / "out.obj", by=0.25)
-    assert document.noun.points.shape == (8, 3)
-    assert len(document.noun.faces) == 12
+    assert document.data.points.shape == (8, 3)
+    assert len(document.data.faces) == 12
     assert any("6 polygons are smoothed as 12 triangles" in note for note in document.notes)
     old, new = path.read_text().splitlines(), (tmp_path / "a" / "out.obj").read_text().splitlines()
     assert [line for line in old if not line.startswith(("v ", "vn "))] == [
@@ -147,7 +147,7 @@ def test_a_companion_that_is_not_there_or_outside_is_said(tmp_path):
 def test_negative_indices_and_continued_faces_of_an_obj_are_read(tmp_path):
     text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nf 1 2 \\\n -1\n"
     (tmp_path / "in.obj").write_text(text)
-    assert read(tmp_path / "in.obj").noun.faces.tolist() == [[0, 1, 2], [0, 1, 3]]
+    assert read(tmp_path / "in.obj").data.faces.tolist() == [[0, 1, 2], [0, 1, 3]]
 
 
 @pytest.mark.parametrize(
@@ -174,20 +174,20 @@ def test_copies_of_a_vertex_at_a_seam_move_together(tmp_path):
     assert len(mesh.vertices) == 24
     mesh.export(tmp_path / "in.glb")
     document = read(tmp_path / "in.glb")
-    assert document.noun.points.shape == (8, 3)
+    assert document.data.points.shape == (8, 3)
     assert any("24 stored vertices are 8" in note for note in document.notes)
-    shaken = document.noun.points + np.random.default_rng(0).normal(size=(8, 3)) * 0.1
-    write(document.holding(replace(document.noun, points=shaken)), tmp_path / "out.glb", tags={})
+    shaken = document.data.points + np.random.default_rng(0).normal(size=(8, 3)) * 0.1
+    write(document.holding(replace(document.data, points=shaken)), tmp_path / "out.glb", tags={})
     back = whole(tmp_path / "out.glb")
     assert np.array_equal(back.visual.uv, whole(tmp_path / "in.glb").visual.uv)
     assert len(np.unique(back.vertices, axis=0)) == 8
-    np.testing.assert_allclose(read(tmp_path / "out.glb").noun.points, shaken, atol=1e-6)
+    np.testing.assert_allclose(read(tmp_path / "out.glb").data.points, shaken, atol=1e-6)
 
 
 def test_vertices_that_coincide_in_a_plain_mesh_stay_apart(tmp_path):
     rows = ["0 0 0", "1 0 0", "0 1 0", "0 0 0", "-1 0 0", "0 -1 0", "0 1 0"]
     document = read(ply(tmp_path / "in.ply", rows=rows, faces=["3 0 1 2", "3 3 4 5", "3 4 6 5"]))
-    assert document.noun.points.shape == (7, 3)
+    assert document.data.points.shape == (7, 3)
     assert document.notes == ()
 
 
@@ -195,13 +195,13 @@ def test_a_soup_of_triangles_is_one_surface(tmp_path):
     soup = trimesh.creation.icosphere(subdivisions=1)
     soup.unmerge_vertices()
     soup.export(tmp_path / "in.ply")
-    assert read(tmp_path / "in.ply").noun.points.shape == (42, 3)
+    assert read(tmp_path / "in.ply").data.points.shape == (42, 3)
 
 
 def test_stl_is_joined_and_written_as_stl(tmp_path):
     trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "in.stl")
     document, _ = again(tmp_path / "in.stl", tmp_path / "out.stl")
-    assert document.noun.points.shape == (162, 3)
+    assert document.data.points.shape == (162, 3)
     assert any("960 corners at bit-identical positions are 162 vertices" in note for note in document.notes)
     size = struct.unpack_from("<I", (tmp_path / "out.stl").read_bytes(), 80)[0]
     assert size == 320
@@ -247,12 +247,12 @@ def test_primitives_of_one_mesh_are_connected_and_separate_bodies_are_not(tmp_pa
     right.apply_translation([1, 0, 0])
     scene = trimesh.Scene({"left": left, "right": right})
     scene.export(tmp_path / "in.glb")
-    assert read(tmp_path / "in.glb").noun.points.shape == (16, 3)
+    assert read(tmp_path / "in.glb").data.points.shape == (16, 3)
     content = (tmp_path / "in.glb").read_bytes()
     one = _as_primitives(content)
     (tmp_path / "one.glb").write_bytes(one)
     document, _ = again(tmp_path / "one.glb", tmp_path / "out.glb")
-    assert document.noun.points.shape == (12, 3)
+    assert document.data.points.shape == (12, 3)
     assert len(trimesh.load_scene(tmp_path / "out.glb", process=False).geometry) == 2
 
 

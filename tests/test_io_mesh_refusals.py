@@ -156,7 +156,7 @@ def test_another_kind_or_an_unknown_format_is_refused(tmp_path):
         read(ply(tmp_path / "in.ply"), spacing=2)
 
 
-def test_a_noun_of_another_size_is_refused_and_nothing_is_written(tmp_path):
+def test_a_data_object_of_another_size_is_refused_and_nothing_is_written(tmp_path):
     document = read(ply(tmp_path / "in.ply"))
     other = document.holding(Mesh(np.eye(3), np.array([[0, 1, 2]])))
     with pytest.raises(InputError, match=r"\(4, 3\)"):

@@ -31,9 +31,9 @@ def test_a_real_file_comes_back_moved_and_otherwise_equal(name, tmp_path):
     target = tmp_path / f"out{source.suffix}"
     document, _ = again(source, target)
     back = read(target)
-    assert np.array_equal(back.noun.faces, document.noun.faces)
-    scale = np.abs(document.noun.points).max()
-    np.testing.assert_allclose(back.noun.points, document.noun.points + np.float32(0.01), atol=2e-7 * scale + 1e-9)
+    assert np.array_equal(back.data.faces, document.data.faces)
+    scale = np.abs(document.data.points).max()
+    np.testing.assert_allclose(back.data.points, document.data.points + np.float32(0.01), atol=2e-7 * scale + 1e-9)
     if source.suffix == ".vtp":
         before, after = pyvista.read(source), pyvista.read(target)
         assert np.array_equal(before.faces, after.faces)
@@ -62,10 +62,10 @@ def test_points_and_faces_survive_every_format(suffix, tmp_path):
     else:
         points.export(path)
     document, _ = again(path, target)
-    assert document.noun.points.shape == (162, 3)
-    back = read(target).noun
-    assert np.array_equal(back.faces, document.noun.faces)
-    np.testing.assert_allclose(back.points, document.noun.points + 0.01, atol=3e-7)
+    assert document.data.points.shape == (162, 3)
+    back = read(target).data
+    assert np.array_equal(back.faces, document.data.faces)
+    np.testing.assert_allclose(back.points, document.data.points + 0.01, atol=3e-7)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".off", ".vtp", ".vtk"])
@@ -80,7 +80,7 @@ def test_what_did_not_move_keeps_its_bits(suffix, tmp_path):
         trimesh.Trimesh(points, mesh.faces, process=False).export(path)
     document = read(path)
     write(document, target, tags={})
-    assert np.array_equal(read(target).noun.points, document.noun.points)
+    assert np.array_equal(read(target).data.points, document.data.points)
     if suffix in (".ply", ".obj", ".off"):
         assert target.read_bytes() == path.read_bytes()
 
@@ -91,9 +91,9 @@ def test_colours_are_channels_that_are_rounded_and_clipped_and_alpha_is_untouche
     mesh.visual.vertex_colors = colors
     mesh.export(tmp_path / "in.ply")
     document = read(tmp_path / "in.ply", channels="colors", moves="channels")
-    assert document.noun.moves == "channels"
-    np.testing.assert_array_equal(document.noun.channels, colors[:, :3])
-    louder = document.holding(replace(document.noun, channels=document.noun.channels + np.float32(60.4)))
+    assert document.data.moves == "channels"
+    np.testing.assert_array_equal(document.data.channels, colors[:, :3])
+    louder = document.holding(replace(document.data, channels=document.data.channels + np.float32(60.4)))
     write(louder, tmp_path / "out.ply", tags={})
     back = whole(tmp_path / "out.ply")
     np.testing.assert_array_equal(back.visual.vertex_colors[:, 3], colors[:, 3])
@@ -114,21 +114,21 @@ def test_a_named_scalar_is_a_channel_and_returns_to_its_place(suffix, tmp_path):
     else:
         mesh.export(path)
     document = read(path, channels="_heat", moves="all")
-    np.testing.assert_array_equal(document.noun.channels[:, 0], heat)
+    np.testing.assert_array_equal(document.data.channels[:, 0], heat)
     write(
-        document.holding(replace(document.noun, channels=document.noun.channels * 2)),
+        document.holding(replace(document.data, channels=document.data.channels * 2)),
         tmp_path / f"out{suffix}",
         tags={},
     )
     again_read = read(tmp_path / f"out{suffix}", channels="_heat")
-    np.testing.assert_allclose(again_read.noun.channels[:, 0], heat * 2, atol=1e-6)
+    np.testing.assert_allclose(again_read.data.channels[:, 0], heat * 2, atol=1e-6)
 
 
 def test_colours_of_an_obj_are_channels(tmp_path):
     lines = [f"v {x} {y} {z} {x} 0.5 0.25" for x, y, z in np.eye(4, 3)]
     (tmp_path / "in.obj").write_text("\n".join([*lines, "f 1 2 3", "f 1 3 4"]))
     document = read(tmp_path / "in.obj", channels="colors", moves="channels")
-    write(document.holding(replace(document.noun, channels=document.noun.channels / 2)), tmp_path / "out.obj", tags={})
+    write(document.holding(replace(document.data, channels=document.data.channels / 2)), tmp_path / "out.obj", tags={})
     words = [line.split() for line in (tmp_path / "out.obj").read_text().splitlines()]
     assert words[0] == ["v", "1.0", "0.0", "0.0", "0.5", "0.25", "0.125"]
     assert words[-1] == ["f", "1", "3", "4"]
@@ -188,7 +188,7 @@ def test_what_another_format_does_not_hold_is_said(tmp_path):
     assert note == "STL does not hold: texture coordinates, texture image, materials, vertex normals"
     notes = write(document, tmp_path / "out.off", tags={})
     assert any("joined again" in note for note in notes)
-    assert read(tmp_path / "out.off").noun.points.shape == (8, 3)
+    assert read(tmp_path / "out.off").data.points.shape == (8, 3)
     (note,) = write(document, tmp_path / "out.vtp", tags={})
     assert note == "VTP does not hold: texture image, materials"
     assert pyvista.read(tmp_path / "out.vtp").active_texture_coordinates.shape == (24, 2)
@@ -201,7 +201,7 @@ def test_attributes_survive_from_ply_to_vtp_and_back(tmp_path):
     mesh.visual.vertex_colors = np.random.default_rng(0).integers(0, 255, (42, 4)).astype(np.uint8)
     mesh.export(tmp_path / "in.ply")
     document = read(tmp_path / "in.ply", channels="heat")
-    document = document.holding(replace(document.noun, channels=document.noun.channels + 1))
+    document = document.holding(replace(document.data, channels=document.data.channels + 1))
     assert write(document, tmp_path / "mid.vtp", tags={"a": "b"}) == ()
     poly = pyvista.read(tmp_path / "mid.vtp")
     np.testing.assert_allclose(poly.point_data["heat"], np.linspace(1, 2, 42))
@@ -275,12 +275,12 @@ def test_scalars_that_a_split_would_lose_are_refused_in_another_format(tmp_path)
 
 
 def test_a_mesh_that_came_from_arrays_is_written(tmp_path):
-    noun = Mesh(np.eye(4, 3), np.array([[0, 1, 2], [0, 2, 3]]), np.arange(4.0))
-    document = Document(noun, tmp_path / "x.npz")
+    data = Mesh(np.eye(4, 3), np.array([[0, 1, 2], [0, 2, 3]]), np.arange(4.0))
+    document = Document(data, tmp_path / "x.npz")
     write(document, tmp_path / "out.vtp", tags={})
-    back = read(tmp_path / "out.vtp", channels="channels").noun
-    assert np.array_equal(back.points, noun.points)
-    assert np.array_equal(back.channels, noun.channels)
-    flat = replace(document, noun=Mesh(np.eye(3)[:, :2], np.array([[0, 1, 2]])))
+    back = read(tmp_path / "out.vtp", channels="channels").data
+    assert np.array_equal(back.points, data.points)
+    assert np.array_equal(back.channels, data.channels)
+    flat = replace(document, data=Mesh(np.eye(3)[:, :2], np.array([[0, 1, 2]])))
     with pytest.raises(InputError, match=r"R\^3"):
         write(flat, tmp_path / "flat.ply", tags={})

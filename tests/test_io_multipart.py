@@ -79,7 +79,7 @@ def test_blocks_are_smoothed_one_by_one_and_stay_where_they_were():
         smooth(pyvista.MultiBlock())
 
 
-def test_what_is_of_one_thing_is_refused_for_several():
+def test_what_is_of_one_surface_is_refused_for_several():
     with pytest.raises(InputError, match="mask: of several parts the name"):
         smooth(scene(), constraints=Mask(np.ones(600, bool)))
     with pytest.raises(InputError, match="fixed: of several parts the name"):
@@ -152,7 +152,7 @@ def test_hints_that_do_not_fit_meshio_are_refused(monkeypatch):
             smooth(mixed(), **parts(**hints))
     with pytest.raises(InputError, match="a meshio.Mesh expected"):
         smooth(mixed().cells[0])
-    thing = mixed()
+    data = mixed()
     monkeypatch.setitem(sys.modules, "meshio", None)
     with pytest.raises(MissingPackage, match=r"pip install 'meshflow\[meshio\]'"):
-        meshflow.smooth(thing)
+        meshflow.smooth(data)

@@ -74,11 +74,11 @@ def test_a_part_of_a_file_is_smoothed_to_the_bit_as_if_it_were_alone(made, suffi
     made(tmp_path / f"alone{suffix}", one)
     for name in ("both", "alone"):
         run("smooth", tmp_path / f"{name}{suffix}", tmp_path / f"{name} out{suffix}", *words)
-    document, alone = read(tmp_path / f"both out{suffix}"), read(tmp_path / f"alone out{suffix}").noun
+    document, alone = read(tmp_path / f"both out{suffix}"), read(tmp_path / f"alone out{suffix}").data
     assert [name.removesuffix(".stl") for name, _ in document.sections] == ["two", "one"]
-    points = document.noun.points[document.sections[1][1]]
+    points = document.data.points[document.sections[1][1]]
     assert np.array_equal(points, alone.points)
-    before = read(tmp_path / f"alone{suffix}").noun
+    before = read(tmp_path / f"alone{suffix}").data
     assert np.abs(points - before.points).max() > 1e-3  # it was smoothed
 
 
@@ -97,11 +97,11 @@ def test_a_scene_file_keeps_names_frames_materials_and_attributes(tmp_path):
 def test_the_command_lists_the_parts(tmp_path):
     path = glb(tmp_path / "in.glb", ("a", ball()), ("b", BOX))
     result = run("smooth", path, tmp_path / "out.glb", "--json", "--report", tmp_path / "r.html", *WAY)
-    told = json.loads(result.stdout)
-    assert list(told["parts"]) == ["a", "b"]
-    sigmas = [told["parts"][name]["parameters"]["noise"]["value"] for name in "ab"]
+    reported = json.loads(result.stdout)
+    assert list(reported["parts"]) == ["a", "b"]
+    sigmas = [reported["parts"][name]["parameters"]["noise"]["value"] for name in "ab"]
     assert sigmas[0] != sigmas[1]
-    assert told["parts"]["a"]["steps"] == 2
+    assert reported["parts"]["a"]["steps"] == 2
     assert "2 parts, each smoothed as if it were alone" in result.stderr
     assert "  a: took all 2 steps" in result.stderr
     page = (tmp_path / "r.html").read_text()
@@ -124,7 +124,7 @@ def test_objects_that_share_vertices_are_one_part_and_groups_count_where_there_i
     path.write_text(path.read_text() + "vt 0 0\n")
     document = read(path)
     assert [len(rows) for _, rows in document.sections] == [len(BOX.vertices)] * 2
-    assert len(document.noun.points) == 2 * len(BOX.vertices)
+    assert len(document.data.points) == 2 * len(BOX.vertices)
 
 
 def test_arrays_per_vertex_of_a_file_are_cut_into_its_parts(tmp_path):
@@ -134,13 +134,13 @@ def test_arrays_per_vertex_of_a_file_are_cut_into_its_parts(tmp_path):
     held[:300] = True
     np.save(tmp_path / "held.npy", held.astype(np.uint8))
     run("smooth", path, tmp_path / "out.glb", "--fixed", tmp_path / "held.npy", *WAY)
-    after = read(tmp_path / "out.glb").noun
-    assert np.array_equal(after.points[:300], document.noun.points[:300])
+    after = read(tmp_path / "out.glb").data
+    assert np.array_equal(after.points[:300], document.data.points[:300])
     results = smooth(document, method="curvature", stop=Steps(2), constraints=Fixed(held), result=True)
     assert results["a"].stopped_because.startswith("no sample may move")
-    assert (after.points[300:] != document.noun.points[300:]).any(axis=1).all()
+    assert (after.points[300:] != document.data.points[300:]).any(axis=1).all()
     python = smooth(document, method="curvature", stop=Steps(2), constraints=Fixed(held))
-    assert np.allclose(python.noun.points, after.points, atol=1e-5)
+    assert np.allclose(python.data.points, after.points, atol=1e-5)
     with pytest.raises(InputError, match="one number per vertex of the file, 600, expected, got 300"):
         smooth(document, constraints=Mask(held[:300]))
 
@@ -150,11 +150,11 @@ def test_what_was_read_is_smoothed_and_written_in_python(tmp_path):
     document = read(path)
     write(smooth(document, method="curvature", stop=Steps(2)), tmp_path / "python.glb")
     run("smooth", path, tmp_path / "shell.glb", *WAY)
-    assert np.array_equal(read(tmp_path / "python.glb").noun.points, read(tmp_path / "shell.glb").noun.points)
+    assert np.array_equal(read(tmp_path / "python.glb").data.points, read(tmp_path / "shell.glb").data.points)
     one = read(glb(tmp_path / "one.glb", ("a", ball())))
     done = smooth(one, method="curvature", stop=Steps(2))
     assert type(done) is type(one)
-    assert not np.array_equal(done.noun.points, one.noun.points)
+    assert not np.array_equal(done.data.points, one.data.points)
     with pytest.raises(InputError, match=r"a file already says channels; read it with them"):
         smooth(one, channels="colors")
 
@@ -203,7 +203,10 @@ def test_blocks_keep_the_files_of_others_in_their_folder(tmp_path):
 def test_what_shows_all_parts_in_one_flow_says_so(tmp_path):
     path = glb(tmp_path / "in.glb", ("a", ball()), ("b", BOX))
     notes = meshflow.viewer.session.view(
-        read(path), way="page", page=tmp_path / "p.html", count=2, request=Request.of(time=0.01)
+        read(path),
+        place=meshflow.viewer.controls.Page(tmp_path / "p.html"),
+        states=meshflow.viewer.controls.States(2),
+        request=Request.of(time=0.01),
     )
     assert any("all parts are smoothed together here" in note for note in notes)
     assert flowing_together(read(glb(tmp_path / "one.glb", ("a", ball())))) == ()
@@ -217,10 +220,10 @@ def test_solids_of_a_real_file_are_parts(tmp_path):
     assert [name for name, _ in document.sections] == ["bodyB", "bodyA"]
     results = smooth(document, method="curvature", stop=Steps(3), result=True)
     for name, rows in document.sections:
-        at = np.full(len(document.noun.points), -1)
+        at = np.full(len(document.data.points), -1)
         at[rows] = np.arange(len(rows))
-        faces = at[document.noun.faces]
-        alone = smooth((document.noun.points[rows], faces[(faces >= 0).all(axis=1)]), method="curvature", stop=Steps(3))
+        faces = at[document.data.faces]
+        alone = smooth((document.data.points[rows], faces[(faces >= 0).all(axis=1)]), method="curvature", stop=Steps(3))
         assert np.array_equal(results[name].after.points, alone[0])
     write(results.data, tmp_path / "out.stl")
     assert [name for name, _ in read(tmp_path / "out.stl").sections] == ["bodyB", "bodyA"]

@@ -72,7 +72,7 @@ def test_attributes_come_back_in_their_types_and_points_move(make):
     mesh = make()
     before = parts(mesh)
     taken = from_object(mesh)
-    back = taken.to_object(replace(taken.noun, points=taken.noun.points + np.float32(0.5)))
+    back = taken.to_object(replace(taken.data, points=taken.data.points + np.float32(0.5)))
     assert type(back) is type(mesh)
     after = parts(back)
     assert set(after) == set(before)
@@ -92,8 +92,8 @@ def test_the_callers_mesh_keeps_its_bytes_and_shares_no_memory(make):
     mesh = make()
     before = {name: array.tobytes() for name, array in parts(mesh).items()}
     taken = from_object(mesh, {"channels": "colors", "moves": "all"})
-    back = taken.to_object(replace(taken.noun, points=taken.noun.points * 2, channels=taken.noun.channels * 0.5))
-    taken.noun.points[:] = 7
+    back = taken.to_object(replace(taken.data, points=taken.data.points * 2, channels=taken.data.channels * 0.5))
+    taken.data.points[:] = 7
     views = (
         [np.asarray(getattr(back, name)) for name in LEGACY]
         if make is legacy
@@ -106,11 +106,11 @@ def test_the_callers_mesh_keeps_its_bytes_and_shares_no_memory(make):
 
 def test_textures_and_materials_come_back():
     taken = from_object(legacy())
-    back = taken.to_object(replace(taken.noun, points=taken.noun.points * 2))
+    back = taken.to_object(replace(taken.data, points=taken.data.points * 2))
     np.testing.assert_array_equal(np.asarray(back.textures[0]), np.asarray(legacy().textures[0]))
     mesh = tensor()
     taken = from_object(mesh)
-    back = taken.to_object(replace(taken.noun, points=taken.noun.points * 2))
+    back = taken.to_object(replace(taken.data, points=taken.data.points * 2))
     assert back.material.material_name == "defaultLit"
     np.testing.assert_array_equal(back.material.texture_maps["albedo"].as_tensor().numpy(), np.full((2, 2, 3), 7))
     back.material.texture_maps["albedo"].as_tensor()[:] = 1
@@ -121,8 +121,8 @@ def test_textures_and_materials_come_back():
 def test_normals_are_those_of_the_moved_shape(make):
     mesh = make()
     taken = from_object(mesh)
-    flat = taken.noun.points * taken.noun.points.dtype.type(1) * np.array([1, 1, 0.2], taken.noun.points.dtype)
-    back = taken.to_object(replace(taken.noun, points=flat))
+    flat = taken.data.points * taken.data.points.dtype.type(1) * np.array([1, 1, 0.2], taken.data.points.dtype)
+    back = taken.to_object(replace(taken.data, points=flat))
     fresh = type(mesh)(back) if make is legacy else back.clone()
     fresh.compute_vertex_normals()
     fresh.compute_triangle_normals()
@@ -136,7 +136,7 @@ def test_normals_are_those_of_the_moved_shape(make):
 def test_a_named_attribute_returns_in_its_type_and_shape():
     mesh = tensor()
     taken = from_object(mesh, {"channels": "label", "moves": "channels"})
-    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + 0.6))
+    back = taken.to_object(replace(taken.data, channels=taken.data.channels + 0.6))
     assert back.vertex.label.numpy().dtype == np.int64
     np.testing.assert_array_equal(back.vertex.label.numpy(), mesh.vertex.label.numpy() + 1)
     np.testing.assert_array_equal(back.vertex.positions.numpy(), mesh.vertex.positions.numpy())
@@ -144,12 +144,12 @@ def test_a_named_attribute_returns_in_its_type_and_shape():
 
 def test_colours_return_as_what_they_were():
     taken = from_object(tensor(), {"channels": "colors", "moves": "channels"})
-    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels + np.float32(99.6)))
+    back = taken.to_object(replace(taken.data, channels=taken.data.channels + np.float32(99.6)))
     np.testing.assert_array_equal(
         back.vertex.colors.numpy(), np.minimum(tensor().vertex.colors.numpy().astype(int) + 100, 255)
     )
     taken = from_object(legacy(), {"channels": "colors", "moves": "channels"})
-    back = taken.to_object(replace(taken.noun, channels=taken.noun.channels * 2))
+    back = taken.to_object(replace(taken.data, channels=taken.data.channels * 2))
     np.testing.assert_allclose(np.asarray(back.vertex_colors), np.asarray(legacy().vertex_colors) * 2)
 
 
@@ -162,20 +162,20 @@ def test_a_soup_is_joined():
         open3d.utility.Vector3dVector(points), open3d.utility.Vector3iVector(np.arange(len(points)).reshape(-1, 3))
     )
     taken = from_object(soup)
-    assert len(taken.noun.points) == len(sphere.vertices)
+    assert len(taken.data.points) == len(sphere.vertices)
     assert taken.notes
-    assert len(taken.to_object(taken.noun).vertices) == len(points)
+    assert len(taken.to_object(taken.data).vertices) == len(points)
 
 
 @pytest.mark.parametrize("name", ["geometry.PointCloud", "t.geometry.PointCloud", "geometry.VoxelGrid"])
 def test_what_is_no_mesh_is_refused_with_the_way_out(name):
     import open3d
 
-    thing = open3d
+    data = open3d
     for word in name.split("."):
-        thing = getattr(thing, word)
+        data = getattr(data, word)
     with pytest.raises(InputError, match=r"TriangleMesh expected.*reconstruct"):
-        from_object(thing())
+        from_object(data())
 
 
 @pytest.mark.parametrize("name", ["geometry", "t"])
@@ -196,7 +196,7 @@ def test_an_empty_mesh_is_refused(name):
         (legacy, {"channels": "heat"}, "it has colors"),
         (tensor, {"channels": "nothing"}, "it has .*heat"),
         (tensor, {"moves": "channels"}, "no channels"),
-        (legacy, {"fixed": np.zeros(3, bool)}, "fixed: a mask"),
+        (legacy, {"fixed": np.zeros(3, bool)}, "fixed: a constraint, no option of a reader; give constraints=Fixed"),
     ],
 )
 def test_a_hint_that_does_not_fit_is_refused(make, hints, what):

@@ -62,8 +62,8 @@ def test_a_picture_comes_out_as_it_came_in(tmp_path, suffix, dtype, count):
         document = read(path, kind="image")
         notes = write(document, tmp_path / f"b{suffix}")
     plain = count - (count % 2 == 0)
-    assert document.noun.values.shape == ((12, 16) if plain == 1 else (12, 16, 3))
-    assert document.noun.values.max() <= np.iinfo(dtype).max
+    assert document.data.values.shape == ((12, 16) if plain == 1 else (12, 16, 3))
+    assert document.data.values.max() <= np.iinfo(dtype).max
     assert stored(tmp_path / f"b{suffix}").dtype == dtype
     assert np.array_equal(stored(tmp_path / f"b{suffix}"), picture)
     assert notes == ()
@@ -74,7 +74,7 @@ def test_a_picture_of_sixteen_bit_in_colour_survives(tmp_path):
     """The trap of Pillow, imageio and scikit-image: 16-bit colour becomes 8-bit without a word."""
     picture = samples(3, "uint16")
     document = read(make(tmp_path / "a.png", picture))
-    assert np.array_equal(np.moveaxis(document.noun.values, 2, 0), picture)
+    assert np.array_equal(np.moveaxis(document.data.values, 2, 0), picture)
     write(document, tmp_path / "b.png")
     assert np.array_equal(stored(tmp_path / "b.png"), picture)
 
@@ -87,18 +87,18 @@ def test_other_formats_without_loss_are_exact(tmp_path, suffix, count):
     source = tmp_path / f"a{suffix}"
     make(source, picture, **({"lossless": True, "exact": True} if suffix == ".webp" else {}))
     document = read(source)
-    assert document.noun.values.ndim == (2 if count == 1 else 3)
+    assert document.data.values.ndim == (2 if count == 1 else 3)
     write(document, tmp_path / f"b{suffix}")
     again = read(tmp_path / f"b{suffix}")
-    assert np.array_equal(again.noun.values, document.noun.values)
-    assert np.array_equal(again.noun.missing, document.noun.missing)
+    assert np.array_equal(again.data.values, document.data.values)
+    assert np.array_equal(again.data.missing, document.data.missing)
 
 
 def test_jpeg_is_near(tmp_path):
     x = np.linspace(0, 200, 32)
     document = read(make(tmp_path / "a.png", np.stack([np.add.outer(x, x) / 2] * 3).astype("uint8")))
     assert write(document, tmp_path / "b.jpg") == ()
-    off = np.abs(read(tmp_path / "b.jpg").noun.values - document.noun.values)
+    off = np.abs(read(tmp_path / "b.jpg").data.values - document.data.values)
     assert off.max() <= 4, f"largest change {off.max()}"
 
 
@@ -106,9 +106,9 @@ def test_alpha_is_not_smoothed_and_what_is_transparent_is_missing_and_kept(tmp_p
     picture = samples(4)
     picture[3, 2:5, 3] = 0
     document = read(make(tmp_path / "a.png", picture))
-    assert np.argwhere(document.noun.missing).tolist() == [[2, 3], [3, 3], [4, 3]]
-    smoothed = np.where(document.noun.missing[..., None], document.noun.values, np.float32(100))
-    write(document.holding(replace(document.noun, values=smoothed)), tmp_path / "b.png")
+    assert np.argwhere(document.data.missing).tolist() == [[2, 3], [3, 3], [4, 3]]
+    smoothed = np.where(document.data.missing[..., None], document.data.values, np.float32(100))
+    write(document.holding(replace(document.data, values=smoothed)), tmp_path / "b.png")
     out = stored(tmp_path / "b.png")
     assert np.array_equal(out[3], picture[3])
     assert np.array_equal(out[:, 2:5, 3], picture[:, 2:5, 3])
@@ -129,7 +129,7 @@ def test_a_palette_is_expanded(tmp_path):
     picture = samples(1) % 3
     document = read(make(tmp_path / "a.png", picture, palette=palette))
     expected = np.array([palette[i][:3] for i in picture.ravel()]).reshape(12, 16, 3)
-    assert np.array_equal(document.noun.values, expected)
+    assert np.array_equal(document.data.values, expected)
     assert "palette" in document.notes[0]
     write(document, tmp_path / "b.png")
     assert np.array_equal(stored(tmp_path / "b.png"), np.moveaxis(expected, 2, 0))
@@ -140,10 +140,10 @@ def test_a_transparent_entry_of_a_palette_is_missing(tmp_path):
     picture = samples(1) % 2
     document = read(make(tmp_path / "a.tif", picture, palette=palette), kind="image")
     if document.source.frame.alpha is None:  # TIFF has no room for alpha in its colour table
-        assert not document.noun.missing.any()
+        assert not document.data.missing.any()
     path = make(tmp_path / "a.png", picture, palette=palette)
     document = read(path)
-    assert np.array_equal(document.noun.missing, picture[0] == 0)
+    assert np.array_equal(document.data.missing, picture[0] == 0)
     write(document, tmp_path / "b.png")
     assert np.array_equal(stored(tmp_path / "b.png")[3], np.where(picture[0] == 0, 0, 255))
 
@@ -164,16 +164,16 @@ def test_values_are_rounded_and_clipped_and_clipping_is_said(tmp_path):
     document = read(make(tmp_path / "a.png", samples(1)))
     values = np.full((12, 16), 10.6, "float32")
     values[0, :3] = -3, 255.4, 300
-    notes = write(document.holding(replace(document.noun, values=values)), tmp_path / "b.png")
+    notes = write(document.holding(replace(document.data, values=values)), tmp_path / "b.png")
     assert stored(tmp_path / "b.png")[0, 0, :4].tolist() == [0, 255, 255, 11]
     assert notes == ("2 samples were clipped to 0 to 255, the range of uint8",)
 
 
 def test_a_float_tiff_keeps_every_bit(tmp_path):
     document = read(make(tmp_path / "a.png", samples(3)))
-    values = document.noun.values + np.float32(0.3)
+    values = document.data.values + np.float32(0.3)
     write(
-        document.holding(replace(document.noun, values=values)),
+        document.holding(replace(document.data, values=values)),
         tmp_path / "b.tif",
         dtype="float32",
         tags={"meshflow:q": "2"},
@@ -209,8 +209,8 @@ def test_an_image_of_arrays_is_written_where_its_type_is_said(tmp_path):
 )
 def test_a_format_that_does_not_hold_the_picture_is_refused(tmp_path, name, count, dtype, expected):
     values = np.moveaxis(samples(count, dtype), 0, 2)
-    noun = Image(values if count > 1 else values[..., 0])
-    document = Document(noun, tmp_path / "a.npy")
+    data = Image(values if count > 1 else values[..., 0])
+    document = Document(data, tmp_path / "a.npy")
     with pytest.raises(FormatError, match=expected):
         write(document, tmp_path / name, dtype=dtype)
     assert list(tmp_path.iterdir()) == []
@@ -224,9 +224,9 @@ def test_alpha_that_does_not_fit_is_lost_with_a_note(tmp_path):
 def test_a_grey_picture_can_be_a_terrain_and_one_in_colour_cannot(tmp_path):
     grey = samples(1, "uint16")
     document = read(make(tmp_path / "a.png", grey), kind="terrain")
-    assert isinstance(document.noun, HeightField)
-    assert np.array_equal(document.noun.z, grey[0])
-    assert isinstance(pictures.read(tmp_path / "a.png", ReadOptions(kind="terrain")).noun, HeightField)
+    assert isinstance(document.data, HeightField)
+    assert np.array_equal(document.data.z, grey[0])
+    assert isinstance(pictures.read(tmp_path / "a.png", ReadOptions(kind="terrain")).data, HeightField)
     make(tmp_path / "c.png", samples(3))
     with pytest.raises(InputError, match="grey picture expected as a terrain, got 3 colours"):
         pictures.read(tmp_path / "c.png", ReadOptions(kind="terrain"))
@@ -252,6 +252,6 @@ def test_a_broken_picture_is_refused(tmp_path):
 def test_a_photograph_comes_out_as_it_came_in(tmp_path):
     path = SHARED / "images" / "moonlanding.png"
     document = read(path)
-    assert document.noun.values.shape == (474, 630)
+    assert document.data.values.shape == (474, 630)
     write(document, tmp_path / "out.png")
     assert np.array_equal(stored(tmp_path / "out.png"), stored(path))

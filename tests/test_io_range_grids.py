@@ -70,10 +70,10 @@ def test_a_range_grid_that_did_not_move_comes_out_as_the_bytes_that_came_in(tmp_
     points, there = scan(0.01, dtype)
     path = grid_ply(tmp_path / "a.ply", points, there, order)
     document = read(path)
-    assert isinstance(document.noun, RangeImage)
+    assert isinstance(document.data, RangeImage)
     assert (document.kind, type(document.source)) == ("depth", Scan)
-    assert np.array_equal(document.noun.missing, ~there)
-    assert np.allclose(document.noun.cloud[there], points[there], rtol=1e-15)
+    assert np.array_equal(document.data.missing, ~there)
+    assert np.allclose(document.data.cloud[there], points[there], rtol=1e-15)
     write(document, tmp_path / "b.ply")
     assert (tmp_path / "b.ply").read_bytes() == path.read_bytes()
 
@@ -82,18 +82,18 @@ def test_a_range_grid_that_did_not_move_comes_out_as_the_bytes_that_came_in(tmp_
 def test_points_of_a_range_grid_move_along_their_lines_of_sight_and_nothing_else_changes(tmp_path, order):
     points, there = scan(0.05)
     document = read(grid_ply(tmp_path / "a.ply", points, there, order))
-    done = document.holding(smooth(document.noun, time=4.0))
+    done = document.holding(smooth(document.data, time=4.0))
     write(done, tmp_path / "b.ply", tags={"meshflow:time": "4"})
     again = read(tmp_path / "b.ply")
     assert b"comment meshflow:time 4" in (tmp_path / "b.ply").read_bytes()
-    before, after = document.noun.cloud[there], again.noun.cloud[there]
+    before, after = document.data.cloud[there], again.data.cloud[there]
     assert np.array_equal(before[:, :2], after[:, :2])
     assert np.abs(after[:, 2] - before[:, 2]).max() > 0.02
     smooth_z = 0.02 * before[:, 0] ** 2 - 0.03 * before[:, 1] ** 2
     assert np.std(after[:, 2] - smooth_z) < 0.85 * np.std(before[:, 2] - smooth_z)
     assert np.array_equal(again.source.file.vertices["confidence"], document.source.file.vertices["confidence"])
     assert np.array_equal(again.source.index, document.source.index)
-    assert document.noun.camera == again.noun.camera
+    assert document.data.camera == again.data.camera
 
 
 def test_trimesh_reads_the_range_grid_that_is_written(tmp_path):
@@ -111,12 +111,12 @@ def test_with_a_viewpoint_values_are_distances_from_it(tmp_path, given):
     path = grid_ply(tmp_path / "a.ply", points, there, info=info)
     document = read(path, **({"viewpoint": (4, -3, 50)} if given else {}))
     away = np.linalg.norm(points - np.array([4, -3, 50.0]), axis=2)
-    assert np.allclose(document.noun.depth[there], away[there])
+    assert np.allclose(document.data.depth[there], away[there])
     assert "seen from (4, -3, 50)" in document.notes[0]
-    moved = replace(document.noun, depth=document.noun.depth + 1)
+    moved = replace(document.data, depth=document.data.depth + 1)
     write(document.holding(moved), tmp_path / "b.ply")
     assert np.allclose(
-        np.linalg.norm(read(tmp_path / "b.ply").noun.cloud[there] - (4, -3, 50), axis=1), away[there] + 1
+        np.linalg.norm(read(tmp_path / "b.ply").data.cloud[there] - (4, -3, 50), axis=1), away[there] + 1
     )
 
 
@@ -130,23 +130,23 @@ def test_the_command_takes_a_viewpoint(tmp_path):
     done = CliRunner().invoke(app, ["smooth", *words, "--viewpoint", "4", "-3", "50"])
     assert done.exit_code == 0, done.exception
     assert "seen from (4, -3, 50), as given" in done.output
-    before, after = (read(tmp_path / name, viewpoint=(4, -3, 50)).noun for name in ("a.ply", "b.ply"))
+    before, after = (read(tmp_path / name, viewpoint=(4, -3, 50)).data for name in ("a.ply", "b.ply"))
     moved = (after.cloud - before.cloud)[there]
     assert np.linalg.norm(moved, axis=1).max() > 0.01
     assert np.abs(np.cross(moved, before.camera.directions[there])).max() < 1e-3  # along their rays
-    told = CliRunner().invoke(app, ["info", words[0], "--viewpoint", "4", "-3", "50"])
-    assert "seen from (4, -3, 50)" in told.output
+    reported = CliRunner().invoke(app, ["info", words[0], "--viewpoint", "4", "-3", "50"])
+    assert "seen from (4, -3, 50)" in reported.output
 
 
 def test_any_range_image_is_written_as_a_range_grid(tmp_path):
     depth = 1 + RNG.random((H, W))
     depth[2:4, 3] = 0
-    noun = RangeImage(depth, Pinhole(20, 20, 7.5, 5.5))
-    document = Document(noun, tmp_path / "a.png")
+    data = RangeImage(depth, Pinhole(20, 20, 7.5, 5.5))
+    document = Document(data, tmp_path / "a.png")
     write(document, tmp_path / "b.ply", tags={"meshflow:time": "4"})
-    again = read(tmp_path / "b.ply", viewpoint=(0, 0, 0)).noun
-    assert np.array_equal(again.missing, noun.missing)
-    assert np.allclose(again.cloud[~noun.missing], noun.cloud[~noun.missing], atol=1e-6)
+    again = read(tmp_path / "b.ply", viewpoint=(0, 0, 0)).data
+    assert np.array_equal(again.missing, data.missing)
+    assert np.allclose(again.cloud[~data.missing], data.cloud[~data.missing], atol=1e-6)
 
 
 def vcg_ply(path, points, faces=(), shift=0.25, **changes):
@@ -188,13 +188,13 @@ def test_a_range_map_of_vcg_is_read_by_its_camera_and_comes_out_as_it_came_in(tm
     points, rows, columns = seen_points()
     faces = [(0, 1, 2), (3, 4, 5)]
     path, world, eye = vcg_ply(tmp_path / "a.ply", points, faces)
-    assert isinstance(read(path).noun, Mesh)
+    assert isinstance(read(path).data, Mesh)
     document = read(path, kind="depth")
-    noun = document.noun
-    assert noun.depth.shape == (rows.max() - rows.min() + 1, columns.max() - columns.min() + 1)
-    assert np.allclose(noun.cloud[rows - rows.min(), columns - columns.min()], world)
-    assert np.allclose(noun.camera.origins, eye)
-    assert len(noun.lifted(Lift()).triangulations[0]) > 200
+    data = document.data
+    assert data.depth.shape == (rows.max() - rows.min() + 1, columns.max() - columns.min() + 1)
+    assert np.allclose(data.cloud[rows - rows.min(), columns - columns.min()], world)
+    assert np.allclose(data.camera.origins, eye)
+    assert len(data.lifted(Lift()).triangulations[0]) > 200
     write(document, tmp_path / "b.ply")
     assert (tmp_path / "b.ply").read_bytes() == path.read_bytes()
 
@@ -202,7 +202,7 @@ def test_a_range_map_of_vcg_is_read_by_its_camera_and_comes_out_as_it_came_in(tm
 def test_a_scan_is_smoothed_from_file_to_file(tmp_path):
     points, there = scan(0.05)
     path = grid_ply(tmp_path / "a.ply", points, there, "binary_little_endian")
-    result = smooth(read(path).noun)
+    result = smooth(read(path).data)
     assert result.depth.dtype == np.float64
     assert isinstance(result.camera, Scanner)
 

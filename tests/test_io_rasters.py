@@ -33,15 +33,15 @@ def test_every_elevation_model_comes_out_as_it_came_in(name, tmp_path):
     out = tmp_path / "out.tif"
     write(document, out, tags={"meshflow:time": "3"})
     again = read(out)
-    assert isinstance(again.noun, HeightField)
-    assert np.array_equal(document.noun.missing, again.noun.missing)
-    there = ~document.noun.missing
-    assert np.array_equal(document.noun.z[there], again.noun.z[there])
-    assert again.noun.unit == document.noun.unit
-    assert np.array_equal(again.noun.spacing[0], document.noun.spacing[0])
-    assert again.noun.spacing[1] == document.noun.spacing[1]
+    assert isinstance(again.data, HeightField)
+    assert np.array_equal(document.data.missing, again.data.missing)
+    there = ~document.data.missing
+    assert np.array_equal(document.data.z[there], again.data.z[there])
+    assert again.data.unit == document.data.unit
+    assert np.array_equal(again.data.spacing[0], document.data.spacing[0])
+    assert again.data.spacing[1] == document.data.spacing[1]
     with warnings.catch_warnings(), rasterio.open(SHARED / "dem" / name) as source, rasterio.open(out) as target:
-        assert target.dtypes == (str(document.noun.z.dtype),)
+        assert target.dtypes == (str(document.data.z.dtype),)
         assert np.array_equal(source.read_masks(1), target.read_masks(1))
         assert (source.crs, source.transform, source.shape) == (target.crs, target.transform, target.shape)
         words = {k: v for k, v in source.tags().items() if v}
@@ -73,9 +73,9 @@ def test_the_mask_of_missing_samples_survives(tmp_path, dtype, nodata):
     document, again, notes = same(make(tmp_path / "a.tif", z, nodata=nodata))
     gone = np.zeros(z.shape, bool)
     gone[1, 2] = gone[4, :3] = True
-    assert np.array_equal(document.noun.missing, gone)
-    assert np.array_equal(again.noun.missing, gone)
-    assert np.array_equal(again.noun.z[~gone], z[~gone])
+    assert np.array_equal(document.data.missing, gone)
+    assert np.array_equal(again.data.missing, gone)
+    assert np.array_equal(again.data.z[~gone], z[~gone])
     assert again.source.frame.nodata == pytest.approx(nodata, rel=1e-6, nan_ok=True)
     assert notes == ()
 
@@ -85,8 +85,8 @@ def test_an_internal_mask_becomes_nodata(tmp_path):
     gone[2:4, 3] = True
     document, again, _ = same(make(tmp_path / "a.tif", heights("int16"), mask=gone))
     assert document.source.frame.nodata is None
-    assert np.array_equal(document.noun.missing, gone)
-    assert np.array_equal(again.noun.missing, gone)
+    assert np.array_equal(document.data.missing, gone)
+    assert np.array_equal(again.data.missing, gone)
     assert again.source.frame.nodata == -9999
 
 
@@ -99,19 +99,19 @@ def test_nan_without_a_nodata_value_gets_one(tmp_path):
     z[0, 0] = np.nan
     _, again, _ = same(make(tmp_path / "a.tif", z))
     assert again.source.frame.nodata == -9999
-    assert np.argwhere(again.noun.missing).tolist() == [[0, 0]]
+    assert np.argwhere(again.data.missing).tolist() == [[0, 0]]
 
 
 def test_a_sample_that_was_moved_onto_the_nodata_value_does_not_go_missing(tmp_path):
     z = heights("uint16")
     z[0, 0] = 0
     document = read(make(tmp_path / "a.tif", z, nodata=0))
-    moved = document.noun.z.copy()
+    moved = document.data.z.copy()
     moved[3, 3] = 0.0
-    write(document.holding(replace(document.noun, z=moved)), tmp_path / "b.tif")
+    write(document.holding(replace(document.data, z=moved)), tmp_path / "b.tif")
     again = read(tmp_path / "b.tif")
-    assert np.array_equal(again.noun.missing, document.noun.missing)
-    assert again.noun.z[3, 3] == 0
+    assert np.array_equal(again.data.missing, document.data.missing)
+    assert again.data.z[3, 3] == 0
     assert again.source.frame.nodata == -9999
 
 
@@ -120,16 +120,16 @@ def test_nodata_of_the_caller_stands_in_for_the_declared_one(tmp_path):
     z[0, 0], z[0, 1] = -1, -2
     path = make(tmp_path / "a.tif", z, nodata=-1)
     document = read(path, nodata=-2)
-    assert np.argwhere(document.noun.missing).tolist() == [[0, 1]]
+    assert np.argwhere(document.data.missing).tolist() == [[0, 1]]
     write(document, tmp_path / "b.tif")
-    assert np.argwhere(read(tmp_path / "b.tif").noun.missing).tolist() == [[0, 1]]
+    assert np.argwhere(read(tmp_path / "b.tif").data.missing).tolist() == [[0, 1]]
 
 
 def test_bands_keep_their_own_holes(tmp_path):
     z = np.stack([heights(), heights() + 1, heights() + 2])
     z[1, 2, 2] = -9999
     document, _, _ = same(make(tmp_path / "a.tif", z, nodata=-9999))
-    assert document.noun.missing[2, 2]
+    assert document.data.missing[2, 2]
     with rasterio.open(tmp_path / "again.tif") as target:
         assert np.array_equal(target.read(), z)
 
@@ -148,8 +148,8 @@ def test_tags_units_descriptions_and_colours_survive(tmp_path):
     path = make(tmp_path / "a.tif", np.stack([heights("uint8")] * 3), colours=colours, after=after,
                 tags={"AREA_OR_POINT": "Point", "made": "by hand"})  # fmt: skip
     document, _, _ = same(path)
-    assert isinstance(document.noun, Image)
-    assert document.noun.values.shape == (6, 8, 3)
+    assert isinstance(document.data, Image)
+    assert document.data.values.shape == (6, 8, 3)
     with rasterio.open(tmp_path / "again.tif") as target:
         assert target.colorinterp == tuple(colours)
         assert target.descriptions[1] == "green"
@@ -176,9 +176,9 @@ def test_alpha_is_carried_along_and_marks_what_is_missing(tmp_path):
     rgba[3, 1, 1], rgba[3, 2, 2] = 0, 100
     colours = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
     document, again, _ = same(make(tmp_path / "a.tif", rgba, colours=colours))
-    assert document.noun.values.shape == (6, 8, 3)
-    assert np.argwhere(document.noun.missing).tolist() == [[1, 1]]
-    assert np.array_equal(again.noun.missing, document.noun.missing)
+    assert document.data.values.shape == (6, 8, 3)
+    assert np.argwhere(document.data.missing).tolist() == [[1, 1]]
+    assert np.array_equal(again.data.missing, document.data.missing)
     assert np.array_equal(again.source.frame.alpha, rgba[3])
     write(document, tmp_path / "bytes.tif", dtype="source")
     with rasterio.open(tmp_path / "bytes.tif") as target:
@@ -191,9 +191,9 @@ def test_alpha_in_floating_point_marks_what_is_missing_too(tmp_path):
     grey = np.stack([heights(), np.full((6, 8), 255, "float32")])
     grey[1, 1, 1] = 0
     document, again, _ = same(make(tmp_path / "a.tif", grey, colours=[ColorInterp.gray, ColorInterp.alpha]))
-    assert isinstance(document.noun, HeightField)
-    assert np.argwhere(document.noun.missing).tolist() == [[1, 1]]
-    assert np.array_equal(again.noun.missing, document.noun.missing)
+    assert isinstance(document.data, HeightField)
+    assert np.argwhere(document.data.missing).tolist() == [[1, 1]]
+    assert np.array_equal(again.data.missing, document.data.missing)
 
 
 def test_scale_and_offset_are_applied_once_and_said(tmp_path):
@@ -201,9 +201,9 @@ def test_scale_and_offset_are_applied_once_and_said(tmp_path):
     raw[0, 0] = -1
     path = make(tmp_path / "a.tif", raw, scale=(0.1, 5.0), nodata=-1)
     document, again, notes = same(path)
-    there = ~document.noun.missing
-    assert np.allclose(document.noun.z[there], raw[there] * 0.1 + 5, rtol=1e-6)
-    assert np.array_equal(again.noun.z[there], document.noun.z[there])
+    there = ~document.data.missing
+    assert np.allclose(document.data.z[there], raw[there] * 0.1 + 5, rtol=1e-6)
+    assert np.array_equal(again.data.z[there], document.data.z[there])
     assert "scale 0.1 and offset 5" in document.notes[0]
     assert "as they are" in notes[0]
     assert not again.source.frame.scaled
@@ -217,13 +217,13 @@ def test_scale_and_offset_are_applied_once_and_said(tmp_path):
 def test_one_band_of_several_can_be_chosen(tmp_path):
     path = make(tmp_path / "a.tif", np.stack([heights(), heights() + 1]))
     document, again, _ = same(path, band=2)
-    assert np.array_equal(document.noun.z, heights() + 1)
-    assert np.array_equal(again.noun.z, heights() + 1)
+    assert np.array_equal(document.data.z, heights() + 1)
+    assert np.array_equal(again.data.z, heights() + 1)
     with pytest.raises(InputError, match="band 3 expected to be one of 1 to 2"):
         read(path, band=3)
     with pytest.raises(InputError, match="one band expected for a terrain, got 2; choose one: band=1"):
         read(path, kind="terrain")
-    assert isinstance(rasters.read(path, ReadOptions(kind="image", band=1)).noun, Image)
+    assert isinstance(rasters.read(path, ReadOptions(kind="image", band=1)).data, Image)
 
 
 # --- quantisation, only when asked for
@@ -238,9 +238,9 @@ def test_integers_become_floats_wide_enough_to_hold_them(tmp_path):
 
 def test_whole_numbers_are_written_only_when_asked_and_said(tmp_path):
     document = read(make(tmp_path / "a.tif", heights("uint8")))
-    z = document.noun.z + np.float32(0.4)
+    z = document.data.z + np.float32(0.4)
     z[0, 0], z[0, 1] = -5, 300
-    notes = write(document.holding(replace(document.noun, z=z)), tmp_path / "b.tif", dtype="source")
+    notes = write(document.holding(replace(document.data, z=z)), tmp_path / "b.tif", dtype="source")
     assert "quantised again" in notes[0]
     assert "2 samples were clipped to 0 to 255" in notes[1]
     with rasterio.open(tmp_path / "b.tif") as target:
@@ -267,8 +267,8 @@ def test_an_ascii_grid_keeps_its_place_and_its_floats(tmp_path):
     z[1, 1] = -9999
     path = make(tmp_path / "a.asc", z, driver="AAIGrid", crs=None, nodata=-9999)
     document, again, notes = same(path)
-    assert np.array_equal(again.noun.z, document.noun.z)
-    assert np.array_equal(again.noun.missing, document.noun.missing)
+    assert np.array_equal(again.data.z, document.data.z)
+    assert np.array_equal(again.data.missing, document.data.missing)
     assert (again.source.frame.crs, again.source.frame.transform) == (None, UP)
     assert notes == ()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.asc", "again.asc"]
@@ -311,7 +311,7 @@ def test_a_file_that_cannot_be_read_is_refused_with_the_reason(tmp_path):
 def test_a_wrong_extension_does_not_matter_where_gdal_sees_what_it_is(tmp_path):
     path = make(tmp_path / "a.tif", heights())
     path.rename(tmp_path / "a.dem")
-    assert np.array_equal(read(tmp_path / "a.dem").noun.z, heights())
+    assert np.array_equal(read(tmp_path / "a.dem").data.z, heights())
 
 
 def test_a_kind_or_option_that_does_not_belong_is_refused(tmp_path):
@@ -322,7 +322,7 @@ def test_a_kind_or_option_that_does_not_belong_is_refused(tmp_path):
         read(path, kind="soup")
 
 
-def test_a_noun_of_another_size_is_refused(tmp_path):
+def test_a_data_object_of_another_size_is_refused(tmp_path):
     document = read(make(tmp_path / "a.tif", heights()))
     with pytest.raises(InputError, match=r"shape \(1, 6, 8\), as they were read, .* got \(1, 5, 8\)"):
         write(document.holding(HeightField(heights(h=5))), tmp_path / "b.tif")
@@ -374,8 +374,8 @@ def test_an_existing_file_is_replaced_only_on_purpose(tmp_path):
     document = read(path)
     with pytest.raises(FormatError, match="exists"):
         write(document, path)
-    write(document.holding(replace(document.noun, z=document.noun.z + 1)), path, overwrite=True)
-    assert np.array_equal(read(path).noun.z, heights() + 1)
+    write(document.holding(replace(document.data, z=document.data.z + 1)), path, overwrite=True)
+    assert np.array_equal(read(path).data.z, heights() + 1)
 
 
 def test_a_terrain_from_elsewhere_keeps_its_spacing_and_holes(tmp_path):
@@ -384,6 +384,6 @@ def test_a_terrain_from_elsewhere_keeps_its_spacing_and_holes(tmp_path):
     document = Document(HeightField(z, (30.0, 20.0)), tmp_path / "a.npy")
     write(document, tmp_path / "b.tif")
     again = read(tmp_path / "b.tif")
-    assert again.noun.spacing == (30, 20)
-    assert np.argwhere(again.noun.missing).tolist() == [[2, 2]]
+    assert again.data.spacing == (30, 20)
+    assert np.argwhere(again.data.missing).tolist() == [[2, 2]]
     assert again.source.frame.nodata == -9999

@@ -20,21 +20,21 @@ MARS = CRS.from_wkt(
 
 def test_a_turned_grid_has_the_lengths_of_its_columns(tmp_path):
     document, again, _ = same(make(tmp_path / "a.tif", heights(), transform=turned_by(30, 20, 10)))
-    assert document.noun.spacing == pytest.approx((20, 10))
+    assert document.data.spacing == pytest.approx((20, 10))
     assert again.source.frame.transform == document.source.frame.transform
 
 
 def test_a_grid_from_south_to_north_is_as_good(tmp_path):
     document, again, _ = same(make(tmp_path / "a.tif", heights(), transform=Affine(30, 0, 0, 0, 20, 0)))
-    assert document.noun.spacing == (30, 20)
-    assert np.array_equal(again.noun.z, heights())
+    assert document.data.spacing == (30, 20)
+    assert np.array_equal(again.data.z, heights())
 
 
 def test_a_sheared_grid_is_refused_with_the_way_out(tmp_path):
     path = make(tmp_path / "a.tif", heights(), transform=Affine(30, 10, 0, 0, -30, 0))
     with pytest.raises(InputError, match=r"sheared transform \(30.*gdalwarp"):
         read(path)
-    assert read(path, spacing=30).noun.spacing == (30, 30)
+    assert read(path, spacing=30).data.spacing == (30, 30)
 
 
 def test_no_georeference_is_one_pixel_and_said(tmp_path):
@@ -42,7 +42,7 @@ def test_no_georeference_is_one_pixel_and_said(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         document, again, _ = same(path)
-    assert document.noun.spacing == (1, 1)
+    assert document.data.spacing == (1, 1)
     assert "no georeference: the spacing is 1" in document.notes[0]
     assert again.source.frame.transform.is_identity
 
@@ -67,7 +67,7 @@ def test_degrees_become_metres_on_the_earth():
 def test_degrees_become_metres_on_a_sphere_that_is_not_the_earth(tmp_path):
     transform = from_origin(200, 20, 0.25, 0.25)  # longitudes from 0 to 360
     document = read(make(tmp_path / "a.tif", heights("int16", 80, 4), crs=MARS, transform=transform))
-    dx, dy = document.noun.spacing
+    dx, dy = document.data.spacing
     degree = 3396000 * np.pi / 180
     assert dy == pytest.approx(0.25 * degree, rel=1e-9)
     latitudes = 20 - 0.25 * (np.arange(80) + 0.5)
@@ -88,7 +88,7 @@ def test_a_row_on_a_pole_or_beyond_is_refused(tmp_path, top):
     path = make(tmp_path / "a.tif", heights(), crs=CRS.from_epsg(4326), transform=from_origin(0, top, 1, 1))
     with pytest.raises(InputError, match=rf"between the poles expected, got {top - 0.5:g}.*gdalwarp"):
         read(path)
-    assert read(path, spacing=(3, 4)).noun.spacing == (3, 4)
+    assert read(path, spacing=(3, 4)).data.spacing == (3, 4)
 
 
 def test_a_turned_grid_in_degrees_is_refused():
@@ -100,8 +100,8 @@ def test_a_crs_in_feet_counts_feet_and_heights_in_metres_are_said(tmp_path):
     feet = CRS.from_epsg(2277)  # Texas Central, US survey feet
     path = make(tmp_path / "a.tif", heights(), crs=feet, after=lambda target: target.set_band_unit(1, "m"))
     document = read(path)
-    assert document.noun.spacing == (30, 30)
-    assert document.noun.unit == "m"
+    assert document.data.spacing == (30, 30)
+    assert document.data.unit == "m"
     assert "contrast=3.2808" in document.notes[0]
     assert units_disagree(feet, "US survey foot") == ()
     assert units_disagree(CRS.from_epsg(4326), "ft") != ()

@@ -133,9 +133,9 @@ def test_explicit_steps_by_name_that_would_not_arrive_are_given_up_with_the_way_
 
 
 def test_progress_is_told_and_may_end_the_run():
-    told = []
-    list(march(noisy(), Until(steps=4), progress=lambda done, total: told.append((done, total))))
-    assert told == [(0.25, 1.0), (0.5, 1.0), (0.75, 1.0), (1.0, 1.0)]
+    reported = []
+    list(march(noisy(), Until(steps=4), progress=lambda done, total: reported.append((done, total))))
+    assert reported == [(0.25, 1.0), (0.5, 1.0), (0.75, 1.0), (1.0, 1.0)]
 
     def stop(done, total):
         raise KeyboardInterrupt

@@ -91,10 +91,10 @@ def test_no_loop_over_a_mesh_depends_on_the_instruction_set():
         pytest.skip("one instruction set on this kind of machine")
     script = "import test_mesh_kernels as t; print(t.digests())"
     env = {**os.environ, "MESHFLOW_ISA": others[0], "PYTHONPATH": os.pathsep.join(sys.path)}
-    told = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True)
-    if "cannot run the kernels" in told.stderr:
-        pytest.skip(told.stderr.splitlines()[-1])
-    assert told.stdout.splitlines()[-1] == str(digests()), told.stderr
+    reported = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True)
+    if "cannot run the kernels" in reported.stderr:
+        pytest.skip(reported.stderr.splitlines()[-1])
+    assert reported.stdout.splitlines()[-1] == str(digests()), reported.stderr
 
 
 @pytest.mark.parametrize("sharpness", SHARPNESS)
@@ -151,10 +151,10 @@ def test_the_pattern_of_a_mesh_is_that_of_vertices_that_share_a_triangle_however
     rows, corner = np.repeat(np.arange(500), np.diff(c.first)), c.corners
     for side, turn in enumerate((1, 2)):
         beside, slots = c.faces[corner // 3, (corner + turn) % 3], pattern.slots[:, side].astype(int)
-        told = slots < 255
-        assert np.array_equal(pattern.indices[pattern.indptr[rows] + slots][told], beside[told])
-        assert set(rows[~told]) == {3}
-        assert (np.searchsorted(pattern.indices[pattern.indptr[3] : pattern.indptr[4]], beside[~told]) >= 255).all()
+        reported = slots < 255
+        assert np.array_equal(pattern.indices[pattern.indptr[rows] + slots][reported], beside[reported])
+        assert set(rows[~reported]) == {3}
+        assert (np.searchsorted(pattern.indices[pattern.indptr[3] : pattern.indptr[4]], beside[~reported]) >= 255).all()
     cot = np.random.default_rng(2).normal(size=(len(faces), 3))
     entries = [(c.faces[:, a], c.faces[:, b], -0.5 * cot[:, 3 - a - b]) for a in range(3) for b in range(3) if a != b]
     i, j, w = (np.concatenate(part) for part in zip(*entries, strict=True))
@@ -332,5 +332,5 @@ def test_a_child_that_is_forked_after_a_mesh_was_smoothed_smooths_another_one():
     """
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "MESHFLOW_NUM_THREADS": "2"}
     command = [sys.executable, "-c", textwrap.dedent(script)]
-    told = subprocess.run(command, env=env, capture_output=True, text=True, timeout=120)
-    assert told.stdout.strip() == "well", told.stderr
+    reported = subprocess.run(command, env=env, capture_output=True, text=True, timeout=120)
+    assert reported.stdout.strip() == "well", reported.stderr

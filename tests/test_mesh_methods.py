@@ -14,7 +14,7 @@ from meshflow.evaluate.metrics import area, volume
 from meshflow.flow.blend import euler
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.methods import ConformalFlow, CurvatureFlow, Fairing, NormalFilter
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.normals import normals_at
@@ -90,7 +90,7 @@ def test_flat_irregular_meshes_rest_in_every_flow(way):
 @pytest.mark.shared
 @pytest.mark.skipif(not MESHES.exists(), reason="no ../shared/data/meshes")
 def test_what_would_only_lose_by_it_is_left_alone_and_says_so():
-    horse = read(MESHES / "irregular" / "horse.vtp").noun
+    horse = read(MESHES / "irregular" / "horse.vtp").data
     result = smooth(horse, result=True)
     assert np.array_equal(result.after.points, horse.points)
     assert "estimated to increase the error" in result.stopped_because
@@ -147,7 +147,7 @@ def test_a_method_has_no_options_of_another_and_a_constraint_no_other_words():
         PreserveVolume(by="length")
 
 
-def test_ways_of_points_are_refused_where_no_points_move():
+def test_methods_of_points_are_refused_where_no_points_move():
     z = np.random.default_rng(0).normal(size=(20, 20))
     for words in ({"method": "normal-filter"}, {"order": 2}, {"preserve": "volume"}, {"along": "normals"}):
         with pytest.raises(InputError, match="where the points of a mesh move only"):
@@ -161,11 +161,11 @@ def test_ways_of_points_are_refused_where_no_points_move():
 @pytest.mark.parametrize("path", MESSY, ids=lambda path: path.name)
 @pytest.mark.parametrize("way", BRIEF, ids=["default", "fairing", "curvature"])
 def test_messy_meshes_stay_finite_in_the_order_they_came(path, way):
-    noun = read(path).noun
-    found = smooth(noun, **parts(**way))
+    data = read(path).data
+    found = smooth(data, **parts(**way))
     assert np.isfinite(found.points).all()
-    assert np.array_equal(found.faces, noun.faces)
-    assert found.points.shape == noun.points.shape
+    assert np.array_equal(found.faces, data.faces)
+    assert found.points.shape == data.points.shape
 
 
 @pytest.mark.parametrize("boundary", ["plane-preserving", "neumann", "fixed"])
@@ -175,7 +175,7 @@ def test_the_step_in_one_loop_is_the_rate_times_dt(boundary, mass):
     points = points + 0.05 * np.random.default_rng(2).normal(size=points.shape)
     points = np.vstack([points, [[9.0, 9.0, 9.0]]])
     fixed = np.arange(len(points)) % 11 == 0
-    flow = MeshFlow(Surface(points, (faces,), fixed=fixed, boundary=boundary), Member(mass=mass))
+    flow = MeshFlow(Surface(points, (faces,), fixed=fixed, boundary=boundary), Variant(mass=mass))
     dt = 1.0 / flow.bound(points)
     assert np.abs(flow.rate(points, 0, euler(dt)) - (points + dt * flow.rate(points))).max() < 1e-13
 

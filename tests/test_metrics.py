@@ -19,11 +19,11 @@ from meshflow.synthetic import samples
 RNG = np.random.default_rng(0)
 
 
-def test_a_thing_compared_with_itself_differs_by_nothing():
+def test_a_surface_compared_with_itself_differs_by_nothing():
     z = RNG.normal(size=(8, 9)) + 5
     points, faces = shapes.sphere(200)
-    for noun in (HeightField(z), Image(np.stack([z, z], -1)), RangeImage(z, Pinhole(9, 9, 4, 4)), Mesh(points, faces)):
-        same = metrics.compare(noun, noun)
+    for data in (HeightField(z), Image(np.stack([z, z], -1)), RangeImage(z, Pinhole(9, 9, 4, 4)), Mesh(points, faces)):
+        same = metrics.compare(data, data)
         assert (same.rms, same.median, same.largest) == (0, 0, 0)
         assert same.normal_angle in (0, None)
         assert same.area_before == same.area_after > 0

@@ -203,9 +203,9 @@ def test_speeds_that_make_no_sense_are_refused(speed, said):
 
 
 def test_one_speed_for_all_is_the_same_flow_for_as_much_less_time():
-    for thing, words in (((NOISY, FACES), {"method": "curvature"}), (Z, {"gamma": 0, "contrast": 1.0})):
-        half = smooth(thing, **parts(mobility=0.5, time=0.002, stepper="explicit", dt=0.0002, **words))
-        short = smooth(thing, **parts(time=0.001, stepper="explicit", dt=0.0001, **words))
+    for data, words in (((NOISY, FACES), {"method": "curvature"}), (Z, {"gamma": 0, "contrast": 1.0})):
+        half = smooth(data, **parts(mobility=0.5, time=0.002, stepper="explicit", dt=0.0002, **words))
+        short = smooth(data, **parts(time=0.001, stepper="explicit", dt=0.0001, **words))
         assert np.allclose(half[0], short[0], atol=1e-12)
     assert (
         smooth((NOISY, FACES), method="curvature", constraints=Mobility(0.5), result=True).parameters["mobility"].value
@@ -243,18 +243,18 @@ def named():
     poly = pyvista.PolyData.from_regular_faces(NOISY, FACES)
     for data in (mesh.vertex_attributes, poly.point_data):
         data["half"], data["how"], data["flow"] = half.astype(np.uint8), speed, BALL
-    return half, [(mesh, lambda thing: np.asarray(thing.vertices)), (poly, lambda thing: np.asarray(thing.points))]
+    return half, [(mesh, lambda mesh: np.asarray(mesh.vertices)), (poly, lambda mesh: np.asarray(mesh.points))]
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["trimesh", "pyvista"])
 def test_a_region_is_named_by_an_array_of_the_object(which):
     half, things = named()
-    thing, points = things[which]
+    data, points = things[which]
     for words in ({"fixed": "half"}, {"mobility": "how"}):
-        moved = points(smooth(thing, **parts(method="curvature", **words))) != points(thing)
+        moved = points(smooth(data, **parts(method="curvature", **words))) != points(data)
         assert not moved[half].any()
         assert moved[~half].any(axis=1).all()
-    moved = points(smooth(thing, method="curvature", constraints=Mask("half"))) != points(thing)
+    moved = points(smooth(data, method="curvature", constraints=Mask("half"))) != points(data)
     assert not moved[~half].any()
     for words, said in (
         ({"mask": "hlf"}, "mask='hlf': no such array; there are half, how, flow"),
@@ -263,7 +263,7 @@ def test_a_region_is_named_by_an_array_of_the_object(which):
         ({"mask": half[:-1]}, r"mask: a mask of shape \(400,\) expected"),
     ):
         with pytest.raises(InputError, match=said):
-            smooth(thing, **parts(**words))
+            smooth(data, **parts(**words))
 
 
 def test_a_region_of_an_image_is_named_by_an_array_of_the_object():
@@ -279,7 +279,7 @@ def test_a_region_of_an_image_is_named_by_an_array_of_the_object():
         smooth(image, constraints=Fixed("stil"))
 
 
-def test_a_thing_without_names_refuses_one():
+def test_a_surface_without_names_refuses_one():
     with pytest.raises(InputError, match="mask: an array expected, got 'region'"):
         smooth(Z, constraints=Mask("region"))
 
@@ -317,7 +317,7 @@ def test_the_command_takes_the_name_of_an_attribute_in_the_file(tmp_path):
     for word, still in (("--fixed", mark), ("--mask", ~mark)):
         done = run(word, "mark")
         assert done.returncode == 0, done.stderr
-        moved = (meshflow.read(tmp_path / "o.ply").noun.points != document.noun.points).any(axis=1)
+        moved = (meshflow.read(tmp_path / "o.ply").data.points != document.data.points).any(axis=1)
         assert np.array_equal(moved, ~still)
     assert run("--mobility", "how").returncode == 0
     for word in ("--mobility", "--data-weights"):

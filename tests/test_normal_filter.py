@@ -8,7 +8,7 @@ from meshflow.errors import InputError
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.flow.controls import Until
 from meshflow.flow.march import march
-from meshflow.flow.methods.normal_filter import FacetFlow, NormalFilter
+from meshflow.flow.methods.normal_filter import NormalFilter, NormalFilterFlow
 from meshflow.geometry import normals as facets
 from meshflow.geometry.normals import mean_edge
 from meshflow.smoothing import smooth
@@ -27,7 +27,7 @@ def test_without_triangles_there_are_no_normals_and_no_edges():
 
 
 def run(points, faces, rounds=20, how=None, **more):
-    engine = FacetFlow(Surface(points, (faces,), **more), how)
+    engine = NormalFilterFlow(Surface(points, (faces,), **more), how)
     *_, last = march(engine, Until(steps=rounds))
     return last.u
 
@@ -106,19 +106,19 @@ def test_parts_do_not_touch_each_other():
     assert np.abs(found[: len(CUBE)] + 3.0 - found[len(CUBE) :]).max() < 1e-12
 
 
-def test_what_facets_are_told_is_checked():
+def test_what_the_normal_filter_is_given_is_checked():
     with pytest.raises(InputError, match="crease_contrast"):
         NormalFilter(crease_contrast=0.0)
     with pytest.raises(InputError, match="regularize: a squared length"):
         NormalFilter(regularize=-1.0)
     points, faces, _ = square(30)
     with pytest.raises(InputError, match="normal-filter: normals of triangles"):
-        FacetFlow(Surface(points, (faces,), Axes((2,))))
+        NormalFilterFlow(Surface(points, (faces,), Axes((2,))))
     with pytest.raises(InputError, match="explicit rounds"):
-        FacetFlow(Surface(points, (faces,))).system(points)
+        NormalFilterFlow(Surface(points, (faces,))).system(points)
 
 
-def test_the_result_names_the_way_and_its_origin():
+def test_the_result_names_the_method_and_its_origin():
     result = smooth((along_normals(CUBE, SIDES, 0.3), SIDES), result=True)
     assert result.parameters["method"].value == "normal-filter"
     assert result.parameters["method"].origin == "estimated"

@@ -14,9 +14,9 @@ from meshflow.synthetic.samples import CAMERA, depth_scene
 from meshflow.synthetic.solids import Ball
 
 
-def engines(image, member=None):
+def engines(image, variant=None):
     """The flow of a range image on both engines."""
-    return meshflow.MeshFlow(image.lifted(Lift()), member), meshflow.GridFlow(image.gridded(Lift()), member)
+    return meshflow.MeshFlow(image.lifted(Lift()), variant), meshflow.GridFlow(image.gridded(Lift()), variant)
 
 
 @settings(max_examples=25, deadline=None)
@@ -66,10 +66,10 @@ def test_spheres_shrink_by_the_theory_of_the_ray_flow(gamma, centre):
         cosine = -facing / np.linalg.norm(rays, axis=2)
         expected = -2.0 / radius * facing / (rays**2).sum(axis=2) * (depth / focal) ** 2 * cosine**gamma
         image = RangeImage(depth, camera, jump=None)
-        member = meshflow.Member(gamma=gamma)
+        variant = meshflow.Variant(gamma=gamma)
         middle = cosine > 0.8
         error = 0.0
-        for flow in engines(image, member):
+        for flow in engines(image, variant):
             rate = flow.rate(flow.start(), 0)[:, 0].reshape(depth.shape)
             error = max(error, np.abs(rate - expected)[middle].max() / expected[middle].max())
         errors.append(error)

@@ -47,18 +47,18 @@ def test_noise_is_fine_and_as_large_as_it_is():
 def test_what_is_out_of_reach_counts_in_the_median_and_the_disparity_alone():
     found = WALL.copy()
     found[10, 10] = 3.0
-    told = range_quality(found, WALL, CAMERA)
-    assert (told.fine, told.rms) == (0, 0)
-    assert told.inverse_rms == pytest.approx((1 / 2 - 1 / 3) / np.sqrt(WALL.size))
+    reported = range_quality(found, WALL, CAMERA)
+    assert (reported.fine, reported.rms) == (0, 0)
+    assert reported.inverse_rms == pytest.approx((1 / 2 - 1 / 3) / np.sqrt(WALL.size))
     assert range_quality(found, WALL, CAMERA, np.full(SHAPE, 2.0)).rms == pytest.approx(1 / np.sqrt(WALL.size))
 
 
 def test_missing_pixels_do_not_count_and_are_told():
     found, truth = WALL.copy(), WALL.copy()
     found[:6], truth[-6:] = np.nan, 0.0
-    told = range_quality(found, truth, CAMERA)
-    assert (told.normal_error, told.rms) == (0, 0)
-    assert told.kept == pytest.approx(48 / 54)
+    reported = range_quality(found, truth, CAMERA)
+    assert (reported.normal_error, reported.rms) == (0, 0)
+    assert reported.kept == pytest.approx(48 / 54)
 
 
 def test_both_sides_of_a_jump_are_a_jump_and_normals_there_do_not_count():

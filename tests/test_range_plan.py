@@ -1,4 +1,4 @@
-"""Range images by default: the noise of each depth, the time that follows from it, jumps, islands, frames, inverse depth."""
+"""Range images by default: the noise of each depth, the time that follows from it, jumps, components, frames, inverse depth."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from meshflow.estimate.quantization import steps_of
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Search
 from meshflow.surfaces.camera import Pinhole
-from meshflow.surfaces.discontinuities import cuts_by_noise, islands
+from meshflow.surfaces.discontinuities import cuts_by_noise, small_components
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Spherical
 from meshflow.synthetic.samples import CAMERA, depth_scene
@@ -134,7 +134,7 @@ def test_no_triangle_joins_what_a_jump_separates():
     assert np.abs(np.diff(smoothed, axis=1)[:, 39]).min() > 0.9
 
 
-def test_islands_are_dropped_on_request_only():
+def test_small_components_are_dropped_on_request_only():
     _, noisy, camera = wall(0.002)
     missing = np.zeros(noisy.shape, bool)
     missing[10:20, 10:20] = True
@@ -150,11 +150,11 @@ def test_islands_are_dropped_on_request_only():
         meshflow.smooth(image, constraints=MinComponent(100_000))
 
 
-def test_islands_hang_together_by_edges_that_are_not_cut():
+def test_components_hang_together_by_edges_that_are_not_cut():
     missing = np.zeros((4, 6), bool)
     cut = cuts_by_noise(np.where(np.arange(6) < 2, 1.0, 3.0) * np.ones((4, 1)), missing, 1e-3, np.full((4, 6), 0.01))
-    assert islands(missing, cut, 10).sum() == 8
-    assert not islands(missing, None, 10).any()
+    assert small_components(missing, cut, 10).sum() == 8
+    assert not small_components(missing, None, 10).any()
 
 
 def test_the_steps_of_a_disparity_grow_with_the_square_of_the_depth():
@@ -188,7 +188,7 @@ def test_frames_are_one_weighted_problem():
     np.testing.assert_allclose(one.mean[several], (frames.sum(axis=0) / np.maximum(one.count, 1))[several], rtol=1e-12)
     expected = 0.01 / np.sqrt(one.count[several])
     assert np.median(one.sigma[several] / expected) == pytest.approx(1.0, abs=0.15)
-    assert (one.confidence[~several] == 0).all()
+    assert (one.weights[~several] == 0).all()
     fused = meshflow.fuse(frames, camera=camera)
     alone = meshflow.smooth(np.where(several, one.mean, 0.0), camera=camera)
     np.testing.assert_array_equal(fused == 0, ~several)
@@ -204,7 +204,7 @@ def test_frames_that_are_no_sequence_are_refused(frames, words):
         meshflow.fuse(frames, camera=Pinhole(5.0, 5.0, 2.0, 2.0))
 
 
-def test_confidence_holds_pixels_where_they_are():
+def test_data_weights_hold_pixels_where_they_are():
     _, noisy, camera = wall(0.01)
     confidence = np.zeros(noisy.shape)
     confidence[20:40] = 1e6

@@ -22,15 +22,15 @@ def test_depths_of_a_file_are_metres_and_the_result_says_so(tmp_path):
     with rasterio.open(tmp_path / "a.png", "w", driver="PNG", height=40, width=48, count=1, dtype="uint16") as out:
         out.write(np.rint(1000 * DEPTH).astype(np.uint16), 1)
     for name in ("a.npy", "a.png"):
-        noun = read(tmp_path / name, camera=CAMERA).noun
-        assert noun.unit == "m"
-        result = meshflow.smooth(noun, constraints=MaxChange(0.02), result=True)
+        data = read(tmp_path / name, camera=CAMERA).data
+        assert data.unit == "m"
+        result = meshflow.smooth(data, constraints=MaxChange(0.02), result=True)
         units = {key: result.parameters[key].unit for key in ("noise", "quantum", "max_change", "time")}
         assert units == {"noise": "m", "quantum": "m", "max_change": "m", "time": "pixel footprints²"}
         assert result.data.unit == "m"
         assert " m of noise 0.0" in result.summary
         assert " m, largest " in str(result)
-    assert meshflow.smooth(noun, compute=Compute(search=True), result=True).parameters["risk"].unit == "m"
+    assert meshflow.smooth(data, compute=Compute(search=True), result=True).parameters["risk"].unit == "m"
     assert meshflow.smooth(DEPTH, camera=CAMERA, result=True).parameters["noise"].unit == ""  # nobody has said which
 
 
@@ -88,9 +88,9 @@ def test_a_picture_of_sixteen_bit_says_what_rounding_costs_beside_the_noise_that
     (tmp_path / "camera.json").write_text('{"fx": 60, "fy": 60, "cx": 23.5, "cy": 19.5}')
     np.save(tmp_path / "a.npy", 1.0 + 0.1 * (DEPTH - DEPTH.min()))
     words = ["smooth", str(tmp_path / "a.npy"), str(tmp_path / "b.png"), "--camera", str(tmp_path / "camera.json")]
-    told = CliRunner().invoke(app, words)
-    assert told.exit_code == 0, told.exception
-    assert "rounding to 1 mm errs by 0.29 mm (rms): the" in told.output
+    reported = CliRunner().invoke(app, words)
+    assert reported.exit_code == 0, reported.exception
+    assert "rounding to 1 mm errs by 0.29 mm (rms): the" in reported.output
     np.save(tmp_path / "c.npy", DEPTH)
     words[1:3] = str(tmp_path / "c.npy"), str(tmp_path / "d.png")
     assert "noise that is left" not in CliRunner().invoke(app, words).output

@@ -37,17 +37,17 @@ def test_what_was_removed_of_points_is_one_number_wherever_it_is_said():
     assert f"removed along the normals rms {rms:.4g} of noise" in result.summary
     assert f"removed      along the normals rms {rms:.6g}" in str(result)
     assert result.to_dict()["removed"]["rms"] == pytest.approx(rms)
-    told = compare(result.before, result.after).words()
-    assert told["rms along the normals"] == pytest.approx(rms)
-    assert told["rms difference"] > 1.05 * rms
+    reported = compare(result.before, result.after).words()
+    assert reported["rms along the normals"] == pytest.approx(rms)
+    assert reported["rms difference"] > 1.05 * rms
     facts = dict(found(result, "").facts)
     assert facts["removed"].startswith(f"rms {rms:.4g}, largest")
     assert facts["removed"].endswith("along the normals")
 
 
 def test_what_channels_lost_is_counted_by_channel():
-    noun = Mesh(BALL, FACES, channels=np.random.default_rng(0).normal(size=(400, 2)))
-    result = smooth(noun, time=0.01, compute=Compute(search=False), result=True)
+    data = Mesh(BALL, FACES, channels=np.random.default_rng(0).normal(size=(400, 2)))
+    result = smooth(data, time=0.01, compute=Compute(search=False), result=True)
     assert np.array_equal(result.counted, result.removed)
     assert "; removed rms" in result.summary
     assert "rms along the normals" not in compare(result.before, result.after).words()
@@ -69,13 +69,13 @@ def test_a_summary_names_what_had_an_effect():
 @pytest.mark.parametrize("options", [{"contrast": 2.0}, {"twicing": 0.5}, {"indicator": "projection"}])
 def test_options_without_effect_on_points_are_told_and_choose_no_other_method(options):
     plain = smooth((NOISY, FACES), result=True)
-    told = smooth((NOISY, FACES), method=Search(**options), result=True)
-    assert np.array_equal(told.after.points, plain.after.points)
-    assert f"{next(iter(options))}: no effect where points move" in told.warnings
+    reported = smooth((NOISY, FACES), method=Search(**options), result=True)
+    assert np.array_equal(reported.after.points, plain.after.points)
+    assert f"{next(iter(options))}: no effect where points move" in reported.warnings
 
 
 @pytest.mark.parametrize("words", [{"method": "heat"}, {"gamma": -1.0}, {"sharpness": 2.0}, {"method": "perona-malik"}])
-def test_members_of_grids_say_that_they_have_no_effect_on_points(words):
+def test_variants_of_grids_say_that_they_have_no_effect_on_points(words):
     result = smooth((NOISY, FACES), **parts(time=0.01, **words), result=True)
     plain = smooth((NOISY, FACES), time=0.01, result=True)
     (warning,) = [warning for warning in result.warnings if "no effect where points move" in warning]

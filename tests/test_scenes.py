@@ -139,14 +139,14 @@ def test_a_missing_sample_counts_nowhere():
     assert (found.rms, found.normal_error) == (0, 0)
 
 
-def _told(z, sigma, factor, power, way):
+def _reported(z, sigma, factor, power, way):
     return sigma * np.array([factor, power, 1.0 if way == "up" else -1.0])
 
 
 ECHO = Peer(
     "echo",
     "numpy",
-    _told,
+    _reported,
     {"factor": tuple(range(1, 22)), "power": (0.5, 1.0, 1.5, 2.0), "way": ("down", "up")},
     frozenset({("factor", 21)}),
 )
@@ -154,7 +154,7 @@ ECHO = Peer(
 
 def test_a_search_finds_the_best_of_its_grid_and_says_when_that_is_on_the_edge():
     def found(factor, power):
-        return tuned(ECHO, np.ones((2, 2)), 2.0, lambda told: rms(told / 2 - [factor, power, 1.0]))
+        return tuned(ECHO, np.ones((2, 2)), 2.0, lambda reported: rms(reported / 2 - [factor, power, 1.0]))
 
     inside = found(14, 1.0)
     assert (inside.error, inside.choice, inside.edge) == (0, {"factor": 14, "power": 1.0, "way": "up"}, ())

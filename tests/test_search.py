@@ -10,12 +10,12 @@ from helpers.parts import parts
 
 import meshflow
 from meshflow.estimate.constraints import Mask, MaxChange
-from meshflow.estimate.risk import TWICE, Candidate, Trial, risk_curves
+from meshflow.estimate.reported import expected_error
+from meshflow.estimate.risk import TWICE, Candidate, Configuration, risk_curves
 from meshflow.estimate.search import _tiled
-from meshflow.estimate.told import expected_error
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.grid import GridFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS, Beltrami, PeronaMalik
 from meshflow.flow.stops import Residual, Steps
 from meshflow.surfaces.grid import Lift
@@ -32,25 +32,27 @@ def rms(a):
     return float(np.sqrt(np.mean(np.square(a))))
 
 
-@pytest.mark.parametrize("member", [Member(patch=0.7), Member(-1.0, 2.0)], ids=["patches", "perona-malik"])
-def test_the_estimated_risk_is_the_error_that_is_made(member):
+@pytest.mark.parametrize("variant", [Variant(patch=0.7), Variant(-1.0, 2.0)], ids=["patches", "perona-malik"])
+def test_the_estimated_risk_is_the_error_that_is_made(variant):
     truth, z = noisy()
-    lattice = HeightField(z).gridded(Lift(0.8))
+    grid = HeightField(z).gridded(Lift(0.8))
     probe = np.random.default_rng(1).choice([-1.0, 1.0], size=(z.size, 1))
     twin = HeightField(z + 0.2 * probe.reshape(z.shape)).gridded(Lift(0.8))
-    pair = GridFlow(lattice, member), GridFlow(twin, member)
+    pair = GridFlow(grid, variant), GridFlow(twin, variant)
     times = (0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
     curves = risk_curves(pair, probe, 2.0, times, np.ones(z.size, bool), (0.0, 1.0), patient=True)
     for i, time in tuple(enumerate(times))[::2]:
         smoothed = meshflow.smooth(
             z,
-            method=Beltrami(gamma=member.gamma, sharpness=member.sharpness, patch=member.patch, contrast=0.8),
+            method=Beltrami(gamma=variant.gamma, sharpness=variant.sharpness, patch=variant.patch, contrast=0.8),
             time=time,
         )
         assert curves[0.0][i + 1] == pytest.approx(rms(smoothed - truth) ** 2, abs=0.25)
     again = meshflow.smooth(
         z,
-        method=Beltrami(gamma=member.gamma, sharpness=member.sharpness, patch=member.patch, contrast=0.8, twicing=1.0),
+        method=Beltrami(
+            gamma=variant.gamma, sharpness=variant.sharpness, patch=variant.patch, contrast=0.8, twicing=1.0
+        ),
         time=2.0,
     )
     assert curves[1.0][7] == pytest.approx(rms(again - truth) ** 2, abs=0.25)
@@ -72,7 +74,7 @@ def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
 
 
 def test_an_error_estimated_below_zero_is_told_as_what_it_is():
-    plain = Trial(Candidate(Member(), 1.0), (0.0, 1.0), (4.0, 1.0))
+    plain = Candidate(Configuration(Variant(), 1.0), (0.0, 1.0), (4.0, 1.0))
     assert expected_error(plain, "m").why == "root mean square error to be expected"
     below = expected_error(replace(plain, squares=(4.0, -0.1)), "m")
     assert below.value == 0.0
@@ -82,7 +84,7 @@ def test_an_error_estimated_below_zero_is_told_as_what_it_is():
 def test_the_least_risk_lies_between_the_times_looked_at():
     times = (0.0, 1.0, 4.0, 9.0)
     squares = tuple(2.0 + (t**0.5 - 1.7) ** 2 for t in times)
-    time, square = Trial(Candidate(Member(), 1.0), times, squares).least
+    time, square = Candidate(Configuration(Variant(), 1.0), times, squares).least
     assert time == pytest.approx(1.7**2)
     assert square == pytest.approx(2.0)
 
@@ -98,8 +100,8 @@ def test_a_search_on_tiles_chooses_what_a_search_on_all_would(monkeypatch):
 def test_tiles_keep_the_samples_their_spacing_and_their_holes():
     z = np.random.default_rng(0).normal(size=(300, 400))
     missing = z > 2
-    lattice = HeightField(z, (np.linspace(1, 2, 300), 1.5), missing).gridded(Lift())
-    tiles, cut, limit = _tiled(lattice, np.abs(z)[None], 20_000, 4)
+    grid = HeightField(z, (np.linspace(1, 2, 300), 1.5), missing).gridded(Lift())
+    tiles, cut, limit = _tiled(grid, np.abs(z)[None], 20_000, 4)
     there = ~tiles.missing & ~cut
     assert there.sum() < 20_000
     assert np.isin(tiles.planes[0][there], z).all()
@@ -118,17 +120,17 @@ def test_what_is_given_is_held_and_what_is_not_is_found():
     result = meshflow.smooth(z, time=3.0, result=True)
     assert (result.end.time, result.parameters["time"].origin) == (3.0, "given")
     assert result.parameters["gamma"].origin == "estimated"
-    assert {trial.times for trial in result.candidates} == {(3.0,)}
+    assert {candidate.times for candidate in result.candidates} == {(3.0,)}
     result = meshflow.smooth(z, method=PeronaMalik(contrast=0.7), result=True)
     assert result.parameters["sharpness"].value == 2
-    assert {trial.candidate.contrast for trial in result.candidates} == {0.7}
+    assert {candidate.configuration.contrast for candidate in result.candidates} == {0.7}
     result = meshflow.smooth(z, compute=Compute(search=False), result=True)
     assert not result.candidates
     assert (result.end.time, result.parameters["time"].why) == (7.5, "7.5 h²")
     assert meshflow.smooth(z, stop=Steps(2), result=True).end.step == 2
 
 
-def test_every_name_of_a_member_is_one_and_runs():
+def test_every_name_of_a_variant_is_one_and_runs():
     _, z = noisy(n=48)
     names = [kind.word for kind in HEIGHT_METHODS]
     assert [*METHODS] == ["search", "quick", *names, *(kind.word for kind in POINT_METHODS)]
@@ -194,8 +196,8 @@ def test_a_result_tells_every_parameter_with_unit_and_origin():
     _, z = noisy(n=64)
     z[3:9, 10:20] = np.nan
     result = meshflow.smooth(z, result=True)
-    told = json.loads(result.to_json())
-    assert set(told["parameters"]) >= {
+    reported = json.loads(result.to_json())
+    assert set(reported["parameters"]) >= {
         "noise",
         "gamma",
         "sharpness",
@@ -205,13 +207,13 @@ def test_a_result_tells_every_parameter_with_unit_and_origin():
         "boundary",
         "diagonals",
     }
-    assert {entry["origin"] for entry in told["parameters"].values()} <= {"given", "estimated", "default"}
-    assert told["noise"]["sigma"] == pytest.approx(2.0, rel=0.1)
-    assert told["history"][0]["change"] == 0
-    areas = [moment["area"] for moment in told["history"]]
+    assert {entry["origin"] for entry in reported["parameters"].values()} <= {"given", "estimated", "default"}
+    assert reported["noise"]["sigma"] == pytest.approx(2.0, rel=0.1)
+    assert reported["history"][0]["change"] == 0
+    areas = [moment["area"] for moment in reported["history"]]
     assert areas[1] < areas[0]
-    assert told["candidates"][0]["risk"] == min(entry["risk"] for entry in told["candidates"])
-    assert told["removed"]["rms"] == pytest.approx(np.sqrt(np.nanmean((z - result.data) ** 2)))
+    assert reported["candidates"][0]["risk"] == min(entry["risk"] for entry in reported["candidates"])
+    assert reported["removed"]["rms"] == pytest.approx(np.sqrt(np.nanmean((z - result.data) ** 2)))
     text = str(result)
     for word in ("noise", "contrast", "estimated", "removed", "candidates"):
         assert word in text
@@ -229,20 +231,20 @@ def test_every_number_has_the_unit_of_the_data_and_what_was_given_is_listed():
     z = np.add.outer(np.arange(32.0), np.zeros(32)) + np.random.default_rng(0).normal(size=(32, 32))
     still = np.zeros(z.shape, bool)
     still[0, :3] = True
-    told = meshflow.smooth(
+    reported = meshflow.smooth(
         meshflow.HeightField(z, 10.0, unit="m", fixed=still),
         method="perona-malik",
         stop=Residual(0.9),
         constraints=[Mask(~still), MaxChange(3.0)],
         result=True,
     ).parameters
-    assert {name: told[name].unit for name in ("noise", "quantum", "max_change", "time")} == {
+    assert {name: reported[name].unit for name in ("noise", "quantum", "max_change", "time")} == {
         "noise": "m", "quantum": "m", "max_change": "m", "time": "m²",
     }  # fmt: skip
-    assert (told["method"].value, told["method"].origin) == ("perona-malik", "given")
-    assert (told["residual"].value, told["residual"].unit) == (0.9, "of sigma")
-    assert told["fixed"].value == "3 of 1024 samples stay"
-    assert told["mask"].value == "1021 of 1024 samples may move"
+    assert (reported["method"].value, reported["method"].origin) == ("perona-malik", "given")
+    assert (reported["residual"].value, reported["residual"].unit) == (0.9, "of sigma")
+    assert reported["fixed"].value == "3 of 1024 samples stay"
+    assert reported["mask"].value == "1021 of 1024 samples may move"
 
 
 def test_where_nothing_may_move_the_reason_says_so():

@@ -47,7 +47,7 @@ def test_the_terrain_has_a_crs_whole_metres_ragged_holes_and_two_metres_of_noise
         assert raster.res == (10.0, 10.0)
         missing = raster.read(1) == -9999
     assert 0.03 < missing.mean() < 0.3
-    noisy, truth = meshflow.read(DATA / "terrain.tif").noun, meshflow.read(DATA / "terrain_truth.tif").noun
+    noisy, truth = meshflow.read(DATA / "terrain.tif").data, meshflow.read(DATA / "terrain_truth.tif").data
     error = (noisy.z - truth.z)[~noisy.missing]
     assert abs(error.std() - np.hypot(2.0, 1 / np.sqrt(12))) < 0.05  # noise and rounding
 
@@ -56,7 +56,7 @@ def test_the_scene_is_in_millimetres_and_lacks_what_nothing_was_seen_of():
     camera = DATA / "scene_camera.json"
     with rasterio.open(DATA / "scene_depth.png") as raster:
         assert (raster.width, raster.height, raster.dtypes) == (320, 240, ("uint16",))
-    noisy, truth = (meshflow.read(DATA / name, camera=camera).noun for name in ("scene_depth.png", "scene_truth.tif"))
+    noisy, truth = (meshflow.read(DATA / name, camera=camera).data for name in ("scene_depth.png", "scene_truth.tif"))
     assert (noisy.camera.fx, noisy.camera.cx, noisy.camera.cy) == (300.0, 159.5, 119.5)
     assert np.array_equal(noisy.missing, truth.missing)
     seen = ~truth.missing
@@ -64,10 +64,10 @@ def test_the_scene_is_in_millimetres_and_lacks_what_nothing_was_seen_of():
 
 
 def test_the_shape_and_the_picture_have_the_noise_that_they_say():
-    noisy, truth = (meshflow.read(DATA / f"shape_{name}.ply").noun for name in ("noisy", "truth"))
+    noisy, truth = (meshflow.read(DATA / f"shape_{name}.ply").data for name in ("noisy", "truth"))
     assert np.array_equal(noisy.faces, truth.faces)
     assert compare(noisy, truth).rms == pytest.approx(0.01, rel=0.03)
-    noisy, truth = (meshflow.read(DATA / name).noun for name in ("picture.png", "picture_truth.png"))
+    noisy, truth = (meshflow.read(DATA / name).data for name in ("picture.png", "picture_truth.png"))
     assert compare(noisy, truth).rms == pytest.approx(12.0, rel=0.03)
 
 

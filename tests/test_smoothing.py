@@ -86,9 +86,9 @@ def test_channels_of_a_mesh_are_smoothed_on_a_surface_that_stays():
 
 def test_options_go_to_the_part_that_they_steer():
     _, z = noisy_plane()
-    noun = meshflow.HeightField(z)
+    data = meshflow.HeightField(z)
     outcome = run(
-        noun,
+        data,
         Request.of(
             method=Beltrami(gamma=1.0, contrast=2.0),
             time=1.0,
@@ -164,34 +164,34 @@ def test_what_makes_no_sense_is_refused_in_words(call, words):
 @shared
 @pytest.mark.parametrize("path", sorted((SHARED / "meshes/messy").glob("*")), ids=lambda p: p.name)
 def test_every_messy_mesh_gives_a_finite_result(path):
-    noun = meshflow.read(path).noun
+    data = meshflow.read(path).data
     for stepper in ("explicit", "semi-implicit"):
         outcome = run(
-            noun,
+            data,
             Request.of(
-                stop=Steps(3), compute=Compute(stepper=stepper, dt=None if stepper == "explicit" else noun.step**2)
+                stop=Steps(3), compute=Compute(stepper=stepper, dt=None if stepper == "explicit" else data.step**2)
             ),
         )
         assert np.isfinite(outcome.after.points).all()
-        assert np.array_equal(outcome.after.faces, noun.faces)
+        assert np.array_equal(outcome.after.faces, data.faces)
         assert outcome.end.largest > 0 or outcome.start.area == 0
 
 
 @pytest.mark.shared
 @shared
 def test_the_horse_with_its_slivers_is_smoothed_in_one_call():
-    noun = meshflow.read(SHARED / "meshes/irregular/horse.vtp").noun
-    outcome = run(noun, Request.of(method="curvature"))
+    data = meshflow.read(SHARED / "meshes/irregular/horse.vtp").data
+    outcome = run(data, Request.of(method="curvature"))
     assert np.isfinite(outcome.after.points).all()
     assert outcome.end.area < outcome.start.area
-    assert np.abs(outcome.after.points - noun.points).max() < 20 * noun.step
+    assert np.abs(outcome.after.points - data.points).max() < 20 * data.step
 
 
 @pytest.mark.shared
 @shared
 def test_quantisation_of_a_real_terrain_is_reduced_against_the_truth():
-    coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").noun
-    truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").noun.z
+    coarse = meshflow.read(SHARED / "dem/mola_olympus_crop_q200m_derived.tif").data
+    truth = meshflow.read(SHARED / "dem/mola_olympus_crop_derived.tif").data.z
     smoothed = run(coarse, Request.of(method=Search(contrast=coarse.step / 115), time=coarse.step**2)).after.z
     before, after = (np.sqrt(np.mean((z.astype(float) - truth) ** 2)) for z in (coarse.z, smoothed))
     assert before == pytest.approx(57.3, abs=0.1)
@@ -201,7 +201,7 @@ def test_quantisation_of_a_real_terrain_is_reduced_against_the_truth():
 @pytest.mark.shared
 @shared
 def test_a_ragged_mask_of_missing_samples_is_the_same_afterwards():
-    before = meshflow.read(SHARED / "dem/SainteHelens.dem").noun
+    before = meshflow.read(SHARED / "dem/SainteHelens.dem").data
     after = run(before, Request.of(stop=Steps(5))).after
     assert before.missing.sum() == 4151
     assert np.array_equal(after.missing, before.missing)

@@ -190,12 +190,12 @@ def test_the_rest_is_where_smoothness_and_data_pull_alike():
     from meshflow.flow.blend import euler
     from meshflow.flow.constraints import Faithful, trust_of
     from meshflow.flow.engines.grid import GridFlow
-    from meshflow.flow.family import Member
+    from meshflow.flow.family import Variant
     from meshflow.surfaces.grid import Lift
     from meshflow.surfaces.height_field import HeightField
 
     _, z = noisy(24)
-    flow = GridFlow(HeightField(z).gridded(Lift(0.7, "both")), Member(-1.0))
+    flow = GridFlow(HeightField(z).gridded(Lift(0.7, "both")), Variant(-1.0))
     held = Faithful(flow, trust_of(0.25, z.shape, z.size, 0.7))
     u = held.start()
     for _ in range(6000):

@@ -9,7 +9,7 @@ from meshflow.flow.compute import Compute
 from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.march import march
 from meshflow.flow.methods import Search
 from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime, stepper_for
@@ -33,9 +33,9 @@ def end(flow, time, stepper, dt):
 @pytest.mark.parametrize("engine", [GridFlow, MeshFlow])
 def test_the_observed_order_is_that_of_the_scheme(order, engine):
     z, h = waves(16)
-    noun, lift = HeightField(z, h), Lift(diagonals="both")
-    grid = GridFlow(noun.gridded(lift))
-    flow = grid if engine is GridFlow else MeshFlow(noun.lifted(lift))
+    data, lift = HeightField(z, h), Lift(diagonals="both")
+    grid = GridFlow(data.gridded(lift))
+    flow = grid if engine is GridFlow else MeshFlow(data.lifted(lift))
     time = 30 * h**2
     truth = end(grid, time, SuperTime(2), time / 512)  # of the engine that is fast; both agree to rounding
     errors = [np.abs(end(flow, time, SuperTime(order), time / n) - truth).max() for n in (8, 16, 32)]
@@ -48,8 +48,8 @@ def test_the_observed_order_is_that_of_the_scheme(order, engine):
 @pytest.mark.parametrize("diagonals", ["forward", "both", "alternate"])
 def test_steps_as_long_as_the_stages_claim_are_stable_on_white_noise(order, s, diagonals):
     z = 3 * np.random.default_rng(0).normal(size=(48, 48))
-    for member in (Member(), Member(1.0), Member(-1.0, 1.5), Member(-1.0, 2.0)):
-        flow = GridFlow(HeightField(z).gridded(Lift(1.0, diagonals, "neumann")), member)
+    for variant in (Variant(), Variant(1.0), Variant(-1.0, 1.5), Variant(-1.0, 2.0)):
+        flow = GridFlow(HeightField(z).gridded(Lift(1.0, diagonals, "neumann")), variant)
         dt = Explicit().largest(flow, flow.start()) * reach(order, s)
         states = list(march(flow, Until(steps=8), SuperTime(order, s), FixedStep(dt)))
         spread = [np.std(state.u) for state in states]
@@ -98,12 +98,12 @@ def test_the_embedded_error_is_the_error_to_its_order(order, s):
         assert found == pytest.approx(np.exp(z) - last, rel=0.6 * abs(z))
 
 
-@pytest.mark.parametrize("member", [Member(), Member(1.0), Member(-1.0, 1.5), Member(-1.0, 2.0)], ids=str)
-def test_super_time_arrives_where_small_explicit_steps_do(member):
+@pytest.mark.parametrize("variant", [Variant(), Variant(1.0), Variant(-1.0, 1.5), Variant(-1.0, 2.0)], ids=str)
+def test_super_time_arrives_where_small_explicit_steps_do(variant):
     rng = np.random.default_rng(1)
     truth = np.kron(rng.integers(0, 6, (6, 6)) * 12.0, np.ones((16, 16)))
     z = truth + rng.normal(size=truth.shape)
-    flow = GridFlow(HeightField(z).gridded(Lift(1.5)), member)
+    flow = GridFlow(HeightField(z).gridded(Lift(1.5)), variant)
     states = list(march(flow, Until(time=7.5), "super-time"))
     small = end(flow, 7.5, Explicit(), 1 / 24)
     away = np.std(states[-1].u - small)
@@ -115,7 +115,7 @@ def test_super_time_arrives_where_small_explicit_steps_do(member):
 
 def test_steps_grow_as_the_flow_slows_down():
     z = np.random.default_rng(2).normal(size=(64, 64))
-    flow = GridFlow(HeightField(z).gridded(Lift(3.0)), Member(-1.0, 1.5))
+    flow = GridFlow(HeightField(z).gridded(Lift(3.0)), Variant(-1.0, 1.5))
     states = list(march(flow, Until(time=60.0), "super-time"))
     dts = [state.dt for state in states[1:]]
     assert dts[0] == pytest.approx(1 / 6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshflow.errors import InputError
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.free import Axes, Rays
 from meshflow.surfaces.grid import Lift
@@ -21,7 +21,7 @@ CAMERA = Pinhole(100, 100, 2, 2)
 RNG = np.random.default_rng(0)
 
 
-def nouns(dtype):
+def surfaces(dtype):
     z = RNG.normal(size=(6, 7)) + 5
     z[2, 3] = np.nan
     points = RNG.normal(size=(9, 3)).astype(dtype)
@@ -38,34 +38,36 @@ def nouns(dtype):
     ]
 
 
-def test_a_noun_tells_its_size_and_not_its_numbers():
-    told = [repr(noun) for noun in (*nouns(np.float32), RangeImage(np.ones((40, 50)), Scanner(np.ones((40, 50, 3)))))]
-    assert all(len(words) < 130 and "array" not in words for words in told), told
-    assert told[0] == "HeightField(7 x 6 float32, spacing 2.44949, 1 missing)"
-    assert told[3] == "RangeImage(7 x 6 float32, fx 100, fy 100, cx 2, cy 2 pixels, 1 missing)"
-    assert told[5] == "Mesh(9 points in R^3 float32, 3 triangles, 4 channels, channels move)"
+def test_a_data_object_tells_its_size_and_not_its_numbers():
+    reported = [
+        repr(data) for data in (*surfaces(np.float32), RangeImage(np.ones((40, 50)), Scanner(np.ones((40, 50, 3)))))
+    ]
+    assert all(len(words) < 130 and "array" not in words for words in reported), reported
+    assert reported[0] == "HeightField(7 x 6 float32, spacing 2.44949, 1 missing)"
+    assert reported[3] == "RangeImage(7 x 6 float32, fx 100, fy 100, cx 2, cy 2 pixels, 1 missing)"
+    assert reported[5] == "Mesh(9 points in R^3 float32, 3 triangles, 4 channels, channels move)"
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_lowering_what_did_not_move_gives_back_every_bit(dtype):
-    for noun in nouns(dtype):
-        lift = Lift(contrast=1.0 if isinstance(noun, RangeImage) or getattr(noun, "moves", "") == "points" else 0.37)
-        back = noun.lowered(noun.lifted(lift).start)
+    for data in surfaces(dtype):
+        lift = Lift(contrast=1.0 if isinstance(data, RangeImage) or getattr(data, "moves", "") == "points" else 0.37)
+        back = data.lowered(data.lifted(lift).start)
         for name in ("z", "values", "depth", "points", "channels"):
-            if getattr(noun, name, None) is not None:
-                before, after = getattr(noun, name), getattr(back, name)
+            if getattr(data, name, None) is not None:
+                before, after = getattr(data, name), getattr(back, name)
                 assert before.dtype == after.dtype == dtype
                 assert before.tobytes() == after.tobytes()
 
 
 def test_lowering_a_shift_shifts_the_valid_samples_and_no_others():
-    for noun, name, lift in [
-        (nouns(np.float64)[0], "z", Lift(4.0)),
-        (nouns(np.float64)[2], "values", Lift(4.0)),
-        (nouns(np.float64)[3], "depth", Lift()),
+    for data, name, lift in [
+        (surfaces(np.float64)[0], "z", Lift(4.0)),
+        (surfaces(np.float64)[2], "values", Lift(4.0)),
+        (surfaces(np.float64)[3], "depth", Lift()),
     ]:
-        after = getattr(noun.lowered(noun.lifted(lift).start + 1.0), name)
-        before, gone = getattr(noun, name), noun.missing
+        after = getattr(data.lowered(data.lifted(lift).start + 1.0), name)
+        before, gone = getattr(data, name), data.missing
         assert np.allclose(after[~gone], before[~gone] + 1.0)
         assert np.array_equal(after[gone], before[gone], equal_nan=True)
 
@@ -73,9 +75,9 @@ def test_lowering_a_shift_shifts_the_valid_samples_and_no_others():
 def test_nothing_of_the_callers_is_changed():
     z = RNG.normal(size=(6, 7))
     z.flags.writeable = False
-    noun = HeightField(z)
-    lifted = noun.lifted(Lift(2.0))
-    noun.lowered(lifted.start + 3)
+    data = HeightField(z)
+    lifted = data.lifted(Lift(2.0))
+    data.lowered(lifted.start + 3)
     lifted.start[:] = 0
     assert not np.shares_memory(lifted.points, z)
 
@@ -94,9 +96,9 @@ def test_nothing_of_the_callers_is_changed():
 )
 def test_any_real_array_of_two_dimensions_is_a_height_field(make):
     z = RNG.integers(0, 2, (5, 6)).astype(float)
-    noun = HeightField(make(z))
-    assert noun.z.dtype in (np.float32, np.float64)
-    assert np.array_equal(noun.z, z)
+    data = HeightField(make(z))
+    assert data.z.dtype in (np.float32, np.float64)
+    assert np.array_equal(data.z, z)
 
 
 def test_masked_nan_infinite_and_named_samples_are_all_missing():
@@ -207,10 +209,10 @@ BAD = [
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), time_factor=np.ones(2)), r"time factor: shape \(3,\)"),
     (lambda: Lift(contrast=np.inf), "contrast: a positive finite number"),
     (lambda: HeightField(np.ones((3, 3))).lifted(Lift(diagonals="cross")), "diagonals: one of forward, backward"),
-    (lambda: Member(gamma=np.nan), "gamma: a finite number"),
-    (lambda: Member(indicator="slope"), "metric or projection expected"),
-    (lambda: Member(mass="lumped"), "barycentric, voronoi or ring expected"),
-    (lambda: Member(floor=2), r"floor: a number in \(0, 1\]"),
+    (lambda: Variant(gamma=np.nan), "gamma: a finite number"),
+    (lambda: Variant(indicator="slope"), "metric or projection expected"),
+    (lambda: Variant(mass="lumped"), "barycentric, voronoi or ring expected"),
+    (lambda: Variant(floor=2), r"floor: a number in \(0, 1\]"),
 ]
 
 

@@ -7,7 +7,7 @@ from meshflow.flow.blend import euler
 from meshflow.flow.conjugate_gradients import conjugate_gradients
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import metric_of
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import blocked
@@ -33,7 +33,7 @@ def test_blocks_move_points_as_the_operator_says(mass, boundary):
     rng = np.random.default_rng(5)
     points, faces = scrambled(rng)
     held = rng.random(len(points)) < 0.1
-    flow = MeshFlow(Surface(points, (faces,), boundary=boundary, fixed=held), Member(mass=mass))
+    flow = MeshFlow(Surface(points, (faces,), boundary=boundary, fixed=held), Variant(mass=mass))
     blocks = blocked(points, faces, operator.mass_kind(mass), held)
     assert blocks is not None
     assert len(blocks.owned) > 4

@@ -84,10 +84,10 @@ def test_the_command_tells_the_difference_of_the_colours_of_two_files(tmp_path):
         mesh.export(name)
     done = CliRunner().invoke(app, ["compare", *map(str, names), "--json"])
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told["rms difference"] == 0
-    assert told["rms difference of colours"] == pytest.approx(60.0 * np.sqrt(UPPER.mean()))
-    assert "colours differ" in str(told) + done.stderr
+    reported = json.loads(done.stdout)
+    assert reported["rms difference"] == 0
+    assert reported["rms difference of colours"] == pytest.approx(60.0 * np.sqrt(UPPER.mean()))
+    assert "colours differ" in str(reported) + done.stderr
 
 
 @pytest.mark.needs_gl
@@ -97,9 +97,9 @@ def test_a_picture_shows_where_colours_differ(tmp_path):
     for name, mesh in (("a.ply", coloured()), ("b.ply", coloured(darker()))):
         mesh.export(tmp_path / name)
     one, other = (meshflow.read(tmp_path / name) for name in ("a.ply", "b.ply"))
-    told = compare(one, other, tmp_path / "a.png", size=(640, 480))
-    assert "colours differ" in " ".join(told.notes)
-    picture = imread(told.path)[260:430, 20:310]
+    reported = compare(one, other, tmp_path / "a.png", size=(640, 480))
+    assert "colours differ" in " ".join(reported.notes)
+    picture = imread(reported.path)[260:430, 20:310]
     # the last colour of the map is 0.28 redder than it is blue, and light adds nothing to it
     red, grey = (picture[..., 0] - picture[..., 2] > 0.2).mean(), (np.ptp(picture[..., :3], axis=2) < 0.05).mean()
     assert red > 0.1

@@ -41,14 +41,14 @@ def frames(path):
         return pictures
 
 
-def test_states_begin_with_the_thing_and_end_with_what_smoothing_gives():
-    times, nouns = zip(*states(ROUGH, GIVEN, 5), strict=True)
+def test_states_begin_with_the_data_and_end_with_what_smoothing_gives():
+    times, surfaces = zip(*states(ROUGH, GIVEN, 5), strict=True)
     np.testing.assert_allclose(times, 2.0 * (np.arange(5) / 4) ** 2)
-    np.testing.assert_array_equal(nouns[0].z, ROUGH.z)
-    np.testing.assert_allclose(nouns[-1].z, run(ROUGH, GIVEN).after.z, atol=0.03)  # other steps
+    np.testing.assert_array_equal(surfaces[0].z, ROUGH.z)
+    np.testing.assert_allclose(surfaces[-1].z, run(ROUGH, GIVEN).after.z, atol=0.03)  # other steps
     steps = [
-        noun.z
-        for _, noun in states(
+        data.z
+        for _, data in states(
             ROUGH, Request.of(method="heat", stop=Steps(8), compute=Compute(stepper="explicit", dt=0.1)), 3
         )
     ]
@@ -77,12 +77,12 @@ def test_what_takes_one_step_is_stepped_afresh_for_each_state():
 
 
 def test_a_film_shows_the_noise_go_and_the_last_frame_stay(tmp_path):
-    told = film(ROUGH, tmp_path / "a.gif", count=5, request=GIVEN, size=SIZE)
-    shown = frames(told.path)
+    reported = film(ROUGH, tmp_path / "a.gif", count=5, request=GIVEN, size=SIZE)
+    shown = frames(reported.path)
     assert len(shown) == 5
     rough = [np.abs(np.diff(picture[60:180, 60:250], axis=1)).mean() for picture in shown]
     assert rough[0] > 2 * rough[-1]
-    with Pillow.open(told.path) as file:
+    with Pillow.open(reported.path) as file:
         file.seek(4)
         assert file.info["duration"] > 1000
 
@@ -103,8 +103,8 @@ def test_the_time_in_a_frame_is_a_number_in_full_with_its_unit(tmp_path, monkeyp
 
 
 def test_colours_of_a_film_are_the_same_in_all_frames(tmp_path):
-    told = film(ROUGH, tmp_path / "a.png.gif", count=4, request=Request.of(time=2.0), quantity="removed", size=SIZE)
-    shown = frames(told.path)
+    reported = film(ROUGH, tmp_path / "a.png.gif", count=4, request=Request.of(time=2.0), quantity="removed", size=SIZE)
+    shown = frames(reported.path)
     bars = [picture[208:230] for picture in shown]
     assert np.abs(bars[0] - bars[-1]).max() < 12
     assert np.ptp(shown[-1][60:150], axis=2).max() > np.ptp(shown[0][60:150], axis=2).max() + 40
@@ -120,8 +120,8 @@ def test_images_and_range_images_are_filmed_as_they_are(tmp_path):
 def test_an_mp4_holds_all_frames(tmp_path):
     imageio = pytest.importorskip("imageio")
     pytest.importorskip("imageio_ffmpeg")
-    told = film(ROUGH, tmp_path / "a.mp4", count=4, rate=4.0, request=Request.of(time=2.0), size=(321, 241))
-    with imageio.get_reader(told.path) as reader:
+    reported = film(ROUGH, tmp_path / "a.mp4", count=4, rate=4.0, request=Request.of(time=2.0), size=(321, 241))
+    with imageio.get_reader(reported.path) as reader:
         assert reader.count_frames() == 4 + 6  # the last one stays for a second and a half
         assert reader.get_data(0).shape == (240, 320, 3)
 
@@ -130,10 +130,10 @@ def test_an_mp4_holds_all_frames(tmp_path):
 def test_a_camera_that_turns_keeps_the_whole_surface_in_its_frame(tmp_path):
     sphere = shapes.sphere(3)
     mesh = Mesh(sphere.points * (1.0, 1.0, 2.0), sphere.faces)
-    told = film(
+    reported = film(
         mesh, tmp_path / "a.gif", count=3, turn=90.0, request=Request.of(time=1e-4, method="curvature"), size=SIZE
     )
-    shown = frames(told.path)
+    shown = frames(reported.path)
     for picture in shown:
         body = (picture[40:190] < 240).all(axis=2)
         assert 0.02 < body.mean() < 0.5
@@ -151,8 +151,8 @@ def test_who_walks_around_a_terrain_sees_it_from_there():
 
 @pytest.mark.parametrize("name", ["a.gif", "a.png"])
 def test_a_picture_that_blinks_has_two_frames(tmp_path, name):
-    told = compare(ROUGH, HeightField(np.zeros((40, 50))), tmp_path / name, arrange="blink", size=SIZE)
-    one, other = frames(told.path)
+    reported = compare(ROUGH, HeightField(np.zeros((40, 50))), tmp_path / name, arrange="blink", size=SIZE)
+    one, other = frames(reported.path)
     assert np.abs(one - other).max() > 30
     assert (one[:30, :12] == 255).all()
     assert (other[:30, :12] == 255).all()

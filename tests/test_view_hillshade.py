@@ -36,8 +36,8 @@ def plane(east=0.0, north=0.0, shape=(12, 15)):
     return HeightField(1.0 * east * columns - north * rows)
 
 
-def shade(noun, **look):
-    return hillshade.shaded(geometry_of(noun, Look()), noun.missing.shape, Look(**look))
+def shade(data, **look):
+    return hillshade.shaded(geometry_of(data, Look()), data.missing.shape, Look(**look))
 
 
 def panels(path, aspect, look):
@@ -99,11 +99,11 @@ def test_a_large_grid_is_thinned_in_place_and_says_so():
     step, _, notes = drawable(plane(1.0, 0.5, (30, 2100)), Look())
     assert step == 3
     assert "every 3rd sample" in notes
-    for noun in (plane(1.0, 0.5), RangeImage(1 + 0.01 * plane(1.0).z, CAMERA)):
-        whole, thin = geometry_of(noun, Look()), geometry_of(noun, Look(), step=2)
-        grid = np.full((noun.missing.size, 3), np.nan)
+    for data in (plane(1.0, 0.5), RangeImage(1 + 0.01 * plane(1.0).z, CAMERA)):
+        whole, thin = geometry_of(data, Look()), geometry_of(data, Look(), step=2)
+        grid = np.full((data.missing.size, 3), np.nan)
         grid[whole.samples] = whole.points
-        kept = np.arange(noun.missing.size).reshape(noun.missing.shape)[::2, ::2].ravel()[thin.samples]
+        kept = np.arange(data.missing.size).reshape(data.missing.shape)[::2, ::2].ravel()[thin.samples]
         np.testing.assert_allclose(thin.points, grid[kept], atol=1e-12)
 
 
@@ -128,9 +128,9 @@ def test_two_panels_differ_where_the_data_differ_and_the_third_says_how(tmp_path
     z[20:40, 60:80] += 1.0
     z[20:40, 10:30] -= 1.0
     look = Look(size=(900, 700), exaggeration=1)
-    told = compare(before, HeightField(z), tmp_path / "a.png", size=look.size, exaggeration=1)
-    assert told.renderer == "hillshade"
-    first, second, removed = panels(told.path, 90 / 60, look)
+    reported = compare(before, HeightField(z), tmp_path / "a.png", size=look.size, exaggeration=1)
+    assert reported.renderer == "hillshade"
+    first, second, removed = panels(reported.path, 90 / 60, look)
     differs = np.argwhere((np.abs(first - second) > 8).any(axis=2)) / first.shape[:2]
     assert len(differs) > 100
     assert differs[:, 0].min() > 0.28
@@ -143,7 +143,7 @@ def test_two_panels_differ_where_the_data_differ_and_the_third_says_how(tmp_path
 
 
 @pytest.mark.parametrize(
-    "noun",
+    "data",
     [
         plane(0.1, 0.2, (60, 90)),
         RangeImage(np.full((60, 90), 2.0), CAMERA),
@@ -151,20 +151,20 @@ def test_two_panels_differ_where_the_data_differ_and_the_third_says_how(tmp_path
     ],
     ids=lambda n: type(n).__name__,
 )
-def test_a_thing_that_did_not_change_has_nothing_removed(noun, tmp_path):
-    told = compare(noun, noun, tmp_path / "a.png", size=(600, 450))
-    first, second, removed = panels(told.path, 1.5, Look(size=(600, 450)))
-    assert "before and after are equal" in told.notes
+def test_a_surface_that_did_not_change_has_nothing_removed(data, tmp_path):
+    reported = compare(data, data, tmp_path / "a.png", size=(600, 450))
+    first, second, removed = panels(reported.path, 1.5, Look(size=(600, 450)))
+    assert "before and after are equal" in reported.notes
     assert (first == second).all()
     inner = removed[10:-10, 20:-20]
     assert np.abs(inner - NEUTRAL).max() <= 2
 
 
 def test_where_vtk_cannot_draw_a_relief_is_made_and_the_reason_given(tmp_path):
-    for noun in (plane(1.0), RangeImage(np.full((9, 9), 2.0), CAMERA)):
-        told = compare(noun, noun, tmp_path / "a.png", size=(320, 240), overwrite=True)
-        assert told.renderer == "hillshade"
-        assert any("MESHFLOW_RENDERING=off" in note for note in told.notes)
+    for data in (plane(1.0), RangeImage(np.full((9, 9), 2.0), CAMERA)):
+        reported = compare(data, data, tmp_path / "a.png", size=(320, 240), overwrite=True)
+        assert reported.renderer == "hillshade"
+        assert any("MESHFLOW_RENDERING=off" in note for note in reported.notes)
 
 
 def test_what_only_vtk_can_draw_is_refused_with_the_reason(tmp_path, monkeypatch):
@@ -182,13 +182,13 @@ def test_what_only_vtk_can_draw_is_refused_with_the_reason(tmp_path, monkeypatch
 
 @pytest.mark.parametrize("name", ["a.png", "b.jpg", "c.JPEG", "d.tif"])
 def test_pictures_have_the_size_asked_for_in_every_format(tmp_path, name):
-    told = show(plane(1.0), tmp_path / name, size=(501, 333), title="A plane of $1 and $2")
-    assert told.path == tmp_path / name
-    assert imread(told.path).shape[:2] == (333, 501)
+    reported = show(plane(1.0), tmp_path / name, size=(501, 333), title="A plane of $1 and $2")
+    assert reported.path == tmp_path / name
+    assert imread(reported.path).shape[:2] == (333, 501)
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
 
-def test_scalars_colour_a_thing_and_leave_out_what_is_missing(tmp_path):
+def test_scalars_colour_a_surface_and_leave_out_what_is_missing(tmp_path):
     z = plane(1.0, shape=(20, 30)).z.copy()
     z[:, :5] = -32768
     field = HeightField(z, missing=z == -32768)
@@ -279,13 +279,13 @@ def _half(left):
         (_half(left=True), _half(left=False), "no sample in common"),
     ],
 )
-def test_two_things_that_cannot_be_compared_are_refused(before, after, says, tmp_path):
+def test_two_surfaces_that_cannot_be_compared_are_refused(before, after, says, tmp_path):
     with pytest.raises(InputError, match=says):
         compare(before, after, tmp_path / "a.png")
 
 
 @pytest.mark.parametrize(
-    ("thing", "options", "says"),
+    ("data", "options", "says"),
     [
         (plane(), {"size": (100, 100)}, "240 to 16000"),
         (plane(), {"size": (640,)}, "a width and a height"),
@@ -303,9 +303,9 @@ def test_two_things_that_cannot_be_compared_are_refused(before, after, says, tmp
         (object(), {}, "meshflow"),
     ],
 )
-def test_what_makes_no_sense_is_refused(thing, options, says, tmp_path):
+def test_what_makes_no_sense_is_refused(data, options, says, tmp_path):
     with pytest.raises(InputError, match=says):
-        show(thing, tmp_path / "a.png", **options)
+        show(data, tmp_path / "a.png", **options)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -51,7 +51,7 @@ def _power(shown):
 
 
 @pytest.mark.parametrize(
-    ("value", "told"), [(1.0, 1), (1.99, 1), (2.0, 2), (4.9, 2), (5.0, 5), (9.99, 5), (1000.0, 1000), (0.03, 0.02)]
+    ("value", "reported"), [(1.0, 1), (1.99, 1), (2.0, 2), (4.9, 2), (5.0, 5), (9.99, 5), (1000.0, 1000), (0.03, 0.02)]
 )
-def test_a_round_number_is_the_next_of_one_two_five_below(value, told):
-    assert rounded(value) == pytest.approx(told)
+def test_a_round_number_is_the_next_of_one_two_five_below(value, reported):
+    assert rounded(value) == pytest.approx(reported)

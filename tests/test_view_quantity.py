@@ -95,10 +95,10 @@ def test_strips_are_as_good_as_the_whole(kind, monkeypatch):
     z[12:20, :] = np.nan  # whole strips of nothing
     z[30, 7] = np.nan
     widths = np.linspace(1.0, 1.2, 40)
-    for noun in (HeightField(z, spacing=(1.0, 2.0)), Image(np.stack([z, z * z], axis=2))):
-        whole = measured(noun, kind).values
+    for data in (HeightField(z, spacing=(1.0, 2.0)), Image(np.stack([z, z * z], axis=2))):
+        whole = measured(data, kind).values
         monkeypatch.setattr(quantity, "_STRIP", 150)
-        np.testing.assert_array_equal(measured(noun, kind).values, whole)
+        np.testing.assert_array_equal(measured(data, kind).values, whole)
         monkeypatch.undo()
         assert np.isnan(whole[14]).all()
         assert np.isfinite(whole[30, 10])
@@ -124,16 +124,16 @@ def test_a_thinned_grid_keeps_its_cuts_and_its_noise():
 
 
 @pytest.mark.parametrize(
-    ("noun", "word", "says"),
+    ("data", "word", "says"),
     [
         (PLANE, "colour", "one of curvature, edges, triangles, samples expected, got 'colour'"),
         (Mesh(SPHERE.points, SPHERE.faces), "edges", "all directions of a mesh are free"),
         (HeightField(np.where((ROWS + COLUMNS) % 2 == 0, 1.0, np.nan)), "curvature", "nothing to show"),
     ],
 )
-def test_a_quantity_that_makes_no_sense_is_refused(noun, word, says):
+def test_a_quantity_that_makes_no_sense_is_refused(data, word, says):
     with pytest.raises(InputError, match=says):
-        measured(noun, word)
+        measured(data, word)
 
 
 def test_an_unknown_colour_map_is_refused_with_those_that_are_like_it():

@@ -36,27 +36,27 @@ def wall():
     return RangeImage(np.full((48, 64), 2.0), CAMERA)
 
 
-def noisy(noun):
+def noisy(data):
     noise = np.random.default_rng(0).normal(size=(48, 64))
-    if isinstance(noun, HeightField):
-        return HeightField(noun.z + 0.5 * noise)
-    if isinstance(noun, RangeImage):
-        return RangeImage(noun.depth + 0.01 * noise, CAMERA)
-    return Mesh(noun.points * (1 + 0.01 * np.random.default_rng(0).normal(size=(len(noun.points), 1))), noun.faces)
+    if isinstance(data, HeightField):
+        return HeightField(data.z + 0.5 * noise)
+    if isinstance(data, RangeImage):
+        return RangeImage(data.depth + 0.01 * noise, CAMERA)
+    return Mesh(data.points * (1 + 0.01 * np.random.default_rng(0).normal(size=(len(data.points), 1))), data.faces)
 
 
-def panels(told, look, noun):
+def panels(reported, look, data):
     from matplotlib.image import imread
 
-    stage = renderer_for((noun, noun), look, window=False)
-    boxes = page.layout(look, stage.aspect(*stage.geometries(noun), noun)).panels
-    picture = np.round(imread(told.path)[..., :3] * 255).astype(int)
+    stage = renderer_for((data, data), look, window=False)
+    boxes = page.layout(look, stage.aspect(*stage.geometries(data), data)).panels
+    picture = np.round(imread(reported.path)[..., :3] * 255).astype(int)
     bottom = [look.size[1] - box.bottom for box in boxes]
     return [picture[b - x.height : b, x.left : x.left + x.width] for x, b in zip(boxes, bottom, strict=True)]
 
 
-def drawn(noun, scale=None, look=None):
-    (body,) = renderer_for((noun,), look or Look(), window=False).geometries(noun)
+def drawn(data, scale=None, look=None):
+    (body,) = renderer_for((data,), look or Look(), window=False).geometries(data)
     return vtk_scene.drawn(body, look or Look(), (200, 150), scale).astype(int)
 
 
@@ -64,23 +64,23 @@ def colourful(picture):
     return np.ptp(picture, axis=2)
 
 
-@pytest.mark.parametrize("noun", [hill(), ball(), wall()], ids=lambda noun: type(noun).__name__)
-def test_before_and_after_differ_in_the_picture_as_in_the_data(noun, tmp_path):
-    rough = noisy(noun)
-    told = compare(rough, noun, tmp_path / "a.png", size=SIZE)
-    assert told.renderer == "pyvista"
-    first, second, removed = panels(told, Look(size=SIZE), rough)
+@pytest.mark.parametrize("data", [hill(), ball(), wall()], ids=lambda data: type(data).__name__)
+def test_before_and_after_differ_in_the_picture_as_in_the_data(data, tmp_path):
+    rough = noisy(data)
+    reported = compare(rough, data, tmp_path / "a.png", size=SIZE)
+    assert reported.renderer == "pyvista"
+    first, second, removed = panels(reported, Look(size=SIZE), rough)
     body = (second < 250).all(axis=2)
     assert body.mean() > 0.2, "the body does not fill the frame"
     assert (np.abs(first - second).max(axis=2) > 15)[body].mean() > 0.3
     assert (colourful(removed) > 60).mean() > 0.05
 
 
-@pytest.mark.parametrize("noun", [hill(), ball(), wall()], ids=lambda noun: type(noun).__name__)
-def test_a_thing_that_did_not_change_is_drawn_twice_alike_and_a_third_time_without_colour(noun, tmp_path):
-    told = compare(noun, noun, tmp_path / "a.png", size=SIZE)
-    first, second, removed = panels(told, Look(size=SIZE), noun)
-    assert "before and after are equal" in told.notes
+@pytest.mark.parametrize("data", [hill(), ball(), wall()], ids=lambda data: type(data).__name__)
+def test_a_surface_that_did_not_change_is_drawn_twice_alike_and_a_third_time_without_colour(data, tmp_path):
+    reported = compare(data, data, tmp_path / "a.png", size=SIZE)
+    first, second, removed = panels(reported, Look(size=SIZE), data)
+    assert "before and after are equal" in reported.notes
     assert (first < 250).all(axis=2).mean() > 0.2
     assert (first == second).all()
     assert (removed < 250).all(axis=2).mean() > 0.2
@@ -89,16 +89,16 @@ def test_a_thing_that_did_not_change_is_drawn_twice_alike_and_a_third_time_witho
 
 def test_a_mesh_that_shrank_is_red_and_one_that_grew_is_blue(tmp_path):
     for size, channel in ((0.9, 0), (1.1, 2)):
-        told = compare(ball(), ball(size), tmp_path / "a.png", size=SIZE, overwrite=True)
-        removed = panels(told, Look(size=SIZE), ball())[2]
+        reported = compare(ball(), ball(size), tmp_path / "a.png", size=SIZE, overwrite=True)
+        removed = panels(reported, Look(size=SIZE), ball())[2]
         strong = removed[colourful(removed) > 60]
         assert len(strong) > 100
         assert (strong.argmax(axis=1) == channel).all()
 
 
 def test_the_frame_holds_both_bodies(tmp_path):
-    told = compare(ball(), ball(1.5), tmp_path / "a.png", size=SIZE)
-    small, large, _ = panels(told, Look(size=SIZE), ball())
+    reported = compare(ball(), ball(1.5), tmp_path / "a.png", size=SIZE)
+    small, large, _ = panels(reported, Look(size=SIZE), ball())
     rim = np.concatenate([large[:2].reshape(-1, 3), large[-2:].reshape(-1, 3)])
     assert (rim == 255).all()
     share = (small < 250).all(axis=2).sum() / (large < 250).all(axis=2).sum()
@@ -148,8 +148,8 @@ def test_what_is_up_of_a_mesh_is_guessed_or_told():
         for name, extent in ends.items()
     }
     assert {name: "xyz"[int(np.argmax(up))] for name, up in ups.items()} == {"bust": "y", "horse": "z", "terrain": "z"}
-    told = geometry_of(Mesh(np.eye(3), np.array([[0, 1, 2]])), Look(up="y")).view.up
-    assert np.argmax(told) == 1
+    reported = geometry_of(Mesh(np.eye(3), np.array([[0, 1, 2]])), Look(up="y")).view.up
+    assert np.argmax(reported) == 1
 
 
 def test_colours_that_move_are_shown_on_the_mesh():
@@ -173,28 +173,28 @@ def test_the_picture_has_the_size_asked_for_and_no_plotter_is_left(tmp_path, mon
     from pyvista.plotting import plotter as plotters
 
     open_before = len(plotters._ALL_PLOTTERS)
-    told = show(ball(), tmp_path / "a.png", size=(701, 503), title="A ball")
-    assert imread(told.path).shape[:2] == (503, 701)
+    reported = show(ball(), tmp_path / "a.png", size=(701, 503), title="A ball")
+    assert imread(reported.path).shape[:2] == (503, 701)
     assert len(plotters._ALL_PLOTTERS) == open_before
 
     def fails(self, *args, **options):
         raise RuntimeError("the driver gave up")
 
     monkeypatch.setattr("pyvista.Plotter.screenshot", fails)
-    old = told.path.read_bytes()
+    old = reported.path.read_bytes()
     with pytest.raises(RuntimeError, match="gave up"):
-        show(ball(), told.path, overwrite=True)
-    assert told.path.read_bytes() == old
+        show(ball(), reported.path, overwrite=True)
+    assert reported.path.read_bytes() == old
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
     assert len(plotters._ALL_PLOTTERS) == open_before
 
 
 @pytest.mark.parametrize(
-    "noun",
+    "data",
     [hill(), ball(), wall(), Image(np.random.default_rng(0).random((48, 64, 3)))],
-    ids=lambda noun: type(noun).__name__,
+    ids=lambda data: type(data).__name__,
 )
-def test_a_window_shows_all_panels_from_one_camera(noun, monkeypatch):
+def test_a_window_shows_all_panels_from_one_camera(data, monkeypatch):
     pv = pytest.importorskip("pyvista")
     seen = {}
 
@@ -206,8 +206,8 @@ def test_a_window_shows_all_panels_from_one_camera(noun, monkeypatch):
     monkeypatch.setattr(pv, "OFF_SCREEN", True)
     monkeypatch.setattr("meshflow.view.pictures.displayed", lambda: True)
     monkeypatch.setattr("meshflow.view.renderer.rendering", lambda: Rendering(True, None, "for this test"))
-    told = compare(noun, noun, size=(600, 400))
-    assert (told.path, told.renderer) == (None, "pyvista")
+    reported = compare(data, data, size=(600, 400))
+    assert (reported.path, reported.renderer) == (None, "pyvista")
     assert seen["picture"].shape == (400, 600, 3)
     assert len(seen["cameras"]) == 1
     upper, lower = seen["picture"][30:195], seen["picture"][205:]

@@ -17,7 +17,7 @@ from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import charts, findings
 from meshflow.view.findings import found
 from meshflow.view.pair import paired
-from meshflow.view.report import _sheet, report
+from meshflow.view.report import _figure, report
 
 ROWS, COLUMNS = np.mgrid[:64, :64].astype(float)
 NOISE = np.random.default_rng(0).normal(size=(64, 64, 3))
@@ -47,12 +47,12 @@ def depths():
     return RangeImage(2 + 0.01 * NOISE[..., 0], Pinhole(60.0, 60.0, 31.5, 31.5))
 
 
-NOUNS = {"height field": terrain, "colour": colours, "range image": depths}
+SURFACES = {"height field": terrain, "colour": colours, "range image": depths}
 
 
-@pytest.fixture(scope="module", params=NOUNS)
+@pytest.fixture(scope="module", params=SURFACES)
 def result(request):
-    return meshflow.smooth(NOUNS[request.param](), result=True)
+    return meshflow.smooth(SURFACES[request.param](), result=True)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def written(figure):
 
 
 def test_a_report_holds_every_parameter_and_its_origin(result, tmp_path):
-    page, words = html(result, tmp_path), written(_sheet(found(result, "")))
+    page, words = html(result, tmp_path), written(_figure(found(result, "")))
     for name, parameter in result.parameters.items():
         value = findings._number(parameter.value)
         row = page[page.index(f"<th>{name}</th>") :].split("</tr>")[0]
@@ -91,7 +91,7 @@ def test_a_report_holds_every_parameter_and_its_origin(result, tmp_path):
 
 def test_a_report_says_why_it_ended_what_noise_was_found_and_what_to_beware_of(smoothed, tmp_path):
     warned = replace(smoothed, warnings=("the first <warning>", "the second"))
-    page, words = html(warned, tmp_path), written(_sheet(found(warned, "")))
+    page, words = html(warned, tmp_path), written(_figure(found(warned, "")))
     for sentence in (smoothed.stopped_because, *warned.warnings, f"meshflow {smoothed.version}"):
         assert sentence in page
         assert sentence in words
@@ -99,8 +99,8 @@ def test_a_report_says_why_it_ended_what_noise_was_found_and_what_to_beware_of(s
 
 
 def test_a_page_needs_no_network_and_markup_in_words_is_words(smoothed, tmp_path):
-    told = report(smoothed, tmp_path / "a.html", "<script>alert(1)</script>")
-    page = told.path.read_text()
+    reported = report(smoothed, tmp_path / "a.html", "<script>alert(1)</script>")
+    page = reported.path.read_text()
     assert "<script" not in page
     assert "&lt;script&gt;" in page
     assert "http" not in page
@@ -114,7 +114,7 @@ def test_a_picture_holds_the_panels_and_charts_of_the_page(smoothed, tmp_path):
 
     picture = imread(report(smoothed, tmp_path / "a.png", "A title").path)
     assert picture.shape[1] == 1600
-    figure = _sheet(found(smoothed, "A title"))
+    figure = _figure(found(smoothed, "A title"))
     assert written(figure)[0] == "A title"
     titles = [axes.get_title() for axes in figure.axes]
     assert titles[:3] == ["before", "after", "removed"]
@@ -166,7 +166,7 @@ def test_without_a_search_there_is_no_panel_of_it(smoothed):
     assert [chart.title for chart in found(plain, "").charts] == titles[:3]
 
 
-def test_the_chosen_member_is_the_strong_line_of_the_search(smoothed):
+def test_the_chosen_variant_is_the_strong_line_of_the_search(smoothed):
     chart = found(smoothed, "").charts[-1]
     figure = charts.blank(4, 3)
     axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
@@ -190,9 +190,9 @@ def test_the_histogram_is_a_density_beside_that_of_the_noise():
 def test_of_channels_that_are_no_colours_the_first_is_shown_and_the_report_says_so(tmp_path):
     values = np.concatenate([colours().values, colours().values[..., :2]], axis=2)
     five = meshflow.smooth(Image(values), compute=Compute(search=False), result=True)
-    told = report(five, tmp_path / "a.html")
-    assert told.notes == ("pictures: channel 1, of 5",)
-    assert told.notes[0] in told.path.read_text()
+    reported = report(five, tmp_path / "a.html")
+    assert reported.notes == ("pictures: channel 1, of 5",)
+    assert reported.notes[0] in reported.path.read_text()
     np.testing.assert_allclose(found(five, "").scale.values, five.removed[..., 0], atol=1e-12)
 
 
@@ -255,7 +255,7 @@ def test_pyplot_is_left_alone(idle, tmp_path):
     import sys
 
     code = (
-        "import sys, numpy, meshflow; from meshflow.view.report import _sheet, report; "
+        "import sys, numpy, meshflow; from meshflow.view.report import _figure, report; "
         f"report(meshflow.smooth(numpy.ones((8, 8)), result=True), {str(tmp_path / 'a.png')!r}); "
         "assert 'matplotlib.pyplot' not in sys.modules"
     )

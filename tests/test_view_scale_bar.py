@@ -39,9 +39,9 @@ def bar(picture):
 
 
 def test_a_bar_over_a_relief_is_as_long_as_it_says(tmp_path):
-    told = show(FIELD, tmp_path / "a.png", size=SIZE)
-    assert told.renderer == "hillshade"
-    picture = imread(told.path)
+    reported = show(FIELD, tmp_path / "a.png", size=SIZE)
+    assert reported.renderer == "hillshade"
+    picture = imread(reported.path)
     wide = np.flatnonzero((picture[:500, :, :3].min(axis=2) < 0.97).any(axis=0))
     metres = 800 / (wide[-1] + 1 - wide[0])
     ruler = of_one(FIELD, LOOK)
@@ -71,8 +71,8 @@ def test_a_bar_is_round_and_at_most_an_eighth_of_the_page():
 
 def test_what_has_no_length_that_holds_everywhere_has_no_bar():
     seen = RangeImage(np.full((48, 64), 2.0), Pinhole(60.0, 60.0, 31.5, 23.5))
-    for thing in (seen, Image(FIELD.z)):
-        sight = of_one(thing, LOOK)
+    for data in (seen, Image(FIELD.z)):
+        sight = of_one(data, LOOK)
         assert sight.foot((400, 300), UNIT).scale_bar.pixels == 0
 
 
@@ -90,21 +90,21 @@ def test_an_arrow_points_north_on_maps_alone(tmp_path):
     turned = raster(tmp_path / "b.tif", Affine(8, 6, 6e5, 6, -8, 5e6))
     nowhere = raster(tmp_path / "c.tif", Affine(10, 0, 6e5, 0, -10, 5e6), crs=None)
 
-    def north(thing, seen=None, renderer=None):
-        sight = of_one(thing, Look(size=SIZE, seen=seen, renderer=renderer))
+    def north(data, seen=None, renderer=None):
+        sight = of_one(data, Look(size=SIZE, seen=seen, renderer=renderer))
         return sight.foot((400, 300), UNIT).scale_bar.north
 
     assert north(upright, seen="front")
     assert north(upright, renderer="hillshade")
     assert not north(upright), "aslant, north is not up"
-    assert not any(north(thing, seen="front") for thing in (turned, nowhere, FIELD))
+    assert not any(north(data, seen="front") for data in (turned, nowhere, FIELD))
 
 
 def test_the_unit_of_the_ground_is_that_of_its_map_and_degrees_are_measured_in_metres(tmp_path):
     feet = raster(tmp_path / "a.tif", Affine(10, 0, 9e5, 0, -10, 2e5), crs="EPSG:2263")
-    assert "foot" in ground_of(feet, feet.noun).unit
+    assert "foot" in ground_of(feet, feet.data).unit
     degrees = raster(tmp_path / "b.tif", Affine(0.001, 0, 8, 0, -0.001, 47), crs="EPSG:4326")
-    assert ground_of(degrees, degrees.noun) == Ground("m", north=True)
+    assert ground_of(degrees, degrees.data) == Ground("m", north=True)
     assert ground_of(FIELD, FIELD) == Ground("m")
     words = [
         scale_bar_of(length / 220, unit, 1.0, False).words for length, unit in ((7e3, "m"), (0.03, "m"), (3.1, "foot"))

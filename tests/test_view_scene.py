@@ -131,9 +131,9 @@ def test_a_mesh_is_drawn_in_its_own_colours_where_that_is_asked(tmp_path):
     mesh = trimesh.Trimesh(SPHERE.points, SPHERE.faces, process=False, vertex_colors=[[200, 10, 10, 255]] * 642)
     poly = pv.PolyData.from_regular_faces(SPHERE.points, SPHERE.faces)
     poly.point_data["RGB"] = np.full((642, 3), (200, 10, 10), np.uint8)
-    for thing in (mesh, poly):
+    for data in (mesh, poly):
         for own, red in ((True, True), (False, False)):
-            picture = imread(show(thing, tmp_path / "a.png", own_colours=own, size=SIZE, overwrite=True).path)
+            picture = imread(show(data, tmp_path / "a.png", own_colours=own, size=SIZE, overwrite=True).path)
             assert ((picture[..., 0] > picture[..., 1] + 0.2).mean() > 0.1) == red
 
 
@@ -145,11 +145,11 @@ def test_a_texture_is_taken_at_the_vertices_seams_and_all():
     picture = Pillow.fromarray(np.array([[[0, 0, 255]] * 8] * 4 + [[[255, 0, 0]] * 8] * 4, np.uint8))
     visual = trimesh.visual.TextureVisuals(uv=points[:, :2] * 0.98 + 0.01, image=picture)
     mesh = trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5]], visual=visual, process=False)
-    noun, _ = taken(mesh, own_colours=True)
-    assert len(noun.points) == 4
-    assert noun.moves == "points"
-    red = noun.channels[:, 0] > noun.channels[:, 2]
-    np.testing.assert_array_equal(red, noun.points[:, 1] == 0)
+    data, _ = taken(mesh, own_colours=True)
+    assert len(data.points) == 4
+    assert data.moves == "points"
+    red = data.channels[:, 0] > data.channels[:, 2]
+    np.testing.assert_array_equal(red, data.points[:, 1] == 0)
 
 
 def test_files_can_be_shown_as_they_were_read(tmp_path):
@@ -161,8 +161,8 @@ def test_files_can_be_shown_as_they_were_read(tmp_path):
 
 @pytest.mark.parametrize("quantity", ["curvature", "edges", "triangles", "samples"])
 def test_before_and_after_wear_one_scale_of_a_quantity(quantity, tmp_path):
-    told = compare(ROUGH, FLAT, tmp_path / "a.png", quantity=quantity, size=SIZE)
-    assert told.renderer == "hillshade"
+    reported = compare(ROUGH, FLAT, tmp_path / "a.png", quantity=quantity, size=SIZE)
+    assert reported.renderer == "hillshade"
     boxes = page.layout(Look(size=SIZE), 64 / 48, 2).panels
     assert boxes[0].size == boxes[1].size
     one = show(ROUGH, tmp_path / "b.png", quantity=quantity, colours="cividis", size=SIZE)
@@ -170,9 +170,9 @@ def test_before_and_after_wear_one_scale_of_a_quantity(quantity, tmp_path):
 
 
 def test_a_notebook_shows_the_picture_itself(tmp_path):
-    told = show(ROUGH, tmp_path / "a.png", size=SIZE)
-    bundle = told._repr_mimebundle_()
-    assert bundle["image/png"] == told.path.read_bytes()
+    reported = show(ROUGH, tmp_path / "a.png", size=SIZE)
+    bundle = reported._repr_mimebundle_()
+    assert bundle["image/png"] == reported.path.read_bytes()
     assert set(show(ROUGH, tmp_path / "a.tif", size=SIZE)._repr_mimebundle_()) == {"text/plain"}
 
 
@@ -186,7 +186,7 @@ def test_a_plotter_is_ours_to_draw_and_to_add_to():
     assert (picture[..., :3] < 250).all(axis=2).mean() > 0.2
 
 
-def test_a_coarse_body_is_the_same_surface_in_fewer_triangles():
+def test_a_coarse_geometry_is_the_same_surface_in_fewer_triangles():
     fine = shapes.sphere(6)
     body = Geometry(fine.points, fine.faces, np.arange(len(fine.points)), picture_view())
     few = coarse(body, 24)
@@ -224,7 +224,7 @@ def test_what_is_heavy_is_coarse_while_it_turns(monkeypatch):
 
 
 @pytest.mark.needs_gl
-def test_each_state_of_a_heavy_body_is_coarse_while_it_turns(monkeypatch):
+def test_each_state_of_a_heavy_geometry_is_coarse_while_it_turns(monkeypatch):
     pv = pytest.importorskip("pyvista")
     monkeypatch.setattr("meshflow.view.vtk_scene.HEAVY", 100)
     monkeypatch.setattr("meshflow.view.vtk_scene.coarse", lambda body: coarse(body, 8))
@@ -300,9 +300,9 @@ def test_what_makes_no_sense_is_refused(options, says, tmp_path):
 
 
 def test_a_mesh_without_colours_has_none_to_be_shown(tmp_path):
-    for thing in (BALL, (SPHERE.points, SPHERE.faces)):
+    for data in (BALL, (SPHERE.points, SPHERE.faces)):
         with pytest.raises(InputError, match="neither colours of its vertices nor a texture"):
-            taken(thing, own_colours=True)
+            taken(data, own_colours=True)
 
 
 def test_what_cannot_be_drawn_is_refused_and_no_window_is_left(tmp_path):

@@ -55,10 +55,10 @@ def test_a_texture_is_drawn_finer_than_the_triangles_and_the_right_way_up(tmp_pa
 
 
 def test_a_texture_rides_along_with_the_points_and_with_the_triangles_that_are_left():
-    noun, _ = taken(flag(), own_colours=True)
-    assert isinstance(noun, Textured)
-    assert noun.texture.corners.shape == (2, 3, 2)
-    np.testing.assert_array_equal(noun.texture.corners, noun.points[noun.faces][..., :2])
+    data, _ = taken(flag(), own_colours=True)
+    assert isinstance(data, Textured)
+    assert data.texture.corners.shape == (2, 3, 2)
+    np.testing.assert_array_equal(data.texture.corners, data.points[data.faces][..., :2])
     shape = shapes.sphere(2)
     uv = shape.points[:, :2] / 2 + 0.5
     visual = trimesh.visual.TextureVisuals(uv=uv, image=flag().visual.material.image)
@@ -83,8 +83,8 @@ def test_own_colours_are_nowhere_brighter_than_they_are_and_six_sevenths_of_it_t
     colour = np.array([200, 120, 40])
     ball = Mesh(SPHERE.points, SPHERE.faces, np.tile(colour, (len(SPHERE.points), 1)), "points")
     for azimuth in (315.0, 90.0):
-        told = show(ball, tmp_path / "a.png", own_colours=True, azimuth=azimuth, overwrite=True, size=SIZE)
-        picture = np.round(255 * imread(told.path)[:440, :, :3]).astype(int)  # without its foot and its letters
+        reported = show(ball, tmp_path / "a.png", own_colours=True, azimuth=azimuth, overwrite=True, size=SIZE)
+        picture = np.round(255 * imread(reported.path)[:440, :, :3]).astype(int)  # without its foot and its letters
         there = picture[picture[..., 2] < 50]  # the rim is blended with white
         assert (there <= 1.03 * colour + 1).all(axis=1).mean() > 0.999
         y, x = (int(np.median(axis)) for axis in np.nonzero(picture[..., 2] < 50))
@@ -128,8 +128,8 @@ def test_a_state_that_moves_takes_its_texture_along():
 @pytest.mark.skipif(not BOTTLE.exists(), reason="../shared/data/meshes/attributes/fuze.obj is absent")
 def test_a_scan_with_a_texture_shows_its_label_before_and_after(tmp_path):
     document = meshflow.read(BOTTLE)
-    fewer = document.holding(replace(document.noun, points=document.noun.points * 0.99))
-    told = compare(document, fewer, tmp_path / "a.png", own_colours=True, size=SIZE)
-    picture = imread(told.path)[..., :3]
+    fewer = document.holding(replace(document.data, points=document.data.points * 0.99))
+    reported = compare(document, fewer, tmp_path / "a.png", own_colours=True, size=SIZE)
+    picture = imread(reported.path)[..., :3]
     light = (picture.min(axis=2) > 0.45) & (picture.max(axis=2) < 0.9) & (np.ptp(picture, axis=2) < 0.2)
     assert light.sum() > 200, "the bar code, which no vertex has"

@@ -59,7 +59,7 @@ def test_a_page_that_is_exported_opens_offline_and_its_slider_moves_the_picture(
     assert page.inner_text("#failed") == ""
     assert page.inner_text("h1") == "</script>&"
     assert all(url.startswith("file:") or url.startswith("blob:") for url in requests)
-    first, words = page.locator("#canvas").screenshot(), page.inner_text("#told")
+    first, words = page.locator("#canvas").screenshot(), page.inner_text("#summary")
     with PIL.Image.open(io.BytesIO(first)) as seen:
         rows, columns = np.nonzero(np.asarray(seen.convert("L")) < 250)
         high, wide = seen.height, seen.width
@@ -69,8 +69,8 @@ def test_a_page_that_is_exported_opens_offline_and_its_slider_moves_the_picture(
     assert abs(int(above) - int(below)) < 0.05 * high
     page.locator("#time").focus()
     page.keyboard.press("Home")
-    assert page.inner_text("#told").startswith("time 0")
-    assert page.inner_text("#told") != words
+    assert page.inner_text("#summary").startswith("time 0")
+    assert page.inner_text("#summary") != words
     second = page.locator("#canvas").screenshot()
     page.check("#removed")
     third = page.locator("#canvas").screenshot()
@@ -88,13 +88,14 @@ SERVER = """
     from pathlib import Path
     from meshflow.estimate.request import Request
     from meshflow.flow.compute import Compute
-    from meshflow.viewer.controls import Address
+    from meshflow.viewer.controls import Address, States
     from meshflow.viewer.session import Saving, view
     import meshflow
     document = meshflow.read(sys.argv[1])
     saving = Saving(sys.argv[1], Path(sys.argv[1]).with_name("saved.npy"), True)
-    view(document, way="browser", address=Address(sys.argv[2], 0, False), count=5, memory=1, size=(400, 300),
-         request=Request.of(compute=Compute(search=False)), said=lambda line: print(line, flush=True), saving=saving)
+    place = Address(sys.argv[2], 0, False, lambda line: print(line, flush=True))
+    request = Request.of(compute=Compute(search=False))
+    view(document, place=place, states=States(5, 1), size=(400, 300), request=request, saving=saving)
 """
 
 
@@ -110,13 +111,13 @@ def served(raster, request):
 
 
 @pytest.mark.parametrize("served", ["127.0.0.1"], indirect=True)
-def test_in_a_browser_the_slider_moves_and_a_knob_computes_again(page, served):
+def test_in_a_browser_the_slider_moves_and_a_control_computes_again(page, served):
     assert "?secret=" in served
     page.goto(served)
     page.wait_for_selector("#picture img", timeout=60_000)
-    page.wait_for_function("document.querySelector('#told').textContent.startsWith('time ')")
+    page.wait_for_function("document.querySelector('#summary').textContent.startsWith('time ')")
     page.wait_for_timeout(1000)
-    pictures, words = [page.locator("#picture").screenshot()], [page.inner_text("#told")]
+    pictures, words = [page.locator("#picture").screenshot()], [page.inner_text("#summary")]
     for keys, to in (
         (["Home"], "main [role=slider]"),
         (["ArrowLeft"] * 4, "nav [role=slider]"),
@@ -130,9 +131,9 @@ def test_in_a_browser_the_slider_moves_and_a_knob_computes_again(page, served):
             page.wait_for_function("document.querySelector('#command').textContent.length > 0")
             page.wait_for_timeout(2500)
         else:
-            page.wait_for_function("before => document.querySelector('#told').textContent !== before", arg=before)
+            page.wait_for_function("before => document.querySelector('#summary').textContent !== before", arg=before)
             page.wait_for_timeout(1000)
-        words.append(page.inner_text("#told"))
+        words.append(page.inner_text("#summary"))
         pictures.append(page.locator("#picture").screenshot())
     assert words[1].startswith("time 0 ")
     assert words[3] != words[0]  # the time at the end is another one
@@ -145,7 +146,7 @@ def test_in_a_browser_the_slider_moves_and_a_knob_computes_again(page, served):
 def test_in_a_browser_what_is_let_go_is_computed_again_and_saving_waits_for_the_run(page, served, raster):
     page.goto(served)
     page.wait_for_selector("#picture img", timeout=60_000)
-    page.wait_for_function("document.querySelector('#told').textContent.startsWith('time ')")
+    page.wait_for_function("document.querySelector('#summary').textContent.startsWith('time ')")
     page.wait_for_timeout(1000)
     last = page.locator("#picture").screenshot()
     page.locator("main [role=slider]").first.focus()

@@ -1,4 +1,4 @@
-"""The window of the viewer, drawn off-screen: curves with their mark, knobs, and a thread that nothing waits for."""
+"""The window of the viewer, drawn off-screen: curves with their mark, controls, and a thread that nothing waits for."""
 
 import time as clock
 from threading import Event
@@ -43,8 +43,8 @@ def opened():
 
     windows = []
 
-    def opening(noun, settings, **options):
-        desk = Desk(Session.begun(noun, settings, **options), noun, Saving())
+    def opening(data, settings, **options):
+        desk = Desk(Session.begun(data, settings, **options), data, Saving())
         windows.append(Window(desk, desk.session.run(), Look(size=SIZE), off_screen=True))
         return windows[-1]
 
@@ -72,7 +72,7 @@ def like(picture, colour):
 
 
 @pytest.mark.needs_gl
-def test_curves_stand_beside_the_body_and_their_mark_goes_with_the_slider(opened):
+def test_curves_stand_beside_the_geometry_and_their_mark_goes_with_the_slider(opened):
     window = opened(hills(), QUICK, count=6)
     curves = measures(window.timeline)
     drawn = column(window)
@@ -107,24 +107,24 @@ def test_the_slider_goes_through_the_states_and_a_key_shows_what_was_removed(ope
 
 
 @pytest.mark.needs_gl
-def test_a_knob_that_is_turned_leaves_the_run_that_it_makes_useless(opened):
+def test_a_changed_control_ends_the_run_that_it_makes_useless(opened):
     window = opened(hills(), QUICK, count=4)
     window.turn("scale", 6.0)
     assert like(column(window), "#2b6cb0")[: int(0.62 * SIZE[1])].any(), "no bar tells how far it is"
     window.turn("scale", 5.0)
     until(window, lambda: not window._work.kind)
-    assert window.timeline.moments[-1].time == pytest.approx(12.5)
+    assert window.timeline.history[-1].time == pytest.approx(12.5)
     window.save()
     until(window, lambda: not window._work.kind)
     assert "states of a file are saved" in window.message
 
 
 @pytest.mark.needs_gl
-def test_the_method_knob_of_a_mesh_begins_another_run_and_brings_its_own_knobs(opened):
+def test_the_method_control_of_a_mesh_begins_another_run_and_brings_its_own_controls(opened):
     window = opened(ball(), Request.of(method="fairing", scale=0.2), count=4)
-    assert set(window.column.knobs) == {"method", "scale", "order"}
+    assert set(window.column.controls) == {"method", "scale", "order"}
     before = window.timeline
-    choice = window.column.knobs["method"]
+    choice = window.column.controls["method"]
     items = window.desk.controls()[0]["items"]
     choice.GetRepresentation().SetValue(items.index("curvature") + 0.3)  # it clicks to the nearest
     for event in ("InteractionEvent", "EndInteractionEvent"):
@@ -132,7 +132,7 @@ def test_the_method_knob_of_a_mesh_begins_another_run_and_brings_its_own_knobs(o
     assert choice.GetRepresentation().GetTitleText() == "method: curvature"
     until(window, lambda: window.timeline is not before)
     assert window.desk.session.word == "curvature"
-    assert set(window.column.knobs) == {"method", "scale"}
+    assert set(window.column.controls) == {"method", "scale"}
 
 
 @pytest.mark.needs_gl
@@ -145,7 +145,7 @@ def test_a_state_that_was_let_go_is_computed_while_the_window_goes_on(opened):
         assert ready.wait(60)
         return whole.at(2)
 
-    window.timeline = Timeline(whole.moments, "", {0: whole.at(0), 5: whole.at(5)}, again)
+    window.timeline = Timeline(whole.history, "", {0: whole.at(0), 5: whole.at(5)}, again)
     seen = window.screen.picture()[:, 300:]
     window.move(2)  # were it computed here, this would wait for ever
     assert (window.screen.picture()[:, 300:] == seen).mean() > 0.99  # but for the slider
@@ -180,12 +180,12 @@ def test_of_one_kind_of_work_what_was_asked_last_counts():
     def breaks(gone):
         raise KeyError("what nobody thought of")
 
-    for broken, told in ((fails, "failed: no such number"), (breaks, "failed: KeyError: 'what nobody thought of'")):
+    for broken, reported in ((fails, "failed: no such number"), (breaks, "failed: KeyError: 'what nobody thought of'")):
         work.ask("run", broken, heard.append, lambda message: heard.append(f"failed: {message}"))
         while work.kind and clock.time() < end:
             work.poll()
         assert not work.kind, "nobody hears of it, and the window waits for ever"
-        assert heard[-1] == told
+        assert heard[-1] == reported
 
 
 def test_a_flow_of_one_state_has_curves_too():

@@ -17,13 +17,17 @@ from meshflow.viewer.curves import curves, curves_as_picture
 from meshflow.viewer.guard import Between, OneOf, Visitors, sifted
 from meshflow.viewer.timeline import recorded
 
-RULES = {"at": Between(0, 4, whole=True), "knob_scale": Between(0.5, 8.0), "colouring": OneOf(("surface", "removed"))}
+RULES = {
+    "at": Between(0, 4, whole=True),
+    "control_scale": Between(0.5, 8.0),
+    "colouring": OneOf(("surface", "removed")),
+}
 
 
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("at", 4), ("at", 2.0), ("knob_scale", 0.5), ("knob_scale", 8.0 + 1e-12), ("colouring", "removed"),
+        ("at", 4), ("at", 2.0), ("control_scale", 0.5), ("control_scale", 8.0 + 1e-12), ("colouring", "removed"),
     ],
 )  # fmt: skip
 def test_a_client_sets_controls_to_what_they_can_have(key, value):
@@ -34,9 +38,9 @@ def test_a_client_sets_controls_to_what_they_can_have(key, value):
     ("key", "value"),
     [
         ("at", 5), ("at", -1), ("at", 1.5), ("at", None), ("at", "3"), ("at", True), ("at", float("nan")), ("at", [1]),
-        ("knob_scale", None), ("knob_scale", "nonsense"), ("knob_scale", float("inf")), ("knob_scale", 1e300),
-        ("knob_scale", {}), ("colouring", "<img>"), ("colouring", None), ("curves", "<img onerror=alert(1)>"),
-        ("command", "rm -rf /"), ("told", ""), ("saved", ""), ("last", 1), ("knob_other", 1.0), ("__proto__", {}),
+        ("control_scale", None), ("control_scale", "nonsense"), ("control_scale", float("inf")), ("control_scale", 1e300),
+        ("control_scale", {}), ("colouring", "<img>"), ("colouring", None), ("curves", "<img onerror=alert(1)>"),
+        ("command", "rm -rf /"), ("summary", ""), ("saved", ""), ("last", 1), ("control_other", 1.0), ("__proto__", {}),
     ],
 )  # fmt: skip
 def test_a_client_sets_nothing_else_to_nothing_else(key, value):
@@ -75,8 +79,8 @@ def test_requests_name_this_machine_and_come_from_its_own_page(bound, host, orig
 
 
 def test_curves_are_a_picture_in_which_nothing_runs():
-    noun = HeightField(np.random.default_rng(0).normal(size=(8, 8)), unit="m")
-    timeline = recorded(iter([(0.0, noun), (1.0, noun)]), lambda time: noun, 1.0, "m²", 1 << 20)
+    data = HeightField(np.random.default_rng(0).normal(size=(8, 8)), unit="m")
+    timeline = recorded(iter([(0.0, data), (1.0, data)]), lambda time: data, 1.0, "m²", 1 << 20)
     head, packed = curves_as_picture(timeline, 1).split(",")
     assert head == "data:image/svg+xml;base64"
     assert base64.b64decode(packed).decode() == curves(timeline, 1)
@@ -94,13 +98,13 @@ SERVER = """
     import sys
     from pathlib import Path
     from meshflow.estimate.request import Request
-    from meshflow.viewer.controls import Address
+    from meshflow.viewer.controls import Address, States
     from meshflow.viewer.session import Saving, view
     import meshflow
     document = meshflow.read(sys.argv[1])
     saving = Saving(sys.argv[1], Path(sys.argv[1]).with_name("saved.npy"), True)
-    view(document, way="browser", address=Address("127.0.0.1", 0, False), count=4, size=(320, 240),
-         request=Request.of("quick"), said=lambda line: print(line, flush=True), saving=saving)
+    place = Address("127.0.0.1", 0, False, lambda line: print(line, flush=True))
+    view(document, place=place, states=States(4), size=(320, 240), request=Request.of("quick"), saving=saving)
 """
 
 
@@ -219,24 +223,24 @@ def test_a_client_turns_controls_and_nothing_else_and_ends_nothing(served):
         for key, value in (
             ("curves", "<img src=x onerror=alert(1)>"),
             ("command", "rm -rf /"),
-            ("told", "x"),
+            ("summary", "x"),
             ("new", 1),
         ):
             await client.set(key, value)
         after = await client.state()
-        for key in ("curves", "command", "told"):
+        for key in ("curves", "command", "summary"):
             assert after[key] == before[key]
         assert "new" not in after
         for nonsense in (None, "nonsense", 1e300, [1]):
-            await client.set("knob_scale", nonsense)
+            await client.set("control_scale", nonsense)
             found = await client.state()
-            assert found["knob_scale"] == before["knob_scale"]
+            assert found["control_scale"] == before["control_scale"]
             assert "scale: the control cannot have this value" in found["message"]
-        await client.set("knob_scale", before["knob_scale"] * 0.9)
+        await client.set("control_scale", before["control_scale"] * 0.9)
         moved = await client.until(lambda state: state["command"] != before["command"] and state["busy"] == 0)
         assert moved["message"] == ""
         await client.set("at", 1)
-        await client.until(lambda state: state["told"] != moved["told"])
+        await client.until(lambda state: state["summary"] != moved["summary"])
         for method in ("application.exit", "application.exit.later"):
             await client.call(method)
         await client.call("trame.lifecycle.update", "server_bind")

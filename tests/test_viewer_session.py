@@ -16,7 +16,8 @@ from meshflow.flow.methods import Beltrami
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.mesh import Mesh
 from meshflow.synthetic.shapes import sphere
-from meshflow.viewer.curves import curves, told
+from meshflow.viewer.controls import Page, States
+from meshflow.viewer.curves import curves, summary
 from meshflow.viewer.session import Desk, Saving, Session, view
 from meshflow.viewer.timeline import recorded
 
@@ -40,12 +41,12 @@ def test_states_begin_at_the_start_and_their_area_falls():
     timeline = Session.begun(hills(), QUICK, count=6).run()
     assert len(timeline) == 6
     assert np.array_equal(timeline.at(0).z, hills().z)
-    assert timeline.moments[0].change == 0
-    areas, changes = ([getattr(m, name) for m in timeline.moments] for name in ("area", "change"))
+    assert timeline.history[0].change == 0
+    areas, changes = ([getattr(m, name) for m in timeline.history] for name in ("area", "change"))
     assert areas[0] == 1.0
     assert all(np.diff(areas) < 0)
     assert all(np.diff(changes) > 0)
-    assert timeline.moments[-1].time == pytest.approx(4.0)
+    assert timeline.history[-1].time == pytest.approx(4.0)
 
 
 def test_beyond_the_memory_states_are_let_go_and_computed_again():
@@ -54,7 +55,7 @@ def test_beyond_the_memory_states_are_let_go_and_computed_again():
     assert whole.kept == tuple(range(9))
     assert len(few.kept) <= 3
     assert {0, 8} <= set(few.kept)
-    assert few.moments == whole.moments
+    assert few.history == whole.history
     gone = next(k for k in range(9) if k not in few.kept)
     # It takes the steps of a run that ends there, not those of one that goes on.
     assert np.abs(few.at(gone).z - whole.at(gone).z).max() < 0.05
@@ -78,30 +79,30 @@ def test_the_command_line_makes_the_state_that_is_saved_to_the_last_bit(tmp_path
         trimesh.Trimesh(ball().points, ball().faces, process=False).export(source)
     document = meshflow.read(source)
     settings = QUICK if kind.endswith("npy") else Request.of(method="fairing", time=0.01)
-    desk = Desk(Session.begun(document.noun, settings, count=5), document, Saving(str(source), target))
+    desk = Desk(Session.begun(document.data, settings, count=5), document, Saving(str(source), target))
     timeline = desk.run({}, lambda share: False)
     desk.shown(timeline)
-    moment = timeline.moments[3]
-    assert "written" in desk.save(moment.time)
+    measurement = timeline.history[3]
+    assert "written" in desk.save(measurement.time)
     again = tmp_path / f"again{kind[-4:]}"
-    words = shlex.split(desk.command(moment.time).replace(str(target), str(again)))
+    words = shlex.split(desk.command(measurement.time).replace(str(target), str(again)))
     done = CliRunner().invoke(app, [*words[1:], "--quiet"])
     assert done.exit_code == 0, done.output
-    one, other = meshflow.read(target).noun, meshflow.read(again).noun
-    assert np.array_equal(*(noun.points if isinstance(noun, Mesh) else noun.z for noun in (one, other)))
+    one, other = meshflow.read(target).data, meshflow.read(again).data
+    assert np.array_equal(*(data.points if isinstance(data, Mesh) else data.z for data in (one, other)))
     with pytest.raises(InputError, match="exists"):
-        desk.save(moment.time)
+        desk.save(measurement.time)
 
 
-def test_a_knob_that_is_turned_changes_the_flow_and_only_it():
+def test_a_changed_control_changes_the_flow_and_only_it():
     session = Session.begun(hills(), QUICK, count=4)
-    assert {knob.name for knob in session.knobs} == {"scale", "gamma", "sharpness", "patch", "contrast"}
+    assert {control.name for control in session.controls} == {"scale", "gamma", "sharpness", "patch", "contrast"}
     far = session.turned(scale=4.0)
-    assert far.run().moments[-1].time == pytest.approx(8.0)
-    assert session.run().moments[-1].time == pytest.approx(4.0)
+    assert far.run().history[-1].time == pytest.approx(8.0)
+    assert session.run().history[-1].time == pytest.approx(4.0)
     steeper = session.turned(gamma=2.0).run().at(3).z
     assert not np.array_equal(steeper, session.run().at(3).z)
-    with pytest.raises(InputError, match="order: no such knob; there are contrast, gamma"):
+    with pytest.raises(InputError, match="order: no such control; there are contrast, gamma"):
         session.turned(order=3)
 
 
@@ -113,7 +114,7 @@ def test_points_of_a_mesh_may_change_their_method():
     timeline = desk.run({"method": "curvature", "scale": 0.2, "order": 2.0}, lambda share: False)
     desk.shown(timeline)
     assert desk.session.word == "curvature"
-    assert timeline.moments[-1].area < 1.0
+    assert timeline.history[-1].area < 1.0
 
 
 @pytest.mark.parametrize("given", [{}, {"method": "fairing"}])
@@ -150,7 +151,7 @@ def test_curves_mark_the_state_that_is_shown():
     marks = [curves(timeline, index).split("<line x1=")[1][:7] for index in range(5)]
     assert len(set(marks)) == 5
     assert curves(timeline, 2).count("<polyline") == 2
-    assert told(timeline, 4).startswith("time 4")
+    assert summary(timeline, 4).startswith("time 4")
 
 
 @pytest.mark.parametrize(
@@ -166,20 +167,20 @@ def test_what_has_no_states_is_refused(settings, message):
         Session.begun(hills(), Request.of(**parts(**settings)))
 
 
-def test_bad_ways_and_pages_are_refused_before_anything_is_computed(tmp_path):
-    with pytest.raises(InputError, match="way: window, browser, or page"):
-        view(hills(), way="tab")
+def test_bad_displays_and_pages_are_refused_before_anything_is_computed(tmp_path):
+    with pytest.raises(InputError, match="place: an Address, a Page, or None for a window, expected; got 'tab'"):
+        view(hills(), place="tab")
     with pytest.raises(FormatError, match=r"\.html expected"):
-        view(hills(), way="page", page=tmp_path / "page.pdf")
+        view(hills(), place=Page(tmp_path / "page.pdf"))
     (tmp_path / "there.html").write_text("old")
     with pytest.raises(FormatError, match="exists; name another file, or overwrite it on purpose"):
-        view(hills(), way="page", page=tmp_path / "there.html")
+        view(hills(), place=Page(tmp_path / "there.html"))
     with pytest.raises(FormatError, match="there is no folder"):
-        view(hills(), way="page", page=tmp_path / "no" / "page.html")
+        view(hills(), place=Page(tmp_path / "no" / "page.html"))
 
 
 @pytest.mark.needs_gl
 def test_without_a_display_a_window_says_what_else_there_is(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(InputError, match="a window needs a display.*--web"):
-        view(hills(), request=QUICK, count=3)
+        view(hills(), request=QUICK, states=States(3))

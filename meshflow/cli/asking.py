@@ -43,33 +43,33 @@ def asked(given: Given, per_sample: Callable[[str, str], Any]) -> Request:
     :param per_sample: makes the numbers of a flag that holds one for each sample: of its name and what was given.
     :raises InputError: for options that exclude each other, or that the method does not have.
     """
-    told = {flag.name: given.pop(flag.name, None) for flag in FLOW}
-    stops = [made(told[name]) for name, made in STOPS.items() if told[name] is not None]
+    flags = {flag.name: given.pop(flag.name, None) for flag in FLOW}
+    stops = [made(flags[name]) for name, made in STOPS.items() if flags[name] is not None]
     constraints = []
     for name, made in CONSTRAINTS.items():
-        if told[name] is not None:
-            value = told[name] if name == "min_component" else per_sample(name, told[name])
+        if flags[name] is not None:
+            value = flags[name] if name == "min_component" else per_sample(name, flags[name])
             constraints.append(made(value))
-    if told["preserve"] is not None:
-        constraints.append(PRESERVED[told["preserve"]])
-    compute = Compute(**_of(Compute, told))
-    numbers = {name: value for name, value in _of(Request, told).items() if name != "method"}
-    return Request.of(_method(told), stops, constraints, compute=compute, **numbers)
+    if flags["preserve"] is not None:
+        constraints.append(PRESERVED[flags["preserve"]])
+    compute = Compute(**_of(Compute, flags))
+    numbers = {name: value for name, value in _of(Request, flags).items() if name != "method"}
+    return Request.of(_method(flags), stops, constraints, compute=compute, **numbers)
 
 
-def _of(kind: type, told: Given) -> Given:
+def _of(kind: type, flags: Given) -> Given:
     """What was given of the options of a class."""
-    return {o.name: told[o.name] for o in options_of(kind) if told.get(o.name) is not None}
+    return {o.name: flags[o.name] for o in options_of(kind) if flags.get(o.name) is not None}
 
 
-def _method(told: Given) -> Method | None:
+def _method(flags: Given) -> Method | None:
     """The method that is named, with its options; without a name, the first that has all the options that are given.
 
     :raises InputError: for an unknown word, and an option that the method does not have.
     """
     names = {o.name for kind in METHODS.values() if isinstance(kind, type) for o in options_of(kind)}
-    options = {name: told[name] for name in sorted(names) if told.get(name) is not None}
-    word = told["method"]
+    options = {name: flags[name] for name in sorted(names) if flags.get(name) is not None}
+    word = flags["method"]
     if word is None:
         if not options:
             return None

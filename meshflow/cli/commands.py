@@ -85,8 +85,8 @@ def smooth(given: Given) -> None:
     title = f"{source.name}, {result.stopped_because}"
     notes += _shown(given, result, pictured_as=(document, done, title), name=source.name)
     if given["json"]:
-        told = {"in": str(source), "out": str(target), **result.to_dict(), "notes": list(notes)}
-        out.print_json(notation.dumps(told))
+        summary = {"in": str(source), "out": str(target), **result.to_dict(), "notes": list(notes)}
+        out.print_json(notation.dumps(summary))
 
 
 def _shown(
@@ -114,7 +114,7 @@ def info(given: Given) -> None:
     if given["source"] is None:
         raise InputError("info: a file expected, or --environment")
     document = opened(given["source"], {name: given[name] for name in READING})
-    facts = {"file": str(given["source"]), **describe(document.noun), **noise_facts(document.noun)}
+    facts = {"file": str(given["source"]), **describe(document.data), **noise_facts(document.data)}
     table(facts, given["json"], document.notes)
 
 
@@ -150,7 +150,7 @@ def fuse(given: Given) -> None:
     if first is None:
         raise InputError(f"fuse: depths expected, got {len(sources)} frames without a single one")
     _must_be_writable(first, target, given["picture"], given["report"], overwrite)
-    images = (None if seen is None else seen.noun for seen in (frame(path, reading) for path in sources))
+    images = (None if seen is None else seen.data for seen in (frame(path, reading) for path in sources))
     back, result = fused(images, request, None)
     before, done = first.holding(result.before), first.holding(back)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
@@ -164,8 +164,8 @@ def fuse(given: Given) -> None:
         )
     notes += _shown(given, result, pictured_as=(before, done, f"{many}, {result.stopped_because}"), name=many)
     if given["json"]:
-        told = {"in": [str(path) for path in sources], "out": str(target), **result.to_dict(), "notes": list(notes)}
-        out.print_json(notation.dumps(told))
+        summary = {"in": [str(path) for path in sources], "out": str(target), **result.to_dict(), "notes": list(notes)}
+        out.print_json(notation.dumps(summary))
 
 
 def _reported(result: Result | Results, path: Path, name: str, overwrite: bool, quiet: bool) -> tuple[str, ...]:

@@ -54,13 +54,13 @@ class Flag:
     def parameter(self) -> inspect.Parameter:
         """The flag as a parameter of a function, as typer reads it."""
         if self.metavar:
-            told: Any = typer.Argument(metavar=self.metavar, help=self.help, show_default=False)
+            declared: Any = typer.Argument(metavar=self.metavar, help=self.help, show_default=False)
         else:
             words = self.words or (f"--{self.name.replace('_', '-')}",)
-            told = typer.Option(*words, help=self.help, rich_help_panel=self.panel or None)
+            declared = typer.Option(*words, help=self.help, rich_help_panel=self.panel or None)
         default = inspect.Parameter.empty if self.default is ... else self.default
         return inspect.Parameter(
-            self.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[self.kind, told]
+            self.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[self.kind, declared]
         )
 
 
@@ -133,8 +133,8 @@ def _of_methods(methods: Iterable[type], panel: str, known: set[str]) -> list[Fl
 def _of(option: Option, panel: str) -> Flag:
     """A flag of an option. None where it is not given, whatever the default is: what is given can be told."""
     unit = f" ({option.unit})" if option.unit else ""
-    told = option.default is None or "Default" in option.meaning or panel == STOP
-    default = "" if told else f" Default: {option.default}."
+    declared = option.default is None or "Default" in option.meaning or panel == STOP
+    default = "" if declared else f" Default: {option.default}."
     kind = _kind(option.kind)
     words = (f"--{option.flag}", f"--no-{option.flag}") if kind == bool | None else ()
     named = (f"{words[0]}/{words[1]}",) if words else ()

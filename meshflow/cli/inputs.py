@@ -9,7 +9,7 @@ from meshflow.cli.flags import Given
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
-from meshflow.surfaces.data import data_of
+from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "samples"]
@@ -33,7 +33,7 @@ def samples(path: Path | None) -> Array | None:
     if path is None:
         return None
     column = _column(path)
-    return data_of(read(path).noun) if column is None else column
+    return array_of(read(path).data) if column is None else column
 
 
 def mask(path: Path | None) -> Array | None:
@@ -43,11 +43,11 @@ def mask(path: Path | None) -> Array | None:
     column = _column(path)
     if column is not None:
         return truth_of(column)
-    noun = read(path).noun
-    if isinstance(noun, Mesh) or noun.missing is None:
+    data = read(path).data
+    if isinstance(data, Mesh) or data.missing is None:
         raise InputError(f"{path}: a raster, a picture or an array is a mask, a mesh is none")
-    there = truth_of(data_of(noun))
-    return (there if there.ndim == 2 else there.any(axis=2)) & ~noun.missing
+    there = truth_of(array_of(data))
+    return (there if there.ndim == 2 else there.any(axis=2)) & ~data.missing
 
 
 def _column(path: Path) -> Array | None:

@@ -24,11 +24,11 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import compare as draw_pair
 from meshflow.view import show as draw_one
-from meshflow.view.attributes import Riding, riding
+from meshflow.view.attributes import AttributeChange, attribute_change
 from meshflow.view.film import filmable
 from meshflow.view.panels import flows as draw_flows
 from meshflow.view.pictures import writable as drawable
-from meshflow.viewer.controls import Address
+from meshflow.viewer.controls import Address, Page, States
 from meshflow.viewer.filming import film as filmed
 from meshflow.viewer.session import Saving
 from meshflow.viewer.session import view as viewed
@@ -55,17 +55,17 @@ def compare(given: Given) -> None:
     if first.kind != second.kind and {first.kind, second.kind} <= {"image", "terrain"}:
         what = f"compare: data of one kind expected, got {first.kind} and {second.kind}"
         raise InputError(f"{what}; give --camera if they are depth images, or --kind")
-    facts = {"in": str(one), "other": str(other), **measured(first.noun, second.noun).words()}
+    facts = {"in": str(one), "other": str(other), **measured(first.data, second.data).words()}
     notes = first.notes + second.notes
-    ridden = _ridden(first, second)
-    if ridden is not None:
-        facts[f"rms difference of {ridden.name}"] = ridden.rms
-        notes += (ridden.told,)
+    attribute = _attribute_change(first, second)
+    if attribute is not None:
+        facts[f"rms difference of {attribute.name}"] = attribute.rms
+        notes += (attribute.reported,)
     look = {**_some(given, DRAWING), "title": _titled(given["title"], f"{one.name} and {other.name}")}
     how = {**_some(given, ("quantity", "arrange", "at")), "contrast": given["seen_contrast"]}
     for path in (*((picture,) if picture is not None else ()), *((None,) if given["window"] else ())):
-        told = draw_pair(first, second, path, overwrite=overwrite, **how, **look).notes
-        notes += (*(note for note in told if note not in notes), *(() if path is None else (f"picture: {path}",)))
+        written = draw_pair(first, second, path, overwrite=overwrite, **how, **look).notes
+        notes += (*(note for note in written if note not in notes), *(() if path is None else (f"picture: {path}",)))
     table(facts, given["json"], notes)
 
 
@@ -73,10 +73,10 @@ def _some(given: Given, names: tuple[str, ...]) -> Given:
     return {name: given[name] for name in names}
 
 
-def _ridden(first: Document, second: Document) -> Riding | None:
+def _attribute_change(first: Document, second: Document) -> AttributeChange | None:
     """In which attribute two meshes differ whose points do not."""
-    one, other = first.noun, second.noun
-    return riding(first, second, one, other) if isinstance(one, Mesh) and isinstance(other, Mesh) else None
+    one, other = first.data, second.data
+    return attribute_change(first, second, one, other) if isinstance(one, Mesh) and isinstance(other, Mesh) else None
 
 
 def show(given: Given) -> None:
@@ -86,11 +86,11 @@ def show(given: Given) -> None:
     document = opened(source, _some(given, READING))
     if given["fixed"] is not None:
         fixed = document.samples(per_sample(document, "fixed", given["fixed"]), "fixed")
-        document = document.holding(replace(document.noun, fixed=fixed))
+        document = document.holding(replace(document.data, fixed=fixed))
     look = {**_some(given, DRAWING), "title": _titled(given["title"], source.name)}
     how = {"quantity": given["quantity"], "contrast": given["seen_contrast"]}
-    told = draw_one(document, picture, overwrite=overwrite, **how, **look)
-    notes = (*told.notes, *(() if picture is None else (f"picture: {picture}",)))
+    written = draw_one(document, picture, overwrite=overwrite, **how, **look)
+    notes = (*written.notes, *(() if picture is None else (f"picture: {picture}",)))
     said("", () if given["quiet"] else notes)
 
 
@@ -102,35 +102,32 @@ def film(given: Given) -> None:
     request = asked(given, plain_sample)
     look = {**_some(given, DRAWING), "title": _titled(given["title"], source.name)}
     how = {**_some(given, ("rate", "turn", "quantity")), "count": given["frames"]}
-    told = filmed(
+    written = filmed(
         document, target, request=request, overwrite=overwrite, progress=None if quiet else True, **how, **look
     )
-    said("", () if quiet else (*told.notes, f"film: {target}"))
+    said("", () if quiet else (*written.notes, f"film: {target}"))
 
 
 def view(given: Given) -> None:
-    """View IN through the time of its flow: a slider over its states, knobs for what can be turned, in a window or a browser."""
+    """View the flow of IN over time: a slider over its states, and controls for the method, in a window or a browser."""
     source, export, overwrite, quiet = given["source"], given["export"], given["overwrite"], given["quiet"]
     reading = _some(given, READING)
     document = opened(source, reading)
     target = given["saved_as"] or source.with_name(f"{source.stem}_smooth{source.suffix}")
     request = asked(given, plain_sample)
     look: Given = {**_some(given, DRAWING), "title": _titled(given["title"], source.name)}
-    told = viewed(
+    served = Address(given["host"], given["port"], given["browser"], lambda sentence: said(sentence, ()))
+    place = Page(export, overwrite) if export is not None else served if given["web"] else None
+    written = viewed(
         document,
-        way="page" if export is not None else "browser" if given["web"] else "window",
-        page=export,
-        overwrite=overwrite,
-        address=Address(given["host"], given["port"], given["browser"]),
+        place=place,
         saving=Saving(str(source), target, overwrite, _spoken(reading)),
-        count=given["frames"],
-        memory=given["memory"] << 20,
+        states=States(given["frames"], given["memory"] << 20),
         request=request,
         progress=None if quiet else True,
-        said=lambda sentence: said(sentence, ()),
         **look,
     )
-    said("", () if quiet else told)
+    said("", () if quiet else written)
 
 
 def _spoken(reading: Given) -> tuple[str, ...]:
@@ -177,7 +174,7 @@ def _depths(path: Path, camera: str | None, depth_scale: float | None) -> tuple[
     if camera is None:
         raise InputError("compare-flows: rays are those of a camera; give --camera")
     document = opened(path, {"kind": "depth", "camera": camera, "depth_scale": depth_scale})
-    image = document.noun
+    image = document.data
     if not isinstance(image, RangeImage):
         raise InputError(f"{path}: a depth image expected, got {type(image).__name__}")
     return np.where(image.missing, np.nan, image.depth), image.camera, document.notes
@@ -227,4 +224,4 @@ def must_be_drawable(picture: Path | None, overwrite: bool) -> None:
 
 def pictured(before: Document, after: Document, path: Path, title: str, overwrite: bool) -> tuple[str, ...]:
     """Draw before and after; what is to be said of it."""
-    return (*draw_pair(before.noun, after.noun, path, title=title, overwrite=overwrite).notes, f"picture: {path}")
+    return (*draw_pair(before.data, after.data, path, title=title, overwrite=overwrite).notes, f"picture: {path}")

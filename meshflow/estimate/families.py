@@ -11,7 +11,7 @@ FAMILY: Family = (
     ({"gamma": -1.0, "sharpness": 2.0}, (1.0, 2.0)),
     ({"gamma": -1.0, "sharpness": 3.0}, (0.5, 1.35)),
 )
-# The same for several channels, of which members with gamma -1 are stiff: stable steps shorten as edges steepen.
+# The same for several channels, of which variants with gamma -1 are stiff: stable steps shorten as edges steepen.
 CHANNEL_FAMILY: Family = (
     ({}, (1.5, 3.0)),
     ({"patch": 0.7}, (2.5,)),

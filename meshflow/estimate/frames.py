@@ -31,7 +31,7 @@ class Averaged:
     count: Array
 
     @property
-    def confidence(self) -> Array:
+    def weights(self) -> Array:
         """1 / variance of the mean, 0 where there is none."""
         return np.where(self.count > 0, 1.0 / np.square(np.where(self.count > 0, self.sigma, 1.0)), 0.0)
 

@@ -10,37 +10,37 @@ from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import Decided, Plan
 from meshflow.estimate.request import Request
-from meshflow.estimate.risk import TWICE, Candidate, Trial
+from meshflow.estimate.risk import TWICE, Candidate, Configuration
 from meshflow.estimate.search import (
     LOOKED_AT,
     MESH_ENOUGH,
     TIMES,
     Search,
-    candidates,
+    configurations,
     searched_on_grid,
     searched_on_mesh,
 )
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
 from meshflow.flow.methods.searched import Search as Searched
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "is_rounded", "limit_of", "no_noise", "tuned"]
 
-# Times in squared sample distances where nobody names one, and nothing is searched for: 7.5 for the one member that suits most
-# data, 5 for a member of the caller's (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths
+# Times in squared sample distances where nobody names one, and nothing is searched for: 7.5 for the one variant that suits most
+# data, 5 for a variant of the caller's (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths
 # over one edge and shrinks little.
 ONE_TIME, GRID_TIME, MESH_TIME = 7.5, 5.0, 0.5
 ONE, ONE_EDGE = {"gamma": -1.0, "sharpness": 1.5}, 3.0
-# Where rounding is the noise it is not independent of the data, and its risk cannot be estimated: one member again. Of widths 0
+# Where rounding is the noise it is not independent of the data, and its risk cannot be estimated: one variant again. Of widths 0
 # to 3, contrasts 0.5 to 2 and times 1 to 60 it is within 1 % of the best for a Mars terrain in steps of 200 m, a fractal one in
 # steps of 4 m and one in steps of 1 m.
 ROUNDED, ROUNDED_EDGE, ROUNDED_TIME = {"patch": 1.0}, 1.0, 1.5
-# Contrast in sample distances over noise for a member of the caller's, where nothing is searched for: without patch channels 1.5
+# Contrast in sample distances over noise for a variant of the caller's, where nothing is searched for: without patch channels 1.5
 # comes within 12 % of the best contrast and time on four of five scenes and 23 % on the fifth (tests/bench_show.py).
 EDGE = 1.5
 # Time along rays, in squared sample distances for each sigma / h: between 0.02 and 2.4 sigma / h the best time of the ray flow on
@@ -53,7 +53,7 @@ HARM = "data left unchanged: every method was estimated to increase the error"
 GIVEN = Decided("given")
 
 
-def as_they_are(data: Noun, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
+def as_they_are(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
     """Without a search: contrast 1, or where channels move with the points of a mesh what suits their noise.
 
     :param mobility: (n, 1), of each sample.
@@ -69,7 +69,7 @@ def as_they_are(data: Noun, request: Request, noise: Noise, mobility: Array | No
     return _ruled(plan, contrast, how, MESH_TIME, "half a squared edge")
 
 
-def by_rule(data: Noun, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
+def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
     """Without a search: one method for all data, or the one that is named, with its contrast and time by rule.
 
     :param mobility: (n, 1), of each sample.
@@ -89,11 +89,11 @@ def by_rule(data: Noun, request: Request, noise: Noise, mobility: Array | None =
         contrast, how = 1.0, Decided("default", "no noise found")
         plan = replace(plan, warnings=(f"{no_noise(noise)}; contrast 1 is taken", *plan.warnings))
     if not request.named:
-        plan = replace(plan, method=_filled(request, replace(plan.member, **exponents), contrast, 0.0))
+        plan = replace(plan, method=_filled(request, replace(plan.variant, **exponents), contrast, 0.0))
     return _ruled(plan, contrast, how, much, f"{much:g} h²")
 
 
-def tuned(data: Noun, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
+def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
     """Values above a base: method, contrast and time of the least estimated risk, or without a search.
 
     :param mobility: (n, 1), of each sample.
@@ -114,7 +114,7 @@ def tuned(data: Noun, request: Request, noise: Noise, mobility: Array | None = N
     return by_rule(data, request, noise, mobility)
 
 
-def _begun(data: Noun, request: Request, noise: Noise, mobility: Array | None) -> Plan:
+def _begun(data: Data, request: Request, noise: Noise, mobility: Array | None) -> Plan:
     """A plan with what the caller gives, the paper's exponents for what is left open, and nothing chosen yet."""
     asked = request.heights
     method: HeightMethod = asked
@@ -127,12 +127,12 @@ def _begun(data: Noun, request: Request, noise: Noise, mobility: Array | None) -
     return Plan(data, request, noise, method, lift, 0.0, {**decided, "boundary": boundary}, mobility=mobility)
 
 
-def _filled(request: Request, member: Member, contrast: float, twicing: float) -> HeightMethod:
+def _filled(request: Request, variant: Variant, contrast: float, twicing: float) -> HeightMethod:
     """The method that is named, or that of the exponents that were found, with its numbers."""
     asked = request.heights
     if request.named:
         return replace(asked, contrast=contrast, twicing=twicing)
-    exponents = {"gamma": member.gamma, "sharpness": member.sharpness, "patch": member.patch}
+    exponents = {"gamma": variant.gamma, "sharpness": variant.sharpness, "patch": variant.patch}
     return Beltrami(contrast=contrast, twicing=twicing, indicator=asked.indicator, mass=asked.mass, **exponents)
 
 
@@ -144,7 +144,7 @@ def _ruled(plan: Plan, contrast: float, how: Decided, much: float, words: str) -
     request = plan.request
     time, when = _time(request, much * plan.data.step**2, Decided("default", words))
     decided = {"contrast": how, "time": when, "twicing": _of_twicing(request)}
-    method = _filled(request, plan.member, contrast, float(request.twicing or 0.0))
+    method = _filled(request, plan.variant, contrast, float(request.twicing or 0.0))
     return plan.with_(decided, method=method, lift=replace(plan.lift, contrast=contrast), time=time)
 
 
@@ -163,21 +163,21 @@ def _of_twicing(request: Request) -> Decided:
     return GIVEN if request.twicing is not None else Decided()
 
 
-def _family(data: Noun, request: Request) -> Family:
+def _family(data: Data, request: Request) -> Family:
     """What the search looks at: exponents, and contrasts in sample distances over the noise."""
     if request.named:
         return ((request.heights.exponents, request.heights.contrasts),)
     if isinstance(data, Mesh):
         return MESH_FAMILY
-    return CHANNEL_FAMILY if data_of(data).ndim == 3 else FAMILY
+    return CHANNEL_FAMILY if array_of(data).ndim == 3 else FAMILY
 
 
 def _searched(plan: Plan, sigma: float) -> Plan | None:
     """The method, contrast and time of least estimated risk, of what the caller leaves open; None for a time too long to try."""
     data, request = plan.data, plan.request
     asked, end, h2 = request.heights, request.until_time, data.step**2
-    like = Member(indicator=asked.indicator, mass=asked.mass)
-    made = candidates(_family(data, request), data.step / sigma, like, asked.contrast)
+    like = Variant(indicator=asked.indicator, mass=asked.mass)
+    made = configurations(_family(data, request), data.step / sigma, like, asked.contrast)
     alone = end is not None or request.weighted or bool(request.stops)
     twices = (float(request.twicing),) if request.twicing is not None else (0.0,) if alone else TWICE
     parts = (0.25, 0.5, 1.0, *((2.0,) if max(twices) > 0 else ()))
@@ -185,34 +185,34 @@ def _searched(plan: Plan, sigma: float) -> Plan | None:
     times = tuple(t * h2 for t in TIMES if t <= longest) if end is None else tuple(end * part for part in parts)
     search = Search(made, times, asked.contrast is None, sigma, end, twices, plan.mobility)
     if isinstance(data, Mesh):
-        trials = searched_on_mesh(data, plan.lift, search)
+        candidates = searched_on_mesh(data, plan.lift, search)
     else:
         limit, free = limit_of(data, request, plan.noise)[0], request.boundary is None
-        lattice = data.gridded(plan.lift)
-        trials, found = searched_on_grid(lattice, search, limit, request.compute.threads, free)
-        if found.boundary != lattice.boundary:
+        grid = data.gridded(plan.lift)
+        candidates, found = searched_on_grid(grid, search, limit, request.compute.threads, free)
+        if found.boundary != grid.boundary:
             lift = replace(plan.lift, boundary=found.boundary)
             plan = plan.with_({"boundary": Decided("estimated")}, lift=lift)
-    return _chosen(plan, trials, sigma, len(twices) > 1) if trials else None
+    return _chosen(plan, candidates, sigma, len(twices) > 1) if candidates else None
 
 
-def _chosen(plan: Plan, trials: tuple[Trial, ...], sigma: float, many: bool) -> Plan:
-    """With the best of the trials.
+def _chosen(plan: Plan, candidates: tuple[Candidate, ...], sigma: float, many: bool) -> Plan:
+    """With the best of the candidates.
 
     :param many: several weights of twicing were looked at.
     """
-    request, best = plan.request, trials[0].candidate
+    request, best = plan.request, candidates[0].configuration
     where = "least estimated risk"
     contrast = GIVEN
     if request.heights.contrast is None:
         contrast = Decided("estimated", f"{best.contrast * sigma / plan.data.step:.3g} h / sigma, {where}")
     twicing = Decided("estimated") if many else _of_twicing(request)
-    time, when = _time(request, trials[0].least[0], Decided("estimated", where))
+    time, when = _time(request, candidates[0].least[0], Decided("estimated", where))
     decided = {"contrast": contrast, "twicing": twicing, "time": when, **_exponents_found(request)}
     idle = HARM if request.until_time is None and time == 0 else None
-    method = _filled(request, best.member, best.contrast, best.twice)
+    method = _filled(request, best.variant, best.contrast, best.twice)
     lift = replace(plan.lift, contrast=best.contrast)
-    return plan.with_(decided, method=method, lift=lift, time=time, trials=trials, idle=idle)
+    return plan.with_(decided, method=method, lift=lift, time=time, candidates=candidates, idle=idle)
 
 
 def _exponents_found(request: Request) -> dict[str, Decided]:
@@ -236,7 +236,7 @@ def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobil
         "contrast": GIVEN if asked.contrast is not None else Decided("default", "lengths as they are"),
         "twicing": _of_twicing(request),
     }
-    method = _filled(request, plan.member, contrast, twicing)
+    method = _filled(request, plan.variant, contrast, twicing)
     plan = plan.with_(decided, method=method, lift=replace(plan.lift, contrast=contrast))
     if noise.sigma == 0 or data.sigma is None:
         time, when = _time(request, 0.0, Decided("default", "no noise was found"))
@@ -280,15 +280,15 @@ def _searched_along(plan: Plan, data: RangeImage, sigma: np.ndarray) -> Plan:
     """
     request, end = plan.request, plan.request.until_time
     exponents = ({},) if request.named else RAY_FAMILY
-    made = tuple(Candidate(replace(plan.member, **part), 1.0) for part in exponents)
+    made = tuple(Configuration(replace(plan.variant, **part), 1.0) for part in exponents)
     times = tuple(t * data.step**2 for t in TIMES) if end is None else (end / 4, end / 2, end)
     search = Search(made, times, False, sigma, end, (plan.twicing,), plan.mobility)
-    trials = searched_on_grid(data.gridded(plan.lift), search, None, request.compute.threads)[0]
-    time, when = _time(request, trials[0].least[0], Decided("estimated", "least estimated risk"))
-    method = _filled(request, trials[0].candidate.member, plan.lift.contrast, plan.twicing)
+    candidates = searched_on_grid(data.gridded(plan.lift), search, None, request.compute.threads)[0]
+    time, when = _time(request, candidates[0].least[0], Decided("estimated", "least estimated risk"))
+    method = _filled(request, candidates[0].configuration.variant, plan.lift.contrast, plan.twicing)
     idle = HARM if end is None and time == 0 else None
     decided = {"time": when, **_exponents_found(request)}
-    return plan.with_(decided, method=method, time=time, trials=trials, idle=idle)
+    return plan.with_(decided, method=method, time=time, candidates=candidates, idle=idle)
 
 
 def no_noise(noise: Noise) -> str:
@@ -298,7 +298,7 @@ def no_noise(noise: Noise) -> str:
     return "no noise was found: nothing to remove, nothing was changed"
 
 
-def limit_of(data: Noun, request: Request, noise: Noise) -> tuple[Any, Origin]:
+def limit_of(data: Data, request: Request, noise: Noise) -> tuple[Any, Origin]:
     """What no sample leaves, unit of the values, None for no limit, and where that came from."""
     if request.constraints.max_change is not None:
         return request.constraints.max_change, "given"

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -86,12 +86,12 @@ class Parameter:
         return float(other) / float(self)
 
 
-def value_unit(data: Noun) -> str:
+def value_unit(data: Data) -> str:
     """The unit of what is smoothed, where the data names it."""
     return data.unit if isinstance(data, (HeightField, RangeImage)) else ""
 
 
-def squared_unit(data: Noun) -> str:
+def squared_unit(data: Data) -> str:
     """The unit of time."""
     if isinstance(data, RangeImage):
         return "pixel footprints²" if data.time_unit != "length" else f"{data.unit}²" if data.unit else "squared length"
@@ -102,7 +102,7 @@ def squared_unit(data: Noun) -> str:
     return "squared length"
 
 
-def contrast_unit(data: Noun) -> str:
+def contrast_unit(data: Data) -> str:
     """The unit of the contrast: none where value and length share theirs."""
     if isinstance(data, Image):
         return "pixels per unit" if squared_unit(data) == "pixels²" else "length per unit"

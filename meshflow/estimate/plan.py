@@ -9,17 +9,17 @@ import numpy as np
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.request import Request
-from meshflow.estimate.risk import Trial
+from meshflow.estimate.risk import Candidate
 from meshflow.flow.conservation import Keep
 from meshflow.flow.constraints import Limit
 from meshflow.flow.controls import Until
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.methods import Method
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.stops import Scale
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
 
@@ -45,7 +45,7 @@ class Plan:
     :ivar lift: how the data becomes a surface: contrast, diagonals, boundary.
     :ivar time: squared length; where the run is ended by steps or stops, its latest end.
     :ivar decided: who decided, by the name of an option; of what is not named, nobody had to.
-    :ivar trials: of the search, the chosen one first.
+    :ivar candidates: of the search, the chosen one first.
     :ivar idle: why nothing is done; None where something is.
     :ivar warnings: sentences.
     :ivar mobility: (n, 1), how fast each sample goes; None: all go freely.
@@ -56,14 +56,14 @@ class Plan:
     :ivar setting: of a mesh whose points move; None of everything else.
     """
 
-    data: Noun
+    data: Data
     request: Request
     noise: Noise
     method: Method
     lift: Lift
     time: float = 0.0
     decided: Mapping[str, Decided] = field(default_factory=dict)
-    trials: tuple[Trial, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
     idle: str | None = None
     warnings: tuple[str, ...] = ()
     mobility: Array | None = None
@@ -78,11 +78,11 @@ class Plan:
         return replace(self, decided={**self.decided, **decided}, **changes)
 
     @property
-    def member(self) -> Member:
+    def variant(self) -> Variant:
         """Exponents, edge indicator and mass, as engines take them."""
         if isinstance(self.method, HeightMethod):
-            return self.method.member
-        return Member(mass=getattr(self.method, "mass", "barycentric"))
+            return self.method.variant
+        return Variant(mass=getattr(self.method, "mass", "barycentric"))
 
     @property
     def points(self) -> PointMethod | None:
@@ -138,9 +138,9 @@ class _Seen:
         return values
 
 
-def size_of(data: Noun) -> tuple[tuple[int, ...], int]:
+def size_of(data: Data) -> tuple[tuple[int, ...], int]:
     """The shape of the coordinates that move, as the caller knows them, and how many samples they are of."""
-    values = data_of(data)
+    values = array_of(data)
     n = len(data.points) if isinstance(data, Mesh) else int(np.prod(values.shape[:2]))
     if isinstance(data, Mesh) and data.moves == "all":
         return (values.shape[0], data.points.shape[1] + values.shape[1]), n

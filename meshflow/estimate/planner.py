@@ -17,7 +17,7 @@ from meshflow.flow.methods.beltrami import Patches
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.mobility import speed_of
 from meshflow.geometry.validation import Array, mask_of
-from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -32,7 +32,7 @@ RAYS_ENOUGH = 80_000
 AT_REST = 10.0
 
 
-def noise_in(data: Noun, mask: Array | None = None) -> Noise:
+def noise_in(data: Data, mask: Array | None = None) -> Noise:
     """The noise of the data, in the unit of its values; of bare points along their normals.
 
     :param mask: (h, w), the samples that it is looked for in; None: in all.
@@ -42,10 +42,10 @@ def noise_in(data: Noun, mask: Array | None = None) -> Noise:
             return noise_on(data.points, data.faces, data.normals)
         return noise_on(data.channels, data.faces)
     unseen = _unseen(data.missing, mask)
-    return _noise_along(data, unseen)[0] if isinstance(data, RangeImage) else noise_of(data_of(data), unseen)
+    return _noise_along(data, unseen)[0] if isinstance(data, RangeImage) else noise_of(array_of(data), unseen)
 
 
-def plan(data: Noun, request: Request) -> Plan:
+def plan(data: Data, request: Request) -> Plan:
     """What is run on data of any kind.
 
     :raises InputError: for what the kind of data does not know, and constraints that do not fit it.
@@ -78,14 +78,14 @@ def _unseen(missing: Array, mask: Array | None) -> Array:
     return missing if unseen.all() else unseen
 
 
-def _staying(data: Noun, request: Request) -> Array:
+def _staying(data: Data, request: Request) -> Array:
     """The samples that the data or the caller fixes, (h, w) or (n,)."""
     fixed = data.fixed
     given = request.constraints.fixed
     return fixed if given is None else fixed | mask_of(given, fixed.shape, "fixed")
 
 
-def _constrained(data: Noun, request: Request, fixed: Array) -> tuple[Noun, Request, Array | None]:
+def _constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Request, Array | None]:
     """The data with what may not move fixed; masks as booleans; the mobility (n, 1), None where all go freely."""
     held = request.constraints
     if held.mask is not None:
@@ -100,7 +100,7 @@ def _constrained(data: Noun, request: Request, fixed: Array) -> tuple[Noun, Requ
     )  # fmt: skip
 
 
-def _with_noise(data: Noun, request: Request, mask: Array | None) -> tuple[Noun, Noise, str]:
+def _with_noise(data: Data, request: Request, mask: Array | None) -> tuple[Data, Noise, str]:
     """The data with the noise of each depth, the noise, and how it grows, in words."""
     if isinstance(data, RangeImage):
         if request.noise is not None:
@@ -141,7 +141,7 @@ def _noise_along(data: RangeImage, missing: Array) -> tuple[Noise, RangeImage, s
     return Noise(typical, quantum, (typical,), 0.0, how), data, why
 
 
-def _must_suit(data: Noun, request: Request) -> None:
+def _must_suit(data: Data, request: Request) -> None:
     """Refuse what this kind of data does not know.
 
     :raises InputError: naming what would suit.
@@ -159,21 +159,21 @@ def _must_suit(data: Noun, request: Request) -> None:
         raise InputError("method='patches': of height fields and images, whose samples have patches; got a mesh")
     if isinstance(data, Mesh) and data.moves != "channels":
         return
-    ways = {
+    of_points = {
         "PreserveVolume and PreserveArea": request.constraints.preserve is not None,
         "triangles": request.compute.triangles not in ("auto", "clamped"),
         "along": getattr(request.method, "along", "all") != "all",
         "boundary='border-curve'": request.boundary == "border-curve",
         f"method={getattr(request.method, 'word', '')!r}": isinstance(request.method, PointMethod),
     }
-    for word, given in ways.items():
+    for word, given in of_points.items():
         if given:
             what = "a mesh of which the channels move" if isinstance(data, Mesh) else kind
             suits = f"; methods here are {', '.join(words_for(points=False))}" if word.startswith("method") else ""
             raise InputError(f"{word}: where the points of a mesh move only, got {what}{suits}")
 
 
-def _must_fit(data: Noun, request: Request) -> None:
+def _must_fit(data: Data, request: Request) -> None:
     """Refuse numbers that make no sense now, not after the search."""
     (shape, n), held = size_of(data), request.constraints
     if held.max_change is not None:
@@ -182,14 +182,14 @@ def _must_fit(data: Noun, request: Request) -> None:
         trust_of(held.data_weights, shape, n, 1.0)
 
 
-def _stepped(data: Noun, request: Request) -> Request:
+def _stepped(data: Data, request: Request) -> Request:
     """With half the step of quantized data where that is the largest change.
 
     :raises InputError: where it is not quantized.
     """
     if not isinstance(request.constraints.max_change, str):
         return request
-    values = data_of(data)
+    values = array_of(data)
     there = np.isfinite(values)
     if not isinstance(data, Mesh):
         gone = data.missing if values.ndim == 2 else data.missing[..., None]
@@ -202,7 +202,7 @@ def _stepped(data: Noun, request: Request) -> Request:
     return replace(request, constraints=replace(request.constraints, max_change=steps.at(values) / 2.0))
 
 
-def _still(data: Noun) -> bool:
+def _still(data: Data) -> bool:
     """Whether no sample may move."""
     still = data.fixed if isinstance(data, Mesh) else data.fixed | data.missing
     return bool(still.all())

@@ -9,7 +9,7 @@ from meshflow.estimate.heights import HARM, as_they_are, no_noise
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import Decided, Plan
-from meshflow.estimate.point_search import Tried, candidates, searched
+from meshflow.estimate.point_search import Tried, configurations, searched
 from meshflow.estimate.request import Request
 from meshflow.flow.conservation import Keep
 from meshflow.flow.methods.curvature import ConformalFlow, CurvatureFlow
@@ -91,11 +91,11 @@ def _curved(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
     """A flow by mean curvature, with the length or the weight of one that keeps features."""
     named = request.method if isinstance(request.method, PointMethod) else None
     method = named or CurvatureFlow(along=_along(request), mass=request.heights.mass)
-    method, told = _featured(data, request, noise, method)
+    method, decisions = _featured(data, request, noise, method)
     origin: Origin = "default" if named is None else "given"
     setting = _setting(request)
     plan = as_they_are(data, request, noise, mobility)
-    decided = {"method": Decided(origin), **_options_given(named), **told, **_of_triangles(data, request, method)}
+    decided = {"method": Decided(origin), **_options_given(named), **decisions, **_of_triangles(data, request, method)}
     if setting.curve:
         decided["boundary"] = GIVEN
     if method.word in LONGER and request.until_time is None:
@@ -167,29 +167,32 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         raise InputError(
             "data weights pull at the curvature flow of a mesh only; give method='curvature', or Fixed and MaxChange"
         )
-    ways, setting, timed = _ways(data, request), _setting(request), request.until_time
+    methods, setting, timed = _methods(data, request), _setting(request), request.until_time
     lift = Lift(1.0, request.compute.diagonals, request.rim)
     preserve, asked = (
         request.constraints.preserve,
         timed is not None or request.steps is not None or bool(request.stops),
     )
     plan = Plan(
-        data, request, noise, ways[0], lift, 0.0, mobility=mobility, preserve=preserve, setting=setting,
+        data, request, noise, methods[0], lift, 0.0, mobility=mobility, preserve=preserve, setting=setting,
         decided=_of_shaped(request, noise),
     )  # fmt: skip
     time, when = (0.0, Decided()) if timed is None else (float(timed), GIVEN)
     found = False
     if noise.sigma == 0 and not asked:
         return plan.with_({"time": Decided("default", "nothing to remove")}, idle=no_noise(noise))
-    settled = len(ways) == 1 and timed is not None  # nothing is open
+    settled = len(methods) == 1 and timed is not None  # nothing is open
     if noise.sigma > 0 and request.searching and request.steps is None and not request.stops and not settled:
-        trials = searched(data, lift, Tried(ways, setting, noise.sigma * request.strength, timed, mobility))
-        if trials:
+        candidates = searched(data, lift, Tried(methods, setting, noise.sigma * request.strength, timed, mobility))
+        if candidates:
             if timed is None:
-                time, when = trials[0].least[0], Decided("estimated", "least estimated risk")
+                time, when = candidates[0].least[0], Decided("estimated", "least estimated risk")
             idle, found = HARM if time == 0 else None, True
             plan = plan.with_(
-                _options_found(request, trials[0].candidate), method=trials[0].candidate, trials=trials, idle=idle
+                _options_found(request, candidates[0].configuration),
+                method=candidates[0].configuration,
+                candidates=candidates,
+                idle=idle,
             )
     if not found and timed is None:
         much = FIXED_TIME[plan.method.word]
@@ -227,35 +230,35 @@ def _options_found(request: Request, method: PointMethod) -> dict[str, Decided]:
     return {**found, "method": GIVEN if named else Decided("estimated")}
 
 
-def _ways(data: Mesh, request: Request) -> tuple[PointMethod, ...]:
+def _methods(data: Mesh, request: Request) -> tuple[PointMethod, ...]:
     """The methods that the caller leaves open; the first is the one where nothing is searched for."""
     named = request.method if isinstance(request.method, PointMethod) else None
     clamped, along = request.compute.triangles == "clamped", _along(request)
     ranged = named is None and clamped
     fairing = isinstance(named, Fairing) or (named is None and (request.boundary == "border-curve" or clamped))
     made: list[PointMethod] = []
-    for way in (FAIRED if fairing else FIXED, *candidates(data.step)):
-        if fairing != isinstance(way, Fairing) and (fairing or named is not None):
+    for method in (FAIRED if fairing else FIXED, *configurations(data.step)):
+        if fairing != isinstance(method, Fairing) and (fairing or named is not None):
             continue
-        if isinstance(way, NormalFilter):
-            made.append(_normal_filter(way, named if isinstance(named, NormalFilter) else NormalFilter(along=along)))
-        elif isinstance(way, Fairing):
-            made.append(_fairing(way, named if isinstance(named, Fairing) else Fairing(along=along), ranged))
+        if isinstance(method, NormalFilter):
+            made.append(_normal_filter(method, named if isinstance(named, NormalFilter) else NormalFilter(along=along)))
+        elif isinstance(method, Fairing):
+            made.append(_fairing(method, named if isinstance(named, Fairing) else Fairing(along=along), ranged))
     return tuple(dict.fromkeys(made))
 
 
-def _normal_filter(way: NormalFilter, asked: NormalFilter) -> NormalFilter:
+def _normal_filter(method: NormalFilter, asked: NormalFilter) -> NormalFilter:
     """A way, with the options that are given."""
     names = ("crease_contrast", "crease_sharpness", "regularize")
     given = {name: float(getattr(asked, name)) for name in names if getattr(asked, name) is not None}
     if asked.along == "normals":
         given["regularize"] = 0.0
-    return replace(way, along=asked.along, **given)
+    return replace(method, along=asked.along, **given)
 
 
-def _fairing(way: Fairing, asked: Fairing, ranged: bool) -> Fairing:
+def _fairing(method: Fairing, asked: Fairing, ranged: bool) -> Fairing:
     """A way, with the options that are given; ``ranged``: the one by which no value leaves its range."""
     if ranged:
-        return replace(way, order=RANGED, weights="cotangent", along=asked.along)
-    order, weights = asked.order or way.order, asked.weights or way.weights
-    return replace(way, order=order, weights=weights, along=asked.along)
+        return replace(method, order=RANGED, weights="cotangent", along=asked.along)
+    order, weights = asked.order or method.order, asked.weights or method.weights
+    return replace(method, order=order, weights=weights, along=asked.along)

@@ -1,4 +1,4 @@
-"""Which member of the family, and for how long: the risk estimated from the noisy data alone."""
+"""Which variant of the family, and for how long: the risk estimated from the noisy data alone."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -8,13 +8,13 @@ import numpy as np
 
 from meshflow.flow.constraints import Limit
 from meshflow.flow.contract import Flow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.steppers import Explicit, SuperTime
 from meshflow.flow.super_time import stages
 from meshflow.flow.workspace import Workspace
 from meshflow.geometry.validation import Array
 
-__all__ = ["PROBE", "TWICE", "Candidate", "Trial", "first_of", "ranked", "refined", "risk_curves", "searched"]
+__all__ = ["PROBE", "TWICE", "Candidate", "Configuration", "first_of", "ranked", "refined", "risk_curves", "searched"]
 
 # The twin starts beside the flow by this share of the noise: a derivative, to the rounding of single precision.
 PROBE = 0.1
@@ -30,8 +30,8 @@ FINER = 1.35
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A member and the contrast it is taken with.
+class Configuration:
+    """A variant and the contrast it is taken with.
 
     :ivar contrast: alpha, length per unit of the value.
     :ivar twice: w of u(t) + w (u(t) - u(2 t)), twicing in time (Tukey 1977): what the flow would still take away is given
@@ -39,7 +39,7 @@ class Candidate:
     :ivar boundary: of the grid it was tried on, where that is another than the data's own.
     """
 
-    member: Member
+    variant: Variant
     contrast: float
     twice: float = 0.0
     boundary: str = ""
@@ -47,22 +47,22 @@ class Candidate:
     @property
     def words(self) -> dict[str, Any]:
         """Names to numbers and words, in reading order."""
-        m = self.member
+        m = self.variant
         named = {"gamma": m.gamma, "sharpness": m.sharpness, "patch": m.patch, "contrast": self.contrast}
         return {**named, "twicing": self.twice, **({"boundary": self.boundary} if self.boundary else {})}
 
 
 @dataclass(frozen=True)
-class Trial:
-    """What a candidate is expected to leave.
+class Candidate:
+    """What a configuration is expected to leave.
 
-    :ivar candidate: a :class:`Candidate`, or another thing with ``words``.
+    :ivar configuration: a :class:`Configuration`, or another thing with ``words``.
     :ivar times: at which the risk was estimated, squared length; the first is zero.
     :ivar squares: mean square error, squared unit of the values; at time zero sigma^2. What sigma is wrong by shifts all of
         them alike: they may be negative, and are compared all the same.
     """
 
-    candidate: Any
+    configuration: Any
     times: tuple[float, ...]
     squares: tuple[float, ...]
 
@@ -150,30 +150,32 @@ def risk_curves(
     return {weight: tuple(risks) for weight, risks in curves.items()}
 
 
-def ranked(trials: Iterable[Trial]) -> tuple[Trial, ...]:
-    """Trials by their least risk, the least first."""
-    return tuple(sorted(trials, key=lambda trial: trial.least[1]))
+def ranked(candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
+    """Candidates by their least risk, the least first."""
+    return tuple(sorted(candidates, key=lambda candidate: candidate.least[1]))
 
 
-def searched(candidates: Iterable[Candidate], tried: Callable[[Candidate], Sequence[Trial]]) -> tuple[Trial, ...]:
-    """All trials of candidates, the best first.
+def searched(
+    configurations: Iterable[Configuration], tried: Callable[[Configuration], Sequence[Candidate]]
+) -> tuple[Candidate, ...]:
+    """All candidates of configurations, the best first.
 
-    :param tried: makes the trials of a candidate, one for each weight of twicing.
+    :param tried: makes the candidates of a configuration, one for each weight of twicing.
     """
-    return ranked(trial for candidate in candidates for trial in tried(candidate))
+    return ranked(candidate for configuration in configurations for candidate in tried(configuration))
 
 
-def first_of(trials: Iterable[Trial], count: int) -> tuple[Candidate, ...]:
-    """The best candidate of each of the best members, whatever its twicing."""
-    best: dict[Member, Candidate] = {}
-    for trial in ranked(trials):
-        best.setdefault(trial.candidate.member, replace(trial.candidate, twice=0.0))
+def first_of(candidates: Iterable[Candidate], count: int) -> tuple[Configuration, ...]:
+    """The best configuration of each of the best variants, whatever its twicing."""
+    best: dict[Variant, Configuration] = {}
+    for candidate in ranked(candidates):
+        best.setdefault(candidate.configuration.variant, replace(candidate.configuration, twice=0.0))
     return tuple(best.values())[:count]
 
 
-def refined(candidate: Candidate) -> tuple[Candidate, Candidate]:
-    """A candidate with more and with less contrast."""
+def refined(configuration: Configuration) -> tuple[Configuration, Configuration]:
+    """A configuration with more and with less contrast."""
     return (
-        replace(candidate, contrast=candidate.contrast * FINER),
-        replace(candidate, contrast=candidate.contrast / FINER),
+        replace(configuration, contrast=configuration.contrast * FINER),
+        replace(configuration, contrast=configuration.contrast / FINER),
     )

@@ -7,7 +7,7 @@ import numpy as np
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -17,14 +17,14 @@ from meshflow.surfaces.range_image import RangeImage
 __all__ = ["describe"]
 
 
-def describe(noun: Noun) -> dict[str, Any]:
-    """Facts about a noun, words to numbers or words, in reading order; lengths in the unit of the data.
+def describe(data: Data) -> dict[str, Any]:
+    """Facts about a data object, words to numbers or words, in reading order; lengths in the unit of the data.
 
     The area of an image is that of (x, y, channels) at contrast 1; angles are of the triangles between valid samples.
     """
-    surface = noun.lifted(Lift(diagonals="forward"))
+    surface = data.lifted(Lift(diagonals="forward"))
     faces = surface.triangulations[0]
-    facts = _of_mesh(noun, faces) if isinstance(noun, Mesh) else _of_grid(noun)
+    facts = _of_mesh(data, faces) if isinstance(data, Mesh) else _of_grid(data)
     if surface.charts:
         forms, points = operator.forms(surface.charts[0]), surface.start
     else:
@@ -33,41 +33,41 @@ def describe(noun: Noun) -> dict[str, Any]:
     return facts | {"triangles": len(faces), "area": float(area.sum())} | _quality(cot, area)
 
 
-def _of_grid(noun: HeightField | Image | RangeImage) -> dict[str, Any]:
-    values = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(noun)]
-    array = getattr(noun, values)
-    missing = noun.missing
+def _of_grid(data: HeightField | Image | RangeImage) -> dict[str, Any]:
+    values = {HeightField: "z", Image: "values", RangeImage: "depth"}[type(data)]
+    array = getattr(data, values)
+    missing = data.missing
     valid = array[~missing]
     facts: dict[str, Any] = {
-        "kind": {HeightField: "height field", Image: "image", RangeImage: "range image"}[type(noun)],
+        "kind": {HeightField: "height field", Image: "image", RangeImage: "range image"}[type(data)],
         "rows x columns": f"{array.shape[0]} x {array.shape[1]}",
         "type": str(array.dtype),
     }
-    if isinstance(noun, RangeImage):
-        facts["camera"] = noun.camera.summary
+    if isinstance(data, RangeImage):
+        facts["camera"] = data.camera.summary
     else:
-        dx, dy = noun.spacing
+        dx, dy = data.spacing
         wide = f"{dx:.6g}" if np.ndim(dx) == 0 else f"{np.min(dx):.6g} to {np.max(dx):.6g} (per row)"
         facts["spacing"] = f"{wide} x {dy:.6g}"
-    if isinstance(noun, Image):
+    if isinstance(data, Image):
         facts["channels"] = 1 if array.ndim == 2 else array.shape[2]
     facts["least"], facts["greatest"] = float(valid.min()), float(valid.max())
     gone = int(missing.sum())
     return facts | {"missing": f"{gone} of {missing.size} samples ({gone / missing.size:.1%})"}
 
 
-def _of_mesh(noun: Mesh, faces: Array) -> dict[str, Any]:
+def _of_mesh(data: Mesh, faces: Array) -> dict[str, Any]:
     edges = np.sort(faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
     _, uses = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
-    low, high = noun.points.min(axis=0), noun.points.max(axis=0)
+    low, high = data.points.min(axis=0), data.points.max(axis=0)
     return {
         "kind": "mesh",
-        "points": len(noun.points),
-        "type": str(noun.points.dtype),
+        "points": len(data.points),
+        "type": str(data.points.dtype),
         "extent": " x ".join(f"{size:.6g}" for size in high - low),
-        "mean edge": noun.step,
-        "channels": 0 if noun.channels is None else noun.channels.shape[1],
-        "isolated points": int(len(noun.points) - len(np.unique(faces))),
+        "mean edge": data.step,
+        "channels": 0 if data.channels is None else data.channels.shape[1],
+        "isolated points": int(len(data.points) - len(np.unique(faces))),
         "boundary edges": len(boundary_edges(faces)),
         "non-manifold edges": int((uses > 2).sum()),
     }

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.evaluate.outcome import Bends, Outcome, Start, Truth, rim_edges
 from meshflow.flow.engines.mesh import MeshFlow
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.steppers import SemiImplicit
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.validation import Array, positive
@@ -139,7 +139,7 @@ def compare_flows(
     dt: float = 0.25,
     jump: float | None = 0.05,
     boundary: Boundary = "plane-preserving",
-    member: Member | None = None,
+    variant: Variant | None = None,
 ) -> FlowComparison:
     """Run four flows on one range image until they are equally smooth, and measure what each has done to it.
 
@@ -159,7 +159,7 @@ def compare_flows(
     :param dt: of one step.
     :param jump: as that of :class:`RangeImage`, of the image and of the truth.
     :param boundary: ``neumann | plane-preserving | fixed``.
-    :param member: of the family; the Beltrami flow by default. It makes no difference where all of R^3 is free.
+    :param variant: of the family; the Beltrami flow by default. It makes no difference where all of R^3 is free.
     :raises InputError: for a truth of another shape, an image without two neighbouring triangles, or no pixel that is left to
         compare.
     """
@@ -170,7 +170,7 @@ def compare_flows(
     bends = Bends(start.faces)
     if len(bends.pairs) == 0:
         raise InputError("compare flows: no two triangles meet away from the rim; a larger image, or a larger jump")
-    run = _Run(start.faces, bends, member or Member(), dt)
+    run = _Run(start.faces, bends, variant or Variant(), dt)
     rays = run.until(surface, "rays", time)
     ends = {"rays": rays} | {
         name: run.until(surface, name, PATIENCE * time, rays.roughness) for name in FLOWS if name != "rays"
@@ -203,22 +203,22 @@ class _Run:
 
     faces: Array
     bends: Bends
-    member: Member
+    variant: Variant
     dt: float
 
     def until(self, surface: Surface, name: str, time: float, roughness: float | None = None) -> _End:
         """One flow up to a time, or up to where it is as smooth as asked for."""
-        move, points, now, turn = self._mover(surface, name), surface.points, 0.0, 0
+        move, points, now, diagonal = self._mover(surface, name), surface.points, 0.0, 0
         reached = self.bends.roughness(points)
         while now < time * (1.0 - 1e-12) and (roughness is None or reached > roughness):
             dt = min(self.dt, time - now)
-            new = move(points, dt, turn)
+            new = move(points, dt, diagonal)
             found = self.bends.roughness(new)
             if roughness is not None and found <= roughness:
                 share = self._share(points, new, roughness)
                 points = points + share * (new - points)
                 return _End(points, now + share * dt, self.bends.roughness(points), True)
-            points, reached, now, turn = new, found, now + dt, turn + 1
+            points, reached, now, diagonal = new, found, now + dt, diagonal + 1
         return _End(points, now, reached, roughness is None or reached <= roughness)
 
     def _share(self, old: Array, new: Array, roughness: float) -> float:
@@ -236,20 +236,20 @@ class _Run:
         stepper = SemiImplicit()
         if name == "normals":
 
-            def along(points: Array, dt: float, turn: int) -> Array:
+            def along(points: Array, dt: float, diagonal: int) -> Array:
                 """A step along the vertex normals of these points."""
                 normals = normals_at(points, self.faces)
                 here = replace(surface, points=points, free=Rays(points, normals, np.zeros((len(points), 1))))
-                flow = MeshFlow(here, self.member)
-                return here.points_at(stepper.step(flow, flow.start(), dt, turn))
+                flow = MeshFlow(here, self.variant)
+                return here.points_at(stepper.step(flow, flow.start(), dt, diagonal))
 
             return along
         moving = replace(surface, free={"space": ALL, "z": Axes((2,))}.get(name, surface.free))
-        flow = MeshFlow(moving, self.member)
+        flow = MeshFlow(moving, self.variant)
 
-        def step(points: Array, dt: float, turn: int) -> Array:
+        def step(points: Array, dt: float, diagonal: int) -> Array:
             """A step along the free directions, which do not change."""
-            return moving.points_at(stepper.step(flow, moving.free.coordinates(points), dt, turn))
+            return moving.points_at(stepper.step(flow, moving.free.coordinates(points), dt, diagonal))
 
         return step
 
@@ -257,11 +257,11 @@ class _Run:
 def _opened(depth: ArrayLike, camera: Any, jump: float | None, boundary: Boundary) -> tuple[Surface, Start]:
     """The surface that moves, and what is measured of it."""
     image = RangeImage(np.asarray(depth), camera, jump=jump)
-    lattice = image.gridded(Lift(boundary=boundary))
-    surface = lattice.surface()
-    faces = replace(lattice, diagonals="forward").surface().triangulations[0]
+    grid = image.gridded(Lift(boundary=boundary))
+    surface = grid.surface()
+    faces = replace(grid, diagonals="forward").surface().triangulations[0]
     return surface, Start(
-        Sight.along(image.camera.fibres(lattice.shape, image.measure or image.camera.usual), lattice.shape),
+        Sight.along(image.camera.lines(grid.shape, image.measure or image.camera.usual), grid.shape),
         surface.points,
         faces,
     )

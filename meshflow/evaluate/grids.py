@@ -60,8 +60,8 @@ def grid_quality(
     edges = edges_of(other)
     normals = ssim = None
     if kind == "terrain":
-        pace = (spacing, spacing) if isinstance(spacing, (int, float)) else spacing
-        normals = compare(HeightField(other, pace), HeightField(one, pace)).normal_angle
+        steps = (spacing, spacing) if isinstance(spacing, (int, float)) else spacing
+        normals = compare(HeightField(other, steps), HeightField(one, steps)).normal_angle
     else:
         ssim = structural_similarity(one, other, reach)
     return GridQuality(

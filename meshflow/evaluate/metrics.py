@@ -1,4 +1,4 @@
-"""How far two things are apart: arrays in, numbers out; and two nouns compared in one call."""
+"""How far two things are apart: arrays in, numbers out; and two data objects compared in one call."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
 from meshflow.geometry.volume import is_closed, volume
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -92,10 +92,10 @@ def distance_rms(points: Array, distance: Callable[[Array], Array]) -> float:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What lies between two nouns of one kind on the same samples.
+    """What lies between two data objects of one kind on the same samples.
 
     :ivar kind: ``height field | image | range image | mesh``.
-    :ivar unit: of rms, median and largest; empty where the noun does not name it.
+    :ivar unit: of rms, median and largest; empty where the data object does not name it.
     :ivar samples: number of samples that both have.
     :ivar missing_before: number of samples missing before, of grids.
     :ivar missing_after: and after.
@@ -148,8 +148,8 @@ class Comparison:
         return {name: value for name, value in lines.items() if value is not None}
 
 
-def compare(before: Noun, after: Noun) -> Comparison:
-    """Measure what lies between two nouns of the same kind, on the same samples.
+def compare(before: Data, after: Data) -> Comparison:
+    """Measure what lies between two data objects of the same kind, on the same samples.
 
     :raises InputError: when kinds, shapes, spacings, units, cameras or triangles differ, or no sample is in both.
     """
@@ -171,7 +171,7 @@ def _compared_grids(before: HeightField | Image | RangeImage, after: HeightField
     # The first two corners of a triangle of a grid name it; holes and depth jumps of either are left out of both.
     names = [surface.triangulations[0][:, 0] * both.size + surface.triangulations[0][:, 1] for surface in surfaces]
     one, other = (_corners(s, np.isin(names[i], names[1 - i])) for i, s in enumerate(surfaces))
-    units = {noun.unit for noun in (before, after) if isinstance(noun, (HeightField, RangeImage))}
+    units = {data.unit for data in (before, after) if isinstance(data, (HeightField, RangeImage))}
     missing = int(before.missing.sum()), int(after.missing.sum())
     angles = None if isinstance(before, Image) else _angles(one, other)
     return _comparison((_name(before), max(units, default="")), int(both.sum()), missing, sizes, (one, other), angles)
@@ -194,8 +194,8 @@ def _compared_meshes(before: Mesh, after: Mesh) -> Comparison:
     found = _comparison((_name(before), ""), len(sizes), None, sizes, corners, _angles(*corners) if space else None)
     normals = before.normals
     if normals is not None and before.moves == "points":
-        ways = np.einsum("ij,ij->i", after.points.astype(np.float64) - before.points, normals)
-        found = replace(found, along=float(np.sqrt(np.mean(ways**2))))
+        displacements = np.einsum("ij,ij->i", after.points.astype(np.float64) - before.points, normals)
+        found = replace(found, along=float(np.sqrt(np.mean(displacements**2))))
     if not (space and is_closed(before.faces)):
         return found
     volumes = (volume(mesh.points, mesh.faces) for mesh in (before, after))
@@ -244,7 +244,7 @@ def _must_share_a_frame(before: HeightField | Image | RangeImage, after: HeightF
         if not np.allclose(one, other, rtol=1e-6, atol=0.0):
             got = f"{np.mean(one):g} and {np.mean(other):g}"
             raise InputError(f"compare: the same spacing {axis} expected, got {got}; give spacing, or resample one")
-    units = {noun.unit for noun in (before, after) if isinstance(noun, HeightField) and noun.unit}
+    units = {data.unit for data in (before, after) if isinstance(data, HeightField) and data.unit}
     if len(units) > 1:
         raise InputError(f"compare: heights in one unit expected, got {' and '.join(sorted(units))}; convert one")
 
@@ -260,11 +260,11 @@ def _sizes(found: ArrayLike, truth: ArrayLike) -> Array:
     return np.abs(one[there] - other[there])
 
 
-def _values(noun: HeightField | Image | RangeImage) -> Array:
+def _values(data: HeightField | Image | RangeImage) -> Array:
     """What a grid holds: (h, w) or (h, w, k)."""
-    if isinstance(noun, HeightField):
-        return noun.z
-    return noun.depth if isinstance(noun, RangeImage) else noun.values
+    if isinstance(data, HeightField):
+        return data.z
+    return data.depth if isinstance(data, RangeImage) else data.values
 
 
 def _corners(surface: Surface, keep: Array) -> Array:
@@ -296,6 +296,6 @@ def _face_normals(corners: Array) -> Array:
     return np.cross(b - a, c - a)
 
 
-def _name(noun: Noun) -> str:
+def _name(data: Data) -> str:
     names = {HeightField: "height field", Image: "image", RangeImage: "range image", Mesh: "mesh"}
-    return names[type(noun)]
+    return names[type(data)]

@@ -179,7 +179,7 @@ class Truth:
 def rim_edges(faces: Array) -> Array:
     """Vertices (b, 2) of the edges that belong to one of the triangles (m, 3) only."""
     triangle, corner = np.divmod(boundary_edges(faces), 3)
-    return np.stack([faces[triangle, (corner + turn) % 3] for turn in (1, 2)], axis=1)
+    return np.stack([faces[triangle, (corner + shift) % 3] for shift in (1, 2)], axis=1)
 
 
 def face_normals(points: Array, faces: Array) -> Array:

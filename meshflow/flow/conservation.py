@@ -79,12 +79,12 @@ class Kept:
         """u, moved in place."""
         goal = self._value(self.start)
         if self.how == "volume":
-            way = normals_at(u, self.faces) * self.free[:, None]
+            direction = normals_at(u, self.faces) * self.free[:, None]
             for _ in range(NEWTON):
                 off = self._value(u) - goal
                 if abs(off) <= EXACT * abs(goal):
                     break
-                u -= off / float(np.einsum("ij,ij->", volume_gradient(u, self.faces), way)) * way
+                u -= off / float(np.einsum("ij,ij->", volume_gradient(u, self.faces), direction)) * direction
             return u
         home = u.mean(axis=0)
         u -= home

@@ -67,17 +67,17 @@ class Limit:
     def hold(self, u: Array) -> Array:
         """u, moved into the box or the ball, in place; where nothing lies outside its bits stay."""
         if self.around:
-            way = u - self.start
-            length = np.linalg.norm(way, axis=1, keepdims=True)
+            change = u - self.start
+            length = np.linalg.norm(change, axis=1, keepdims=True)
             most = np.broadcast_to(self.most, length.shape)
             out = (length > most)[:, 0]
-            u[out] = self.start[out] + way[out] * (most[out] / length[out])
+            u[out] = self.start[out] + change[out] * (most[out] / length[out])
             return u
         np.minimum(u, self.start + self.most, out=u)
         return np.maximum(u, self.start - self.most, out=u)
 
 
-def trust_of(confidence: Any, shape: tuple[int, ...], n: int, contrast: float) -> Array:
+def trust_of(given: Any, shape: tuple[int, ...], n: int, contrast: float) -> Array:
     """The pull of a fidelity term (n, k or 1), per time, from the weights of a caller.
 
     The flow then comes to rest at the least of area + sum of m w (u - u0)^2 / 2 over the samples (of gamma = -1 exactly, m the
@@ -87,7 +87,7 @@ def trust_of(confidence: Any, shape: tuple[int, ...], n: int, contrast: float) -
     :param confidence: w, a number or an array that broadcasts to ``shape``, zero or more.
     :raises InputError: for NaN, negative or infinite weights, or another shape.
     """
-    weights = _weights(confidence, shape, "data_weights", finite=True) / contrast**2
+    weights = _weights(given, shape, "data_weights", finite=True) / contrast**2
     if weights.ndim == 0:
         return np.full((1, 1), float(weights))
     return np.broadcast_to(weights, shape).reshape(n, -1)

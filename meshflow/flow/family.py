@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, number, positive
 
-__all__ = ["Indicator", "Mass", "Member"]
+__all__ = ["Indicator", "Mass", "Variant"]
 
 Indicator = Literal["metric", "projection"]
 Mass = Literal["barycentric", "voronoi", "ring"]
@@ -17,7 +17,7 @@ WIDEST = 6.0
 
 
 @dataclass(frozen=True)
-class Member:
+class Variant:
     """One flow of the family dX/dt = -(edge indicator)^gamma P B.
 
     :param gamma: exponent of the edge indicator, the convention of section 4.2, defined in every dimension: -2 graph flow
@@ -69,7 +69,7 @@ class Member:
         return taps / (2.0 * taps.sum() - taps[0])
 
     def check(self, along_rays: bool, on_grid: bool) -> None:
-        """Refuse a member that has no meaning on a surface.
+        """Refuse a variant that has no meaning on a surface.
 
         :raises InputError: for a sharpness other than 1 along rays: no common base holds the triangles there, and tilted planes
             would no longer rest; for patches along rays or on a mesh.

@@ -90,12 +90,12 @@ class _Taken:
         return self.new.error
 
     @property
-    def way(self) -> float:
+    def change(self) -> float:
         """How far the samples went, root mean square."""
-        return self._way
+        return self._change
 
     @cached_property
-    def _way(self) -> float:
+    def _change(self) -> float:
         flow = self.new.flow
         return flow.size((1.0, self.new.u), (-1.0, flow.start()), roughly=True)[0]
 

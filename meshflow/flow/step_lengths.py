@@ -26,7 +26,7 @@ class Taken(Protocol):
         ...
 
     @property
-    def way(self) -> float:
+    def change(self) -> float:
         """Root mean square of the way from the start of the run to its end."""
         ...
 
@@ -149,6 +149,6 @@ class ErrorSteps:
 
     def _excess(self, taken: Taken) -> float:
         """The error over what is allowed; where nothing has moved it is rounding, unless the step was not stable at all."""
-        if not taken.error or (np.isfinite(taken.error) and taken.way == 0):
+        if not taken.error or (np.isfinite(taken.error) and taken.change == 0):
             return 0.0
-        return taken.error / (self.tolerance * max(taken.way, np.finfo(float).tiny))
+        return taken.error / (self.tolerance * max(taken.change, np.finfo(float).tiny))

@@ -54,8 +54,8 @@ class Connectivity:
     def rim(self) -> Array:
         """Vertices (n,) at the boundary."""
         found = np.zeros(self.size, bool)
-        for turn in (1, 2):
-            found[self.faces[self.border // 3, (self.border + turn) % 3]] = True
+        for shift in (1, 2):
+            found[self.faces[self.border // 3, (self.border + shift) % 3]] = True
         return found
 
     @cached_property
@@ -75,14 +75,14 @@ class Connectivity:
         return Connectivity(faces, *_around(faces, self.size), self.border)
 
 
-def connect(sheets: tuple[Array, ...], n: int) -> Connectivity:
+def connect(triangulations: tuple[Array, ...], n: int) -> Connectivity:
     """Connect all triangles of one or more triangulations of the same n vertices.
 
     The boundary is that of each triangulation by itself: an edge of one may be covered by a diagonal of the other.
     """
-    faces = np.concatenate([indices_of(sheet) for sheet in sheets])
-    offsets = [sum(map(len, sheets[:i])) for i in range(len(sheets))]
-    border = np.concatenate([boundary_edges(sheet) + 3 * at for sheet, at in zip(sheets, offsets, strict=True)])
+    faces = np.concatenate([indices_of(part) for part in triangulations])
+    offsets = [sum(map(len, triangulations[:i])) for i in range(len(triangulations))]
+    border = np.concatenate([boundary_edges(part) + 3 * at for part, at in zip(triangulations, offsets, strict=True)])
     return Connectivity(faces, *_around(faces, n), border)
 
 

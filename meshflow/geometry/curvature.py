@@ -85,9 +85,9 @@ def directions(points: Array, faces: Array) -> Array:
     lengths = np.linalg.norm(first, axis=1, keepdims=True)
     first = np.divide(first, lengths, out=np.zeros_like(first), where=lengths > 0)
     second = np.cross(normals, first)
-    way = points[j] - points[i]
-    square = np.maximum(np.einsum("ij,ij->i", way, way), np.finfo(float).tiny)
-    along, across = (np.einsum("ij,ij->i", way, basis[i]) for basis in (first, second))
+    edge = points[j] - points[i]
+    square = np.maximum(np.einsum("ij,ij->i", edge, edge), np.finfo(float).tiny)
+    along, across = (np.einsum("ij,ij->i", edge, basis[i]) for basis in (first, second))
     flat = np.maximum(along**2 + across**2, np.finfo(float).tiny)
     typical = np.sqrt(float(square.mean()) if len(square) else 1.0)
     columns = np.stack(
@@ -99,9 +99,9 @@ def directions(points: Array, faces: Array) -> Array:
             across * typical / square,
         ]
     )
-    measured_along = -2.0 * np.einsum("ij,ij->i", way, normals[i]) / square
-    turn = _fitted(columns, measured_along, weights * square, i, n)
-    theta = 0.5 * np.arctan2(turn[:, 1], turn[:, 0])[:, None]
+    measured_along = -2.0 * np.einsum("ij,ij->i", edge, normals[i]) / square
+    fitted = _fitted(columns, measured_along, weights * square, i, n)
+    theta = 0.5 * np.arctan2(fitted[:, 1], fitted[:, 0])[:, None]
     return np.stack(
         [np.cos(theta) * first + np.sin(theta) * second, np.cos(theta) * second - np.sin(theta) * first], axis=1
     )

@@ -80,7 +80,7 @@ def delaunay(faces: Array, lengths: Array) -> tuple[Array, Array]:
 
 def _glued(faces: Array) -> Array:
     """For each side 3 f + c the side it lies on (3 m,); -1 where it is not flipped."""
-    tails, heads = (faces[:, [(c + turn) % 3 for c in range(3)]].ravel().astype(np.int64) for turn in (1, 2))
+    tails, heads = (faces[:, [(c + shift) % 3 for c in range(3)]].ravel().astype(np.int64) for shift in (1, 2))
     one, other = shared_sides(faces)
     alike = (tails[one] == heads[other]) & (one // 3 != other // 3) & (tails[one] != heads[one])
     glue = np.full(faces.size, -1, np.int32)

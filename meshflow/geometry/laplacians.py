@@ -21,8 +21,8 @@ def border_pull(connectivity: Connectivity, cot: Array) -> Any:
     """
     n, corner = connectivity.size, connectivity.border % 3
     triangle = connectivity.border // 3
-    k, i, j = (connectivity.faces[triangle, (corner + turn) % 3] for turn in range(3))
-    at_i, at_j = (0.5 * cot[triangle, (corner + turn) % 3] for turn in (1, 2))
+    k, i, j = (connectivity.faces[triangle, (corner + shift) % 3] for shift in range(3))
+    at_i, at_j = (0.5 * cot[triangle, (corner + shift) % 3] for shift in (1, 2))
     entries = np.concatenate([at_i + at_j, -at_i, -at_j])
     columns = np.concatenate([k, j, i])
     pulls = [sparse.coo_matrix((entries, (np.tile(end, 3), columns)), shape=(n, n)) for end in (i, j)]

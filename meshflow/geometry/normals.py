@@ -78,7 +78,7 @@ class NormalDiffusion:
 def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array:
     """Unit normals (m, 3) after ``sweeps`` steps of dt of the diffusion of normals, edges kept.
 
-    A dn/dt = sum of w g (n_beyond - n), g = (1 + |contrast (n_beyond - n)|^2)^(-q / 2), the flux of a member of gamma -1 and
+    A dn/dt = sum of w g (n_beyond - n), g = (1 + |contrast (n_beyond - n)|^2)^(-q / 2), the flux of a variant of gamma -1 and
     sharpness q (2: Perona and Malik, (1)). Each step is implicit in the triangle itself: a mean with positive weights, which is
     stable for every dt and leaves no normal outside those around it.
 

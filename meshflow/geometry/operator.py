@@ -51,7 +51,7 @@ def cotangents(points: Array, faces: Array, forms: Array | None = None, sharpnes
     :param points: (n, d).
     :param faces: (m, 3).
     :param forms: (m, 4) of :func:`forms`, lengths measured in further coordinates and added to those of ``points``.
-    :param sharpness: q of :class:`Member`, which stretches the lengths of ``points`` against those of ``forms``.
+    :param sharpness: q of :class:`Variant`, which stretches the lengths of ``points`` against those of ``forms``.
     """
     cot, area = np.empty((len(faces), 3)), np.empty(len(faces))
     kernels.triangle_angles(_doubles(points), indices_of(faces), forms, sharpness, cot, area)

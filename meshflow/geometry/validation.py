@@ -1,4 +1,4 @@
-"""What every noun of this room asks of what comes in: the checks, each said once."""
+"""What every data object of this room asks of what comes in: the checks, each said once."""
 
 from typing import Any
 
@@ -76,12 +76,12 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
     return array, gone
 
 
-def brief(noun: object, values: Array, missing: Array | None, *words: str) -> str:
-    """A noun of a grid in a line: its size, not its numbers."""
+def brief(data: object, values: Array, missing: Array | None, *words: str) -> str:
+    """A data object of a grid in a line: its size, not its numbers."""
     h, w, *channels = values.shape
     size = f"{w} x {h}{''.join(f' x {k}' for k in channels)} {values.dtype}"
     gone = 0 if missing is None else int(missing.sum())
-    return f"{type(noun).__name__}({', '.join(filter(None, (size, *words, f'{gone} missing')))})"
+    return f"{type(data).__name__}({', '.join(filter(None, (size, *words, f'{gone} missing')))})"
 
 
 def indices_of(faces: Array) -> Array:

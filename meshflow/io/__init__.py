@@ -1,1 +1,1 @@
-"""The edge: files and other people's objects. What comes in becomes a noun; a noun goes out as what came in."""
+"""The edge: files and other people's objects. What comes in becomes a data object; a data object goes out as what came in."""

@@ -91,11 +91,11 @@ def save(scene: trimesh.Scene, path: Path, target: Path, tags: Mapping[str, str]
     return tuple(notes)
 
 
-def bare_scene(noun: Mesh) -> trimesh.Scene:
+def bare_scene(data: Mesh) -> trimesh.Scene:
     """A scene of a mesh that came from no mesh file, its channels as the vertex attribute ``channels``."""
-    channels: Any = {} if noun.channels is None else {"channels": np.array(noun.channels)}
+    channels: Any = {} if data.channels is None else {"channels": np.array(data.channels)}
     return trimesh.Scene(
-        trimesh.Trimesh(np.array(noun.points), np.array(noun.faces), process=False, vertex_attributes=channels)
+        trimesh.Trimesh(np.array(data.points), np.array(data.faces), process=False, vertex_attributes=channels)
     )
 
 

@@ -74,8 +74,8 @@ def in_metres(raw: Array, calibration: Calibration, depth_scale: float | None, n
 def _nothing(raw: Array) -> str:
     """Of numbers that are all missing, how many are which."""
     counts = (("0", raw == 0), (str(LARGEST), raw == LARGEST), ("NaN or infinite", ~np.isfinite(raw)))
-    told = " and ".join(f"{int(where.sum())} are {word}" for word, where in counts if where.any())
-    return f"all its {raw.size} depths are missing, {told}"
+    reasons = " and ".join(f"{int(where.sum())} are {word}" for word, where in counts if where.any())
+    return f"all its {raw.size} depths are missing, {reasons}"
 
 
 def _must_not_be_turned(counts: Array, name: str) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.metadata import Kind, ReadOptions, as_given
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = [
-    "Adopted",
+    "Imported",
     "Document",
     "Format",
     "MeshSource",
@@ -77,7 +77,7 @@ class Source:
         """
         return as_given(given, word)
 
-    def scene(self, noun: Mesh) -> "trimesh.Scene | None":
+    def scene(self, data: Mesh) -> "trimesh.Scene | None":
         """The file as a scene around another mesh of as many vertices; None for what is no mesh file."""
         return None
 
@@ -90,11 +90,11 @@ class MeshSource(Source, ABC):
         """Whether an extension, in lower case, is that of the format that it came in."""
 
     @abstractmethod
-    def scene(self, noun: Mesh) -> "trimesh.Scene":
+    def scene(self, data: Mesh) -> "trimesh.Scene":
         """The file as a scene around another mesh of as many vertices, for any other format."""
 
     @abstractmethod
-    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+    def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the file again at ``path``, which then becomes ``target``, around another mesh.
 
         :returns: what the format could not hold, and what was written beside it.
@@ -105,13 +105,13 @@ class MeshSource(Source, ABC):
 class Document:
     """What a file held.
 
-    :param noun: the data, as a height field, image, range image or mesh.
+    :param data: the data, as a height field, image, range image or mesh.
     :param path: where it came from.
     :param source: everything that must survive around the data.
     :param notes: what was done on the way in, sentences for the user.
     """
 
-    noun: Noun
+    data: Data
     path: Path
     source: Source = field(default_factory=Source)
     notes: tuple[str, ...] = ()
@@ -119,7 +119,7 @@ class Document:
     @property
     def kind(self) -> Kind:
         """``terrain | image | depth | mesh``."""
-        return kind_of(self.noun)
+        return kind_of(self.data)
 
     @property
     def sections(self) -> tuple[Section, ...]:
@@ -135,23 +135,23 @@ class Document:
         """
         return self.source.samples(given, word)
 
-    def holding(self, noun: Noun) -> "Document":
+    def holding(self, data: Data) -> "Document":
         """The same document around other data of the same kind and size."""
-        return replace(self, noun=noun)
+        return replace(self, data=data)
 
 
 @dataclass(frozen=True)
-class Adopted:
+class Imported:
     """An object of somebody else's, taken in.
 
-    :param noun: its data, shared or copied, never changed.
+    :param data: its data, shared or copied, never changed.
     :param to_object: data of the same kind and size becomes an object of the kind that came in; a new one.
     :param notes: what was done on the way in, sentences for the user.
     :param samples: what is given for an option of one number per sample, an array as the object stores its samples or the
         name of one that it holds, becomes an array of the samples of the data.
     """
 
-    noun: Noun
+    data: Data
     to_object: Callable[[Any], Any]
     notes: tuple[str, ...] = ()
     samples: Callable[[ArrayLike | None, str], ArrayLike | None] = as_given
@@ -166,8 +166,8 @@ class Multipart:
     :param whole: one number per sample may come as one array for all of them; otherwise by name alone.
     """
 
-    parts: tuple[tuple[str, Adopted], ...]
-    to_object: Callable[[Sequence[Noun]], Any]
+    parts: tuple[tuple[str, Imported], ...]
+    to_object: Callable[[Sequence[Data]], Any]
     whole: bool = False
 
 
@@ -227,9 +227,9 @@ class Format(Protocol):
         ...
 
 
-def kind_of(noun: Noun) -> Kind:
+def kind_of(data: Data) -> Kind:
     """What kind of data this is: ``terrain | image | depth | mesh``."""
-    return next(kind for cls, kind in _KINDS.items() if isinstance(noun, cls))
+    return next(kind for cls, kind in _KINDS.items() if isinstance(data, cls))
 
 
 def depths_of(document: Document) -> RangeImage:
@@ -237,9 +237,9 @@ def depths_of(document: Document) -> RangeImage:
 
     :raises InputError: where it holds other data.
     """
-    if not isinstance(document.noun, RangeImage):
-        raise InputError(f"{document.path.name}: a range image expected, got a {type(document.noun).__name__}")
-    return document.noun
+    if not isinstance(document.data, RangeImage):
+        raise InputError(f"{document.path.name}: a range image expected, got a {type(document.data).__name__}")
+    return document.data
 
 
 def samples_of(document: Document) -> HeightField | Image | RangeImage:
@@ -247,27 +247,16 @@ def samples_of(document: Document) -> HeightField | Image | RangeImage:
 
     :raises InputError: for a mesh.
     """
-    if isinstance(document.noun, Mesh):
+    if isinstance(document.data, Mesh):
         raise InputError(
             f"{document.path.name}: samples on a grid expected, got a Mesh; write it as .ply, .obj or .vtp"
         )
-    return document.noun
+    return document.data
 
 
-def adopted_by(adapter: Callable[[object, ReadOptions], Adopted], data: object, options: ReadOptions) -> Adopted:
-    """An object, taken in by the adapter that knows it; what stays may be the name of an array that the object holds.
-
-    :raises InputError: as the adapter, or for a name that is not there.
-    """
-    if not isinstance(options.fixed, str):
-        return adapter(data, options)
-    adopted = adapter(data, options.without("fixed"))
-    return replace(adopted, noun=replace(adopted.noun, fixed=adopted.samples(options.fixed, "fixed")))
-
-
-def told_apart(parts: Iterable[tuple[str, Adopted]]) -> tuple[tuple[str, Adopted], ...]:
+def distinct_names(parts: Iterable[tuple[str, Imported]]) -> tuple[tuple[str, Imported], ...]:
     """Parts with a number behind each name that has been there before."""
-    made: dict[str, Adopted] = {}
+    made: dict[str, Imported] = {}
     for name, part in parts:
         count, own = 1, name
         while own in made:

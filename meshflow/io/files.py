@@ -168,8 +168,8 @@ def write(
     """
     if not isinstance(document, Document):
         raise InputError(
-            f"write: a Document expected, got {type(document).__name__}; meshflow.read gives one, document.holding(noun) puts a "
-            "smoothed noun into it; arrays are written by numpy.save, meshes of trimesh by mesh.export"
+            f"write: a Document expected, got {type(document).__name__}; meshflow.read gives one, document.holding(data) puts a "
+            "smoothed data object into it; arrays are written by numpy.save, meshes of trimesh by mesh.export"
         )
     path = Path(path)
     found = writable(document, path, overwrite=overwrite)

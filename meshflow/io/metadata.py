@@ -69,7 +69,6 @@ class Metadata(TypedDict, total=False):
     kind: Kind | None
     spacing: SpacingLike | None
     missing: ArrayLike | None
-    fixed: ArrayLike | None
     unit: str | None
     channels: ArrayLike | None
     moves: Moves | None
@@ -91,7 +90,6 @@ class ReadOptions:
     :param kind: ``terrain | image | depth | mesh``, where the guess would be wrong.
     :param spacing: of samples on a grid, one number or (dx, dy) in the horizontal unit; dx may be one number per row.
     :param missing: (h, w), samples that are missing.
-    :param fixed: samples or vertices that stay: a mask, or the name of an array that the data holds.
     :param unit: the name of the unit of heights or depths, for reports and pictures.
     :param channels: of a mesh (n, k), or the name of an attribute of its vertices, or ``"colors"``.
     :param moves: of a mesh with channels, ``points | channels | all``.
@@ -110,7 +108,6 @@ class ReadOptions:
     kind: Kind | None = None
     spacing: SpacingLike | None = None
     missing: ArrayLike | None = None
-    fixed: ArrayLike | None = None
     unit: str | None = None
     channels: ArrayLike | None = None
     moves: Moves | None = None
@@ -132,6 +129,11 @@ class ReadOptions:
         """
         names = [field.name for field in fields(cls)]
         for name in metadata:
+            if name in PER_SAMPLE:
+                constraint = "".join(part.capitalize() for part in name.split("_"))
+                raise InputError(
+                    f"{name}: a constraint, no option of a reader; give constraints={constraint}(...) to smooth"
+                )
             if name not in names:
                 near = get_close_matches(name, names, 1)
                 meant = f"did you mean {near[0]}? There are" if near else "there are"
@@ -147,11 +149,6 @@ class ReadOptions:
     def missing_mask(self) -> Array | None:
         """``missing`` as an array."""
         return None if self.missing is None else np.asarray(self.missing)
-
-    @property
-    def fixed_mask(self) -> Array | None:
-        """``fixed`` as an array."""
-        return None if self.fixed is None else np.asarray(self.fixed)
 
     @property
     def attribute(self) -> str | None:
@@ -174,7 +171,7 @@ class ReadOptions:
         if others:
             raise InputError(f"{', '.join(others)}: no option of {what}, which takes {', '.join(takes) or 'none'}")
 
-    def must_be_mesh(self, what: str, takes: Collection[str] = ("channels", "moves", "fixed")) -> None:
+    def must_be_mesh(self, what: str, takes: Collection[str] = ("channels", "moves")) -> None:
         """Refuse what does not apply to a mesh: other options, and another kind.
 
         :raises InputError: as :meth:`must_belong`, or for a ``kind`` that is not ``mesh``.

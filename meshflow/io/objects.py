@@ -1,12 +1,11 @@
 """Other people's objects in, the same kind of object out."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 from meshflow.errors import InputError
-from meshflow.io.document import Adopted, Document, adopted_by
+from meshflow.io.document import Document, Imported
 from meshflow.io.files import read_with
 from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.surfaces.height_field import HeightField
@@ -14,10 +13,10 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Adopted", "from_object", "opened", "taken_in"]
+__all__ = ["Imported", "from_object", "opened", "taken_in"]
 
 
-def from_object(data: object, metadata: Metadata | None = None) -> Adopted:
+def from_object(data: object, metadata: Metadata | None = None) -> Imported:
     """Recognise what data is.
 
     numpy arrays (h, w) are height fields, (h, w, k) images; ``(points, faces)`` is a mesh; objects of xarray, trimesh,
@@ -31,12 +30,12 @@ def from_object(data: object, metadata: Metadata | None = None) -> Adopted:
     return taken_in(data, ReadOptions.of({} if metadata is None else metadata))
 
 
-def taken_in(data: object, options: ReadOptions) -> Adopted:
+def taken_in(data: object, options: ReadOptions) -> Imported:
     """:func:`from_object`, with options that have been checked."""
     if isinstance(data, (HeightField, Image, RangeImage, Mesh)):
         if options.given:
             raise InputError(f"{type(data).__name__} already says {', '.join(options.given)}; set them there")
-        return Adopted(data, lambda noun: noun)
+        return Imported(data, lambda same: same)
     data, options = opened(data, options)
     if isinstance(data, Document):
         return _from_document(data, options)
@@ -46,30 +45,26 @@ def taken_in(data: object, options: ReadOptions) -> Adopted:
             f"{type(data).__module__}.{type(data).__qualname__}: expected a numpy array, (points, faces), a mesh of "
             "trimesh, pyvista, open3d or meshio, an xarray.DataArray, a path, or a data object of meshflow"
         )
-    return adopted_by(adapter, data, options)
+    return adapter(data, options)
 
 
 def opened(data: object, options: ReadOptions) -> tuple[object, ReadOptions]:
-    """The document of a path, read with the options, of which ``fixed`` alone is left; anything else as it is.
+    """The document of a path, read with the options, of which none is left; anything else as it is.
 
     :raises FormatError: for a file that cannot be read.
     """
     if not isinstance(data, (str, PathLike)):
         return data, options
-    return read_with(Path(data), options.without("fixed")), ReadOptions(fixed=options.fixed)
+    return read_with(Path(data), options), ReadOptions()
 
 
-def _from_document(document: Document, options: ReadOptions) -> Adopted:
-    others = [name for name in options.given if name != "fixed"]
-    if others:
-        raise InputError(f"a file already says {', '.join(others)}; read it with them: meshflow.read(path, ...)")
-    noun = document.noun
-    if options.fixed is not None:
-        noun = replace(noun, fixed=document.samples(options.fixed, "fixed"))
-    return Adopted(noun, document.holding, document.notes, document.samples)
+def _from_document(document: Document, options: ReadOptions) -> Imported:
+    if options.given:
+        raise InputError(f"a file already says {', '.join(options.given)}; read it with them: meshflow.read(path, ...)")
+    return Imported(document.data, document.holding, document.notes, document.samples)
 
 
-def _adapter(data: object) -> Callable[[object, ReadOptions], Adopted] | None:
+def _adapter(data: object) -> Callable[[object, ReadOptions], Imported] | None:
     """What knows the objects of the package that the class of the data, or one that it is derived from, is of.
 
     Nothing of that package is imported before one of its objects has come in.

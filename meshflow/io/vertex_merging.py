@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, mask_of, real, truth_of
+from meshflow.geometry.validation import Array, real, truth_of
 from meshflow.io.document import Section
 from meshflow.io.metadata import MASKS, Found, looked_up
 from meshflow.surfaces.mesh import Mesh, Moves
@@ -24,14 +24,14 @@ LISTED = 6
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """A mesh as it is stored, the noun that it becomes, and the way back.
+    """A mesh as it is stored, the data object that it becomes, and the way back.
 
     :param points: (n, 3) as stored, copied.
     :param faces: (m, 3), of the stored points.
     :param channels: (n, k) as stored, or None.
-    :param first: (v,), the first stored vertex of each vertex of the noun.
-    :param home: (n,), the vertex of the noun to which each stored vertex belongs.
-    :param noun: the :class:`Mesh` of v <= n vertices.
+    :param first: (v,), the first stored vertex of each vertex of the data object.
+    :param home: (n,), the vertex of the data object to which each stored vertex belongs.
+    :param data: the :class:`Mesh` of v <= n vertices.
     """
 
     points: Array
@@ -39,7 +39,7 @@ class Skin:
     channels: Array | None
     first: Array
     home: Array
-    noun: Mesh
+    data: Mesh
 
     @classmethod
     def of(
@@ -50,25 +50,21 @@ class Skin:
         split: bool | Array = False,
         channels: ArrayLike | None = None,
         moves: Moves | None = None,
-        fixed: ArrayLike | None = None,
     ) -> "Skin":
         """Take a mesh in.
 
         :param split: join vertices at bit-identical positions; as (n,) whole numbers, those of equal number alone.
         :param channels: (n,) or (n, k); of joined vertices the mean is taken.
-        :param fixed: (n,); joined vertices stay if one of them does.
         :raises InputError: as :class:`Mesh`.
         """
         points = np.array(points)
         first, home = (
             joined(points, None if isinstance(split, bool) else split) if split is not False else _apart(len(points))
         )
-        stays = np.zeros(len(first), bool)
-        stays[home[mask_of(fixed, (len(points),), "fixed")]] = True
         stored = None if channels is None else _columns(channels, len(points))
         mean = None if stored is None else _mean(stored, home, len(first))
-        noun = Mesh(points[first], _in_range(faces, home), mean, moves, stays)
-        return cls(points, np.asarray(faces), stored, first, home, noun)
+        data = Mesh(points[first], _in_range(faces, home), mean, moves)
+        return cls(points, np.asarray(faces), stored, first, home, data)
 
     @property
     def note(self) -> tuple[str, ...]:
@@ -82,7 +78,7 @@ class Skin:
         )
 
     def samples(self, given: ArrayLike | None, word: str, find: Callable[[str], Found]) -> ArrayLike | None:
-        """One number per vertex of the noun, from one per stored vertex; of joined vertices that which holds most.
+        """One number per vertex of the data object, from one per stored vertex; of joined vertices that which holds most.
 
         :param given: an array (n, ...), or the name of one; anything else is handed on as it is.
         :param find: looks up a name.
@@ -97,24 +93,24 @@ class Skin:
         most = np.maximum if word in ("fixed", "data_weights") else np.minimum
         return most.reduceat(values[order], starts, axis=0)
 
-    def points_of(self, noun: Mesh) -> Array:
+    def points_of(self, data: Mesh) -> Array:
         """Positions (n, 3) of the stored vertices, in the stored type.
 
-        :raises InputError: for a noun of another size.
+        :raises InputError: for a data object of another size.
         """
-        if not isinstance(noun, Mesh) or noun.points.shape != self.noun.points.shape:
+        if not isinstance(data, Mesh) or data.points.shape != self.data.points.shape:
             raise InputError(
-                f"to_object: a mesh with points of shape {self.noun.points.shape} expected, got {_shape_of(noun)}"
+                f"to_object: a mesh with points of shape {self.data.points.shape} expected, got {_shape_of(data)}"
             )
-        return noun.points[self.home].astype(self.points.dtype, copy=False)
+        return data.points[self.home].astype(self.points.dtype, copy=False)
 
-    def has_moved(self, noun: Mesh) -> bool:
-        """Whether any point of the noun is not where it was."""
-        return not np.array_equal(self.noun.points, noun.points)
+    def has_moved(self, data: Mesh) -> bool:
+        """Whether any point of the data object is not where it was."""
+        return not np.array_equal(self.data.points, data.points)
 
-    def channels_of(self, noun: Mesh) -> Array | None:
+    def channels_of(self, data: Mesh) -> Array | None:
         """Channels (n, k) of the stored vertices: what they were plus what changed; None where they did not change."""
-        before, after = self.noun.channels, noun.channels
+        before, after = self.data.channels, data.channels
         if self.channels is None or before is None or after is None or np.array_equal(before, after):
             return None
         return self.channels + (after.astype(np.float64) - before)[self.home]
@@ -195,7 +191,7 @@ def _mean(values: Array, home: Array, count: int) -> Array:
 
 
 def _in_range(faces: Array, home: Array) -> Array:
-    """Faces of the joined vertices; faces that name no vertex are left for the gate of the noun to refuse."""
+    """Faces of the joined vertices; faces that name no vertex are left for the gate of the data object to refuse."""
     faces = np.asarray(faces)
     if faces.size and (faces.min() < 0 or faces.max() >= len(home)):
         bad = faces.min() if faces.min() < 0 else faces.max()
@@ -203,5 +199,5 @@ def _in_range(faces: Array, home: Array) -> Array:
     return home[faces] if faces.size else np.zeros((0, 3), np.int64)
 
 
-def _shape_of(noun: object) -> str:
-    return str(noun.points.shape) if isinstance(noun, Mesh) else type(noun).__name__
+def _shape_of(data: object) -> str:
+    return str(data.points.shape) if isinstance(data, Mesh) else type(data).__name__

@@ -67,8 +67,8 @@ class Kernel(Generic[P, R]):
         hints = get_type_hints(declared, include_extras=True)
         self.parameters = tuple(_parameter(self.name, name, hints[name]) for name in self._names)
         explicit = {p.name for p in self.parameters if isinstance(p, PlainParameter) and p.is_size}
-        told = [size for p in self.parameters if isinstance(p, ArrayParameter) for size in p.sizes]
-        self._sizes = tuple(size for size in dict.fromkeys(told) if size not in explicit)
+        named = [size for p in self.parameters if isinstance(p, ArrayParameter) for size in p.sizes]
+        self._sizes = tuple(size for size in dict.fromkeys(named) if size not in explicit)
         for p in self.parameters:
             if isinstance(p, ArrayParameter) and p.below and p.below_size[0] not in {*self._sizes, *explicit}:
                 raise TypeError(f"{self.name}: {p.name}: no array has the size {p.below}")

@@ -84,7 +84,7 @@ def grid_rate(
     held: Annotated[Array | None, read(np.uint8, "h", "w", optional=True)],
     lines: Annotated[Array, read("T", "l")],
     where: Annotated[Array, read(np.int64, 6, 3)],
-    pace: Annotated[Array | None, read("T", "h", "w", optional=True)],
+    time_factor: Annotated[Array | None, read("T", "h", "w", optional=True)],
     taps: Annotated[Array, read("T", "p")],
     options: Annotated[GridOptions, struct(GridOptions)],
     out: Annotated[Array, write("T", "k", "h", "w", over=("one", "two", "three"))],
@@ -103,7 +103,7 @@ def grid_rate(
     :param held: samples that stay, not zero.
     :param lines: origins (three coordinates) and directions, one after the other, each (h or 1, w or 1); empty for channels.
     :param where: (6, 3), of each coordinate: its first number, the steps down and to the right, 0 where it is the same.
-    :param pace: factors of time.
+    :param time_factor: factors of time.
     :param taps: the Gaussian of patches, from its middle outwards; empty where lengths are those of single samples.
     :param options: which flow.
     :param out: where to write; it may be a, b or c.
@@ -123,7 +123,7 @@ def grid_measured(
     held: Annotated[Array | None, read(np.uint8, "h", "w", optional=True)],
     lines: Annotated[Array, read("T", "l")],
     where: Annotated[Array, read(np.int64, 6, 3)],
-    pace: Annotated[Array | None, read("T", "h", "w", optional=True)],
+    time_factor: Annotated[Array | None, read("T", "h", "w", optional=True)],
     taps: Annotated[Array, read("T", "p")],
     options: Annotated[GridOptions, struct(GridOptions)],
     asked: Annotated[int, integer],
@@ -148,7 +148,7 @@ def grid_weights(
     held: Annotated[Array | None, read(np.uint8, "h", "w", optional=True)],
     lines: Annotated[Array, read("T", "l")],
     where: Annotated[Array, read(np.int64, 6, 3)],
-    pace: Annotated[Array | None, read("T", "h", "w", optional=True)],
+    time_factor: Annotated[Array | None, read("T", "h", "w", optional=True)],
     taps: Annotated[Array, read("T", "p")],
     options: Annotated[GridOptions, struct(GridOptions)],
     edges: Annotated[Array, write("T", 4, "h", "w")],

@@ -12,9 +12,9 @@ from meshflow.errors import InputError, NotConverged
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.parameters import Parameter
 from meshflow.geometry.validation import Array
-from meshflow.io.document import Adopted, Multipart
+from meshflow.io.document import Imported, Multipart
 from meshflow.results.result import Result, release
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.multipart import together
 
 __all__ = ["Results", "one_by_one"]
@@ -60,19 +60,19 @@ class Results(Mapping[str, Result]):
     @property
     def tags(self) -> dict[str, str]:
         """Parameters of each part, words to words: for the tags of files."""
-        told = {
+        summary = {
             f"part {' '.join(name.split())}": "; ".join(f"{word} {value}" for word, value in one.tags.items())
             for name, one in self.items()
         }
-        return {"version": self.version, "parts": str(len(self)), **told}
+        return {"version": self.version, "parts": str(len(self)), **summary}
 
     def to_dict(self) -> dict[str, Any]:
         """All of it but the data, as JSON has it."""
-        told = {name: one.to_dict() for name, one in self.items()}
+        summary = {name: one.to_dict() for name, one in self.items()}
         return {
             "version": self.version,
             "stopped_because": self.stopped_because,
-            "parts": told,
+            "parts": summary,
             "warnings": list(self.warnings),
         }
 
@@ -89,7 +89,7 @@ class Results(Mapping[str, Result]):
     # The same, as one run: what a report of it asks for, by properties (a cached one is none to a type checker).
 
     @property
-    def before(self) -> Noun:
+    def before(self) -> Data:
         """All parts as one mesh, one after the other.
 
         :raises InputError: where they are no meshes of one kind.
@@ -97,16 +97,16 @@ class Results(Mapping[str, Result]):
         return self._before
 
     @property
-    def after(self) -> Noun:
+    def after(self) -> Data:
         """The same after it was smoothed."""
         return self._after
 
     @cached_property
-    def _before(self) -> Noun:
+    def _before(self) -> Data:
         return together([one.before for one in self.values()])
 
     @cached_property
-    def _after(self) -> Noun:
+    def _after(self) -> Data:
         return together([one.after for one in self.values()])
 
     @property
@@ -117,7 +117,7 @@ class Results(Mapping[str, Result]):
     @property
     def parameters(self) -> dict[str, Parameter]:
         """Those of each part, its name before theirs."""
-        return {f"{name}: {word}": told for name, one in self.items() for word, told in one.parameters.items()}
+        return {f"{name}: {word}": summary for name, one in self.items() for word, summary in one.parameters.items()}
 
     @property
     def version(self) -> str:
@@ -130,7 +130,7 @@ class Results(Mapping[str, Result]):
     correlation = None
 
 
-def one_by_one(several: Multipart, constraints: Constraints, smoothed: Callable[[Adopted], Result]) -> Results:
+def one_by_one(several: Multipart, constraints: Constraints, smoothed: Callable[[Imported], Result]) -> Results:
     """Data of several parts, each as if it were alone.
 
     :param constraints: of the caller, before they are aligned with any part.

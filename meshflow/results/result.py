@@ -13,14 +13,14 @@ from scipy.special import i0e
 
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, value_unit
-from meshflow.estimate.risk import Trial
+from meshflow.estimate.risk import Candidate
 from meshflow.flow.march import State
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["History", "Moment", "Result", "release"]
+__all__ = ["History", "Result", "release"]
 
 
 # What a line says of the method, in this order.
@@ -30,23 +30,6 @@ SUMMED = (
 )  # fmt: skip
 # What it does not say of range images, where these are the same for all.
 ALONG_RAYS = ("sharpness", "patch", "contrast")
-
-
-@dataclass(frozen=True)
-class Moment:
-    """A state of a run, in numbers.
-
-    :ivar time: squared length; ``dt`` of the step that led here.
-    :ivar area: of the surface in the space in which it is measured (values times the contrast), squared length.
-    :ivar change: root mean square change since the start, unit of the values.
-    :ivar largest: largest change of a sample since the start, likewise.
-    """
-
-    time: float
-    dt: float
-    area: float
-    change: float
-    largest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +49,9 @@ class History:
     largest: Array
 
     @classmethod
-    def of(cls, moments: Sequence[Moment]) -> "History":
-        """The states that were measured, in their order."""
-        return cls(*(np.array([getattr(m, f.name) for m in moments], np.float64) for f in fields(Moment)))
+    def joined(cls, parts: Sequence["History"]) -> "History":
+        """Histories one after the other; without any, an empty one."""
+        return cls(*(np.concatenate([np.empty(0), *(getattr(part, f.name) for part in parts)]) for f in fields(cls)))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -95,13 +78,13 @@ class Result:
     """
 
     data: Any
-    after: Noun
-    before: Noun
+    after: Data
+    before: Data
     start: State
     end: State
     parameters: dict[str, Parameter]
     noise: Noise
-    candidates: tuple[Trial, ...]
+    candidates: tuple[Candidate, ...]
     history: History
     stopped_because: str
     warnings: tuple[str, ...]
@@ -145,7 +128,7 @@ class Result:
 
     @cached_property
     def _removed(self) -> Array:
-        one, two = data_of(self.before).astype(np.float64), data_of(self.after).astype(np.float64)
+        one, two = array_of(self.before).astype(np.float64), array_of(self.after).astype(np.float64)
         if isinstance(self.before, Mesh):
             return one - two
         missing = np.zeros(one.shape[:2], bool) if self.before.missing is None else self.before.missing
@@ -192,7 +175,7 @@ class Result:
         chosen = ", ".join(f"{name.replace('_', ' ')} {_short(p[name].value)}" for name in names)
         sigma = f" of noise {self.noise.sigma:.4g}{self._unit}"
         chosen = f"{chosen}; " if chosen else ""
-        return f"{self.stopped_because}; {chosen}removed {self._way}rms {self._rms:.4g}{self._unit}{sigma}"
+        return f"{self.stopped_because}; {chosen}removed {self._along}rms {self._rms:.4g}{self._unit}{sigma}"
 
     def to_dict(self) -> dict[str, Any]:
         """All of it but the data, as JSON has it."""
@@ -221,7 +204,7 @@ class Result:
                 "correlation": self.correlation,
             },
             "history": self.history.to_list(),
-            "candidates": [_told(trial, i == 0) for i, trial in enumerate(self.candidates)],
+            "candidates": [_in_numbers(candidate, i == 0) for i, candidate in enumerate(self.candidates)],
             "warnings": list(self.warnings),
         }
 
@@ -247,16 +230,17 @@ class Result:
         lines = [f"{self.stopped_because}"]
         lines += [f"  {name:<12} {parameter}" for name, parameter in self.parameters.items()]
         correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
-        sizes = f"{self._way}rms {self._rms:.6g}{self._unit}, largest {np.abs(self.counted).max():.6g}{self._unit}"
+        sizes = f"{self._along}rms {self._rms:.6g}{self._unit}, largest {np.abs(self.counted).max():.6g}{self._unit}"
         lines.append(f"  removed      {sizes}{correlation}")
         if self.candidates:
             lines.append(f"  searched     {len(self.candidates)} candidates; expected errors (rms), least first:")
-            for trial in sorted(self.candidates, key=lambda trial: trial.least[1])[:5]:
+            for candidate in sorted(self.candidates, key=lambda candidate: candidate.least[1])[:5]:
                 words = (
-                    f"{k} {v if isinstance(v, str) else format(v, '.4g')}" for k, v in trial.candidate.words.items()
+                    f"{k} {v if isinstance(v, str) else format(v, '.4g')}"
+                    for k, v in candidate.configuration.words.items()
                 )
-                error = f"{trial.risk:.6g}" if trial.least[1] > 0 else "below what can be measured"
-                lines.append(f"               {error} at time {trial.least[0]:.4g}: {', '.join(words)}")
+                error = f"{candidate.risk:.6g}" if candidate.least[1] > 0 else "below what can be measured"
+                lines.append(f"               {error} at time {candidate.least[0]:.4g}: {', '.join(words)}")
         return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
 
     @property
@@ -271,7 +255,7 @@ class Result:
         return float(np.sqrt(np.mean(self.counted**2)))
 
     @property
-    def _way(self) -> str:
+    def _along(self) -> str:
         """Along what it is counted, where that is not the values themselves."""
         return "along the normals " if self.counted.ndim == 1 and self.removed.ndim == 2 and self._points else ""
 
@@ -285,13 +269,13 @@ def _short(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:.4g}"
 
 
-def _told(trial: Trial, whole: bool) -> dict[str, Any]:
+def _in_numbers(candidate: Candidate, whole: bool) -> dict[str, Any]:
     """A trial; the ``whole`` of its curve only of the one that was chosen, which are hundreds of numbers else."""
     return {
-        **trial.candidate.words,
-        "time": trial.least[0],
-        "risk": trial.risk,
-        **({"curve": {"times": list(trial.times), "risks": list(trial.risks)}} if whole else {}),
+        **candidate.configuration.words,
+        "time": candidate.least[0],
+        "risk": candidate.risk,
+        **({"curve": {"times": list(candidate.times), "risks": list(candidate.risks)}} if whole else {}),
     }
 
 

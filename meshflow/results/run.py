@@ -8,8 +8,8 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
-from meshflow.estimate.told import parameters_of
 from meshflow.flow.conservation import Kept, free_of
 from meshflow.flow.constraints import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
@@ -22,8 +22,8 @@ from meshflow.flow.mobility import slowed
 from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.validation import whole
-from meshflow.results.result import History, Moment, Result, release
-from meshflow.surfaces.data import Noun
+from meshflow.results.result import History, Result, release
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -33,7 +33,7 @@ __all__ = ["run", "states"]
 ALONE, ALONE_SHARE = 10, 1e-3
 
 
-def run(data: Noun, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
+def run(data: Data, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
     """Smooth a data object as a caller asks; a new one comes back, with what was done and why.
 
     :param record: measure the surface after each step; where false the history holds the start and the end, and where None
@@ -43,7 +43,7 @@ def run(data: Noun, request: Request, progress: Progress = None, *, record: bool
     """
     plan = planned(data, request)
     engine = _engine(plan)
-    start, end, moments = _run(_steered(engine, plan), plan, progress, record)
+    start, end, history = _run(_steered(engine, plan), plan, progress, record)
     done, warnings = plan.data, plan.warnings
     if plan.idle is None:
         done = plan.data.lowered(end.u)
@@ -61,15 +61,15 @@ def run(data: Noun, request: Request, progress: Progress = None, *, record: bool
         end=end,
         parameters=parameters_of(plan),
         noise=plan.noise,
-        candidates=plan.trials,
-        history=History.of(moments),
+        candidates=plan.candidates,
+        history=history,
         stopped_because=end.reason or "",
         warnings=warnings,
         version=release(),
     )
 
 
-def states(data: Noun, request: Request, count: int, progress: Progress = None) -> Iterator[tuple[float, Noun]]:
+def states(data: Data, request: Request, count: int, progress: Progress = None) -> Iterator[tuple[float, Data]]:
     """States of the data on its way, and the times of each: the start, the end, and others between them.
 
     Times grow with the square, so that the widths of the Gaussians that they equal on flat data grow evenly. It is the flow
@@ -111,12 +111,12 @@ def states(data: Noun, request: Request, count: int, progress: Progress = None) 
 def _engine(plan: Plan) -> Flow:
     """What moves the data."""
     if not isinstance(plan.data, Mesh):
-        return GridFlow(plan.data.gridded(plan.lift), plan.member, plan.request.compute.threads)
+        return GridFlow(plan.data.gridded(plan.lift), plan.variant, plan.request.compute.threads)
     surface = plan.data.lifted(plan.lift)
     if plan.points is not None and plan.setting is not None:
         return plan.points.engine(surface, plan.setting)
     clamped = plan.request.compute.triangles == "clamped"
-    return MeshFlow(surface, plan.member, Clamped() if clamped else None)
+    return MeshFlow(surface, plan.variant, Clamped() if clamped else None)
 
 
 def _steered(engine: Flow, plan: Plan) -> Flow:
@@ -127,30 +127,30 @@ def _steered(engine: Flow, plan: Plan) -> Flow:
 
 def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
     """A word on samples that have no triangle, where they are more than a few."""
-    if plan.idle is not None or not (isinstance(plan.data, RangeImage) or engine.lattice.missing.any()):
+    if plan.idle is not None or not (isinstance(plan.data, RangeImage) or engine.grid.missing.any()):
         return ()
-    lone, size = engine.lattice.lone, int((~engine.lattice.missing).sum())
+    lone, size = engine.grid.lone, int((~engine.grid.missing).sum())
     if lone <= max(ALONE, ALONE_SHARE * size):
         return ()
     cut = ", cut off by discontinuities or by missing samples" if isinstance(plan.data, RangeImage) else ""
     return (f"{lone} of {size} samples have no triangle{cut}: they stay as they are",)
 
 
-def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tuple[State, State, tuple[Moment, ...]]:
+def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tuple[State, State, History]:
     """From the start to the end; the first state, the last, and what was measured."""
     begin = State(flow, flow.start(), reason=plan.idle)
     if plan.idle is not None:
-        return begin, begin, () if record is None else (_moment(begin, plan),)
+        return begin, begin, History.joined(() if record is None else (_measured(begin, plan),))
     until, kept = plan.until, None
     time, twicing = until.time, plan.twicing
     if twicing > 0 and time is not None:
         until = replace(until, time=2.0 * time, marks=(time,))
     stepper, control = _stepping(flow, plan)
     limit = _hold(plan, flow)
-    moments, state = [], begin
+    measured, state = [], begin
     for state in march(flow, until, stepper, control, progress, recycle=True, limit=limit):
         if record or (record is not None and state.step == 0):
-            moments.append(_moment(state, plan))
+            measured.append(_measured(state, plan))
         if twicing > 0 and kept is None and time is not None and state.time >= time * (1.0 - 1e-12):
             kept = state.u.copy(order="K")
     end = state
@@ -160,8 +160,8 @@ def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tup
         words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
         end = State(flow, u, time, 0.0, end.step, words, end.stepper)
     if end.step > 0 and record is not None and (kept is not None or not record):
-        moments.append(_moment(end, plan))
-    return begin, end, tuple(moments)
+        measured.append(_measured(end, plan))
+    return begin, end, History.joined(measured)
 
 
 def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | None]:
@@ -195,10 +195,11 @@ def _hold(plan: Plan, flow: Flow) -> Hold | None:
     return kept if limit is None else Both(kept, limit)
 
 
-def _moment(state: State, plan: Plan) -> Moment:
-    """A state in numbers."""
+def _measured(state: State, plan: Plan) -> History:
+    """The history of one state."""
     flow = state.flow
     change, largest = (0.0, 0.0)
     if state.step > 0:
         change, largest = flow.size((1.0, state.u), (-1.0, flow.start()))
-    return Moment(state.time, state.dt, state.area, float(change / np.sqrt(plan.there)), largest)
+    numbers = state.time, state.dt, state.area, change / np.sqrt(plan.there), largest
+    return History(*(np.array([number], np.float64) for number in numbers))

@@ -9,7 +9,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.distortion import coefficients, distorted, undistorted
-from meshflow.surfaces.grid import Fibres
+from meshflow.surfaces.grid import Lines
 
 __all__ = ["Camera", "Measure", "Orthographic", "Pinhole", "known"]
 
@@ -48,7 +48,7 @@ class Camera(Protocol):
         """
         ...
 
-    def fibres(self, shape: tuple[int, int], measure: Measure) -> Fibres:
+    def lines(self, shape: tuple[int, int], measure: Measure) -> Lines:
         """The lines of all samples; d has z = 1 for ``depth`` and length 1 for ``range``."""
         ...
 
@@ -135,7 +135,7 @@ class Pinhole:
         rays[..., 0], rays[..., 1] = self._spread(shape)
         return rays
 
-    def fibres(self, shape: tuple[int, int], measure: Measure) -> Fibres:
+    def lines(self, shape: tuple[int, int], measure: Measure) -> Lines:
         """The lines through the pinhole."""
         x, y = self._spread(shape)
         still = np.zeros((1, 1))
@@ -143,12 +143,12 @@ class Pinhole:
         if measure == "range":
             length = np.sqrt(x * x + y * y + 1.0)
             directions = (x / length, y / length, 1.0 / length)
-        return Fibres((still, still, still), directions)
+        return Lines((still, still, still), directions)
 
     def footprint(self, u: Array, measure: Measure) -> Array:
         """z / sqrt(fx fy): of a surface that faces the camera."""
         if measure == "range":
-            u = u * self.fibres(u.shape, measure).directions[2]
+            u = u * self.lines(u.shape, measure).directions[2]
         return np.float64(1.0 / np.sqrt(self.fx * self.fy)) * u
 
     def project(self, points: Array, shape: tuple[int, int] | None = None) -> Array:
@@ -213,11 +213,11 @@ class Orthographic:
         """Any size will do; depth and range are the same."""
         known(measure)
 
-    def fibres(self, shape: tuple[int, int], measure: Measure) -> Fibres:
+    def lines(self, shape: tuple[int, int], measure: Measure) -> Lines:
         """The lines along z."""
         still = np.zeros((1, 1))
         x, y = np.arange(shape[1])[None, :] * self.dx, np.arange(shape[0])[:, None] * self.dy
-        return Fibres((x, y, still), (still, still, still + 1.0))
+        return Lines((x, y, still), (still, still, still + 1.0))
 
     def footprint(self, u: Array, measure: Measure) -> Array:
         """sqrt(dx dy), everywhere."""

@@ -6,15 +6,17 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Noun", "data_of"]
+__all__ = ["Data", "array_of"]
 
-Noun = HeightField | Image | RangeImage | Mesh
+Data = HeightField | Image | RangeImage | Mesh
 
 
-def data_of(noun: Noun) -> Array:
-    """What of a noun is smoothed, as its caller knows it: z (h, w), values (h, w) or (h, w, k), depth (h, w), points (n, d) or
-    channels (n, k); of a mesh of which both move, the channels.
+def array_of(data: Data) -> Array:
+    """The array of a data object that is smoothed.
+
+    It is z (h, w), values (h, w) or (h, w, k), depth (h, w), points (n, d) or channels (n, k); where points and channels of a
+    mesh both move, the channels.
     """
-    if isinstance(noun, Mesh):
-        return noun.points if noun.channels is None or noun.moves == "points" else noun.channels
-    return noun.z if isinstance(noun, HeightField) else noun.values if isinstance(noun, Image) else noun.depth
+    if isinstance(data, Mesh):
+        return data.points if data.channels is None or data.moves == "points" else data.channels
+    return data.z if isinstance(data, HeightField) else data.values if isinstance(data, Image) else data.depth

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from meshflow.geometry.validation import Array
 
-__all__ = ["Cuts", "cuts_by_noise", "islands"]
+__all__ = ["Cuts", "cuts_by_noise", "small_components"]
 
 # A surface that turns so far away from its ray is not seen as one: tan of 85 degrees.
 STEEPEST = 11.4
@@ -63,7 +63,7 @@ def _cut(z: Array, sigma: Array, footprint: Array, axis: int) -> Array:
     return jumps
 
 
-def islands(missing: Array, cuts: Cuts | None, least: int) -> Array:
+def small_components(missing: Array, cuts: Cuts | None, least: int) -> Array:
     """Samples (h, w) of pieces of fewer than ``least`` samples; pieces hang together by edges that are not cut."""
     h, w = missing.shape
     number = np.arange(h * w).reshape(h, w)

@@ -24,7 +24,7 @@ def in_disparity(image: RangeImage) -> HeightField:
     camera = image.camera
     if not isinstance(camera, Pinhole) or camera.distortion or image.measure != "depth":
         raise InputError(
-            f"space='disparity': planes are planes in the inverse depth of a pinhole without distortion only, got "
+            f"domain='disparity': planes are planes in the inverse depth of a pinhole without distortion only, got "
             f"{image.measure}s of {type(camera).__name__} ({camera.summary}); undistort the image, or leave the space out"
         )
     missing = image.missing
@@ -44,7 +44,7 @@ def from_disparity(image: RangeImage, field: HeightField) -> RangeImage:
     still = image.missing | (field.z == before.z)
     if (field.z[~still] <= 0).any():
         raise InputError(
-            f"space='disparity': {int((field.z[~still] <= 0).sum())} inverse depths are no longer above zero; give a limit"
+            f"domain='disparity': {int((field.z[~still] <= 0).sum())} inverse depths are no longer above zero; give a limit"
         )
     return replace(
         image, depth=np.where(still, image.depth, 1.0 / np.where(still, 1.0, field.z)).astype(image.depth.dtype)

@@ -1,4 +1,4 @@
-"""Samples on a grid, each free along its channels or along its ray: what the nouns of a grid have in common."""
+"""Samples on a grid, each free along its channels or along its ray: what the data objects of a grid have in common."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,17 +18,17 @@ from meshflow.surfaces.triangles import (
     triangulations,
 )
 
-__all__ = ["Fibres", "Lattice", "Lift", "Spacing", "held", "OnGrid"]
+__all__ = ["Lines", "Grid", "Lift", "Spacing", "held", "OnGrid"]
 
 
 @dataclass(frozen=True)
 class Lift:
-    """How a noun becomes a surface.
+    """How a data object becomes a surface.
 
     :param contrast: alpha of section 4.4, which multiplies the free coordinates before the flow and divides them after it:
         length of the surface per unit of the value. No unit where value and spacing share theirs.
     :param diagonals: of a grid's cells; ``alternate`` is as isotropic as ``both`` at half the cost.
-    :param boundary: ``neumann | plane-preserving | fixed``; by default what suits the noun.
+    :param boundary: ``neumann | plane-preserving | fixed``; by default what suits the data object.
     """
 
     contrast: float = 1.0
@@ -40,7 +40,7 @@ class Lift:
 
 
 @dataclass(frozen=True, eq=False)
-class Fibres:
+class Lines:
     """The line of each sample, p(u) = o + u d, in R^3.
 
     :param origins: the three coordinates of o, each an array that broadcasts to (h, w): (h or 1, w or 1).
@@ -54,7 +54,7 @@ class Fibres:
     footprint: Array | None = None
 
     @property
-    def pace(self) -> Array | None:
+    def time_factor(self) -> Array | None:
         """Factor of time of each sample, squared footprints."""
         return None if self.footprint is None else self.footprint**2
 
@@ -77,17 +77,17 @@ class Fibres:
 
 
 @dataclass(frozen=True, eq=False)
-class Lattice:
-    """A grid of samples as an engine sees it. The nouns have checked it.
+class Grid:
+    """A grid of samples as an engine sees it. The data objects have checked it.
 
     :param planes: (k, h, w), the free coordinates of each sample as they came: float32 or float64, anything where missing.
     :param missing: (h, w).
     :param fixed: (h, w), samples that stay.
     :param spacing: (dx, dy), dx a number or one per row.
-    :param contrast: length per unit of the planes, 1 along fibres.
+    :param contrast: length per unit of the planes, 1 along lines.
     :param diagonals: ``forward | backward | both | alternate``.
     :param boundary: ``neumann | plane-preserving | fixed``.
-    :param fibres: the lines along which the samples move; None: straight up from their places on the grid.
+    :param lines: the lines along which the samples move; None: straight up from their places on the grid.
     :param jump: a triangle is left out where its planes differ by more than this share of the least; None: none is.
     :param cuts: edges that no triangle has.
     :raises InputError: for an unknown word for the diagonals or the boundary.
@@ -100,7 +100,7 @@ class Lattice:
     contrast: float = 1.0
     diagonals: Diagonals = "alternate"
     boundary: Boundary = "neumann"
-    fibres: Fibres | None = None
+    lines: Lines | None = None
     jump: float | None = None
     cuts: Cuts | None = None
 
@@ -148,8 +148,8 @@ class Lattice:
             boundary=self.boundary,
             alternate=self.diagonals == "alternate",
         )
-        if self.fibres is not None:
-            return self._along(flat, self.fibres, u)
+        if self.lines is not None:
+            return self._along(flat, self.lines, u)
         dx, dy = self.spacing
         if np.ndim(dx) == 0:
             return flat
@@ -166,15 +166,19 @@ class Lattice:
         x = (column - (0 if np.ndim(dx) == 0 else (w - 1) / 2)) * widths[:, None]
         return np.column_stack([x.ravel(), -(row * dy).ravel(), u])
 
-    def _along(self, flat: Surface, fibres: Fibres, u: Array) -> Surface:
+    def _along(self, flat: Surface, lines: Lines, u: Array) -> Surface:
         """Its samples moved onto their lines."""
         origins, directions = (
             np.stack([np.broadcast_to(part, self.shape).ravel() for part in parts], axis=-1).astype(np.float64)
-            for parts in (fibres.origins, fibres.directions)
+            for parts in (lines.origins, lines.directions)
         )
         rays = Rays(origins, directions, u)
-        pace = None if fibres.pace is None else np.broadcast_to(fibres.pace, self.shape).ravel().astype(np.float64)
-        return replace(flat, points=rays.measured(u), free=rays, time_factor=pace)
+        time_factor = (
+            None
+            if lines.time_factor is None
+            else np.broadcast_to(lines.time_factor, self.shape).ravel().astype(np.float64)
+        )
+        return replace(flat, points=rays.measured(u), free=rays, time_factor=time_factor)
 
 
 def held(values: Array, u: Array, missing: Array) -> Array:
@@ -197,7 +201,7 @@ class OnGrid:
 
     boundary: Boundary = field(default="neumann", init=False)
 
-    def lattice(self, planes: Array, missing: Array, fixed: Array, spacing: Spacing, lift: Lift) -> Lattice:
+    def grid(self, planes: Array, missing: Array, fixed: Array, spacing: Spacing, lift: Lift) -> Grid:
         """Free coordinates (k, h, w) above a grid."""
         boundary = lift.boundary or self.boundary
-        return Lattice(planes, missing, fixed, spacing, lift.contrast, lift.diagonals, boundary)
+        return Grid(planes, missing, fixed, spacing, lift.contrast, lift.diagonals, boundary)

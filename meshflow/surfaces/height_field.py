@@ -6,7 +6,7 @@ import numpy as np
 
 from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
 from meshflow.surfaces.discontinuities import Cuts
-from meshflow.surfaces.grid import Lattice, Lift, OnGrid, held
+from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
 from meshflow.surfaces.surface import Boundary, Surface
 
 __all__ = ["HeightField"]
@@ -48,10 +48,10 @@ class HeightField(OnGrid):
         """h: the typical distance of neighbours, in the horizontal unit (the geometric mean of dx and dy)."""
         return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
 
-    def gridded(self, lift: Lift) -> Lattice:
+    def gridded(self, lift: Lift) -> Grid:
         """The grid that a grid engine moves, z as it is; nothing is copied."""
-        lattice = self.lattice(self.z[None], self.missing, self.fixed, self.spacing, lift)
-        return replace(lattice, cuts=self.cuts)
+        grid = self.grid(self.z[None], self.missing, self.fixed, self.spacing, lift)
+        return replace(grid, cuts=self.cuts)
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast z), of h * w vertices; missing ones have no triangle."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
-from meshflow.surfaces.grid import Lattice, Lift, OnGrid, held
+from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["Image"]
@@ -42,10 +42,10 @@ class Image(OnGrid):
         """h: the typical distance of neighbours (the geometric mean of dx and dy)."""
         return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
 
-    def gridded(self, lift: Lift) -> Lattice:
+    def gridded(self, lift: Lift) -> Grid:
         """The grid that a grid engine moves, the channels as they are; nothing is copied."""
         planes = self.values[None] if self.values.ndim == 2 else np.moveaxis(self.values, 2, 0)
-        return self.lattice(planes, self.missing, self.fixed, self.spacing, lift)
+        return self.grid(planes, self.missing, self.fixed, self.spacing, lift)
 
     def lifted(self, lift: Lift) -> Surface:
         """The surface (x, y, contrast c1, ..., contrast ck), of h * w vertices."""

@@ -5,22 +5,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["together"]
 
 
-def together(nouns: Sequence[Noun]) -> Mesh:
+def together(surfaces: Sequence[Data]) -> Mesh:
     """Meshes as one, their vertices one after the other.
 
-    :raises InputError: for other nouns, and meshes of which not the same moves.
+    :raises InputError: for other data objects, and meshes of which not the same moves.
     """
-    meshes = [one for one in nouns if isinstance(one, Mesh)]
+    meshes = [one for one in surfaces if isinstance(one, Mesh)]
     kinds = {
         (one.points.shape[1], one.moves, None if one.channels is None else one.channels.shape[1]) for one in meshes
     }
-    if len(meshes) < len(nouns) or len(kinds) != 1:
+    if len(meshes) < len(surfaces) or len(kinds) != 1:
         raise InputError("parts that are no meshes of one kind cannot be taken as one; take them one by one")
     starts = np.cumsum([0, *(len(one.points) for one in meshes)])
     channels = [one.channels for one in meshes if one.channels is not None]

@@ -1,4 +1,4 @@
-"""The noun of what a camera or a scanner has seen: values along rays."""
+"""The data object of what a camera or a scanner has seen: values along rays."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.validation import Array, brief, mask_of, nowhere, positive, real, samples
 from meshflow.surfaces.camera import Camera, Measure
-from meshflow.surfaces.discontinuities import Cuts, cuts_by_noise, islands
-from meshflow.surfaces.grid import Fibres, Lattice, Lift, held
+from meshflow.surfaces.discontinuities import Cuts, cuts_by_noise, small_components
+from meshflow.surfaces.grid import Grid, Lift, Lines, held
 from meshflow.surfaces.surface import Boundary, Surface
 
 __all__ = ["TimeUnit", "RangeImage"]
@@ -97,7 +97,7 @@ class RangeImage:
     def __repr__(self) -> str:
         return brief(self, self.depth, self.missing, self.camera.summary)
 
-    def gridded(self, lift: Lift) -> Lattice:
+    def gridded(self, lift: Lift) -> Grid:
         """The grid that a grid engine moves, the depths as they are; nothing is copied.
 
         :raises InputError: for a contrast other than 1: along rays through one point it scales the scene and nothing else.
@@ -109,13 +109,13 @@ class RangeImage:
             )
         boundary, cuts = lift.boundary or self.boundary, self.cuts
         share = SHARE if self.jump == "noise" and cuts is None else self.jump
-        return Lattice(
+        return Grid(
             self.depth[None],
             self.missing,
             self.fixed,
             diagonals=lift.diagonals,
             boundary=boundary,
-            fibres=replace(self.fibres, footprint=self.stride),
+            lines=replace(self.lines, footprint=self.stride),
             jump=None if self.camera.signed or isinstance(share, str) else share,
             cuts=cuts,
         )
@@ -143,7 +143,7 @@ class RangeImage:
                 for axis, first, second in ((1, np.s_[:, :-1], np.s_[:, 1:]), (0, np.s_[:-1], np.s_[1:]))
             )
             cuts = Cuts(right, down)
-        gone = islands(self.missing, cuts, least)
+        gone = small_components(self.missing, cuts, least)
         if (gone | self.missing).all():
             raise InputError(
                 f"min_component: all {shape[1]} x {shape[0]} pixels lie in pieces of fewer than {least} samples"
@@ -178,7 +178,7 @@ class RangeImage:
         """
         if not self.camera.signed:
             return np.where(self.missing, np.nan, self.depth)
-        rays = np.stack([np.broadcast_to(part, self.depth.shape) for part in self.fibres.directions], axis=-1)
+        rays = np.stack([np.broadcast_to(part, self.depth.shape) for part in self.lines.directions], axis=-1)
         return (self.cloud * rays).sum(axis=-1) / (rays * rays).sum(axis=-1)
 
     @property
@@ -188,12 +188,12 @@ class RangeImage:
 
     def points_at(self, depth: Array) -> Array:
         """The points (h, w, 3) of other depths (h, w) along the same rays."""
-        return self.fibres.at(depth)
+        return self.lines.at(depth)
 
     @property
-    def fibres(self) -> Fibres:
+    def lines(self) -> Lines:
         """The lines of the samples."""
-        return self.camera.fibres((self.depth.shape[0], self.depth.shape[1]), self.counted)
+        return self.camera.lines((self.depth.shape[0], self.depth.shape[1]), self.counted)
 
     @cached_property
     def footprint(self) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, number
 from meshflow.surfaces.camera import Measure, known
-from meshflow.surfaces.grid import Fibres
+from meshflow.surfaces.grid import Lines
 
 __all__ = ["Scanner", "Spherical"]
 
@@ -74,11 +74,11 @@ class Spherical:
                 f"camera elevation: 2 or {shape[0]} numbers, one for each row of the image, expected, got {len(self.elevation)}"
             )
 
-    def fibres(self, shape: tuple[int, int], measure: Measure) -> Fibres:
+    def lines(self, shape: tuple[int, int], measure: Measure) -> Lines:
         """The lines through the origin."""
         a, e = self._angles(shape)
         still = np.zeros((1, 1))
-        return Fibres((still, still, still), (np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)))
+        return Lines((still, still, still), (np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)))
 
     def footprint(self, u: Array, measure: Measure) -> Array:
         """u sqrt(cos e da de), da and de the steps of the angles there."""
@@ -206,24 +206,24 @@ class Scanner:
         if known(measure) == "depth" and (d[..., 2][~self._lost] <= 0).any():
             raise InputError("measure='depth': rays with z above zero expected, got others; give measure='range'")
 
-    def fibres(self, shape: tuple[int, int], measure: Measure) -> Fibres:
+    def lines(self, shape: tuple[int, int], measure: Measure) -> Lines:
         """The lines; where there is no ray, a point."""
         lost = self._lost[..., None]
         d = np.where(lost, 1.0, self.directions)
         d = np.where(lost, 0.0, d / (np.linalg.norm(d, axis=2, keepdims=True) if measure == "range" else d[..., 2:]))
         o = np.where(lost, 0.0, self.origins) if self.signed else np.reshape(self.origins, (1, 1, 3))
-        return Fibres(_parts(o), _parts(d))
+        return Lines(_parts(o), _parts(d))
 
     def footprint(self, u: Array, measure: Measure) -> Array:
         """From one origin: the mean angle to the rays beside, times u; else how far the points beside are, across the ray.
 
         (The geometric mean of both along rows and along columns; the median where nothing is beside.)
         """
-        fibres = self.fibres((u.shape[0], u.shape[1]), measure)
-        d = np.where(self._lost[..., None], np.nan, np.stack(np.broadcast_arrays(*fibres.directions), axis=-1))
+        lines = self.lines((u.shape[0], u.shape[1]), measure)
+        d = np.where(self._lost[..., None], np.nan, np.stack(np.broadcast_arrays(*lines.directions), axis=-1))
         unit = d / np.linalg.norm(d, axis=2, keepdims=True)
         if self.signed:
-            points = np.where(np.isnan(u)[..., None], np.nan, fibres.at(u))
+            points = np.where(np.isnan(u)[..., None], np.nan, lines.at(u))
             return _filled(_beside(points, unit), u)
         return _filled(_beside(unit, unit), u) * np.linalg.norm(d, axis=2) * u
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.grid import Fibres
+from meshflow.surfaces.grid import Lines
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Sight", "met"]
@@ -52,14 +52,14 @@ class Sight:
     @classmethod
     def through(cls, camera: Any, shape: tuple[int, int]) -> "Sight":
         """The lines (h, w) of a camera that a :class:`RangeImage` takes."""
-        return cls.along(RangeImage(np.ones(shape), camera).fibres, shape)
+        return cls.along(RangeImage(np.ones(shape), camera).lines, shape)
 
     @classmethod
-    def along(cls, fibres: Fibres, shape: tuple[int, int]) -> "Sight":
-        """The lines of the samples of a lattice of this shape."""
+    def along(cls, lines: Lines, shape: tuple[int, int]) -> "Sight":
+        """The lines of the samples of a grid of this shape."""
         origins, directions = (
             np.stack([np.broadcast_to(part, shape) for part in parts], axis=-1)
-            for parts in (fibres.origins, fibres.directions)
+            for parts in (lines.origins, lines.directions)
         )
         return cls(origins, directions)
 

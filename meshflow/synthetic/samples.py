@@ -173,9 +173,9 @@ def _spiral(n: int, density: float, rng: np.random.Generator) -> Array:
     # The root of the cumulative density s + (density - 1) s^2 / 2 over its total, s = (1 + x) / 2 from the sparse end.
     more = density - 1.0
     s = 2.0 * share * (1.0 + 0.5 * more) / (1.0 + np.sqrt(1.0 + 2.0 * more * share * (1.0 + 0.5 * more)))
-    x, turn = 2.0 * s - 1.0, np.pi * (1 + 5**0.5) * np.arange(n)
+    x, angle = 2.0 * s - 1.0, np.pi * (1 + 5**0.5) * np.arange(n)
     across = np.sqrt(1.0 - x**2)
-    spiral = np.stack([x, across * np.cos(turn), across * np.sin(turn)], axis=1)
+    spiral = np.stack([x, across * np.cos(angle), across * np.sin(angle)], axis=1)
     gap = np.sqrt(4 * np.pi / n * (1.0 + 0.5 * more) / (1.0 + more * s))
     shaken = spiral + gap[:, None] * rng.uniform(-1 / 3, 1 / 3, spiral.shape)
     return shaken / np.linalg.norm(shaken, axis=1, keepdims=True)
@@ -187,8 +187,8 @@ def _rim(axis: tuple[float, float, float], height: float, gap: float) -> Array:
     one = np.cross(normal, (1.0, 0.0, 0.0))
     one /= np.linalg.norm(one)
     radius = np.sqrt(1.0 - height**2)
-    turn = 2 * np.pi * np.arange(k := int(np.ceil(2 * np.pi * radius / gap))) / k
-    return height * normal + radius * (np.cos(turn)[:, None] * one + np.sin(turn)[:, None] * np.cross(normal, one))
+    angle = 2 * np.pi * np.arange(k := int(np.ceil(2 * np.pi * radius / gap))) / k
+    return height * normal + radius * (np.cos(angle)[:, None] * one + np.sin(angle)[:, None] * np.cross(normal, one))
 
 
 def picture(shape: tuple[int, int] = (144, 192), seed: int = 0, noise: float = 12.0) -> Sample:

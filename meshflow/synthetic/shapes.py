@@ -51,11 +51,11 @@ class Shape:
         across = np.cross(b - a, c - a)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
         total = np.zeros_like(self.points)
-        for turn in range(3):
-            here, there, beyond = (corners[:, (turn + k) % 3] for k in range(3))
+        for shift in range(3):
+            here, there, beyond = (corners[:, (shift + k) % 3] for k in range(3))
             one, other = there - here, beyond - here
             angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other))
-            np.add.at(total, self.faces[:, turn], angle[:, None] * across)
+            np.add.at(total, self.faces[:, shift], angle[:, None] * across)
         return total / np.linalg.norm(total, axis=1, keepdims=True)
 
     def noisy(self, kind: Noise, level: float, seed: int = 7) -> Array:

@@ -51,11 +51,11 @@ def ring_mesh(body: Ring, around: int, through: int) -> tuple[Array, Array]:
     """
     if min(around, through) < 3:
         raise InputError(f"ring: 3 vertices or more either way expected, got {around} and {through}")
-    turn, roll = np.meshgrid(
+    theta, roll = np.meshgrid(
         2 * np.pi * np.arange(around) / around, 2 * np.pi * np.arange(through) / through, indexing="ij"
     )
     out = body.radius + body.thickness * np.cos(roll)
-    points = np.stack([out * np.cos(turn), out * np.sin(turn), body.thickness * np.sin(roll)], axis=-1).reshape(-1, 3)
+    points = np.stack([out * np.cos(theta), out * np.sin(theta), body.thickness * np.sin(roll)], axis=-1).reshape(-1, 3)
     index = np.arange(len(points)).reshape(around, through)
     a, b = index, np.roll(index, -1, axis=0)
     c, d = np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)
@@ -69,8 +69,8 @@ def dome_mesh(count: int, seed: int) -> tuple[Array, Array]:
     inner = np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
     inner += rng.uniform(-0.3, 0.3, inner.shape) * gap
     inner = inner[np.hypot(*inner.T) < np.sqrt(2.0) - 0.5 * gap]
-    turn = 2 * np.pi * np.arange(k := int(2 * np.pi / gap)) / k
-    flat = np.concatenate([inner, np.sqrt(2.0) * np.stack([np.cos(turn), np.sin(turn)], axis=1)])
+    theta = 2 * np.pi * np.arange(k := int(2 * np.pi / gap)) / k
+    flat = np.concatenate([inner, np.sqrt(2.0) * np.stack([np.cos(theta), np.sin(theta)], axis=1)])
     square = np.einsum("ij,ij->i", flat, flat)
     points = np.column_stack([flat * np.sqrt(1.0 - square / 4.0)[:, None], 1.0 - square / 2.0])
     points[len(inner) :, 2] = 0.0
@@ -109,8 +109,8 @@ def _arc(centre: tuple[float, float], radius: float, angles: tuple[float, float]
 
     def along(share: Array) -> Array:
         """Points (n, 2) at shares (n,) of the way."""
-        turn = angles[0] + share * (angles[1] - angles[0])
-        return np.array(centre) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        theta = angles[0] + share * (angles[1] - angles[0])
+        return np.array(centre) + radius * np.stack([np.cos(theta), np.sin(theta)], axis=1)
 
     return along, length, int(np.ceil(length / spacing))
 
@@ -118,8 +118,8 @@ def _arc(centre: tuple[float, float], radius: float, angles: tuple[float, float]
 def _wall(wall: Wall, half: float, spacing: float, rng: np.random.Generator) -> tuple[Array, Array]:
     """Points and faces of a wall between z = -half and half, in the chart (way along it, z)."""
     along, length, steps = wall
-    way, rise = length * np.linspace(0, 1, steps + 1), np.linspace(-half, half, int(np.ceil(2 * half / spacing)) + 1)
-    rows = [np.column_stack([way, np.full(len(way), z)]) for z in (-half, half)]
+    run, rise = length * np.linspace(0, 1, steps + 1), np.linspace(-half, half, int(np.ceil(2 * half / spacing)) + 1)
+    rows = [np.column_stack([run, np.full(len(run), z)]) for z in (-half, half)]
     columns = [np.column_stack([np.full(len(rise) - 2, s), rise[1:-1]]) for s in (0.0, length)]
     near = NEAREST * spacing
     inner = _shaken(np.array([0.0, -half]), np.array([length, half]), spacing, rng)

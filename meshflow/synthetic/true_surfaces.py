@@ -84,8 +84,8 @@ class LPart:
     def corners(self) -> tuple[tuple[tuple[float, float], tuple[float, float]], ...]:
         """The straight pieces of the outline, from and to, anticlockwise; the fillet lies between the third and the fourth."""
         w, h, r = self.width, self.height, self.fillet
-        way = ((0.0, 0.0), (1.0, 0.0), (1.0, w), (w + r, w), (w, w + r), (w, h), (0.0, h))
-        pieces = tuple(zip(way, (*way[1:], way[0]), strict=True))
+        outline = ((0.0, 0.0), (1.0, 0.0), (1.0, w), (w + r, w), (w, w + r), (w, h), (0.0, h))
+        pieces = tuple(zip(outline, (*outline[1:], outline[0]), strict=True))
         return pieces[:3] + pieces[4:]
 
     @property

@@ -9,7 +9,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.files import Document
 from meshflow.io.objects import from_object
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 from meshflow.view.texture import Textured, image_of, texture_of
 
@@ -26,94 +26,97 @@ _OF_COLOUR = (
 )  # read as colours, or no quantity on the surface
 
 
-def taken(thing: object, own_colours: bool = False) -> tuple[Noun, tuple[str, ...]]:
+def taken(data: object, own_colours: bool = False) -> tuple[Data, tuple[str, ...]]:
     """The data of an object or a file as a height field, image, range image or mesh, and notes on what was done.
 
-    :param thing: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognises.
+    :param data: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognises.
     :param own_colours: of a mesh, with the colours (n, 3) of its vertices, or of its texture at them, as channels that ride
         along, as the texture itself does.
     :raises InputError: where colours are asked for and there are none.
     """
-    if isinstance(thing, Document):
-        noun, notes = thing.noun, thing.notes
+    if isinstance(data, Document):
+        surface, notes = data.data, data.notes
     else:
-        adopted = from_object(thing)
-        noun, notes = adopted.noun, adopted.notes
+        imported = from_object(data)
+        surface, notes = imported.data, imported.notes
     if not own_colours:
-        return noun, notes
-    if not isinstance(noun, Mesh):
-        raise InputError(f"own_colours: of meshes only, this is a {type(noun).__name__}; leave it out")
-    if noun.channels is not None and noun.channels.shape[1] in (3, 4):
-        return noun, notes
-    colours, mesh = _colours(thing, noun), _as_trimesh(thing, noun)
+        return surface, notes
+    if not isinstance(surface, Mesh):
+        raise InputError(f"own_colours: of meshes only, this is a {type(surface).__name__}; leave it out")
+    if surface.channels is not None and surface.channels.shape[1] in (3, 4):
+        return surface, notes
+    colours, mesh = _colours(data, surface), _as_trimesh(data, surface)
     if colours is None:
         raise InputError("own_colours: the mesh has neither colours of its vertices nor a texture; leave it out")
-    texture = None if mesh is None else texture_of(mesh, noun)
-    return Textured(noun.points, noun.faces, colours, "points", noun.fixed, texture), notes
+    texture = None if mesh is None else texture_of(mesh, surface)
+    return Textured(surface.points, surface.faces, colours, "points", surface.fixed, texture), notes
 
 
-def carried(thing: object, noun: Mesh) -> dict[str, Array]:
+def carried(data: object, surface: Mesh) -> dict[str, Array]:
     """The vertex attributes of a mesh by name: arrays (n, k), one row for each vertex.
 
-    :param thing: what the noun came from, as :func:`taken` has it.
+    :param data: what the data object came from, as :func:`taken` has it.
     :returns: ``colours`` first, 0 to 255, those of the vertices or of a texture at them; then other vertex attributes of
         numbers. Empty for what carries nothing.
     """
-    mesh = _as_trimesh(thing, noun)
-    if isinstance(thing, Mesh) or (mesh is None and isinstance(thing, (Document, tuple, list))):
+    mesh = _as_trimesh(data, surface)
+    if isinstance(data, Mesh) or (mesh is None and isinstance(data, (Document, tuple, list))):
         return {}
-    colours = _colours(thing, noun)
+    colours = _colours(data, surface)
     found = {} if colours is None else {"colours": colours}
     if mesh is None:
-        names = [name for name in getattr(thing, "point_data", ()) if str(name) not in _OF_COLOUR]
-        return {**found, **{str(name): column for name in names if (column := _column(thing, name, noun)) is not None}}
+        names = [name for name in getattr(data, "point_data", ()) if str(name) not in _OF_COLOUR]
+        return {
+            **found,
+            **{str(name): column for name in names if (column := _column(data, name, surface)) is not None},
+        }
     there = {str(name): np.asarray(values) for name, values in mesh.vertex_attributes.items()}
     numbers = {
         name: v for name, v in there.items() if name not in _OF_COLOUR and v.dtype.kind in "biuf" and v.ndim <= 2
     }
     if numbers:
-        nearest = _nearest(mesh.vertices, noun)
+        nearest = _nearest(mesh.vertices, surface)
         found |= {
             name: values[nearest].astype(np.float64).reshape(len(nearest), -1) for name, values in numbers.items()
         }
     return found
 
 
-def _column(thing: object, name: str, noun: Mesh) -> Array | None:
+def _column(data: object, name: str, surface: Mesh) -> Array | None:
     """A point array (n, k) of an object that is no trimesh; None where it cannot be a channel (text, a wrong length)."""
     try:
-        channels = from_object(thing, {"channels": name, "moves": "channels"}).noun
+        channels = from_object(data, {"channels": name, "moves": "channels"}).data
     except InputError:  # an array that cannot move does not ride along as one
         return None
     found = channels.channels if isinstance(channels, Mesh) else None
-    return None if found is None or len(found) != len(noun.points) else found.astype(np.float64)
+    return None if found is None or len(found) != len(surface.points) else found.astype(np.float64)
 
 
-def _as_trimesh(thing: object, noun: Mesh) -> Any:
+def _as_trimesh(data: object, surface: Mesh) -> Any:
     """The thing as a trimesh.Trimesh, where it is one or was read from a file; else None."""
-    if isinstance(thing, Document):
-        scene = thing.source.scene(noun) if isinstance(noun, Mesh) else None
+    if isinstance(data, Document):
+        scene = data.source.scene(surface) if isinstance(surface, Mesh) else None
         return None if scene is None else scene.to_mesh()
-    return thing if hasattr(thing, "visual") else None
+    return data if hasattr(data, "visual") else None
 
 
-def flowing_together(thing: object) -> tuple[str, ...]:
+def flowing_together(data: object) -> tuple[str, ...]:
     """A note for files of several parts, which are smoothed together here."""
-    if isinstance(thing, Document) and thing.sections:
+    if isinstance(data, Document) and data.sections:
         return (
             "all parts are smoothed together here, with one noise, method and time; meshflow smooth smooths each by itself",
         )
     return ()
 
 
-def _colours(thing: object, noun: Mesh) -> Array | None:
-    """The colours (n, 3), 0 to 255, of the vertices of a noun; None where the thing has none."""
-    if isinstance(thing, Mesh):
+def _colours(data: object, surface: Mesh) -> Array | None:
+    """The colours (n, 3), 0 to 255, of the vertices of a data object; None where the thing has none."""
+    if isinstance(data, Mesh):
         return None
-    mesh = _as_trimesh(thing, noun)
-    if mesh is None and not isinstance(thing, Document):
+    mesh = _as_trimesh(data, surface)
+    if mesh is None and not isinstance(data, Document):
         try:
-            found = from_object(thing, {"channels": "colors", "moves": "points"}).noun
+            found = from_object(data, {"channels": "colors", "moves": "points"}).data
         except InputError:  # it has none; the caller says so
             return None
         if not isinstance(found, Mesh) or found.channels is None:
@@ -124,14 +127,14 @@ def _colours(thing: object, noun: Mesh) -> Array | None:
     if worn is None:
         return None
     points, colours = worn
-    return colours[_nearest(points, noun)].astype(np.float64)
+    return colours[_nearest(points, surface)].astype(np.float64)
 
 
-def _nearest(points: ArrayLike, noun: Mesh) -> Array:
+def _nearest(points: ArrayLike, data: Mesh) -> Array:
     """For each vertex of a mesh the index of the nearest of these points: textures split vertices, and places identify them."""
     from scipy.spatial import KDTree
 
-    _, nearest = KDTree(np.asarray(points, dtype=np.float64)).query(noun.points[:, :3])
+    _, nearest = KDTree(np.asarray(points, dtype=np.float64)).query(data.points[:, :3])
     return np.asarray(nearest)
 
 

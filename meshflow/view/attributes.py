@@ -8,11 +8,11 @@ from meshflow.geometry.validation import Array
 from meshflow.surfaces.mesh import Mesh
 from meshflow.view.appearance import carried
 
-__all__ = ["Riding", "riding"]
+__all__ = ["AttributeChange", "attribute_change"]
 
 
 @dataclass(frozen=True, eq=False)
-class Riding:
+class AttributeChange:
     """A vertex attribute in which two meshes differ that are otherwise equal.
 
     :ivar name: of it.
@@ -44,7 +44,7 @@ class Riding:
         return float(np.sqrt(np.nanmean(np.square(self.before - self.after).sum(axis=1))))
 
     @property
-    def told(self) -> str:
+    def reported(self) -> str:
         """What is compared, as a sentence."""
         more = f"; so do {', '.join(self.others)}" if self.others else ""
         return f"before and after are equal in their points; {self.name} differ, and are what is compared{more}"
@@ -54,7 +54,7 @@ class Riding:
         return replace(mesh, channels=values, moves="channels")
 
 
-def riding(before: object, after: object, one: Mesh, other: Mesh) -> Riding | None:
+def attribute_change(before: object, after: object, one: Mesh, other: Mesh) -> AttributeChange | None:
     """The attribute in which two meshes of the same points differ, colours first; None where they differ in none.
 
     :param before: what ``one`` came from, as :func:`meshflow.view.appearance.taken` has it.
@@ -70,4 +70,4 @@ def riding(before: object, after: object, one: Mesh, other: Mesh) -> Riding | No
     if not unlike:
         return None
     name, *others = unlike
-    return Riding(name, first[name], second[name], tuple(others))
+    return AttributeChange(name, first[name], second[name], tuple(others))

@@ -78,7 +78,7 @@ def histogram(values: Array, sigma: float, unit: str) -> Chart:
         axes.set_xlim(-end, end)
         axes.set_yticks([])
         axes.set_ylabel("share of the samples", fontsize=LETTERS, color=INK)
-        _dressed(axes, labelled("removed: before − after", unit))
+        _labelled_below(axes, labelled("removed: before − after", unit))
 
     words = f"histogram of what was removed, with the normal curve of sigma {sigma:.4g}"
     return Chart("what was removed, how often", words, draw)
@@ -112,7 +112,7 @@ def course(
             _legend(axes, "best")
         axes.set_ylabel(labelled(title, units[1]), fontsize=LETTERS, color=INK)
         axes.margins(y=0.08)
-        _dressed(axes, labelled("time", units[0]))
+        _labelled_below(axes, labelled("time", units[0]))
 
     return Chart(f"{title} over time", f"{', '.join(lines)} over time, {len(times)} states", draw)
 
@@ -138,9 +138,9 @@ def risks(curves: tuple[Curve, ...], time: float, units: tuple[str, str]) -> Cha
         axes.set_ylim(0, top if top > 0 else 1.0)
         axes.set_ylabel(labelled("expected rms error", units[1]), fontsize=LETTERS, color=INK)
         _legend(axes, "best")
-        _dressed(axes, labelled("time", units[0]))
+        _labelled_below(axes, labelled("time", units[0]))
 
-    return Chart("what the search expected", f"expected errors of {len(curves)} members over time", draw)
+    return Chart("what the search expected", f"expected errors of {len(curves)} variants over time", draw)
 
 
 def bar(axes: "Axes", scale: Scale) -> None:
@@ -149,7 +149,7 @@ def bar(axes: "Axes", scale: Scale) -> None:
         np.linspace(0, 1, 256)[None, :], aspect="auto", cmap=scale.colour_map, extent=(scale.low, scale.high, 0, 1)
     )
     axes.set_yticks([])
-    _dressed(axes, "\n".join(word for word in (scale.label, scale.ends) if word))
+    _labelled_below(axes, "\n".join(word for word in (scale.label, scale.ends) if word))
 
 
 def blank(width: float, height: float) -> "Figure":
@@ -183,7 +183,7 @@ def _legend(axes: "Axes", where: Any) -> None:
     axes.legend(loc=where, fontsize=LETTERS - 1.5, frameon=False, labelcolor=INK, handlelength=1.4)
 
 
-def _dressed(axes: "Axes", below: str) -> None:
+def _labelled_below(axes: "Axes", below: str) -> None:
     """The label below, numbers small and few, a pale frame."""
     from matplotlib.ticker import MaxNLocator
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.view import page
 from meshflow.view.frames import FILMS, Frames
 from meshflow.view.geometry import Geometry, geometry_of, raised, thinned
@@ -27,11 +27,11 @@ _PAUSE = 1.5  # seconds for which the last frame stays
 
 
 @dataclass(frozen=True, eq=False)
-class _Moment:
+class _Keyframe:
     """A state, thinned for the screen; its numbers are those of all of the data."""
 
     time: float
-    noun: Noun
+    data: Data
     scale: Scale | None
 
 
@@ -59,7 +59,7 @@ class Reel:
 
 
 def filmed(
-    states: Iterable[tuple[float, Noun]],
+    states: Iterable[tuple[float, Data]],
     path: str | Path,
     look: Look,
     reel: Reel = Reel(),
@@ -80,40 +80,40 @@ def filmed(
     """
     target = filmable(path, overwrite)
     with Frames(target, reel.rate) as frames:
-        moments, renderer = _moments(states, look, quantity, reel.turn)
-        scale = _common([moment.scale for moment in moments])
-        geometries = _framed([_geometry(moment.noun, renderer) for moment in moments], reel.turn)
+        keyframes, renderer = _keyframes(states, look, quantity, reel.turn)
+        scale = _common([keyframe.scale for keyframe in keyframes])
+        geometries = _framed([_geometry(keyframe.data, renderer) for keyframe in keyframes], reel.turn)
         plan = page.layout(
-            look, renderer.aspect(geometries[0], moments[0].noun), 1, labelled=True, scaled=scale is not None
+            look, renderer.aspect(geometries[0], keyframes[0].data), 1, labelled=True, scaled=scale is not None
         )
         stay = round(_PAUSE * reel.rate)
-        for k, (moment, geometry) in enumerate(zip(moments, geometries, strict=True)):
-            hue = None if scale is None or moment.scale is None else replace(scale, values=moment.scale.values)
-            picture = renderer.panel(moment.noun, geometry, plan.panels[0].size, hue)
-            label = f"time {plain(moment.time, moments[-1].time)} {reel.time_unit}".rstrip()
-            sheet = page.single_page(
-                plan, picture, scale, page.Foot(renderer.foot()), renderer.pixel(moment.noun), ((0.5, label),)
+        for k, (keyframe, geometry) in enumerate(zip(keyframes, geometries, strict=True)):
+            hue = None if scale is None or keyframe.scale is None else replace(scale, values=keyframe.scale.values)
+            picture = renderer.panel(keyframe.data, geometry, plan.panels[0].size, hue)
+            label = f"time {plain(keyframe.time, keyframes[-1].time)} {reel.time_unit}".rstrip()
+            drawing = page.single_page(
+                plan, picture, scale, page.Foot(renderer.foot()), renderer.pixel(keyframe.data), ((0.5, label),)
             )
-            drawn = page.pixels(sheet)
-            for _ in range(1 + stay * (k == len(moments) - 1)):
+            drawn = page.pixels(drawing)
+            for _ in range(1 + stay * (k == len(keyframes) - 1)):
                 frames.add(drawn)
     return Pictured(target, renderer.name, renderer.notes)
 
 
-def _moments(
-    states: Iterable[tuple[float, Noun]],
+def _keyframes(
+    states: Iterable[tuple[float, Data]],
     look: Look,
     quantity: Quantity | Removed | None,
     turn: float,
-) -> tuple[list[_Moment], Renderer]:
+) -> tuple[list[_Keyframe], Renderer]:
     """All states, measured and thinned as they come, and how they are drawn."""
-    moments: list[_Moment] = []
+    keyframes: list[_Keyframe] = []
     renderer: Renderer | None = None
-    first: Noun | None = None
-    for time, noun in states:
-        first = noun if first is None else first
+    first: Data | None = None
+    for time, data in states:
+        first = data if first is None else first
         if renderer is None:
-            seen = raised(noun, look.seen)
+            seen = raised(data, look.seen)
             if turn and (look.renderer == "hillshade" or not np.isfinite(turn)):
                 raise InputError(
                     f"turn: degrees, of what VTK draws in space, expected; got {turn} with renderer={look.renderer!r}"
@@ -121,14 +121,14 @@ def _moments(
             chosen = replace(look, renderer="pyvista") if turn else look
             renderer = renderer_for((seen,), chosen, window=False, most=_SAMPLES)
         if quantity == "removed":
-            scale = paired(first, noun, None).removed
+            scale = paired(first, data, None).removed
         else:
-            scale = None if quantity is None else measured(noun, quantity, look.contrast)
+            scale = None if quantity is None else measured(data, quantity, look.contrast)
         scale = None if scale is None else scale.wearing(look.colours).thinned(renderer.step)
-        moments.append(_Moment(time, thinned(raised(noun, look.seen), renderer.step), scale))
+        keyframes.append(_Keyframe(time, thinned(raised(data, look.seen), renderer.step), scale))
     if renderer is None:
-        raise InputError("film: states of a noun expected, got none")
-    return moments, replace(renderer, step=1)
+        raise InputError("film: states of a data object expected, got none")
+    return keyframes, replace(renderer, step=1)
 
 
 def _common(scales: list[Scale | None]) -> Scale | None:
@@ -139,8 +139,8 @@ def _common(scales: list[Scale | None]) -> Scale | None:
     return max(there, key=lambda scale: scale.high - scale.low)
 
 
-def _geometry(noun: Noun, renderer: Renderer) -> Geometry:
-    return geometry_of(noun, renderer.look, 1, renderer.exaggeration, renderer.shown)
+def _geometry(data: Data, renderer: Renderer) -> Geometry:
+    return geometry_of(data, renderer.look, 1, renderer.exaggeration, renderer.shown)
 
 
 def _framed(geometries: list[Geometry], turn: float) -> list[Geometry]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -58,12 +58,12 @@ class Run(Protocol):
     """
 
     @property
-    def before(self) -> Noun:
+    def before(self) -> Data:
         """The data before."""
         ...
 
     @property
-    def after(self) -> Noun:
+    def after(self) -> Data:
         """The data after."""
         ...
 
@@ -167,7 +167,7 @@ def found(run: Run, title: str) -> Findings:
     pair = paired(before, _shown(run.after)[0], unit)
     scale = pair.removed if channel is None else replace(pair.removed, what=f"{channel}, {pair.removed.what}")
     panels, foot, notes = _panels(pair, scale)
-    told = () if channel is None else (f"pictures: {channel}, of {_channels(run.before)}",)
+    caption = () if channel is None else (f"pictures: {channel}, of {_channels(run.before)}",)
     rows = tuple((n, _number(p.value), p.unit, p.origin, p.why) for n, p in run.parameters.items())
     return Findings(
         title or _name(run.before, bool(run.removed.any())),
@@ -177,29 +177,29 @@ def found(run: Run, title: str) -> Findings:
         _charts(run, pair, unit),
         _facts(run, pair, unit),
         rows,
-        told + notes,
+        caption + notes,
     )
 
 
-def _name(noun: Noun, changed: bool) -> str:
+def _name(data: Data, changed: bool) -> str:
     """What was smoothed, in a few words."""
     done = "smoothed" if changed else "unchanged"
-    if isinstance(noun, Mesh):
-        return f"Mesh of {len(noun.points)} points and {len(noun.faces)} triangles, {done}"
-    h, w = noun.missing.shape
-    what = {HeightField: "Height field", Image: "Image"}.get(type(noun), "Range image")
+    if isinstance(data, Mesh):
+        return f"Mesh of {len(data.points)} points and {len(data.faces)} triangles, {done}"
+    h, w = data.missing.shape
+    what = {HeightField: "Height field", Image: "Image"}.get(type(data), "Range image")
     return f"{what} of {h} × {w} samples, {done}"
 
 
-def _channels(noun: Noun) -> int:
-    return noun.values.shape[2] if isinstance(noun, Image) and noun.values.ndim == 3 else 1
+def _channels(data: Data) -> int:
+    return data.values.shape[2] if isinstance(data, Image) and data.values.ndim == 3 else 1
 
 
-def _shown(noun: Noun) -> tuple[Noun, str | None]:
-    """What of a noun can be shown: of channels that are no colours the first, and then its name."""
-    if isinstance(noun, Image) and _channels(noun) not in (1, 3, 4):
-        return replace(noun, values=noun.values[..., 0]), "channel 1"
-    return noun, None
+def _shown(data: Data) -> tuple[Data, str | None]:
+    """What of a data object can be shown: of channels that are no colours the first, and then its name."""
+    if isinstance(data, Image) and _channels(data) not in (1, 3, 4):
+        return replace(data, values=data.values[..., 0]), "channel 1"
+    return data, None
 
 
 def _panels(pair: Pair, scale: Scale) -> tuple[tuple[Panel, ...], str, tuple[str, ...]]:
@@ -216,7 +216,7 @@ def _panels(pair: Pair, scale: Scale) -> tuple[tuple[Panel, ...], str, tuple[str
     shown = (("before", pair.before, geometries[0], None), ("after", pair.after, geometries[1], None))
     shown = (*shown, ("removed", pair.after, geometries[1], scale.thinned(renderer.step)))
     panels = tuple(
-        Panel(label, renderer.panel(noun, geometry, size, hue), pixel) for label, noun, geometry, hue in shown
+        Panel(label, renderer.panel(data, geometry, size, hue), pixel) for label, data, geometry, hue in shown
     )
     return panels, renderer.foot(), renderer.notes
 
@@ -237,7 +237,7 @@ def _charts(run: Run, pair: Pair, unit: str) -> tuple[Chart, ...]:
         level = (sigma * np.sqrt(k), f"σ{f' √{k}' if k > 1 else ''} = {sigma * np.sqrt(k):.4g}")
         charts.append(course("change", {"rms": changes, "largest": largest}, times, (time, unit), level))
     if run.candidates:
-        curves = tuple(Curve(tuple(trial.times), tuple(trial.risks)) for trial in run.candidates)
+        curves = tuple(Curve(tuple(candidate.times), tuple(candidate.risks)) for candidate in run.candidates)
         charts.append(risks(curves, float(went.time[-1]), (time, unit)))
     return tuple(charts)
 
@@ -249,9 +249,9 @@ def _samples(run: Run, pair: Pair) -> Array:
     return run.removed[~run.before.missing]
 
 
-def _moved(noun: Noun) -> bool:
+def _moved(data: Data) -> bool:
     """Whether it is the points of a mesh that were moved, and nothing else."""
-    return isinstance(noun, Mesh) and noun.moves == "points"
+    return isinstance(data, Mesh) and data.moves == "points"
 
 
 def _facts(run: Run, pair: Pair, unit: str) -> tuple[tuple[str, str], ...]:

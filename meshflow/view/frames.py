@@ -82,10 +82,10 @@ def _in_few_colours(pictures: list[Any]) -> list[Any]:
 
     first = pictures[0]
     some = [pictures[k] for k in sorted({0, len(pictures) // 2, len(pictures) - 1})]
-    sheet = Image.new("RGB", (first.width, first.height * len(some)))
+    strip = Image.new("RGB", (first.width, first.height * len(some)))
     for k, picture in enumerate(some):
-        sheet.paste(picture, (0, k * first.height))
-    palette = sheet.quantize(255)
+        strip.paste(picture, (0, k * first.height))
+    palette = strip.quantize(255)
     colours = np.array([*(palette.getpalette() or [])[: 3 * 255], 255, 255, 255], np.uint8).reshape(-1, 3)
     colours[colours.min(axis=1) >= _WHITE] = 255
     palette.putpalette(colours.ravel().tolist())

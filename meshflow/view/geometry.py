@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
@@ -35,10 +35,10 @@ class Geometry:
 
     :param points: (n, 3), those that triangles use.
     :param faces: (m, 3).
-    :param samples: (n,), the index of each point among the samples or vertices of the noun.
+    :param samples: (n,), the index of each point among the samples or vertices of the data object.
     :param view: where it is seen from.
     :param colours: (n, 3) of its own, uint8, where it has some.
-    :param triangles: (m,), the index of each triangle among those of the noun; None: they are the same.
+    :param triangles: (m,), the index of each triangle among those of the data object; None: they are the same.
     :param texture: of its triangles, where it wears one; its colours are then those of the texture at the points.
     """
 
@@ -71,29 +71,29 @@ class Geometry:
         return shape
 
 
-def drawable(noun: Noun, look: Look, most: int = SAMPLES) -> tuple[int, float, tuple[str, ...]]:
+def drawable(data: Data, look: Look, most: int = SAMPLES) -> tuple[int, float, tuple[str, ...]]:
     """The thinning and the exaggeration that all panels share, and notes on both.
 
     :param most: samples of a side that are drawn.
     :raises InputError: for an exaggeration of what has no heights, an axis of what is no mesh.
     """
-    if look.exaggeration is not None and not isinstance(noun, HeightField):
-        raise InputError(f"exaggeration: of height fields only, this is a {type(noun).__name__}; leave it out")
-    if look.up is not None and not isinstance(noun, Mesh):
-        raise InputError(f"up: of meshes only, this is a {type(noun).__name__}; leave it out")
-    step = _thinning(noun, most)
+    if look.exaggeration is not None and not isinstance(data, HeightField):
+        raise InputError(f"exaggeration: of height fields only, this is a {type(data).__name__}; leave it out")
+    if look.up is not None and not isinstance(data, Mesh):
+        raise InputError(f"up: of meshes only, this is a {type(data).__name__}; leave it out")
+    step = _thinning(data, most)
     notes = [f"every {step}{'nd' if step == 2 else 'rd' if step == 3 else 'th'} sample"] if step > 1 else []
     exaggeration = 1.0
-    if isinstance(noun, HeightField):
-        exaggeration = _exaggeration(noun) if look.exaggeration is None else float(look.exaggeration)
+    if isinstance(data, HeightField):
+        exaggeration = _exaggeration(data) if look.exaggeration is None else float(look.exaggeration)
         notes.append(f"heights × {exaggeration:g}")
-    if isinstance(noun, Mesh) and noun.points.shape[1] > 3:
-        notes.append(f"the first 3 of {noun.points.shape[1]} coordinates")
+    if isinstance(data, Mesh) and data.points.shape[1] > 3:
+        notes.append(f"the first 3 of {data.points.shape[1]} coordinates")
     return step, exaggeration, tuple(notes)
 
 
 def geometry_of(
-    noun: Noun,
+    data: Data,
     look: Look,
     step: int = 1,
     exaggeration: float = 1.0,
@@ -109,43 +109,43 @@ def geometry_of(
     :raises InputError: when there is no triangle to draw.
     """
     seen = look.seen
-    if isinstance(noun, Mesh):
-        points, faces, colours = _three(noun.points), noun.faces, _mesh_colours(noun, look.own_colours)
+    if isinstance(data, Mesh):
+        points, faces, colours = _three(data.points), data.faces, _mesh_colours(data, look.own_colours)
         view = mesh_view(points, look.up, seen)
-    elif isinstance(noun, Image):
-        points, faces, colours = _sheet(noun, step, shown or as_shown(noun))
+    elif isinstance(data, Image):
+        points, faces, colours = _flat(data, step, shown or as_shown(data))
         view = picture_view()
     else:
-        surface = thinned(noun, step).lifted(_FORWARD)
+        surface = thinned(data, step).lifted(_FORWARD)
         points, faces, colours = surface.points, surface.triangulations[0], None
-        if isinstance(noun, HeightField):
+        if isinstance(data, HeightField):
             points = points * (1.0, 1.0, exaggeration)
             view = picture_view() if seen == "front" else terrain_view()
         else:
             view = side_view() if seen == "side" else camera_view()
     if len(faces) == 0:
-        what = type(noun).__name__
+        what = type(data).__name__
         raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, so much is missing")
     used = np.zeros(len(points), bool)
     used[faces] = True
     samples, place = np.flatnonzero(used), np.cumsum(used) - 1
-    texture = noun.texture if look.own_colours and isinstance(noun, Textured) else None
+    texture = data.texture if look.own_colours and isinstance(data, Textured) else None
     return Geometry(
         points[samples], place[faces], samples, view, None if colours is None else colours[samples], texture=texture
     )
 
 
-def raised(noun: Noun, seen: Seen | None) -> Noun:
+def raised(data: Data, seen: Seen | None) -> Data:
     """Data to be seen from the side: an image as the heights of its brightness (mean of the channels); other data unchanged."""
-    if seen != "side" or not isinstance(noun, Image):
-        return noun
-    values = noun.values if noun.values.ndim == 2 else noun.values.mean(axis=2)
-    return HeightField(values, noun.spacing, noun.missing)
+    if seen != "side" or not isinstance(data, Image):
+        return data
+    values = data.values if data.values.ndim == 2 else data.values.mean(axis=2)
+    return HeightField(values, data.spacing, data.missing)
 
 
-def _thinning(noun: Noun, most: int) -> int:
+def _thinning(data: Data, most: int) -> int:
     """The step between samples that are drawn, so that a side has no more than a screen can show; 1 for a mesh."""
-    return 1 if isinstance(noun, Mesh) else -(-max(noun.missing.shape) // most)
+    return 1 if isinstance(data, Mesh) else -(-max(data.missing.shape) // most)
 
 
 def as_shown(*images: Image) -> Callable[[Array], Array]:
@@ -172,22 +172,22 @@ def as_shown(*images: Image) -> Callable[[Array], Array]:
     return shown
 
 
-def thinned(noun: Noun, step: int) -> Noun:
+def thinned(data: Data, step: int) -> Data:
     """Every ``step``-th sample of a grid, in the same place; a mesh as it is."""
-    if step == 1 or isinstance(noun, Mesh):
-        return noun
+    if step == 1 or isinstance(data, Mesh):
+        return data
     every = (slice(None, None, step),) * 2
-    missing = noun.missing[every]
-    if not isinstance(noun, RangeImage):
-        dx, dy = noun.spacing
+    missing = data.missing[every]
+    if not isinstance(data, RangeImage):
+        dx, dy = data.spacing
         dx = dx * step if np.ndim(dx) == 0 else np.asarray(dx)[::step] * step
-        if isinstance(noun, Image):
-            return replace(noun, values=noun.values[every], spacing=(dx, dy * step), missing=missing, fixed=None)
-        cuts = None if noun.cuts is None else _thinned_cuts(noun.cuts, step)
-        return replace(noun, z=noun.z[every], spacing=(dx, dy * step), missing=missing, fixed=None, cuts=cuts)
-    camera = noun.camera.thinned(step, noun.depth.shape)
-    sigma = noun.sigma[every] if isinstance(noun.sigma, np.ndarray) and noun.sigma.ndim else noun.sigma
-    return replace(noun, depth=noun.depth[every], camera=camera, missing=missing, fixed=None, sigma=sigma)
+        if isinstance(data, Image):
+            return replace(data, values=data.values[every], spacing=(dx, dy * step), missing=missing, fixed=None)
+        cuts = None if data.cuts is None else _thinned_cuts(data.cuts, step)
+        return replace(data, z=data.z[every], spacing=(dx, dy * step), missing=missing, fixed=None, cuts=cuts)
+    camera = data.camera.thinned(step, data.depth.shape)
+    sigma = data.sigma[every] if isinstance(data.sigma, np.ndarray) and data.sigma.ndim else data.sigma
+    return replace(data, depth=data.depth[every], camera=camera, missing=missing, fixed=None, sigma=sigma)
 
 
 def _thinned_cuts(cuts: Cuts, step: int) -> Cuts:
@@ -214,7 +214,7 @@ def _exaggeration(field: HeightField) -> float:
     return float(power * max(digit for digit in (1, 2, 5) if digit <= factor / power * (1 + 1e-9)))
 
 
-def _sheet(image: Image, step: int, shown: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+def _flat(image: Image, step: int, shown: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
     """An image as a flat sheet with a colour at each sample: points, faces, colours."""
     every = (slice(None, None, step),) * 2
     missing, values = image.missing[every], image.values[every]

@@ -175,9 +175,9 @@ class View:
         (left, low), (right, high) = self.frame
         return right - left, high - low
 
-    def framing(self, *clouds: Array) -> "View":
+    def framing(self, *point_sets: Array) -> "View":
         """The same view of just these points, each array (n, 3)."""
-        corners = np.array([corner for points in clouds for corner in self._corners(points)])
+        corners = np.array([corner for points in point_sets for corner in self._corners(points)])
         (left, low), (right, high) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
         return replace(self, frame=((left, low), (right, high)))
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.view.appearance import taken
-from meshflow.view.attributes import riding
+from meshflow.view.attributes import attribute_change
 from meshflow.view.scale import Scale, ranging, symmetric, together
 
 __all__ = ["Pair", "paired"]
@@ -23,7 +23,7 @@ __all__ = ["Pair", "paired"]
 class Pair:
     """Data before and after, on the same samples.
 
-    :param before: a noun.
+    :param before: a data object.
     :param after: one of the same kind and size.
     :param removed: before minus after, here and in every picture, report and number of this package: positive where
         something was taken away; of a mesh inwards along the normals of ``before``. Its colours are symmetric about 0.
@@ -31,8 +31,8 @@ class Pair:
     :param worn: of meshes that differ in a scalar alone: its colours before and after.
     """
 
-    before: Noun
-    after: Noun
+    before: Data
+    after: Data
     removed: Scale
     notes: tuple[str, ...]
     worn: tuple[Scale, Scale] | None = None
@@ -44,7 +44,7 @@ def paired(before: object, after: object, unit: str | None, own_colours: bool = 
     A grid that comes after is shown with the spacing or the camera of the one before. Of meshes whose points are equal, and
     whose colours or other vertex attributes are not, these are what is compared, and the notes say so.
 
-    :param unit: of what changes; by default the unit that the noun names.
+    :param unit: of what changes; by default the unit that the data object names.
     :param own_colours: meshes come in the colours of their own.
     :raises InputError: for things of different kind, size or triangles.
     """
@@ -54,12 +54,12 @@ def paired(before: object, after: object, unit: str | None, own_colours: bool = 
         raise InputError(f"{kinds}: data of one kind expected")
     values, what = _removed(one, other)
     notes, worn = (*first, *second), None
-    if isinstance(one, Mesh) and isinstance(other, Mesh) and (rides := riding(before, after, one, other)):
-        (values, what), notes = rides.removed, (*notes, rides.told)
-        if rides.before.shape[1] in (3, 4):  # colours, or drawn as if they were, where bytes would hold them
-            one, other = rides.worn(one, rides.before), rides.worn(other, rides.after)
-        elif rides.before.shape[1] == 1:
-            worn = together(*(ranging(column[:, 0], rides.name, "") for column in (rides.before, rides.after)))
+    if isinstance(one, Mesh) and isinstance(other, Mesh) and (change := attribute_change(before, after, one, other)):
+        (values, what), notes = change.removed, (*notes, change.reported)
+        if change.before.shape[1] in (3, 4):  # colours, or drawn as if they were, where bytes would hold them
+            one, other = change.worn(one, change.before), change.worn(other, change.after)
+        elif change.before.shape[1] == 1:
+            worn = together(*(ranging(column[:, 0], change.name, "") for column in (change.before, change.after)))
     if isinstance(one, RangeImage) and isinstance(other, RangeImage):
         other = replace(other, camera=one.camera)
     elif not isinstance(one, (Mesh, RangeImage)) and not isinstance(other, (Mesh, RangeImage)):
@@ -74,14 +74,14 @@ def paired(before: object, after: object, unit: str | None, own_colours: bool = 
     return Pair(one, other, scale, tuple(dict.fromkeys((*notes, *equal))), worn)
 
 
-def _removed(before: Noun, after: Noun) -> tuple[Array, str]:
+def _removed(before: Data, after: Data) -> tuple[Array, str]:
     """Before minus after, NaN where either is missing, and what it is called."""
     if isinstance(before, Mesh) or isinstance(after, Mesh):
         return _removed_of_mesh(cast(Mesh, before), cast(Mesh, after))  # they are of one kind
-    columns = [_column(noun) for noun in (before, after)]
+    columns = [_column(data) for data in (before, after)]
     shapes = [
-        noun.values.shape if isinstance(noun, Image) else column.shape
-        for noun, column in zip((before, after), columns, strict=True)
+        data.values.shape if isinstance(data, Image) else column.shape
+        for data, column in zip((before, after), columns, strict=True)
     ]
     if shapes[0] != shapes[1]:
         raise InputError(f"before has shape {shapes[0]}, after {shapes[1]}: the same samples expected; crop one")
@@ -91,12 +91,12 @@ def _removed(before: Noun, after: Noun) -> tuple[Array, str]:
     return columns[0] - columns[1], words.get(type(before), brightness)
 
 
-def _column(noun: HeightField | Image | RangeImage) -> Array:
+def _column(data: HeightField | Image | RangeImage) -> Array:
     """The one number per sample (h, w) that is compared, NaN where missing."""
-    if isinstance(noun, Image):
-        return _grey(noun)
-    values = noun.z if isinstance(noun, HeightField) else noun.depth
-    return np.where(noun.missing, np.nan, values.astype(np.float64))
+    if isinstance(data, Image):
+        return _grey(data)
+    values = data.z if isinstance(data, HeightField) else data.depth
+    return np.where(data.missing, np.nan, values.astype(np.float64))
 
 
 def _grey(image: Image) -> Array:

@@ -96,7 +96,7 @@ def compare(
 
 
 def show(
-    thing: object,
+    data: object,
     path: str | Path | None = None,
     *,
     scalars: ArrayLike | None = None,
@@ -106,7 +106,7 @@ def show(
 ) -> Pictured:
     """Show data in a window, or as a picture.
 
-    :param thing: as ``before`` of :func:`compare`.
+    :param data: as ``before`` of :func:`compare`.
     :param path: the picture to write (.png, .jpg, .tif); None: a window.
     :param scalars: a number for each sample (h, w) or vertex (n,), shown as colour.
     :param quantity: instead: ``curvature``, ``edges``, ``triangles`` or ``samples``, with its unit and its scale
@@ -117,7 +117,7 @@ def show(
     What is raised: as in :func:`compare`.
     """
     seen, target = looking(OF_PAIRS, **look), _target(path, _FORMATS, overwrite)
-    scene = of_one(thing, seen, quantity, scalars, target is None)
+    scene = of_one(data, seen, quantity, scalars, target is None)
     if target is None:
         return _opened(scene)
     plan = page.layout(seen, scene.aspect, panels=1)

@@ -10,7 +10,7 @@ from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import signed_mean
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -27,7 +27,7 @@ _STRIP = 400_000  # samples of a grid that are lifted at a time: their triangles
 _KINDS = ("move", "fixed", "missing")
 
 
-def measured(thing: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
+def measured(data: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
     """A quantity on a surface, with its unit and its colours.
 
     ``curvature``: the mean curvature (11), of the graph of a grid in its true proportions; positive where the surface bulges
@@ -39,35 +39,35 @@ def measured(thing: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
     the least around a sample.
     ``samples``: which move, which are fixed, which are missing.
 
-    :param thing: a noun, or anything that :func:`meshflow.smooth` takes. The numbers are the ``values`` of what comes back.
+    :param data: a data object, or anything that :func:`meshflow.smooth` takes. The numbers are the ``values`` of what comes back.
     :param contrast: length per unit of the values, for ``edges`` of height fields and images.
     :raises InputError: for an unknown word, or the edge indicator of a mesh whose points move: it is 1 everywhere.
     """
     if quantity not in QUANTITIES:
         raise InputError(f"quantity: one of {', '.join(QUANTITIES)} expected, got {quantity!r}")
-    noun, _ = taken(thing)
+    surface, _ = taken(data)
     if quantity == "samples":
-        return _samples(noun)
-    if quantity == "edges" and isinstance(noun, Mesh) and noun.moves == "points":
+        return _samples(surface)
+    if quantity == "edges" and isinstance(surface, Mesh) and surface.moves == "points":
         raise InputError(
             "edges: all directions of a mesh are free, its edge indicator is 1; show its curvature instead"
         )
-    if quantity == "triangles" and isinstance(noun, Mesh):
-        return replace(_dressed(noun, quantity, _qualities(noun.points, noun.faces)), of_triangles=True)
-    return _dressed(noun, quantity, _over(noun, quantity, contrast), contrast)
+    if quantity == "triangles" and isinstance(surface, Mesh):
+        return replace(_scale(surface, quantity, _qualities(surface.points, surface.faces)), of_triangles=True)
+    return _scale(surface, quantity, _over(surface, quantity, contrast), contrast)
 
 
-def _dressed(noun: Noun, quantity: Quantity, values: Array, contrast: float = 1.0) -> Scale:
+def _scale(data: Data, quantity: Quantity, values: Array, contrast: float = 1.0) -> Scale:
     """Values with their words, their unit and their colours."""
     if not np.isfinite(values).any():
-        raise InputError(f"{quantity}: nothing to show, no sample of the {type(noun).__name__} has a triangle")
+        raise InputError(f"{quantity}: nothing to show, no sample of the {type(data).__name__} has a triangle")
     if quantity == "triangles":
-        where = "" if isinstance(noun, Mesh) else ", the worst at each sample"
+        where = "" if isinstance(data, Mesh) else ", the worst at each sample"
         return ranging(values, f"quality of the triangles{where} (1: equilateral)", "", (0.0, 1.0))
     if quantity == "edges":
         word = "" if contrast == 1.0 else f", contrast {contrast:g}"
         return ranging(values, f"edge indicator 1/W{word} (1: flat)", "", (0.0, 1.0))
-    unit = getattr(noun, "unit", "") or ("pixel" if isinstance(noun, Image) else "length")
+    unit = getattr(data, "unit", "") or ("pixel" if isinstance(data, Image) else "length")
     if (np.nan_to_num(values) < 0).any():
         return symmetric(values, "mean curvature", f"1/{unit}", "flat everywhere")
     most = float(np.nanpercentile(values, 99.0)) or float(np.nanmax(values)) or 1.0
@@ -75,48 +75,48 @@ def _dressed(noun: Noun, quantity: Quantity, values: Array, contrast: float = 1.
     return replace(scale, ends=f"colours end at {most:.3g}, the 99th percentile; largest {np.nanmax(values):.3g}")
 
 
-def _samples(noun: Noun) -> Scale:
+def _samples(data: Data) -> Scale:
     """Which samples move (0), are fixed (1), or missing (2)."""
-    gone = np.zeros(len(noun.points), bool) if isinstance(noun, Mesh) else noun.missing
-    kinds = np.where(gone, 2.0, 0.0 if noun.fixed is None else noun.fixed)
-    names = _KINDS[:2] if isinstance(noun, Mesh) else _KINDS
+    gone = np.zeros(len(data.points), bool) if isinstance(data, Mesh) else data.missing
+    kinds = np.where(gone, 2.0, 0.0 if data.fixed is None else data.fixed)
+    names = _KINDS[:2] if isinstance(data, Mesh) else _KINDS
     shares = [f"{100 * float((kinds == k).mean()):.3g} % {name}" for k, name in enumerate(names)]
     return Scale(kinds, -0.5, len(names) - 0.5, "viridis", f"samples: {', '.join(shares)}", names=names)
 
 
-def _over(noun: Noun, quantity: Quantity, contrast: float) -> Array:
+def _over(data: Data, quantity: Quantity, contrast: float) -> Array:
     """A quantity of every sample (h, w) or (n,), NaN where there is no triangle."""
-    if not isinstance(noun, (HeightField, Image)) or (isinstance(noun, HeightField) and noun.cuts is not None):
-        values = _local(noun, quantity, contrast)
-        return values if isinstance(noun, Mesh) else values.reshape(noun.missing.shape)
-    h, w = noun.missing.shape
+    if not isinstance(data, (HeightField, Image)) or (isinstance(data, HeightField) and data.cuts is not None):
+        values = _local(data, quantity, contrast)
+        return values if isinstance(data, Mesh) else values.reshape(data.missing.shape)
+    h, w = data.missing.shape
     rows = max(_STRIP // w, 2)
     # A sample knows of its neighbours and no others: strips with one row more on either side are as good as the whole.
     parts = []
     for first in range(0, h, rows):
         low, high = max(first - 1, 0), min(first + rows + 1, h)
         low = min(low, high - 2)
-        if noun.missing[low:high].all():  # no noun, and no matter
+        if data.missing[low:high].all():  # no data object, and no matter
             parts.append(np.full((min(first + rows, h) - first, w), np.nan))
             continue
-        values = _local(_rows(noun, low, high), quantity, contrast).reshape(high - low, w)
+        values = _local(_rows(data, low, high), quantity, contrast).reshape(high - low, w)
         parts.append(values[first - low : min(first + rows, h) - low])
     return np.concatenate(parts)
 
 
-def _rows(noun: HeightField | Image, low: int, high: int) -> HeightField | Image:
+def _rows(data: HeightField | Image, low: int, high: int) -> HeightField | Image:
     """Some rows of a grid."""
-    dx, dy = noun.spacing
-    part, missing = slice(low, high), noun.missing[low:high]
+    dx, dy = data.spacing
+    part, missing = slice(low, high), data.missing[low:high]
     spacing = (dx if np.ndim(dx) == 0 else np.asarray(dx)[part], dy)
-    if isinstance(noun, HeightField):
-        return replace(noun, z=noun.z[part], spacing=spacing, missing=missing, fixed=None)
-    return replace(noun, values=noun.values[part], spacing=spacing, missing=missing, fixed=None)
+    if isinstance(data, HeightField):
+        return replace(data, z=data.z[part], spacing=spacing, missing=missing, fixed=None)
+    return replace(data, values=data.values[part], spacing=spacing, missing=missing, fixed=None)
 
 
 @dataclass(frozen=True, eq=False)
 class _Triangles:
-    """One triangulation of a noun."""
+    """One triangulation of a data object."""
 
     surface: Surface
     faces: Array
@@ -128,12 +128,12 @@ class _Triangles:
         return np.where(used, values, np.nan)
 
 
-def _local(noun: Noun, quantity: Quantity, contrast: float) -> Array:
+def _local(data: Data, quantity: Quantity, contrast: float) -> Array:
     """A quantity of every sample (n,) of what is lifted whole."""
-    factor = contrast if quantity == "edges" and isinstance(noun, (HeightField, Image)) else 1.0
-    surface = noun.lifted(Lift(diagonals="forward", contrast=factor))
-    if isinstance(noun, Mesh) and quantity == "curvature":
-        surface = Surface(noun.points, (noun.faces,))
+    factor = contrast if quantity == "edges" and isinstance(data, (HeightField, Image)) else 1.0
+    surface = data.lifted(Lift(diagonals="forward", contrast=factor))
+    if isinstance(data, Mesh) and quantity == "curvature":
+        surface = Surface(data.points, (data.faces,))
     there = _Triangles(surface, surface.triangulations[0])
     if len(there.faces) == 0:
         return np.full(len(surface.points), np.nan)

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -40,14 +40,14 @@ class Renderer:
     caption: tuple[str, ...]
     notes: tuple[str, ...]
 
-    def geometries(self, *nouns: Noun) -> tuple[Geometry, ...]:
-        """The geometries of nouns of one kind, seen from one side and framed alike."""
+    def geometries(self, *surfaces: Data) -> tuple[Geometry, ...]:
+        """The geometries of data objects of one kind, seen from one side and framed alike."""
         look = self.look
-        geometries = [geometry_of(noun, look, self.step, self.exaggeration, self.shown) for noun in nouns]
+        geometries = [geometry_of(data, look, self.step, self.exaggeration, self.shown) for data in surfaces]
         view = geometries[0].view.framing(*(geometry.points for geometry in geometries))
         return tuple(replace(geometry, view=view) for geometry in geometries)
 
-    def panel(self, noun: Noun, geometry: Geometry, size: tuple[int, int], scale: Scale | None = None) -> Array:
+    def panel(self, data: Data, geometry: Geometry, size: tuple[int, int], scale: Scale | None = None) -> Array:
         """One panel (height, width, 3) in uint8: of that size from VTK, a pixel per sample as a relief.
 
         :param scale: colours to show, thinned as the geometry is.
@@ -56,46 +56,46 @@ class Renderer:
             return vtk_scene.drawn(geometry, self.look, size, scale)
         if scale is not None:
             return hillshade.coloured(scale)
-        if isinstance(noun, Image):
-            return hillshade.imaged(noun, self.step, self.shown or as_shown(noun))
-        return hillshade.pictured(geometry, self._grid(noun), self.look)
+        if isinstance(data, Image):
+            return hillshade.imaged(data, self.step, self.shown or as_shown(data))
+        return hillshade.pictured(geometry, self._grid(data), self.look)
 
-    def aspect(self, geometry: Geometry, noun: Noun) -> float:
+    def aspect(self, geometry: Geometry, data: Data) -> float:
         """Width over height of what a panel is to hold."""
         if self.name == "hillshade":
-            h, w = self._grid(noun)
-            return w / h / self.pixel(noun)
+            h, w = self._grid(data)
+            return w / h / self.pixel(data)
         wide, tall = geometry.view.extent
         return wide / tall if tall > 0 else 1.0
 
-    def pixel(self, noun: Noun) -> float:
+    def pixel(self, data: Data) -> float:
         """Height over width of a pixel of a panel."""
-        if self.name == "hillshade" and isinstance(noun, (HeightField, Image)):
-            return float(noun.spacing[1] / np.mean(noun.spacing[0]))
+        if self.name == "hillshade" and isinstance(data, (HeightField, Image)):
+            return float(data.spacing[1] / np.mean(data.spacing[0]))
         return 1.0
 
-    def length(self, noun: Noun, geometry: Geometry, size: tuple[int, int]) -> float | None:
+    def length(self, data: Data, geometry: Geometry, size: tuple[int, int]) -> float | None:
         """What a pixel of a panel of that size is long across the view; None where that depends on the place, or is no length."""
-        if isinstance(noun, Image) or geometry.view.pinhole:
+        if isinstance(data, Image) or geometry.view.pinhole:
             return None
-        if self.name == "pyvista" or not isinstance(noun, HeightField):
+        if self.name == "pyvista" or not isinstance(data, HeightField):
             return vtk_scene.length(geometry, size)
-        h, w = self._grid(noun)
-        return float(np.mean(noun.spacing[0])) * self.step / min(size[0] / w, size[1] / (h * self.pixel(noun)))
+        h, w = self._grid(data)
+        return float(np.mean(data.spacing[0])) * self.step / min(size[0] / w, size[1] / (h * self.pixel(data)))
 
     def foot(self) -> str:
         """The line below the picture."""
         return ",  ".join(self.caption)
 
-    def _grid(self, noun: Noun) -> tuple[int, int]:
+    def _grid(self, data: Data) -> tuple[int, int]:
         """Rows and columns that are drawn; a mesh has none, and is never drawn by its samples."""
-        if isinstance(noun, Mesh):
+        if isinstance(data, Mesh):
             raise InputError("renderer='hillshade': a mesh has no grid; leave it out")
-        h, w = noun.missing[:: self.step, :: self.step].shape
+        h, w = data.missing[:: self.step, :: self.step].shape
         return h, w
 
 
-def renderer_for(nouns: tuple[Noun, ...], look: Look, window: bool, most: int = SAMPLES) -> Renderer:
+def renderer_for(surfaces: tuple[Data, ...], look: Look, window: bool, most: int = SAMPLES) -> Renderer:
     """Decide how data, all of one kind, is drawn.
 
     :param look: its ``renderer`` is what the caller asks for; None: VTK where it can draw, images as images.
@@ -104,14 +104,14 @@ def renderer_for(nouns: tuple[Noun, ...], look: Look, window: bool, most: int = 
     :raises InputError: for a renderer that does not suit the data.
     :raises MissingPackage: where only VTK would do and it cannot draw; the message says what would mend it.
     """
-    noun = nouns[0]
-    chosen, notes = _chosen(noun, look.renderer, window, look.seen)
-    step, exaggeration, caption = drawable(noun, look, most)
-    told = (*notes, *caption) if step > 1 else notes  # light and exaggeration stand in the picture
-    images = [noun for noun in nouns if isinstance(noun, Image)]
+    data = surfaces[0]
+    chosen, notes = _chosen(data, look.renderer, window, look.seen)
+    step, exaggeration, caption = drawable(data, look, most)
+    reported = (*notes, *caption) if step > 1 else notes  # light and exaggeration stand in the picture
+    images = [data for data in surfaces if isinstance(data, Image)]
     if not images:
         caption = (*caption, f"light from {look.azimuth:g}°, {look.altitude:g}° high")
-    return Renderer(look, chosen, step, exaggeration, as_shown(*images) if images else None, caption, told)
+    return Renderer(look, chosen, step, exaggeration, as_shown(*images) if images else None, caption, reported)
 
 
 def must_open() -> None:
@@ -125,25 +125,25 @@ def must_open() -> None:
 
 
 def _chosen(
-    noun: Noun, asked: RendererName | None, window: bool, seen: Seen | None
+    data: Data, asked: RendererName | None, window: bool, seen: Seen | None
 ) -> tuple[RendererName, tuple[str, ...]]:
     """The renderer, and why, where it is not the one to be expected."""
-    name = type(noun).__name__
-    if asked == "hillshade" and isinstance(noun, Mesh):
+    name = type(data).__name__
+    if asked == "hillshade" and isinstance(data, Mesh):
         raise InputError("renderer='hillshade': a mesh has no grid to be shown as a relief; leave it out")
     if asked == "hillshade" and seen == "side":
         raise InputError("renderer='hillshade': a relief is seen from the front; leave seen='side' or the renderer out")
     if asked == "hillshade" and window:
         raise InputError("renderer='hillshade': it makes pictures, not windows; give a path")
-    if asked == "pyvista" and isinstance(noun, Image) and not window:
+    if asked == "pyvista" and isinstance(data, Image) and not window:
         raise InputError("renderer='pyvista': an image is written as the image it is; leave it out")
-    if asked == "hillshade" or (isinstance(noun, Image) and not window):
+    if asked == "hillshade" or (isinstance(data, Image) and not window):
         return "hillshade", ()
     answer = rendering()
     if answer.works:
         answer.prepare()
         return "pyvista", ()
-    if window or asked == "pyvista" or seen == "side" or not isinstance(noun, (HeightField, RangeImage)):
+    if window or asked == "pyvista" or seen == "side" or not isinstance(data, (HeightField, RangeImage)):
         what = "a window" if window else f"a {name} in space"
         raise MissingPackage(f"{what} is drawn by VTK alone: {answer.why}")
     return "hillshade", (f"shown as a relief: {answer.why}",)

@@ -73,7 +73,7 @@ def report(result: Run, path: str | Path, title: str = "", *, overwrite: bool = 
     target = writable(path, overwrite)
     findings = found(result, title)
     html = target.suffix.lower() == ".html"
-    content = _page(findings).encode() if html else png(_sheet(findings), sharp=1.0)
+    content = _page(findings).encode() if html else png(_figure(findings), sharp=1.0)
     with beside(target) as draft:
         draft.write_bytes(content)
     return Reported(target, findings.notes)
@@ -161,7 +161,7 @@ def _uri(content: bytes) -> str:
     return f"data:image/png;base64,{b64encode(content).decode()}"
 
 
-def _sheet(findings: Findings) -> "Figure":
+def _figure(findings: Findings) -> "Figure":
     """The same as one picture: panels, charts, and words below each other."""
     wide = (_WIDTH - 4 * _GAP) / 3
     tall = min(max(wide / findings.panels[0].aspect, 2.4), 6.0) if findings.panels else 0.0

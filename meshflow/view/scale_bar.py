@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshflow.io.files import Document
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.view.numbers import plain, rounded
 
 __all__ = ["Ground", "ScaleBar", "ground_of", "scale_bar_of"]
@@ -51,12 +51,12 @@ def scale_bar_of(length: float | None, unit: str, page: float, north: bool) -> S
     return ScaleBar(round_one / length, _words(round_one, unit), north)
 
 
-def ground_of(thing: object, noun: Noun) -> Ground:
+def ground_of(data: object, surface: Data) -> Ground:
     """The unit of lengths and the direction of north of data, and of the file that it came from."""
-    own = getattr(noun, "unit", "")
-    if not isinstance(thing, Document):
+    own = getattr(surface, "unit", "")
+    if not isinstance(data, Document):
         return Ground(own)
-    return Ground(thing.source.ground_unit or own, thing.source.north_up)
+    return Ground(data.source.ground_unit or own, data.source.north_up)
 
 
 def _words(length: float, unit: str) -> str:

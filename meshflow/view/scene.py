@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, real
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 from meshflow.view.appearance import taken
 from meshflow.view.geometry import Geometry, raised
@@ -34,7 +34,7 @@ class Shown:
     """
 
     label: str
-    noun: Noun
+    data: Data
     geometry: Geometry
     scale: Scale | None
 
@@ -61,24 +61,24 @@ class Scene:
         :param unit: pixels of this page for one of a page of 1600 x 1200.
         """
         one = self.shown[0]
-        length = self.renderer.length(one.noun, one.geometry, size)
+        length = self.renderer.length(one.data, one.geometry, size)
         mapped = self.renderer.name == "hillshade" or self.look.seen == "front"
         return Foot(self.renderer.foot(), scale_bar_of(length, self.ground.unit, unit, self.ground.north and mapped))
 
     def picture(self, panel: int, size: tuple[int, int]) -> Array:
         """A panel as a picture (h, w, 3) in uint8: of that size from VTK, a pixel for each sample as a relief."""
         one = self.shown[panel]
-        return self.renderer.panel(one.noun, one.geometry, size, one.scale)
+        return self.renderer.panel(one.data, one.geometry, size, one.scale)
 
     @property
     def aspect(self) -> float:
         """Width over height of what a panel is to hold."""
-        return self.renderer.aspect(self.shown[0].geometry, self.shown[0].noun)
+        return self.renderer.aspect(self.shown[0].geometry, self.shown[0].data)
 
     @property
     def pixel(self) -> float:
         """Height over width of a pixel of a panel."""
-        return self.renderer.pixel(self.shown[0].noun)
+        return self.renderer.pixel(self.shown[0].data)
 
 
 def of_two(before: object, after: object, look: Look, quantity: Quantity | Removed, window: bool) -> Scene:
@@ -93,11 +93,11 @@ def of_two(before: object, after: object, look: Look, quantity: Quantity | Remov
     """
     labels = look.labels
     pair = paired(before, after, look.unit, look.own_colours)
-    nouns = (pair.before, pair.after)
+    surfaces = (pair.before, pair.after)
     scales: tuple[Scale | None, Scale | None] = None, None
     counted: tuple[tuple[str, Scale], ...] = ()
     if quantity != "removed":
-        one, other = (measured(noun, quantity, look.contrast).wearing(look.colours) for noun in nouns)
+        one, other = (measured(data, quantity, look.contrast).wearing(look.colours) for data in surfaces)
         scales = one, other = (showing_both if quantity == "curvature" else together)(one, other)
         counted = (labels[0], one), (labels[1], other)
     elif pair.worn is not None:
@@ -109,8 +109,8 @@ def of_two(before: object, after: object, look: Look, quantity: Quantity | Remov
     renderer = renderer_for(seen, _look(seen[0], look, quantity, window), window)
     geometries = renderer.geometries(*seen)
     panels = tuple(
-        Shown(label, noun, geometry, None if scale is None else scale.thinned(renderer.step))
-        for label, noun, geometry, scale in zip(labels, seen, geometries, scales, strict=True)
+        Shown(label, data, geometry, None if scale is None else scale.thinned(renderer.step))
+        for label, data, geometry, scale in zip(labels, seen, geometries, scales, strict=True)
     )
     if quantity == "removed" and look.arrange == "beside":
         removed = pair.removed.wearing(look.colours)
@@ -120,11 +120,11 @@ def of_two(before: object, after: object, look: Look, quantity: Quantity | Remov
 
 
 def of_one(
-    thing: object, look: Look, quantity: Quantity | None = None, scalars: ArrayLike | None = None, window: bool = False
+    data: object, look: Look, quantity: Quantity | None = None, scalars: ArrayLike | None = None, window: bool = False
 ) -> Scene:
     """One thing, in colours that stand for numbers of the caller's or for a quantity, where there are some.
 
-    :param thing: what :func:`meshflow.view.appearance.taken` recognises.
+    :param data: what :func:`meshflow.view.appearance.taken` recognises.
     :param quantity: what colour stands for; None: the surface as it is.
     :param scalars: instead: a number for each sample (h, w) or vertex (n,).
     :param window: it is to be a window, or a plotter.
@@ -138,35 +138,35 @@ def of_one(
         raise InputError(f"colours {look.colours!r}: nothing is shown as colour; say what, by quantity or scalars")
     if look.own_colours and not plain:
         raise InputError("own_colours: a thing wears its own colours or those of numbers; leave one out")
-    noun, notes = taken(thing, look.own_colours)
-    scale = None if scalars is None else _scale(noun, scalars, look.unit)
-    scale = showing(measured(noun, quantity, look.contrast)) if quantity is not None else scale
+    surface, notes = taken(data, look.own_colours)
+    scale = None if scalars is None else _scale(surface, scalars, look.unit)
+    scale = showing(measured(surface, quantity, look.contrast)) if quantity is not None else scale
     scale = None if scale is None else scale.wearing(look.colours)
-    seen = raised(noun, look.seen)
+    seen = raised(surface, look.seen)
     renderer = renderer_for((seen,), _look(seen, look, quantity, window), window)
     (geometry,) = renderer.geometries(seen)
     shown = Shown("", seen, geometry, None if scale is None else scale.thinned(renderer.step))
     counted = () if scale is None else (("", scale),)
-    return Scene(look, renderer, (shown,), counted, (*notes, *renderer.notes), ground_of(thing, noun))
+    return Scene(look, renderer, (shown,), counted, (*notes, *renderer.notes), ground_of(data, surface))
 
 
-def _look(noun: Noun, look: Look, quantity: Quantity | Removed | None, window: bool) -> Look:
+def _look(data: Data, look: Look, quantity: Quantity | Removed | None, window: bool) -> Look:
     """What is missing has no place in space: grids show it from above, or through their camera."""
-    if quantity != "samples" or look.renderer is not None or isinstance(noun, Mesh) or window:
+    if quantity != "samples" or look.renderer is not None or isinstance(data, Mesh) or window:
         return look
     return replace(look, renderer="hillshade")
 
 
-def _scale(noun: Noun, scalars: ArrayLike, unit: str | None) -> Scale:
+def _scale(data: Data, scalars: ArrayLike, unit: str | None) -> Scale:
     """The caller's numbers, one per sample or vertex, as colours from the least to the greatest.
 
-    :raises InputError: when they do not fit the noun, or none is finite.
+    :raises InputError: when they do not fit the data object, or none is finite.
     """
     values = real(scalars, "scalars")
-    shape = noun.points.shape[:1] if isinstance(noun, Mesh) else noun.missing.shape
+    shape = data.points.shape[:1] if isinstance(data, Mesh) else data.missing.shape
     if values.shape != shape:
         raise InputError(f"scalars: one number per sample or vertex expected, of shape {shape}; got {values.shape}")
-    gone = ~np.isfinite(values) if isinstance(noun, Mesh) else ~np.isfinite(values) | noun.missing
+    gone = ~np.isfinite(values) if isinstance(data, Mesh) else ~np.isfinite(values) | data.missing
     values = np.where(gone, np.nan, values)
     if np.isnan(values).all():
         raise InputError("scalars: at least one finite number expected where a sample is, got none")

@@ -47,16 +47,16 @@ def image_of(visual: Any) -> Any:
     return None if image is None or image.size == _BLANK else image
 
 
-def texture_of(mesh: Any, noun: Mesh) -> Texture | None:
-    """The texture of a ``trimesh.Trimesh`` on the triangles of its noun.
+def texture_of(mesh: Any, data: Mesh) -> Texture | None:
+    """The texture of a ``trimesh.Trimesh`` on the triangles of its data object.
 
     None where there is none, or where the triangles of the two are not one by one in the same place.
     """
     image, uv = image_of(mesh.visual), getattr(mesh.visual, "uv", None)
     faces = np.asarray(mesh.faces)
-    if image is None or uv is None or len(uv) != len(mesh.vertices) or faces.shape != noun.faces.shape:
+    if image is None or uv is None or len(uv) != len(mesh.vertices) or faces.shape != data.faces.shape:
         return None
-    places, there = np.asarray(mesh.vertices)[faces], noun.points[noun.faces][..., :3]
+    places, there = np.asarray(mesh.vertices)[faces], data.points[data.faces][..., :3]
     if np.abs(places - there).max() > _NEAR * float(np.ptp(there, axis=(0, 1)).max()):
         return None
     return Texture(np.asarray(image.convert("RGB")), np.asarray(uv, dtype=np.float64)[faces])

@@ -9,10 +9,10 @@ from dataclasses import replace
 from typing import Any
 
 from meshflow.errors import InputError, need
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.view.look import Look
 from meshflow.viewer.controls import Address, Controls
-from meshflow.viewer.curves import curves_as_picture, told
+from meshflow.viewer.curves import curves_as_picture, summary
 from meshflow.viewer.guard import Between, OneOf, Rule, Visitors, guard_protocol, guard_requests
 from meshflow.viewer.player import Player
 from meshflow.viewer.screen import COLOURINGS, Screen
@@ -20,7 +20,7 @@ from meshflow.viewer.timeline import Timeline
 
 __all__ = ["Served"]
 
-SETTLE = 0.3  # seconds for which a knob must rest before anything is computed
+SETTLE = 0.3  # seconds for which a control must rest before anything is computed
 POLL = 0.05  # seconds between looks at what the other thread has done
 
 
@@ -65,7 +65,7 @@ class Served(Player):
         options.host, options.port, options.authKey, options.timeout = self.host, self.port, self.token, 0
         server.cli.parse_known_args = lambda *_, **__: (options, [])
 
-        def told_ready(**_: Any) -> None:
+        def announce(**_: Any) -> None:
             """Say where the page is, and open it."""
             if ready is not None:
                 ready(self.url)
@@ -76,7 +76,7 @@ class Served(Player):
 
         server.controller.on_server_bind.add(self._bound)
         server.add_protocol_to_configure(lambda protocol: guard_protocol(protocol, self._rules, self._refused))
-        server.controller.on_server_ready.add(told_ready)
+        server.controller.on_server_ready.add(announce)
         with closing(self.screen.plotter):
             server.start(open_browser=False, show_connection_info=False, disable_logging=True)
         self._work.leave()
@@ -96,7 +96,7 @@ class Served(Player):
         for control in self.desk.controls():
             items = control.get("items")
             allowed = Between(control["low"], control["high"]) if items is None else OneOf(tuple(items))
-            rules[f"knob_{control['name']}"] = allowed
+            rules[f"control_{control['name']}"] = allowed
         return rules
 
     def _refused(self, keys: Iterable[str]) -> None:
@@ -104,7 +104,9 @@ class Served(Player):
         state, own = self._server.state, self._rules()
         for key in keys:
             if key in own:
-                state.message = f"{key.removeprefix('knob_')}: the control cannot have this value; nothing was changed"
+                state.message = (
+                    f"{key.removeprefix('control_')}: the control cannot have this value; nothing was changed"
+                )
             if state.has(key):
                 self._server.protocol.clear_state_client_cache(key)
                 state.dirty(key)
@@ -126,7 +128,7 @@ class Served(Player):
             layout.footer.hide()
             with layout.toolbar:
                 v.VSpacer()
-                html.Span("{{ told }}", id="told", classes="text-geometry-2 mr-4")
+                html.Span("{{ summary }}", id="summary", classes="text-geometry-2 mr-4")
                 with v.VBtnToggle(v_model=("colouring",), density="compact", mandatory=True):
                     for name in COLOURINGS:
                         v.VBtn(name, value=name, size="small", id=f"show_{name}")
@@ -150,35 +152,35 @@ class Served(Player):
                 )
         self._update = view.update
         state.change("at", "colouring")(self._slid)
-        self._knobs()
+        self._show_controls()
 
     def _drawer(self, html: Any, v: Any, layout: Any) -> None:
         with html.Div(classes="pa-3"):
             html.Img(src=("curves",), id="curves", alt="area, and what was removed, over time", style="width:100%")
             v.VProgressLinear(model_value=("busy",), v_show=("busy > 0",), height=6, color="primary", id="busy")
             html.Div("{{ message }}", classes="text-error text-geometry-2", id="message")
-            self._server.ui.knobs(layout)
+            self._server.ui.controls(layout)
             v.VBtn("save this state", click=self._write, size="small", classes="mt-4", id="save")
             html.Div("{{ saved }}", classes="text-geometry-2 mt-1", id="saved")
             html.Div("the command that makes it:", classes="text-geometry-2 mt-3")
             html.Pre("{{ command }}", id="command", style="white-space:pre-wrap;word-break:break-all;font-size:11px")
 
-    def _knobs(self) -> None:
+    def _show_controls(self) -> None:
         """Show the controls of the current flow; they depend on the method."""
         from trame.widgets import html
         from trame.widgets import vuetify3 as v
 
         state, controls = self._server.state, self.desk.controls()
         self._values = {control["name"]: control["value"] for control in controls}
-        state.update({f"knob_{name}": value for name, value in self._values.items()})
+        state.update({f"control_{name}": value for name, value in self._values.items()})
         fresh = set(self._values) - self._heard
         if fresh:
-            state.change(*(f"knob_{name}" for name in sorted(fresh)))(self._turned)
+            state.change(*(f"control_{name}" for name in sorted(fresh)))(self._turned)
             self._heard |= fresh
-        with self._server.ui.knobs as place:
+        with self._server.ui.controls as place:
             place.clear()
             for control in controls:
-                name, model = control["name"], (f"knob_{control['name']}",)
+                name, model = control["name"], (f"control_{control['name']}",)
                 html.Div(f"{control['label']}: {{{{ {self._shown(control)} }}}}", classes="text-geometry-2 mt-2")
                 if "items" in control:
                     v.VSelect(v_model=model, items=(control["items"],), density="compact", hide_details=True, id=name)
@@ -187,14 +189,14 @@ class Served(Player):
                 v.VSlider(v_model=model, hide_details=True, density="compact", id=name, aria_label=name, **ends)
 
     def _shown(self, control: dict[str, Any]) -> str:
-        name = f"knob_{control['name']}"
+        name = f"control_{control['name']}"
         return name if "items" in control else f"Number({name}).toPrecision(3)"
 
     def _say(self) -> None:
         state = self._server.state
-        state.update({"last": len(self.timeline) - 1, "told": told(self.timeline, self.index)})
+        state.update({"last": len(self.timeline) - 1, "summary": summary(self.timeline, self.index)})
         state.curves = curves_as_picture(self.timeline, self.index)
-        state.command = self.desk.command(self.timeline.moments[self.index].time)
+        state.command = self.desk.command(self.timeline.history[self.index].time)
 
     def _slid(self, **_: Any) -> None:
         """The slider was moved, or other colours were chosen."""
@@ -204,7 +206,7 @@ class Served(Player):
 
     def _turned(self, **_: Any) -> None:
         """A control was changed; once it rests, a new run begins."""
-        values = {name: self._server.state[f"knob_{name}"] for name in self._values}
+        values = {name: self._server.state[f"control_{name}"] for name in self._values}
         if values == self._values:
             return
         self._values = values
@@ -242,8 +244,8 @@ class Served(Player):
     def _plotted(self) -> None:
         pass  # the curves come with the words on each state
 
-    def _seen(self, noun: Noun) -> None:
-        self.screen.show(noun, self.colouring)
+    def _seen(self, data: Data) -> None:
+        self.screen.show(data, self.colouring)
         self._update()
 
     def _failed(self, message: str) -> None:

@@ -22,7 +22,7 @@ _LETTERS = 6  # pyvista counts half pixels
 _LETTER = 6.8  # pixels of width, about
 _PLOT = (0.42, 0.34)  # the curves: from where, how high
 _BAR = 0.4  # of the progress
-_KNOBS = 0.34  # the uppermost knob
+_CONTROLS = 0.34  # the uppermost control
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Column:
     def __init__(self, plotter: "pv.Plotter") -> None:
         self.plotter: Any = plotter
         self.mark = 1.0
-        self.knobs: dict[str, Any] = {}
+        self.controls: dict[str, Any] = {}
         self._chart: Any = None
         self._marker: Any = None
         self._bar = _Progress()
@@ -61,7 +61,7 @@ class Column:
         fit = max(int(0.92 * COLUMN * self.plotter.window_size[0] / _LETTER), 12)
         rows = [row for line in lines if line for row in wrap(line, fit, break_on_hyphens=False)]
         with _Within(self.plotter):
-            self._write("\n".join(rows), 0.985, _INK, "told").prop.SetVerticalJustificationToTop()
+            self._write("\n".join(rows), 0.985, _INK, "summary").prop.SetVerticalJustificationToTop()
 
     def busy(self, share: float | None) -> None:
         """How far a run is, 0 to 1; None: there is none."""
@@ -76,7 +76,7 @@ class Column:
                 self.plotter.remove_chart(self._chart)
             self._chart = chart = pv.Chart2D(size=(1.0, _PLOT[1]), loc=(0.0, _PLOT[0]), grid=False)
             chart.background_color, chart.border_color = "white", "white"
-            places, times = across(timeline), [moment.time for moment in timeline.moments]
+            places, times = across(timeline), [measurement.time for measurement in timeline.history]
             for curve in measures(timeline):
                 chart.line(places, curve.shares, color=curve.colour, width=2.0, label=curve.words)
             self._marker = chart.line([0.0, 0.0], [0.0, 1.05], color=_INK, width=1.0, style="--")
@@ -103,19 +103,19 @@ class Column:
         track = _Track(0.04, 0.96 - COLUMN, 0.04, wide=1.0 - COLUMN)
         return self._slider(moved, track, (0, last), at, "state", fmt="%.0f", interaction_event="always")
 
-    def turn_knobs(self, controls: list[dict[str, Any]], turned: Callable[[str, Any], None]) -> None:
+    def show_controls(self, controls: list[dict[str, Any]], turned: Callable[[str, Any], None]) -> None:
         """Show the controls of a flow in place of the old ones; a choice is a slider that clicks from name to name."""
-        for widget in self.knobs.values():
+        for widget in self.controls.values():
             widget.Off()
-        self.knobs = {}
+        self.controls = {}
         with _Within(self.plotter):
             for k, control in enumerate(controls):
-                height = _KNOBS - k * (_KNOBS - 0.04) / max(len(controls) - 1, 3)
+                height = _CONTROLS - k * (_CONTROLS - 0.04) / max(len(controls) - 1, 3)
                 track, name = _Track(0.02, COLUMN - 0.02, height), control["name"]
                 if "items" in control:
-                    self.knobs[name] = self._choice(control, track, turned)
+                    self.controls[name] = self._choice(control, track, turned)
                     continue
-                self.knobs[name] = self._slider(
+                self.controls[name] = self._slider(
                     lambda value, name=name: turned(name, value),
                     track,
                     (control["low"], control["high"]),

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
-from meshflow.viewer.timeline import Timeline
+from meshflow.viewer.timeline import MEMORY, Timeline
 
-__all__ = ["Address", "Controls"]
+__all__ = ["Address", "Controls", "Page", "States"]
 
 
 @dataclass(frozen=True)
@@ -16,11 +17,37 @@ class Address:
     :param host: address to listen at; only who knows the token of the page's address is let in.
     :param port: 0: any that is free.
     :param opened: a browser is opened.
+    :param said: called with a sentence that names the page's address, as soon as it can be opened.
     """
 
     host: str = "127.0.0.1"
     port: int = 0
     opened: bool = True
+    said: Callable[[str], None] = lambda sentence: None
+
+
+@dataclass(frozen=True)
+class Page:
+    """One page that opens offline.
+
+    :param path: where it is written, ``.html``.
+    :param overwrite: replace a page that is there.
+    """
+
+    path: str | Path
+    overwrite: bool = False
+
+
+@dataclass(frozen=True)
+class States:
+    """The states of a flow that a viewer shows.
+
+    :param count: how many.
+    :param memory: bytes of states that are kept; others are computed again.
+    """
+
+    count: int = 32
+    memory: int = MEMORY
 
 
 class Controls(Protocol):

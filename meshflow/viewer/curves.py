@@ -10,7 +10,7 @@ from meshflow.geometry.validation import Array
 from meshflow.view.numbers import plain
 from meshflow.viewer.timeline import Timeline
 
-__all__ = ["Curve", "across", "curves", "curves_as_picture", "measures", "told"]
+__all__ = ["Curve", "across", "curves", "curves_as_picture", "measures", "summary"]
 
 _WIDE, _HIGH, _EDGE = 320, 150, 8
 _AREA, _REMOVED = "#2b6cb0", "#c2410c"
@@ -30,31 +30,33 @@ class Curve:
     words: str
 
 
-def told(timeline: Timeline, index: int) -> str:
+def summary(timeline: Timeline, index: int) -> str:
     """A state as text: its time, area, and what was removed."""
-    moment = timeline.moments[index]
+    measurement = timeline.history[index]
     unit = f" {timeline.unit}" if timeline.unit else ""
     words = [
-        f"time {plain(moment.time, timeline.moments[-1].time, 4)}{unit}",
-        f"area {100 * moment.area:.4g} %",
-        f"removed rms {moment.change:.3g} {getattr(timeline.at(0), 'unit', '')}".rstrip(),
+        f"time {plain(measurement.time, timeline.history[-1].time, 4)}{unit}",
+        f"area {100 * measurement.area:.4g} %",
+        f"removed rms {measurement.change:.3g} {getattr(timeline.at(0), 'unit', '')}".rstrip(),
     ]
-    return ", ".join(words + ([f"{moment.residual:.3g} of the noise"] if np.isfinite(moment.residual) else []))
+    return ", ".join(
+        words + ([f"{measurement.residual:.3g} of the noise"] if np.isfinite(measurement.residual) else [])
+    )
 
 
 def across(timeline: Timeline) -> Array:
     """The place of each state on the axis of time, 0 to 1: the square root of its time, so that states are evenly spaced."""
-    times = np.sqrt([moment.time for moment in timeline.moments])
+    times = np.sqrt([measurement.time for measurement in timeline.history])
     return times / (times[-1] or 1.0)
 
 
 def measures(timeline: Timeline) -> tuple[Curve, Curve]:
     """Area, and what was removed: its rms, which as a share of the noise is the same curve."""
-    moments, last = timeline.moments, timeline.moments[-1]
+    history, last = timeline.history, timeline.history[-1]
     removed = f"{last.residual:.3g} of the noise" if np.isfinite(last.residual) else f"rms {last.change:.3g}"
     drawn = (
-        ([moment.area for moment in moments], _AREA, f"area, 100 to {100 * last.area:.3g} %"),
-        ([moment.change for moment in moments], _REMOVED, f"removed, 0 to {removed}"),
+        ([measurement.area for measurement in history], _AREA, f"area, 100 to {100 * last.area:.3g} %"),
+        ([measurement.change for measurement in history], _REMOVED, f"removed, 0 to {removed}"),
     )
     one, other = (Curve(np.asarray(values) / (max(values) or 1.0), hue, words) for values, hue, words in drawn)
     return one, other
@@ -83,7 +85,7 @@ def curves(timeline: Timeline, index: int) -> str:
     marker = f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{_EDGE}" y2="{_EDGE + high}" stroke="#444" stroke-dasharray="3 2"/>'
     frame = f'<rect x="{_EDGE}" y="{_EDGE}" width="{wide}" height="{high}" fill="none" stroke="#ccc"/>'
     text = f'<text x="{_EDGE}" y="{_HIGH - 6}" font-size="11" font-family="sans-serif">{"".join(names)}</text>'
-    label = escape(told(timeline, index))
+    label = escape(summary(timeline, index))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDE} {_HIGH}" width="{_WIDE}" height="{_HIGH}" '
         f'role="img" aria-label="{label}">'

@@ -35,7 +35,7 @@ class Films(Looks, total=False):
 
 
 def film(
-    thing: object,
+    data: object,
     path: str | Path,
     *,
     overwrite: bool = False,
@@ -47,7 +47,7 @@ def film(
 
     Colours, light and frame are the same in all frames, and the time is written into each; times grow with the square.
 
-    :param thing: a :class:`meshflow.Document`, a noun, or anything that :func:`meshflow.smooth` takes.
+    :param data: a :class:`meshflow.Document`, a data object, or anything that :func:`meshflow.smooth` takes.
     :param path: ``.mp4`` (needs ``pip install 'meshflow[film]'``) or ``.gif``.
     :param overwrite: replace a file that is there.
     :param request: of the flow, as ``Request.of(method=..., time=...)``; what is not given is estimated.
@@ -63,8 +63,8 @@ def film(
     rate, turn = options.pop("rate", Reel.rate), options.pop("turn", Reel.turn)
     looks: Looks = {"size": SIZE, **options}
     seen, target = looking((*OF_PAIRS, "unit"), **looks), filmable(path, overwrite)
-    noun, notes = taken(thing, seen.own_colours)
-    notes += flowing_together(thing)
-    states = flowing(noun, request or Request(), count, progress)
-    told = filmed(states, target, seen, Reel(rate, turn, squared_unit(noun)), quantity, overwrite)
-    return Pictured(told.path, told.renderer, (*notes, *told.notes))
+    surface, notes = taken(data, seen.own_colours)
+    notes += flowing_together(data)
+    states = flowing(surface, request or Request(), count, progress)
+    written = filmed(states, target, seen, Reel(rate, turn, squared_unit(surface)), quantity, overwrite)
+    return Pictured(written.path, written.renderer, (*notes, *written.notes))

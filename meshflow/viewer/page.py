@@ -16,14 +16,14 @@ import numpy as np
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import beside, must_be_free
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.view.geometry import Geometry, as_shown, drawable, geometry_of, raised, thinned
 from meshflow.view.look import Look
 from meshflow.view.pair import paired
 from meshflow.view.scale import Scale
-from meshflow.viewer.curves import curves_as_picture, told
+from meshflow.viewer.curves import curves_as_picture, summary
 from meshflow.viewer.timeline import Timeline
 
 __all__ = ["exportable", "exported"]
@@ -67,12 +67,12 @@ def exported(
     first, last = timeline.at(0), timeline.at(len(timeline) - 1)
     seen = raised(first, look.seen)
     step, exaggeration, notes = drawable(seen, look, SAMPLES)
-    images = [noun for noun in (seen, raised(last, look.seen)) if isinstance(noun, Image)]
+    images = [surface for surface in (seen, raised(last, look.seen)) if isinstance(surface, Image)]
     hues = as_shown(*images) if images else None
 
-    def geometry(noun: Noun) -> Geometry:
+    def geometry(surface: Data) -> Geometry:
         """A state as it is drawn."""
-        thin = thinned(raised(noun, look.seen), step)
+        thin = thinned(raised(surface, look.seen), step)
         return geometry_of(thin, look, 1, exaggeration, hues)
 
     start = geometry(first)
@@ -80,11 +80,11 @@ def exported(
     scale = paired(first, last, None).removed.wearing(look.colours)
     states = []
     for index in shown:
-        noun = timeline.at(index)
-        removed = paired(first, noun, None).removed.thinned(step).values
-        moment = {"told": told(timeline, index), "curves": curves_as_picture(timeline, index)}
-        moment["command"] = command(timeline.moments[index].time)
-        states.append((geometry(noun), removed, moment))
+        surface = timeline.at(index)
+        removed = paired(first, surface, None).removed.thinned(step).values
+        facts = {"summary": summary(timeline, index), "curves": curves_as_picture(timeline, index)}
+        facts["command"] = command(timeline.history[index].time)
+        states.append((geometry(surface), removed, facts))
     data = _page(replace(start, view=view), states, scale, look)
     if isinstance(first, Mesh) and len(start.points) > HEAVY:
         notes = (*notes, f"{len(start.points)} vertices in {len(states)} states: the page has {len(data) >> 20} MB")

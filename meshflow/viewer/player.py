@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.viewer.controls import Controls
 from meshflow.viewer.screen import Colouring, Screen
 from meshflow.viewer.timeline import Timeline
@@ -15,7 +15,7 @@ __all__ = ["Player"]
 class Player:
     """The states of a flow, the controls that change it, and a second thread that computes for both.
 
-    A window and a page are players; where words and knobs stand is theirs to say.
+    A window and a page are players; where words and controls stand is theirs to say.
 
     :ivar screen: what is drawn.
     :ivar index: of the state that the slider is at.
@@ -39,16 +39,16 @@ class Player:
             self._seen(timeline.at(wanted))
             return
 
-        def again(noun: Noun) -> None:
+        def again(data: Data) -> None:
             """Show the state that was computed, if it is still the one that is wanted."""
             if timeline is self.timeline and wanted == self.index:
-                self._seen(noun)
+                self._seen(data)
 
         self._ask("state", lambda _: timeline.at(wanted), again, self._failed)
 
     def save(self) -> None:
         """Write the state that the slider is at."""
-        time = self.timeline.moments[self.index].time
+        time = self.timeline.history[self.index].time
         self._ask("save", lambda _: self.desk.save(time), self._saved, self._saved)
 
     def _run(self, values: dict[str, Any]) -> None:
@@ -64,7 +64,7 @@ class Player:
         self.screen.recoloured(timeline.at(len(timeline) - 1))
         self._plotted()
         if {control["name"] for control in self.desk.controls()} != set(self._values):
-            self._knobs()
+            self._show_controls()
         self.move(self.index)
 
     def _ask(
@@ -83,7 +83,7 @@ class Player:
         """Another state is the one to be seen."""
         raise NotImplementedError
 
-    def _seen(self, noun: Noun) -> None:
+    def _seen(self, data: Data) -> None:
         """Show a state."""
         raise NotImplementedError
 
@@ -91,7 +91,7 @@ class Player:
         """Show the curves of another run."""
         raise NotImplementedError
 
-    def _knobs(self) -> None:
+    def _show_controls(self) -> None:
         """Show the controls of another flow."""
         raise NotImplementedError
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshflow.errors import InputError, MissingPackage
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.image import Image
 from meshflow.view import vtk_scene
 from meshflow.view.geometry import Geometry, as_shown, drawable, geometry_of, raised, thinned
@@ -37,7 +37,7 @@ class Screen:
     :raises MissingPackage: where VTK cannot draw.
     """
 
-    def __init__(self, first: Noun, last: Noun, look: Look, off_screen: bool, *, column: bool = False) -> None:
+    def __init__(self, first: Data, last: Data, look: Look, off_screen: bool, *, column: bool = False) -> None:
         answer = rendering()
         if not answer.works:
             raise MissingPackage(f"states are drawn by VTK alone: {answer.why}")
@@ -45,16 +45,16 @@ class Screen:
             answer.prepare()
         elif not displayed() or answer.window is not None:
             raise InputError(
-                "a window needs a display, and there is none that VTK can draw on: view it in a browser (--web, way='browser') "
-                "or write a page (--export, way='page')"
+                "a window needs a display, and there is none that VTK can draw on: view it in a browser (--web, place=Address()) "
+                "or write a page (--export, place=Page(path))"
             )
         self._first, self._look, self._column = first, look, column
         self._colouring: Colouring = "surface"
         seen = raised(first, look.seen)
         self._step, self._exaggeration, self.notes = drawable(seen, look, SAMPLES)
-        images = [noun for noun in (seen, raised(last, look.seen)) if isinstance(noun, Image)]
+        images = [data for data in (seen, raised(last, look.seen)) if isinstance(data, Image)]
         self._shown = as_shown(*images) if images else None
-        geometry, end = self._body(first), self._body(last)
+        geometry, end = self._geometry(first), self._geometry(last)
         geometry = replace(geometry, view=geometry.view.framing(geometry.points, end.points))
         self._scale = self._removed(last)
         self.plotter = vtk_scene.single(geometry, look, off_screen, column=column)
@@ -63,15 +63,15 @@ class Screen:
         self._turning = Turning(self.plotter, [], smoothed=False, prepared=self._coarse)
         self._surface: Any = self._drawn(geometry, None)
 
-    def recoloured(self, last: Noun) -> None:
+    def recoloured(self, last: Data) -> None:
         """Colours for states that end at another one."""
         self._scale = self._removed(last)
 
-    def show(self, noun: Noun, colouring: Colouring = "surface") -> None:
+    def show(self, data: Data, colouring: Colouring = "surface") -> None:
         """A state, as it is or in the colours of what has been removed since the start."""
-        geometry, scale = self._body(noun), None
+        geometry, scale = self._geometry(data), None
         if colouring == "removed":
-            values = self._removed(noun).values
+            values = self._removed(data).values
             scale = replace(self._scale, values=values)
         self._seen, self._stands_in = (geometry, scale), False
         held, worn = self._surface, self._surface.active_scalars_name
@@ -101,9 +101,9 @@ class Screen:
             self._turning.pairs = vtk_scene.coarsened(self.plotter, self._actor, *self._seen, "while it turns")
             self._stands_in = True
 
-    def _body(self, noun: Noun) -> Geometry:
-        seen = thinned(raised(noun, self._look.seen), self._step)
+    def _geometry(self, data: Data) -> Geometry:
+        seen = thinned(raised(data, self._look.seen), self._step)
         return geometry_of(seen, self._look, 1, self._exaggeration, self._shown)
 
-    def _removed(self, noun: Noun) -> Scale:
-        return paired(self._first, noun, None).removed.wearing(self._look.colours).thinned(self._step)
+    def _removed(self, data: Data) -> Scale:
+        return paired(self._first, data, None).removed.wearing(self._look.colours).thinned(self._step)

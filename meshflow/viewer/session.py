@@ -4,18 +4,18 @@ import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Unpack, get_args
+from typing import Any, Unpack
 from weakref import ref
 
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.estimate.command_line import flags_of
 from meshflow.estimate.parameters import Parameter, squared_unit
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
-from meshflow.estimate.spoken import words_of
-from meshflow.estimate.told import parameters_of
 from meshflow.flow.methods import POINT_METHODS, method_of
 from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
 from meshflow.flow.progress import Progress
@@ -23,22 +23,20 @@ from meshflow.io.files import Document, write
 from meshflow.results.result import Result
 from meshflow.results.run import run
 from meshflow.results.run import states as flowing
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 from meshflow.view.appearance import flowing_together, taken
 from meshflow.view.look import Look, Looks, looking
 from meshflow.viewer.browser import Served
-from meshflow.viewer.controls import Address
+from meshflow.viewer.controls import Address, Page, States
 from meshflow.viewer.page import exportable, exported
 from meshflow.viewer.timeline import MEMORY, Timeline, recorded
 from meshflow.viewer.window import Window
 
-__all__ = ["Desk", "Knob", "Saving", "Session", "Way", "view"]
+__all__ = ["Desk", "Control", "Saving", "Session", "view"]
 
-Way = Literal["window", "browser", "page"]
-
-# Knobs: least, greatest, whether they grow by factors; relative to where they stand where they grow.
-KNOBS = {
+# Controls: least, greatest, whether they grow by factors; relative to where they stand where they grow.
+CONTROLS = {
     "scale": (0.25, 4.0, True),
     "gamma": (-2.0, 4.0, False),
     "sharpness": (1.0, 8.0, False),
@@ -53,7 +51,7 @@ KNOBS = {
 
 
 @dataclass(frozen=True)
-class Knob:
+class Control:
     """A number that can be turned.
 
     :ivar name: an option of the method, or ``scale``.
@@ -74,21 +72,21 @@ class Knob:
 class Session:
     """A thing, the flow that was chosen for it, and what can be turned.
 
-    :ivar noun: as it came.
+    :ivar data: as it came.
     :ivar request: the flow, with the numbers that were estimated.
-    :ivar knobs: what can be turned.
+    :ivar controls: what can be turned.
     :ivar sigma: the noise, unit of the values; 0 where none was found.
     """
 
-    noun: Noun
+    data: Data
     request: Request
-    knobs: tuple[Knob, ...]
+    controls: tuple[Control, ...]
     sigma: float
     count: int = 32
     memory: int = MEMORY
 
     @classmethod
-    def begun(cls, noun: Noun, request: Request, count: int = 32, memory: int = MEMORY) -> "Session":
+    def begun(cls, data: Data, request: Request, count: int = 32, memory: int = MEMORY) -> "Session":
         """Estimate what is not given.
 
         :param count: how many states are shown.
@@ -97,36 +95,38 @@ class Session:
         """
         if request.stops or request.steps is not None:
             raise InputError("view: the slider says when to stop; leave out steps, residual, area_loss, displacement")
-        plan = planned(noun, request)
+        plan = planned(data, request)
         if plan.idle is not None:
             raise InputError(f"view: nothing to look at, {plan.idle}")
         if not plan.time:
             raise InputError("view: a time of 0 shows one state; give a time or a scale")
         settled = _settled(plan)
-        return cls(noun, settled, _knobs(settled, parameters_of(plan)), plan.noise.sigma, count, memory)
+        return cls(data, settled, _controls(settled, parameters_of(plan)), plan.noise.sigma, count, memory)
 
     def turned(self, **values: float | str) -> "Session":
-        """With other numbers; knobs stay in their ranges.
+        """With other numbers; controls stay in their ranges.
 
-        :raises InputError: for a name that is no knob's, or a number that makes no sense.
+        :raises InputError: for a name that is no control's, or a number that makes no sense.
         """
-        there = {knob.name for knob in self.knobs} | ({"method"} if _moves(self.noun) else set())
+        there = {control.name for control in self.controls} | ({"method"} if _moves(self.data) else set())
         strange = set(values) - there
         if strange:
-            raise InputError(f"{', '.join(sorted(strange))}: no such knob; there are {', '.join(sorted(there))}")
+            raise InputError(f"{', '.join(sorted(strange))}: no such control; there are {', '.join(sorted(there))}")
         changed: dict[str, Any] = dict(values)
         word = changed.pop("method", self.word)
         scale = float(changed.pop("scale", self.request.scale or 0.0))
         if word != self.word:
             fresh = replace(self.request, method=method_of(str(word)), scale=scale)
-            return Session.begun(self.noun, fresh, self.count, self.memory)
+            return Session.begun(self.data, fresh, self.count, self.memory)
         if "order" in changed:
             changed["order"] = round(float(changed["order"]))
         method = self.request.method
         if method is not None and changed:
             method = replace(method, **changed)
-        knobs = tuple(replace(knob, value=float(values.get(knob.name, knob.value))) for knob in self.knobs)
-        return replace(self, request=replace(self.request, method=method, scale=scale), knobs=knobs)
+        controls = tuple(
+            replace(control, value=float(values.get(control.name, control.value))) for control in self.controls
+        )
+        return replace(self, request=replace(self.request, method=method, scale=scale), controls=controls)
 
     @property
     def word(self) -> str:
@@ -138,23 +138,23 @@ class Session:
 
         :param progress: as in :func:`meshflow.smooth`; what it raises ends the run.
         """
-        states = flowing(self.noun, self.request, self.count, progress)
-        return recorded(states, self.at, self.sigma, squared_unit(self.noun), self.memory)
+        states = flowing(self.data, self.request, self.count, progress)
+        return recorded(states, self.at, self.sigma, squared_unit(self.data), self.memory)
 
-    def at(self, time: float) -> Noun:
+    def at(self, time: float) -> Data:
         """The state at a time, as a command line has it."""
         return self.result(time).after
 
     def result(self, time: float) -> Result:
         """The run to a time, as a command line has it."""
-        return run(self.noun, self.to(time), record=None)
+        return run(self.data, self.to(time), record=None)
 
     def to(self, time: float) -> Request:
         """The flow that ends at a time."""
         return replace(self.request, scale=None, time=time)
 
 
-class Turned(Exception):  # noqa: N818 - no error: a knob was turned, and nobody waits for this run any more
+class Turned(Exception):  # noqa: N818 - no error: a control was turned, and nobody waits for this run any more
     """The run was left because other numbers are wanted."""
 
 
@@ -177,39 +177,41 @@ class Saving:
 class Desk:
     """What pages and windows turn: a session, and how its states are saved.
 
-    :param thing: what it shows; a Document can be saved.
+    :param data: what it shows; a Document can be saved.
     """
 
-    def __init__(self, session: Session, thing: Any, saving: Saving) -> None:
-        self.session, self._thing, self._saving = session, thing, saving
+    def __init__(self, session: Session, data: Any, saving: Saving) -> None:
+        self.session, self._data, self._saving = session, data, saving
         self._made: tuple[ref[Timeline], Session] | None = None
 
     def controls(self) -> list[dict[str, Any]]:
-        """Knobs as a page wants them; of points of a mesh the method, too."""
+        """Controls as a page wants them; of points of a mesh the method, too."""
         found: list[dict[str, Any]] = []
-        if _moves(self.session.noun):
+        if _moves(self.session.data):
             words = [found.word for found in POINT_METHODS]
             found.append({"name": "method", "label": "method", "value": self.session.word, "items": words})
-        for knob in self.session.knobs:
-            unit = f" ({knob.unit})" if knob.unit else ""
-            step = (knob.high - knob.low) / 200 if knob.name != "order" else 1.0
-            ends = {"low": knob.low, "high": knob.high, "step": step}
-            found.append({"name": knob.name, "label": f"{knob.name}{unit}", "value": knob.value, **ends})
+        for control in self.session.controls:
+            unit = f" ({control.unit})" if control.unit else ""
+            step = (control.high - control.low) / 200 if control.name != "order" else 1.0
+            ends = {"low": control.low, "high": control.high, "step": step}
+            found.append({"name": control.name, "label": f"{control.name}{unit}", "value": control.value, **ends})
         return found
 
     def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:
         """The states with these values; None where ``gone`` said to leave it."""
-        there = {knob.name: float(values[knob.name]) for knob in self.session.knobs if knob.name in values}
+        there = {
+            control.name: float(values[control.name]) for control in self.session.controls if control.name in values
+        }
         method = values.get("method")
         session = self.session.turned(**(there if method in (None, self.session.word) else {"method": str(method)}))
 
-        def told(now: float, total: float) -> None:
+        def report(now: float, total: float) -> None:
             """Pass on how far the run is, and end it where nobody waits for it."""
             if gone(now / total if total else 1.0):
                 raise Turned
 
         try:
-            timeline = session.run(told)
+            timeline = session.run(report)
         except Turned:
             return None
         self._made = ref(timeline), session
@@ -224,7 +226,7 @@ class Desk:
         """The command line that makes the state at a time."""
         saving = self._saving
         request = self.session.to(time)
-        words = [*saving.read_as, *words_of(request)]
+        words = [*saving.read_as, *flags_of(request)]
         return shlex.join(["meshflow", "smooth", saving.source, str(saving.target or "OUT"), *words])
 
     def save(self, time: float) -> str:
@@ -233,42 +235,33 @@ class Desk:
         :raises InputError: where there is no file to be written like, or one that is not to be replaced.
         """
         target = self._saving.target
-        if target is None or not isinstance(self._thing, Document):
+        if target is None or not isinstance(self._data, Document):
             raise InputError("save: states of a file are saved; read one, or run the command that is shown")
         result = self.session.result(time)
         tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
-        write(self._thing.holding(result.after), target, overwrite=self._saving.overwrite, tags=tags)
+        write(self._data.holding(result.after), target, overwrite=self._saving.overwrite, tags=tags)
         return f"written: {target}"
 
 
 def view(
-    thing: Any,
+    data: Any,
     *,
-    way: Way = "window",
-    page: str | Path | None = None,
-    overwrite: bool = False,
-    address: Address | None = None,
-    saving: Saving | None = None,
-    count: int = 32,
-    memory: int = MEMORY,
+    place: Address | Page | None = None,
     request: Request | None = None,
+    states: States = States(),  # noqa: B008 - frozen
+    saving: Saving | None = None,
     progress: Progress = None,
-    said: Callable[[str], None] = lambda sentence: None,
     **look: Unpack[Looks],
 ) -> tuple[str, ...]:
-    """View a thing through the time of its flow: a slider over its states, and knobs for what can be turned.
+    """View the flow of data over time: a slider over its states, and controls for the numbers of the method.
 
-    :param thing: a :class:`meshflow.Document`, a noun, or anything that :func:`meshflow.smooth` takes.
-    :param way: a ``window``; the ``browser``, served by this machine until Ctrl-C; or one ``page`` that opens offline.
-    :param page: where that is written, ``.html``.
-    :param overwrite: replace a page that is there.
-    :param address: where it is served.
-    :param saving: what a state that is chosen is called; of a Document only.
-    :param count: how many states.
-    :param memory: bytes of states that are kept; others are computed again.
+    :param data: a :class:`meshflow.Document`, a data object, or anything that :func:`meshflow.smooth` takes.
+    :param place: None: a window; an :class:`Address`: a page that this machine serves until Ctrl-C; a :class:`Page`: one file
+        that opens offline.
     :param request: of the flow, as ``Request.of(method=..., time=...)``; what is not given is estimated.
+    :param states: how many are shown, and how much memory they may take.
+    :param saving: where a chosen state is saved; of a Document only.
     :param progress: of the first run, as in :func:`meshflow.smooth`.
-    :param said: called with a sentence, as soon as there is one: where the page is.
     :param look: the fields of :class:`meshflow.view.Look`.
     :returns: sentences for the user.
     :raises InputError: for what cannot be smoothed or drawn, and a port that is taken.
@@ -276,56 +269,56 @@ def view(
     :raises MissingPackage: for the browser without ``meshflow[web]``, and where VTK cannot draw.
     """
     seen = looking(**look)
-    if way not in get_args(Way) or (way == "page") != (page is not None):
-        raise InputError(f"way: window, browser, or page with its path, expected; got {way!r} with page {page!r}")
-    if page is not None:
-        exportable(page, overwrite)
-    noun, notes = taken(thing, seen.own_colours)
-    notes += flowing_together(thing)
-    desk = Desk(Session.begun(noun, request or Request(), count, memory), thing, saving or Saving())
+    if not (place is None or isinstance(place, (Address, Page))):
+        raise InputError(f"place: an Address, a Page, or None for a window, expected; got {place!r}")
+    if isinstance(place, Page):
+        exportable(place.path, place.overwrite)
+    surface, notes = taken(data, seen.own_colours)
+    notes += flowing_together(data)
+    begun = Session.begun(surface, request or Request(), states.count, states.memory)
+    desk = Desk(begun, data, saving or Saving())
     timeline = desk.session.run(progress)
-    if page is not None:
-        return (*notes, *exported(timeline, page, seen, desk.command, overwrite=overwrite), f"page: {page}")
-    shown = (_served if way == "browser" else _windowed)(desk, timeline, seen, address or Address(), said)
+    if isinstance(place, Page):
+        written = exported(timeline, place.path, seen, desk.command, overwrite=place.overwrite)
+        return (*notes, *written, f"page: {place.path}")
+    shown = _windowed(desk, timeline, seen) if place is None else _served(desk, timeline, seen, place)
     return (*notes, *shown)
 
 
-def _served(
-    desk: Desk, timeline: Timeline, look: Look, address: Address, said: Callable[[str], None]
-) -> tuple[str, ...]:
+def _served(desk: Desk, timeline: Timeline, look: Look, address: Address) -> tuple[str, ...]:
     served = Served(desk, timeline, look, address)
-    served.serve(lambda url: said(f"{url}  (Ctrl-C ends it)"))
+    served.serve(lambda url: address.said(f"{url}  (Ctrl-C ends it)"))
     return served.screen.notes
 
 
-def _windowed(desk: Desk, timeline: Timeline, look: Look, _: Address, __: Callable[[str], None]) -> tuple[str, ...]:
+def _windowed(desk: Desk, timeline: Timeline, look: Look) -> tuple[str, ...]:
     window = Window(desk, timeline, look)
     window.show()
     return window.screen.notes
 
 
-def _moves(noun: Noun) -> bool:
-    return isinstance(noun, Mesh) and noun.moves != "channels"
+def _moves(data: Data) -> bool:
+    return isinstance(data, Mesh) and data.moves != "channels"
 
 
 def _settled(plan: Plan) -> Request:
     """The request with what was estimated, as if it had been given."""
     method = plan.method
     if isinstance(method, HeightMethod):
-        exponents = {"gamma": plan.member.gamma, "sharpness": plan.member.sharpness, "patch": plan.member.patch}
+        exponents = {"gamma": plan.variant.gamma, "sharpness": plan.variant.sharpness, "patch": plan.variant.patch}
         plain = Beltrami(indicator=method.indicator, mass=method.mass, contrast=method.contrast, twicing=0.0)
         method = replace(plain, **exponents)
     return replace(plan.request, method=method, time=None, scale=float(np.sqrt(2.0 * plan.time)))
 
 
-def _knobs(request: Request, parameters: Mapping[str, Parameter]) -> tuple[Knob, ...]:
+def _controls(request: Request, parameters: Mapping[str, Parameter]) -> tuple[Control, ...]:
     """What can be turned: the scale, and the numbers of the method."""
     found = []
-    for name, (low, high, grows) in KNOBS.items():
+    for name, (low, high, grows) in CONTROLS.items():
         value = request.scale if name == "scale" else getattr(request.method, name, None)
         if value is None:
             continue
         low, high = (low * value, high * value) if grows else (min(low, value), max(high, value))
         unit = "" if name == "scale" or name not in parameters else parameters[name].unit
-        found.append(Knob(name, float(value), float(low), float(high), unit, grows))
+        found.append(Control(name, float(value), float(low), float(high), unit, grows))
     return tuple(found)

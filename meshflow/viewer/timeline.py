@@ -9,19 +9,19 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Noun, data_of
+from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.view.pair import paired
 
-__all__ = ["MEMORY", "Moment", "Timeline", "recorded"]
+__all__ = ["MEMORY", "Measurement", "Timeline", "recorded"]
 
 MEMORY = 1 << 30  # bytes of states that are kept
 
 
 @dataclass(frozen=True)
-class Moment:
+class Measurement:
     """What a state measures.
 
     :ivar time: squared length.
@@ -40,24 +40,24 @@ class Moment:
 class Timeline:
     """The states of a flow.
 
-    :ivar moments: of each state, the start first.
+    :ivar history: of each state, the start first.
     :ivar unit: of time.
     """
 
-    moments: tuple[Moment, ...]
+    history: tuple[Measurement, ...]
     unit: str
-    _kept: dict[int, Noun] = field(repr=False)
-    _again: Callable[[float], Noun] = field(repr=False)
+    _kept: dict[int, Data] = field(repr=False)
+    _again: Callable[[float], Data] = field(repr=False)
 
     def __len__(self) -> int:
         """How many states there are."""
-        return len(self.moments)
+        return len(self.history)
 
-    def at(self, index: int) -> Noun:
+    def at(self, index: int) -> Data:
         """A state: from memory, or computed again."""
         if not 0 <= index < len(self):
             raise InputError(f"state {index}: 0 to {len(self) - 1} expected")
-        return self._kept[index] if index in self._kept else self._again(self.moments[index].time)
+        return self._kept[index] if index in self._kept else self._again(self.history[index].time)
 
     @property
     def kept(self) -> tuple[int, ...]:
@@ -66,8 +66,8 @@ class Timeline:
 
 
 def recorded(
-    states: Iterable[tuple[float, Noun]],
-    again: Callable[[float], Noun],
+    states: Iterable[tuple[float, Data]],
+    again: Callable[[float], Data],
     sigma: float,
     unit: str = "",
     memory: int = MEMORY,
@@ -76,48 +76,48 @@ def recorded(
 
     Where they do not all fit, every other one that is kept is let go, as often as need be; the first and the last stay.
 
-    :param states: times and nouns, the start first; nouns share what does not move.
+    :param states: times and data objects, the start first; data objects share what does not move.
     :param again: the state at a time, for those that were let go.
     :param sigma: the noise, unit of the values; 0: not known.
     :param memory: bytes.
     :raises InputError: where there is no state.
     """
-    moments: list[Moment] = []
-    kept: dict[int, Noun] = {}
+    history: list[Measurement] = []
+    kept: dict[int, Data] = {}
     stride, last = 1, -1
-    first: Noun | None = None
+    first: Data | None = None
     whole = 0.0
-    for index, (time, noun) in enumerate(states):
+    for index, (time, data) in enumerate(states):
         if first is None:
-            first, whole = noun, _area(noun)
-        change = _change(first, noun)
+            first, whole = data, _area(data)
+        change = _change(first, data)
         residual = change / sigma if sigma > 0 else float("nan")
-        moments.append(Moment(time, _area(noun) / whole if whole > 0 else 1.0, change, residual))
+        history.append(Measurement(time, _area(data) / whole if whole > 0 else 1.0, change, residual))
         if last > 0 and last % stride:
             del kept[last]
-        kept[index], last = noun, index
+        kept[index], last = data, index
         while len(kept) > 2 and sum(map(_bytes, kept.values())) > memory:
             stride *= 2
             for k in [k for k in kept if k % stride and k != index]:
                 del kept[k]
             if stride > index:
                 break
-    if not moments:
+    if not history:
         raise InputError("states: those of a flow expected, got none")
-    return Timeline(tuple(moments), unit, kept, again)
+    return Timeline(tuple(history), unit, kept, again)
 
 
-def _bytes(noun: Noun) -> int:
-    extra = noun.points.nbytes if isinstance(noun, Mesh) and noun.channels is not None else 0
-    return data_of(noun).nbytes + extra
+def _bytes(data: Data) -> int:
+    extra = data.points.nbytes if isinstance(data, Mesh) and data.channels is not None else 0
+    return array_of(data).nbytes + extra
 
 
-def _area(noun: Noun) -> float:
-    surface = noun.lifted(Lift(diagonals="forward"))  # each triangle once
+def _area(data: Data) -> float:
+    surface = data.lifted(Lift(diagonals="forward"))  # each triangle once
     return operator.total_area(surface.points, surface.triangulations[0])
 
 
-def _change(before: Noun, after: Noun) -> float:
+def _change(before: Data, after: Data) -> float:
     """Root mean square of what was removed, as the noise is counted: per channel; of points along their normals."""
     if isinstance(before, Mesh) or isinstance(after, Mesh):
         before, after = cast(Mesh, before), cast(Mesh, after)  # they are of one kind
@@ -128,7 +128,7 @@ def _change(before: Noun, after: Noun) -> float:
     if isinstance(before, RangeImage) and isinstance(after, RangeImage):
         squares = np.square(before.depth.astype(np.float64) - after.depth)
     else:
-        squares = np.square(data_of(before).astype(np.float64) - data_of(after))
+        squares = np.square(array_of(before).astype(np.float64) - array_of(after))
         squares = squares.reshape(*missing.shape, -1).mean(axis=2)
     return _rms(squares[~missing])
 

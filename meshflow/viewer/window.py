@@ -1,13 +1,13 @@
-"""The viewer as a window of VTK: a geometry, a slider over its states; curves, knobs, and what another thread does beside it."""
+"""The viewer as a window of VTK: a geometry, a slider over its states, curves, controls, and the progress of a run."""
 
 from contextlib import closing
 from typing import Any
 
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.view.look import Look
 from meshflow.viewer.column import Column
 from meshflow.viewer.controls import Controls
-from meshflow.viewer.curves import across, told
+from meshflow.viewer.curves import across, summary
 from meshflow.viewer.player import Player
 from meshflow.viewer.screen import Screen
 from meshflow.viewer.timeline import Timeline
@@ -34,7 +34,7 @@ class Window(Player):
         screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), look, off_screen, column=True)
         super().__init__(desk, timeline, screen)
         self.column, self.message = Column(screen.plotter), ""
-        self._knobs()
+        self._show_controls()
         self._plotted()
         self._slider = self.column.slide_states(len(timeline) - 1, self.index, self.move)
         self.move(self.index)
@@ -69,7 +69,7 @@ class Window(Player):
 
     def command(self) -> None:
         """Show the command line that makes this state."""
-        self._tell(self.desk.command(self.timeline.moments[self.index].time))
+        self._tell(self.desk.command(self.timeline.history[self.index].time))
 
     def _asked(self) -> None:
         self._say()
@@ -77,8 +77,8 @@ class Window(Player):
     def _marked(self) -> None:
         self.column.mark_at(float(across(self.timeline)[self.index]))
 
-    def _seen(self, noun: Noun) -> None:
-        self.screen.show(noun, self.colouring)
+    def _seen(self, data: Data) -> None:
+        self.screen.show(data, self.colouring)
         self._say()
 
     def _plotted(self) -> None:
@@ -91,14 +91,14 @@ class Window(Player):
 
     _failed = _saved = _tell
 
-    def _knobs(self) -> None:
+    def _show_controls(self) -> None:
         controls = self.desk.controls()
         self._values = {control["name"]: control["value"] for control in controls}
-        self.column.turn_knobs(controls, self.turn)
+        self.column.show_controls(controls, self.turn)
 
     def _say(self) -> None:
         kind = self._work.kind
         self.column.busy(self._work.share if kind else None)
         doing = f"{_DOING[kind]}, {100 * self._work.share:.0f} %" if kind == "run" else _DOING.get(kind, "")
-        self.column.say(*told(self.timeline, self.index).split(", "), HINT, doing or self.message)
+        self.column.say(*summary(self.timeline, self.index).split(", "), HINT, doing or self.message)
         self.screen.plotter.render()

@@ -19,8 +19,8 @@ SWEEP = Spherical((60, -60), (15, -25))
 
 
 def rays_of(camera, measure=None):
-    fibres = camera.fibres((H, W), measure or camera.usual)
-    return np.broadcast_to(fibres.at(np.ones((H, W))) - fibres.at(np.zeros((H, W))), (H, W, 3))
+    lines = camera.lines((H, W), measure or camera.usual)
+    return np.broadcast_to(lines.at(np.ones((H, W))) - lines.at(np.zeros((H, W))), (H, W, 3))
 
 
 def offset_scanner():

@@ -10,7 +10,7 @@ from meshflow.io.files import read, write
 
 
 def moved(document, by=0.01):
-    return document.holding(replace(document.noun, points=document.noun.points + np.float32(by)))
+    return document.holding(replace(document.data, points=document.data.points + np.float32(by)))
 
 
 def again(path, target, by=0.01, **options):

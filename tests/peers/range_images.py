@@ -127,7 +127,7 @@ def realsense(z: Array, sigma: float, threshold: float, alpha: float, magnitude:
         sensor.close()
 
 
-def _started(rs: Any, device: Any, told: tuple[float, float], shape: tuple[int, ...]) -> tuple[Any, Any, Any]:
+def _started(rs: Any, device: Any, reported: tuple[float, float], shape: tuple[int, ...]) -> tuple[Any, Any, Any]:
     """Sensor, profile and queue of a depth stream (h, w) of a camera that there is not, of this unit and baseline."""
     h, w = shape
     sensor = device.add_sensor("Depth")
@@ -138,8 +138,8 @@ def _started(rs: Any, device: Any, told: tuple[float, float], shape: tuple[int, 
     stream.type, stream.index, stream.uid, stream.fmt = rs.stream.depth, 0, 1, rs.format.z16
     stream.width, stream.height, stream.fps, stream.bpp, stream.intrinsics = w, h, 30, 2, lens
     profile = sensor.add_video_stream(stream)
-    sensor.add_read_only_option(rs.option.depth_units, told[0])
-    sensor.add_read_only_option(rs.option.stereo_baseline, told[1])
+    sensor.add_read_only_option(rs.option.depth_units, reported[0])
+    sensor.add_read_only_option(rs.option.stereo_baseline, reported[1])
     queue = rs.frame_queue(1)
     sensor.open(profile)
     sensor.start(queue)
@@ -221,8 +221,8 @@ class SpaceFlow:
     def __call__(self, z: Array, sigma: float, time: float, jump: str) -> Array:
         """The depths at a time."""
         image = RangeImage(z, self.camera, jump=float(jump))
-        lattice = image.gridded(Lift(boundary="plane-preserving"))
-        surface = lattice.surface()
+        grid = image.gridded(Lift(boundary="plane-preserving"))
+        surface = grid.surface()
         faces = image.lifted(Lift(diagonals="forward")).triangulations[0]
         points = self.kept.setdefault((z.tobytes(), jump), [])
         flow = MeshFlow(replace(surface, free=Axes((0, 1, 2))))
@@ -234,8 +234,8 @@ class SpaceFlow:
             for turn in range(count):
                 u = SemiImplicit(tolerance=1e-4).step(flow, u, (ends[k + 1] - ends[k]) / count, turn)
             points.append(u)
-        assert lattice.fibres is not None
-        return _seen(Sight.along(lattice.fibres, lattice.shape), z, points[self.times.index(time)], faces)
+        assert grid.lines is not None
+        return _seen(Sight.along(grid.lines, grid.shape), z, points[self.times.index(time)], faces)
 
 
 def range_peers(camera: Any) -> tuple[Peer, ...]:

@@ -9,11 +9,11 @@ from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.grid_layout import Layout, border_samples
 from meshflow.flow.engines.grid_system import GridSystem
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.geometry.operator import mass_kind
 from meshflow.geometry.validation import Array, whole
 from meshflow.kernels import grid as kernels
-from meshflow.surfaces.grid import Lattice
+from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.triangles import triangulations
 
 __all__ = ["GridFlow"]
@@ -34,33 +34,33 @@ class GridFlow:
     Free coordinates are those of the data, not multiplied by the contrast; they are held as planes, of which the (n, k) arrays
     of the contract are views. float32 data is moved in float32 where its slopes allow it.
 
-    :param lattice: the samples and where they may go.
-    :param member: which flow of the family.
+    :param grid: the samples and where they may go.
+    :param variant: which flow of the family.
     :param threads: how many; by default as many as the process may use (``MESHFLOW_NUM_THREADS``).
-    :raises InputError: for a member without meaning here, or slopes so steep that their powers overflow.
+    :raises InputError: for a variant without meaning here, or slopes so steep that their powers overflow.
     """
 
     slivers = False
 
-    def __init__(self, lattice: Lattice, member: Member | None = None, threads: int | None = None) -> None:
-        self.lattice, self.member = lattice, member or Member()
+    def __init__(self, grid: Grid, variant: Variant | None = None, threads: int | None = None) -> None:
+        self.grid, self.variant = grid, variant or Variant()
         self.threads = None if threads is None else whole(threads, "threads", 1)
-        self.member.check(along_rays=lattice.fibres is not None, on_grid=True)
-        self.shape = (len(lattice.planes), *lattice.shape)
-        widths = np.broadcast_to(np.asarray(lattice.spacing[0], dtype=np.float64), (self.shape[1],))
+        self.variant.check(along_rays=grid.lines is not None, on_grid=True)
+        self.shape = (len(grid.planes), *grid.shape)
+        widths = np.broadcast_to(np.asarray(grid.spacing[0], dtype=np.float64), (self.shape[1],))
         # A power of two, so that counting lengths in it costs no bit and tiles of a grid agree with the whole.
-        typical = 1.0 if lattice.fibres is not None else np.sqrt(np.median(widths)) * np.sqrt(lattice.spacing[1])
+        typical = 1.0 if grid.lines is not None else np.sqrt(np.median(widths)) * np.sqrt(grid.spacing[1])
         self._unit = float(2.0 ** np.floor(np.log2(typical)))
-        self._widths, self._height = widths / self._unit, lattice.spacing[1] / self._unit
+        self._widths, self._height = widths / self._unit, grid.spacing[1] / self._unit
         self.dtype = self._number_type()
         self._begin = self._cleaned()
-        which = triangulations(lattice.diagonals)
-        self._turns = [(i, i + 1) for i in which] if lattice.diagonals == "alternate" else [(which[0], which[-1] + 1)]
-        m = self.member
+        which = triangulations(grid.diagonals)
+        self._spans = [(i, i + 1) for i in which] if grid.diagonals == "alternate" else [(which[0], which[-1] + 1)]
+        m = self.variant
         # Whether one channel, or samples on lines, are moved by areas alone, without cotangents.
         by_area = m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric") and m.patch == 0
-        self._alone = by_area and len(lattice.planes) == 1 and lattice.fibres is None
-        self._by_rays = by_area and lattice.fibres is not None
+        self._alone = by_area and len(grid.planes) == 1 and grid.lines is None
+        self._by_rays = by_area and grid.lines is not None
         self._by_forms = False  # laws compare the loops for few coordinates with those for any number
 
     # --- the contract ---------------------------------------------------------------------------------------------------
@@ -76,14 +76,14 @@ class GridFlow:
         three, c = blend.drift or (0.0, None)
         factors = kernels.GridBlend(blend.keep, blend.dt / self._unit**2, one, two, three)
         beside = self._beside(a), self._beside(b), self._beside(c)
-        asked = self._asked(u, self._turns[diagonal % len(self._turns)])
+        asked = self._asked(u, self._spans[diagonal % len(self._spans)])
         kernels.grid_rate(*asked, self._planes(out, writeable=True), *beside, factors, self.threads)
         return out
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
-        sheets = self._turns[-1][1] - self._turns[0][0]
-        return sum(self._measured(u, turn, kernels.AREA)[0] for turn in self._turns) * self._unit**2 / sheets
+        count = self._spans[-1][1] - self._spans[0][0]
+        return sum(self._measured(u, span, kernels.AREA)[0] for span in self._spans) * self._unit**2 / count
 
     def bound(self, u: Array) -> float:
         """Upper bound of the fastest decay, per time: that of the flat grid where it holds whatever the data.
@@ -102,21 +102,21 @@ class GridFlow:
 
     def _bound(self, u: Array) -> float:
         """:meth:`bound`, measured anew."""
-        m = self.member
-        if self.lattice.fibres is None and m.mass != "voronoi" and (m.gamma >= 0 or self._alone):
+        m = self.variant
+        if self.grid.lines is None and m.mass != "voronoi" and (m.gamma >= 0 or self._alone):
             flat = self._flat_bound / (3.0 if m.mass == "ring" else 1.0)
             if m.gamma >= -1 or not self._alone:
                 return flat
-            return self._flat_bound * max(self._measured(u, turn, kernels.BOUND)[1] for turn in self._turns)
+            return self._flat_bound * max(self._measured(u, span, kernels.BOUND)[1] for span in self._spans)
         # Where the indicator is left out, masses do not matter, and all triangles are asked at once.
-        turns = [(self._turns[0][0], self._turns[-1][1])] if self._by_rays and m.gamma >= 0 else self._turns
-        return max(self._measured(u, turn, kernels.BOUND)[1] for turn in turns) / self._unit**2
+        spans = [(self._spans[0][0], self._spans[-1][1])] if self._by_rays and m.gamma >= 0 else self._spans
+        return max(self._measured(u, span, kernels.BOUND)[1] for span in spans) / self._unit**2
 
     def system(self, u: Array, diagonal: int = 0) -> GridSystem:
         """Mass and stiffness of the present metric, as seven-point weights (nine with both diagonals); no matrix is made."""
-        h, w = self.lattice.shape
+        h, w = self.grid.shape
         edges, inverses = np.zeros((4, h, w), self.dtype), np.empty((h, w), self.dtype)
-        asked = self._asked(u, self._turns[diagonal % len(self._turns)])
+        asked = self._asked(u, self._spans[diagonal % len(self._spans)])
         kernels.grid_weights(*asked, edges, inverses, self.threads)
         return GridSystem.of(edges, inverses, self._held, self._rays, self._unit, self.threads)
 
@@ -137,26 +137,26 @@ class GridFlow:
 
     def _number_type(self) -> Any:
         """The number type of the planes; double precision where powers of their slopes would overflow."""
-        lattice, m = self.lattice, self.member
-        least, greatest = _extent(lattice.planes, lattice.missing)
-        steep = float(lattice.contrast) / min(self._unit * self._widths.min(), self._unit * self._height)
+        grid, m = self.grid, self.variant
+        least, greatest = _extent(grid.planes, grid.missing)
+        steep = float(grid.contrast) / min(self._unit * self._widths.min(), self._unit * self._height)
         sizes = np.array([greatest - least, steep * (greatest - least), steep, max(abs(least), abs(greatest))])
         sizes = np.log10(sizes[sizes > 0])
-        alone = len(lattice.planes) == 1 and lattice.fibres is None
+        alone = len(grid.planes) == 1 and grid.lines is None
         power = max((2.0 if alone else 4.0) * max(m.sharpness, 1.0), abs(m.gamma) + 2.0)
         digits = power * float(np.abs(sizes).max(initial=0.0))
         if digits > 300.0:
             raise InputError(
-                f"values from {least:.3g} to {greatest:.3g} with contrast {lattice.contrast:.3g} and spacing {self._unit:.3g}: "
+                f"values from {least:.3g} to {greatest:.3g} with contrast {grid.contrast:.3g} and spacing {self._unit:.3g}: "
                 "powers of such slopes do not fit into double precision; scale the data, or give another contrast"
             )
-        return np.dtype(np.float64) if digits > 36.0 else lattice.planes.dtype
+        return np.dtype(np.float64) if digits > 36.0 else grid.planes.dtype
 
     def _cleaned(self) -> Array:
         """Planes (k, h, w) in a row, zero where missing; what came if that is so already."""
-        planes = self.lattice.planes
-        if self.lattice.missing.any():
-            planes = np.where(self.lattice.missing, 0, planes)
+        planes = self.grid.planes
+        if self.grid.missing.any():
+            planes = np.where(self.grid.missing, 0, planes)
         planes = np.ascontiguousarray(planes, dtype=self.dtype).view()
         planes.flags.writeable = False
         return planes
@@ -164,24 +164,22 @@ class GridFlow:
     @cached_property
     def _layout(self) -> Layout:
         """Which triangles are there, and which of their edges are borders."""
-        lattice = self.lattice
-        return Layout.of(
-            lattice.there, lattice.shape, lattice.diagonals, lattice.boundary == "plane-preserving", self.threads
-        )
+        grid = self.grid
+        return Layout.of(grid.there, grid.shape, grid.diagonals, grid.boundary == "plane-preserving", self.threads)
 
     @cached_property
     def _held(self) -> Array | None:
         """Samples (h, w) that stay, as uint8; None where none does."""
-        held, lattice = self.lattice.fixed, self.lattice
-        if lattice.boundary == "fixed":
-            held = held | border_samples(lattice.there, lattice.shape, lattice.diagonals)
+        held, grid = self.grid.fixed, self.grid
+        if grid.boundary == "fixed":
+            held = held | border_samples(grid.there, grid.shape, grid.diagonals)
         return held.astype(np.uint8) if held.any() else None
 
     @cached_property
     def _geometry(self) -> Array:
         """(h, 7), what a triangle with a leg in each row is measured by; lengths in units of the typical spacing."""
         x, y = self._widths, np.broadcast_to(self._height, self._widths.shape)
-        a = self.lattice.contrast / self._unit
+        a = self.grid.contrast / self._unit
         columns = [(a / x) ** 2, (a / y) ** 2, y / (2 * x), x / (2 * y), x * y / 6, x, y]
         return np.stack(columns, axis=-1).astype(self.dtype)
 
@@ -193,61 +191,61 @@ class GridFlow:
 
     @property
     def _rays(self) -> Array | None:
-        """d (3, h, w) of the fibres."""
-        fibres = self.lattice.fibres
-        if fibres is None:
+        """d (3, h, w) of the lines."""
+        lines = self.grid.lines
+        if lines is None:
             return None
-        return np.stack([np.broadcast_to(part, self.lattice.shape) for part in fibres.directions])
+        return np.stack([np.broadcast_to(part, self.grid.shape) for part in lines.directions])
 
     @cached_property
     def _lines(self) -> tuple[Array, Array, Array | None]:
-        """Origins and directions of the fibres in a row, where each stands and its steps (6, 3), and factors of time (h, w)."""
-        fibres, where = self.lattice.fibres, np.zeros((6, 3), np.int64)
-        if fibres is None:
+        """Origins and directions of the lines in a row, where each stands and its steps (6, 3), and factors of time (h, w)."""
+        lines, where = self.grid.lines, np.zeros((6, 3), np.int64)
+        if lines is None:
             return np.zeros(0, self.dtype), where, None
-        parts, at = [*fibres.origins, *fibres.directions], 0
+        parts, at = [*lines.origins, *lines.directions], 0
         for i, part in enumerate(parts):
             rows, columns = part.shape
             where[i] = at, columns if rows > 1 else 0, columns > 1
             at += part.size
-        pace = fibres.pace
-        if pace is not None:
-            pace = np.ascontiguousarray(np.broadcast_to(pace, self.lattice.shape), dtype=self.dtype)
-        return np.concatenate([part.ravel() for part in parts]).astype(self.dtype), where, pace
+        time_factor = lines.time_factor
+        if time_factor is not None:
+            time_factor = np.ascontiguousarray(np.broadcast_to(time_factor, self.grid.shape), dtype=self.dtype)
+        return np.concatenate([part.ravel() for part in parts]).astype(self.dtype), where, time_factor
 
     @cached_property
     def _taps(self) -> Array:
         """The Gaussian of the patches, of no size where there are none."""
-        return (self.member.taps if self.member.patch > 0 else np.zeros(0)).astype(self.dtype)
+        return (self.variant.taps if self.variant.patch > 0 else np.zeros(0)).astype(self.dtype)
 
     # --- what the kernels ask for -----------------------------------------------------------------------------------------
 
-    def _options(self, sheets: tuple[int, int]) -> kernels.GridOptions:
-        m, lattice = self.member, self.lattice
+    def _options(self, span: tuple[int, int]) -> kernels.GridOptions:
+        m, grid = self.variant, self.grid
         kind, across, down = kernels.CHANNELS, 0.0, 0.0
-        if lattice.fibres is not None:
-            kind, pitch = kernels.LINES, lattice.fibres.pitch
+        if grid.lines is not None:
+            kind, pitch = kernels.LINES, grid.lines.pitch
             if pitch is not None:
                 kind, across, down = kernels.PINHOLE, 1.0 / pitch[0], 1.0 / pitch[1]
-        scale, small = (lattice.contrast / self._unit) ** 2, ROUNDING[self.dtype.itemsize]
-        gaps, forms = int(lattice.there is not None), int(self._by_forms)
+        scale, small = (grid.contrast / self._unit) ** 2, ROUNDING[self.dtype.itemsize]
+        gaps, forms = int(grid.there is not None), int(self._by_forms)
         kinds = mass_kind(m.mass), int(m.indicator == "projection"), kind, gaps, forms
-        return kernels.GridOptions(m.sharpness, m.gamma, m.floor, scale, small, across, down, *sheets, *kinds)
+        return kernels.GridOptions(m.sharpness, m.gamma, m.floor, scale, small, across, down, *span, *kinds)
 
-    def _asked(self, u: Array, sheets: tuple[int, int]) -> Asked:
+    def _asked(self, u: Array, span: tuple[int, int]) -> Asked:
         """The parameters that all kernels of a surface have."""
-        layout, (lines, where, pace) = self._layout, self._lines
+        layout, (lines, where, time_factor) = self._layout, self._lines
         fixed = self._geometry, layout.codes, layout.kinds, layout.row_of, self._held
-        return self._planes(u), *fixed, lines, where, pace, self._taps, self._options(sheets)
+        return self._planes(u), *fixed, lines, where, time_factor, self._taps, self._options(span)
 
     def _beside(self, array: Array | None) -> Array | None:
         """An array of a blend, as planes."""
         return None if array is None else self._planes(array)
 
-    def _measured(self, u: Array, sheets: tuple[int, int], asked: int) -> Array:
+    def _measured(self, u: Array, span: tuple[int, int], asked: int) -> Array:
         """Area, and what bounds ask for: the greatest s M_flat / M of one channel, else the bound of the triangles times s."""
         found = np.empty(2)
-        kernels.grid_measured(*self._asked(u, sheets), asked, found, self.threads)
+        kernels.grid_measured(*self._asked(u, span), asked, found, self.threads)
         return found
 
     def _planes(self, u: Array, writeable: bool = False) -> Array:

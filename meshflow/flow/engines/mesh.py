@@ -11,7 +11,7 @@ from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.dense import Dense
 from meshflow.flow.engines.metric import Given, Measured, Metric
 from meshflow.flow.engines.triangulation import Triangulation, triangulations_of
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import Blocks, blocked, march_blocks
 from meshflow.geometry.connectivity import Connectivity
@@ -84,7 +84,7 @@ def _stiffness(connectivity: Connectivity, weights: Array, directions: Array | N
 
 
 @dataclass(frozen=True, eq=False)
-class _Moment:
+class _Snapshot:
     """The surface at one state: a triangulation, the coordinates x (n, c) that measure it, what they say, and the mass (n,)."""
 
     triangulation: Triangulation
@@ -99,18 +99,18 @@ class MeshFlow(Dense):
     The engine of reference: every other engine must agree with it.
 
     :param surface: where the points are and where they may go.
-    :param member: which flow of the family.
+    :param variant: which flow of the family.
     :param metric: how triangles are measured; as they are by default.
-    :raises InputError: for a member or a metric that contradicts the surface.
+    :raises InputError: for a variant or a metric that contradicts the surface.
     """
 
     slivers = True
 
-    def __init__(self, surface: Surface, member: Member | None = None, metric: Metric | None = None) -> None:
-        self.surface, self.member, metric = surface, member or Member(), metric or Given()
-        self.member.check(along_rays=surface.free.per_vertex, on_grid=False)
+    def __init__(self, surface: Surface, variant: Variant | None = None, metric: Metric | None = None) -> None:
+        self.surface, self.variant, metric = surface, variant or Variant(), metric or Given()
+        self.variant.check(along_rays=surface.free.per_vertex, on_grid=False)
         self._triangulations = triangulations_of(surface)
-        self._metrics = tuple(metric.settled(surface, t, self.member.mass) for t in self._triangulations)
+        self._metrics = tuple(metric.settled(surface, t, self.variant.mass) for t in self._triangulations)
         self._plain = surface.is_free and len(self._metrics) == 1 and surface.time_factor is None
         self.held = surface.fixed.copy()
         if surface.boundary == "fixed":
@@ -127,10 +127,10 @@ class MeshFlow(Dense):
 
     def _rated(self, u: Array, diagonal: int) -> Array:
         """The rate (n, k), whatever moves."""
-        moment = self._at(u, diagonal)
-        m = moment.measured
-        gradient = operator.gather_gradient(m.connectivity, m.weights, moment.x, self._linear)
-        pull, inertia = self.surface.free.along(gradient), self._inertia(moment, gradient)
+        snapshot = self._at(u, diagonal)
+        m = snapshot.measured
+        gradient = operator.gather_gradient(m.connectivity, m.weights, snapshot.x, self._linear)
+        pull, inertia = self.surface.free.along(gradient), self._inertia(snapshot, gradient)
         moves = self._moves(inertia)
         return -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
 
@@ -154,13 +154,13 @@ class MeshFlow(Dense):
     @cached_property
     def _blocks(self) -> Blocks | None:
         """Made when the first explicit step asks for them."""
-        faces, kind = self._triangulations[0].connectivity.faces, operator.mass_kind(self.member.mass)
+        faces, kind = self._triangulations[0].connectivity.faces, operator.mass_kind(self.variant.mass)
         return blocked(self.surface.points, faces, kind, self.held)
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
         x, pairs = self.surface.free.measured(u), zip(self._metrics, self._triangulations, strict=True)
-        return sum(m.area(t, x, self.member.sharpness) for m, t in pairs) / len(self.surface.triangulations)
+        return sum(m.area(t, x, self.variant.sharpness) for m, t in pairs) / len(self.surface.triangulations)
 
     def bound(self, u: Array) -> float:
         """max over triangles of lambda_max(M_T^-1 L_T) times the largest factor of time at its corners; per time.
@@ -169,51 +169,51 @@ class MeshFlow(Dense):
         Dirichlet energy, whatever the sharpness: the bound of the flat triangles holds as well, times what M / s is less than the
         flat mass.
         """
-        moments = [self._at(u, diagonal) for diagonal in range(len(self._metrics))]
+        snapshots = [self._at(u, diagonal) for diagonal in range(len(self._metrics))]
         if self._metrics[0].keeps_range:
-            return max(map(self._range_bound, moments))
-        dynamic, m = max(map(self._dynamic_bound, moments)), self.member
+            return max(map(self._range_bound, snapshots))
+        dynamic, m = max(map(self._dynamic_bound, snapshots)), self.variant
         if u.shape[1] > 1 or m.mass == "voronoi" or (m.gamma < 0 and m.indicator == "projection"):
             return dynamic
         flat = 0.0
-        for moment in moments:
-            forms = moment.triangulation.forms
+        for snapshot in snapshots:
+            forms = snapshot.triangulation.forms
             if forms is None:
                 return dynamic
             bounds = operator.rate_bound(*operator.form_cotangents(forms), m.mass)
-            lighter = 1.0 if m.gamma >= -1 else self._lightening(moment)
+            lighter = 1.0 if m.gamma >= -1 else self._lightening(snapshot)
             flat = max(flat, float(bounds.max(initial=0.0)) * lighter)
         return min(dynamic, flat)
 
-    def _range_bound(self, moment: _Moment) -> float:
+    def _range_bound(self, snapshot: _Snapshot) -> float:
         """2 max L_ii s / M, Gershgorin's: an explicit step of 2 / bound takes every vertex to a mean of its neighbours."""
-        m, inertia = moment.measured, self._inertia(moment, None)
+        m, inertia = snapshot.measured, self._inertia(snapshot, None)
         at = 0.5 * (np.roll(m.cot, -1, axis=1) + np.roll(m.cot, -2, axis=1))
         diagonal = np.bincount(m.connectivity.faces.ravel(), at.ravel(), len(inertia))
         moves = self._moves(inertia)
         return 2.0 * float((diagonal[moves] / inertia[moves]).max(initial=0.0))
 
-    def _lightening(self, moment: _Moment) -> float:
+    def _lightening(self, snapshot: _Snapshot) -> float:
         """The flat mass over M / s where that is greatest."""
-        speed, mass = self._speed(moment, None), moment.mass
-        whole = (3.0 if self.member.mass == "ring" else 1.0) * moment.triangulation.flat
+        speed, mass = self._speed(snapshot, None), snapshot.mass
+        whole = (3.0 if self.variant.mass == "ring" else 1.0) * snapshot.triangulation.flat
         heavier = whole if speed is None else whole * speed
         lighter = np.divide(heavier, mass, out=np.ones_like(mass), where=mass > 0)
         return float(lighter.max(initial=1.0))
 
-    def _dynamic_bound(self, moment: _Moment) -> float:
-        m, factor = moment.measured, self._speed(moment, None)
-        bounds = operator.rate_bound(m.cot, m.area, self.member.mass)
+    def _dynamic_bound(self, snapshot: _Snapshot) -> float:
+        m, factor = snapshot.measured, self._speed(snapshot, None)
+        bounds = operator.rate_bound(m.cot, m.area, self.variant.mass)
         if factor is not None:
             bounds = bounds * factor[m.connectivity.faces].max(axis=1)
         return float(bounds.max(initial=0.0))
 
     def system(self, u: Array, diagonal: int = 0) -> MeshSystem:
         """Mass and stiffness of the surface at u, for implicit steps."""
-        moment = self._at(u, diagonal)
-        inertia, m = self._inertia(moment, None), moment.measured
+        snapshot = self._at(u, diagonal)
+        inertia, m = self._inertia(snapshot, None), snapshot.measured
         moves = self._moves(inertia)
-        own = m.connectivity is moment.triangulation.connectivity
+        own = m.connectivity is snapshot.triangulation.connectivity
         mass = np.where(moves, inertia, 1.0)
         return MeshSystem(mass, moves, m, self.surface.free.directions, self._order if own else None)
 
@@ -237,8 +237,8 @@ class MeshFlow(Dense):
             step = mean_edge(self.surface.points, connectivity.faces)
             curve = self.surface.boundary != "neumann"
             return umbrella_generator(connectivity, step, ~(self.held | isolated), curve)
-        moment = self._at(u, 0)
-        inertia, m = self._inertia(moment, None), moment.measured
+        snapshot = self._at(u, 0)
+        inertia, m = self._inertia(snapshot, None), snapshot.measured
         return cotangent_generator(m.connectivity, m.cot, inertia, self._moves(inertia), self._linear)
 
     @property
@@ -246,49 +246,49 @@ class MeshFlow(Dense):
         """Whether the pull of the border is taken out."""
         return self.surface.boundary == "plane-preserving"
 
-    def _at(self, u: Array, diagonal: int) -> _Moment:
+    def _at(self, u: Array, diagonal: int) -> _Snapshot:
         """The surface at u, measured."""
         which = diagonal % len(self._metrics)
         triangulation, x = self._triangulations[which], self.surface.free.measured(u)
-        m = self._metrics[which].measured(triangulation, x, self.member.sharpness)
-        return _Moment(triangulation, x, m, operator.gather_mass(m.connectivity, m.cot, m.area, self.member.mass))
+        m = self._metrics[which].measured(triangulation, x, self.variant.sharpness)
+        return _Snapshot(triangulation, x, m, operator.gather_mass(m.connectivity, m.cot, m.area, self.variant.mass))
 
-    def _inertia(self, moment: _Moment, gradient: Array | None) -> Array:
+    def _inertia(self, snapshot: _Snapshot, gradient: Array | None) -> Array:
         """M |d|^2 / s (n,): what divides the pull to give the rate."""
-        inertia, speed = moment.mass * self.surface.free.length2, self._speed(moment, gradient)
+        inertia, speed = snapshot.mass * self.surface.free.length2, self._speed(snapshot, gradient)
         if speed is None:
             return inertia
         return np.divide(inertia, speed, out=np.zeros_like(inertia), where=speed > 0)
 
-    def _speed(self, moment: _Moment, gradient: Array | None) -> Array | None:
+    def _speed(self, snapshot: _Snapshot, gradient: Array | None) -> Array | None:
         """Factor of time (n,): the edge indicator to the power gamma, times that of the surface; None: 1 everywhere."""
         factor = self.surface.time_factor
-        if self.member.gamma == 0.0 or self.surface.is_free:
+        if self.variant.gamma == 0.0 or self.surface.is_free:
             return factor
-        by_metric = self.member.indicator == "metric"
-        indicator = self._expansion(moment) if by_metric else self._projection(moment, gradient)
-        speed = indicator**self.member.gamma
+        by_metric = self.variant.indicator == "metric"
+        indicator = self._expansion(snapshot) if by_metric else self._projection(snapshot, gradient)
+        speed = indicator**self.variant.gamma
         return speed if factor is None else speed * factor
 
-    def _expansion(self, moment: _Moment) -> Array:
+    def _expansion(self, snapshot: _Snapshot) -> Array:
         """1/W (3): area across the free directions over true area, of the triangles around each vertex (n,)."""
-        m, connectivity = moment.measured, moment.triangulation.connectivity
-        flat, least = self.surface.free.seen(connectivity, moment.x, moment.triangulation.flat)
+        m, connectivity = snapshot.measured, snapshot.triangulation.connectivity
+        flat, least = self.surface.free.seen(connectivity, snapshot.x, snapshot.triangulation.flat)
         true = operator.gather_mass(connectivity, m.cot, m.area, "barycentric")
         ratio = np.divide(flat, true, out=np.ones_like(true), where=(true > 0) & (flat > 0))
         return np.clip(ratio, least, 1.0)
 
-    def _projection(self, moment: _Moment, gradient: Array | None) -> Array:
+    def _projection(self, snapshot: _Snapshot, gradient: Array | None) -> Array:
         """|PB| / |B| (10), at least the floor; 1 where the surface is flat and the ratio 0/0."""
-        cot, triangulation = moment.measured.cot, moment.triangulation
+        cot, triangulation = snapshot.measured.cot, snapshot.triangulation
         if gradient is None:
-            gradient = operator.gather_gradient(triangulation.connectivity, cot, moment.x, self._linear)
+            gradient = operator.gather_gradient(triangulation.connectivity, cot, snapshot.x, self._linear)
         free = self.surface.free.share(gradient)
         whole = np.hypot(np.linalg.norm(gradient, axis=1), triangulation.chart_gradient(cot, self._linear))
         # |B| h below 1e-9 is rounding: the gradient of the area there is a length, compared with h = sqrt(M).
-        curved = whole > 1e-9 * np.sqrt(moment.mass)
+        curved = whole > 1e-9 * np.sqrt(snapshot.mass)
         ratio = np.divide(free, whole, out=np.ones_like(whole), where=curved)
-        return np.clip(ratio, self.member.floor, 1.0)
+        return np.clip(ratio, self.variant.floor, 1.0)
 
     def _moves(self, inertia: Array) -> Array:
         """Vertices (n,) that are neither fixed nor without triangles."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from meshflow.errors import InputError
-from meshflow.flow.family import Indicator, Mass, Member
+from meshflow.flow.family import Indicator, Mass, Variant
 from meshflow.geometry.options import option
 from meshflow.geometry.validation import number, positive
 
@@ -26,7 +26,7 @@ class HeightMethod:
     """A method for values above a base: heights, channels, depths. What is None is found from the data.
 
     :ivar word: what the command calls it.
-    :ivar gamma: exponent of the edge indicator, see :class:`Member`; ``sharpness`` and ``patch`` likewise.
+    :ivar gamma: exponent of the edge indicator, see :class:`Variant`; ``sharpness`` and ``patch`` likewise.
     :ivar contrasts: what a search tries, in sample distances over the noise.
     """
 
@@ -49,7 +49,7 @@ class HeightMethod:
             positive(self.contrast, "contrast")
         if self.twicing is not None and not 0 <= number(self.twicing, "twicing") <= 1:
             raise InputError(f"twicing: a weight between 0 and 1 expected, got {self.twicing}")
-        _ = self.member
+        _ = self.variant
 
     @property
     def exponents(self) -> dict[str, float]:
@@ -62,9 +62,9 @@ class HeightMethod:
         return self.contrast is not None
 
     @property
-    def member(self) -> Member:
+    def variant(self) -> Variant:
         """The exponents, the edge indicator and the mass, as engines take them."""
-        return Member(indicator=self.indicator, mass=self.mass, **self.exponents)
+        return Variant(indicator=self.indicator, mass=self.mass, **self.exponents)
 
 
 @dataclass(frozen=True, kw_only=True)

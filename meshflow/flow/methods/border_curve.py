@@ -56,7 +56,7 @@ class Bordered(Around):
         super().__init__(flow)
         faces, n = surface.triangulations[0], len(surface.points)
         border = boundary_edges(faces)
-        ends = np.stack([faces[border // 3, (border + turn) % 3] for turn in (1, 2)], axis=1)
+        ends = np.stack([faces[border // 3, (border + shift) % 3] for shift in (1, 2)], axis=1)
         moves = (np.bincount(ends.ravel(), minlength=n) == 2) & ~surface.fixed
         self._edges, self._moves, self._at = ends, moves, np.flatnonzero(moves)
 

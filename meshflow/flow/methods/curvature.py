@@ -7,7 +7,7 @@ from meshflow.flow.conservation import AlongNormals
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped, Conformal, Given, metric_of
-from meshflow.flow.family import Mass, Member
+from meshflow.flow.family import Mass, Variant
 from meshflow.flow.methods.border_curve import Bordered
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.steppers import Stepper, StepperName, stepper_for
@@ -28,17 +28,17 @@ class CurvatureFlow(PointMethod):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _ = self.member
+        _ = self.variant
 
     @property
-    def member(self) -> Member:
+    def variant(self) -> Variant:
         """The mass, as engines take it."""
-        return Member(mass=self.mass)
+        return Variant(mass=self.mass)
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
         """What moves the points (n, 3) of a surface."""
         inside = replace(surface, boundary="fixed") if setting.curve else surface
-        return bordered(MeshFlow(inside, self.member, metric_of(setting.triangles)), inside, setting)
+        return bordered(MeshFlow(inside, self.variant, metric_of(setting.triangles)), inside, setting)
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
@@ -57,7 +57,7 @@ class ConformalFlow(CurvatureFlow):
         """What moves the points (n, 3) of a surface."""
         inside = replace(surface, boundary="fixed") if setting.curve else surface
         metric = Conformal(Clamped() if setting.triangles == "clamped" else Given())
-        return bordered(MeshFlow(inside, self.member, metric), inside, setting)
+        return bordered(MeshFlow(inside, self.variant, metric), inside, setting)
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array

@@ -7,7 +7,7 @@ from typing import ClassVar
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import metric_of
-from meshflow.flow.family import Member
+from meshflow.flow.family import Variant
 from meshflow.flow.low_pass import LowPass, Weights
 from meshflow.flow.methods.curvature import bordered
 from meshflow.flow.methods.points import PointMethod, PointSetting
@@ -48,7 +48,7 @@ class Fairing(PointMethod):
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
         """What moves the points (n, 3) of a surface."""
         inside = replace(surface, boundary="fixed") if setting.curve else surface
-        return bordered(MeshFlow(inside, Member(), metric_of(setting.triangles)), inside, setting)
+        return bordered(MeshFlow(inside, Variant(), metric_of(setting.triangles)), inside, setting)
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array

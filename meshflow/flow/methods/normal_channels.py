@@ -7,7 +7,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import NormalChannels as Lengths
 from meshflow.flow.engines.metric import metric_of
-from meshflow.flow.family import Mass, Member
+from meshflow.flow.family import Mass, Variant
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.geometry.options import option
 from meshflow.geometry.validation import positive
@@ -34,5 +34,5 @@ class NormalChannels(PointMethod):
         """What moves the points (n, 3) of a surface."""
         self.must_hold_border(setting)
         return MeshFlow(
-            surface, Member(mass=self.mass), Lengths(self.normal_weight or 1.0, metric_of(setting.triangles))
+            surface, Variant(mass=self.mass), Lengths(self.normal_weight or 1.0, metric_of(setting.triangles))
         )

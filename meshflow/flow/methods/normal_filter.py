@@ -20,7 +20,7 @@ from meshflow.geometry.options import option
 from meshflow.geometry.validation import Array, number, positive
 from meshflow.surfaces.surface import Surface
 
-__all__ = ["ROUND", "FacetFlow", "NormalFilter"]
+__all__ = ["ROUND", "NormalFilterFlow", "NormalFilter"]
 
 # One round, in squared edges: normals spread in steps of SWEEP, then points follow them in FOLLOWED sweeps. A round is long, so
 # that the normals of noisy triangles settle before any point has moved.
@@ -72,7 +72,7 @@ class NormalFilter(PointMethod):
         if setting.triangles == "clamped":
             raise InputError("triangles='clamped': normals flow between facets, without cotangents; leave it out")
         self.must_hold_border(setting)
-        return FacetFlow(surface, self)
+        return NormalFilterFlow(surface, self)
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
@@ -84,7 +84,7 @@ class NormalFilter(PointMethod):
         return self.along_which(self.own_stepper(asked, Explicit()), faces)
 
 
-class FacetFlow(Dense):
+class NormalFilterFlow(Dense):
     """A flow of the contract: normals of triangles diffuse for a time, edges kept; the points are moved to fit them.
 
     Planes rest, points move along normals alone (but for ``regularize``), volume and creases stay; what is smooth is found
@@ -111,10 +111,10 @@ class FacetFlow(Dense):
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """The mean rate of a round; with a blend that keeps u, normals flow for its dt and the points follow once."""
         round = blend.dt if blend.keep != 0.0 else ROUND * self.step**2
-        way = self._moved(u, round, diagonal == 0) - u
+        change = self._moved(u, round, diagonal == 0) - u
         if blend.keep == 0.0:
-            return blend.of_rate(u, way / round, out)
-        return blend.of_change(u, way, out)
+            return blend.of_rate(u, change / round, out)
+        return blend.of_change(u, change, out)
 
     def _moved(self, u: Array, dt: float, first: bool) -> Array:
         x = np.ascontiguousarray(u, dtype=np.float64)

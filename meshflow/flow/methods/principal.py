@@ -11,7 +11,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Given, Measured, Metric
 from meshflow.flow.engines.triangulation import Triangulation
-from meshflow.flow.family import Mass, Member
+from meshflow.flow.family import Mass, Variant
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.wrapper import Around
 from meshflow.geometry.curvature import directed
@@ -75,8 +75,8 @@ class Principal(Around):
     :raises InputError: for another surface.
     """
 
-    def __init__(self, surface: Surface, member: Member | None, feature_length: float) -> None:
-        super().__init__(MeshFlow(surface, member, AlongCurvature(feature_length)))
+    def __init__(self, surface: Surface, variant: Variant | None, feature_length: float) -> None:
+        super().__init__(MeshFlow(surface, variant, AlongCurvature(feature_length)))
         self._faces = surface.triangulations[0]
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
@@ -111,4 +111,4 @@ class PrincipalFlow(PointMethod):
             raise InputError(
                 f"triangles={setting.triangles!r}: principal measures directions on the triangles as they are; leave it out"
             )
-        return Principal(surface, Member(mass=self.mass), self.feature_length or 1.0)
+        return Principal(surface, Variant(mass=self.mass), self.feature_length or 1.0)

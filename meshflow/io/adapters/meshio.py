@@ -7,7 +7,7 @@ import numpy as np
 
 from meshflow.errors import InputError, need
 from meshflow.geometry.validation import Array
-from meshflow.io.document import Adopted
+from meshflow.io.document import Imported
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.mesh import Mesh
@@ -22,14 +22,13 @@ _FOLLOW = ("vertex", "line")
 _NORMALS = ("Normals", "normals")
 
 
-def from_object(data: object, options: ReadOptions) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Imported:
     """Take a meshio.Mesh in; what comes back is a new one, whose cells are as they were.
 
     Triangles, and quadrilaterals as two of them each, span the surface; vertices and lines follow their points. Normals among the
     point data are recomputed.
 
-    :param options: ``channels`` (n, k), or the name of point data, which returns to where it was; ``moves``; ``fixed`` (n,),
-        vertices that stay.
+    :param options: ``channels`` (n, k), or the name of point data, which returns to where it was; ``moves``.
     :raises InputError: for a cloud, solid or curved cells, with the way out, an unknown name, or an option that does not belong.
     """
     options.must_be_mesh("a meshio mesh")
@@ -41,10 +40,10 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
         if values is None:
             raise InputError(f"channels={name!r}: no such point data; there are {', '.join(there) or 'none'}")
     split = any(word in mesh.point_data for word in _NORMALS) or is_soup(faces, len(mesh.points))
-    skin = Skin.of(mesh.points, faces, split=split, channels=values, moves=options.moves, fixed=options.fixed)
+    skin = Skin.of(mesh.points, faces, split=split, channels=values, moves=options.moves)
     notes = (*skin.note, *((f"{quads} quadrilaterals are smoothed as two triangles each",) if quads else ()))
     samples = partial(skin.samples, find=partial(_point_data, mesh))
-    return Adopted(skin.noun, partial(_to_object, mesh, skin, name), notes, samples)
+    return Imported(skin.data, partial(_to_object, mesh, skin, name), notes, samples)
 
 
 def _mesh(data: object) -> "meshio.Mesh":
@@ -84,15 +83,15 @@ def _point_data(mesh: "meshio.Mesh", name: str) -> Found:
     return (None if found is None else np.array(found)), mesh.point_data
 
 
-def _to_object(mesh: "meshio.Mesh", skin: Skin, name: str | None, noun: Mesh) -> "meshio.Mesh":
+def _to_object(mesh: "meshio.Mesh", skin: Skin, name: str | None, data: Mesh) -> "meshio.Mesh":
     new = mesh.copy()
-    if skin.has_moved(noun):
-        new.points = skin.points_of(noun)
+    if skin.has_moved(data):
+        new.points = skin.points_of(data)
         for word in _NORMALS:
             if word in new.point_data and new.points.shape[1] == 3:
                 normals = np.asarray(new.point_data[word])
                 new.point_data[word] = normals_after(new.points, skin.faces, skin.points, normals)
-    values = skin.channels_of(noun)
+    values = skin.channels_of(data)
     if name is not None and values is not None:
         old = np.asarray(new.point_data[name])
         new.point_data[name] = fitted(values, old.dtype).reshape(old.shape)

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.document import Adopted, Document, Multipart, told_apart
+from meshflow.io.document import Document, Imported, Multipart, distinct_names
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import taken_in
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def _scene(data: object, options: ReadOptions) -> Multipart | None:
     if not isinstance(data, trimesh.Scene):
         return None
     parts, to_object = taken_apart(data, options)
-    return Multipart(told_apart(parts), to_object)
+    return Multipart(distinct_names(parts), to_object)
 
 
 def _multi_block(data: object, options: ReadOptions) -> Multipart | None:
@@ -65,40 +65,40 @@ def _sections(document: Document, options: ReadOptions) -> Multipart | None:
     """
     if len(document.sections) < 2:
         return None
-    noun = taken_in(document, options).noun
-    if not isinstance(noun, Mesh):
+    data = taken_in(document, options).data
+    if not isinstance(data, Mesh):
         return None
-    document = document.holding(noun)
+    document = document.holding(data)
 
-    def to_object(nouns: Sequence[Noun]) -> Document:
+    def to_object(surfaces: Sequence[Data]) -> Document:
         """The document around the smoothed parts."""
-        meshes = [one for one in nouns if isinstance(one, Mesh)]
-        points = np.array(noun.points, dtype=np.result_type(*(one.points for one in meshes)))
+        meshes = [one for one in surfaces if isinstance(one, Mesh)]
+        points = np.array(data.points, dtype=np.result_type(*(one.points for one in meshes)))
         channels = None
-        if noun.channels is not None:
+        if data.channels is not None:
             kinds = (one.channels for one in meshes if one.channels is not None)
-            channels = np.array(noun.channels, dtype=np.result_type(*kinds))
+            channels = np.array(data.channels, dtype=np.result_type(*kinds))
         for (_, rows), one in zip(document.sections, meshes, strict=True):
             points[rows] = one.points
             if channels is not None:
                 channels[rows] = one.channels
-        return document.holding(replace(noun, points=points, channels=channels))
+        return document.holding(replace(data, points=points, channels=channels))
 
-    parts = ((name, _section(document, noun, rows)) for name, rows in document.sections)
-    return Multipart(told_apart(parts), to_object, whole=True)
+    parts = ((name, _section(document, data, rows)) for name, rows in document.sections)
+    return Multipart(distinct_names(parts), to_object, whole=True)
 
 
-def _section(document: Document, noun: Mesh, rows: Array) -> Adopted:
+def _section(document: Document, data: Mesh, rows: Array) -> Imported:
     """Some of the vertices of a file with the triangles between them, in the same order."""
-    at = np.full(len(noun.points), -1)
+    at = np.full(len(data.points), -1)
     at[rows] = np.arange(len(rows))
-    faces = at[noun.faces]
+    faces = at[data.faces]
     part = replace(
-        noun,
-        points=noun.points[rows],
+        data,
+        points=data.points[rows],
         faces=faces[(faces >= 0).all(axis=1)],
-        channels=None if noun.channels is None else noun.channels[rows],
-        fixed=np.asarray(noun.fixed)[rows],
+        channels=None if data.channels is None else data.channels[rows],
+        fixed=np.asarray(data.fixed)[rows],
     )
 
     def samples(given: ArrayLike | None, word: str) -> ArrayLike | None:
@@ -111,4 +111,4 @@ def _section(document: Document, noun: Mesh, rows: Array) -> Adopted:
             raise InputError(f"{word}: one number per vertex of the file, {len(at)}, expected, got {len(values)}")
         return values[rows]
 
-    return Adopted(part, lambda one: one, (), samples)
+    return Imported(part, lambda one: one, (), samples)

@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.errors import InputError, need
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters import open3d_images as images
-from meshflow.io.document import Adopted
+from meshflow.io.document import Imported
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.mesh import Mesh
@@ -19,13 +19,12 @@ if TYPE_CHECKING:
 __all__ = ["from_object"]
 
 
-def from_object(data: object, options: ReadOptions) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Imported:
     """Take a TriangleMesh in, legacy or tensor; what comes back is a new one of the same class, attributes and all.
 
     Vertex and triangle normals are recomputed where there are some. Depth images go to :mod:`meshflow.io.adapters.open3d_images`.
 
-    :param options: ``channels`` (n, k), or ``"colors"``, of a tensor mesh also the name of a vertex attribute; ``moves``;
-        ``fixed`` (n,), vertices that stay.
+    :param options: ``channels`` (n, k), or ``"colors"``, of a tensor mesh also the name of a vertex attribute; ``moves``.
     :raises InputError: for a point cloud or another geometry, an unknown name, or an option that does not belong.
     """
     if images.is_image(data):
@@ -35,11 +34,9 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
     points, faces = taken.array("positions"), taken.faces()
     name = options.attribute
     values = taken.array(name) if name is not None else options.channels
-    skin = Skin.of(
-        points, faces, split=is_soup(faces, len(points)), channels=values, moves=options.moves, fixed=options.fixed
-    )
+    skin = Skin.of(points, faces, split=is_soup(faces, len(points)), channels=values, moves=options.moves)
     samples = partial(skin.samples, find=taken.found)
-    return Adopted(skin.noun, partial(_to_object, taken, skin, name), skin.note, samples)
+    return Imported(skin.data, partial(_to_object, taken, skin, name), skin.note, samples)
 
 
 def _taken(data: object) -> "_Legacy | _Tensor":
@@ -55,16 +52,16 @@ def _taken(data: object) -> "_Legacy | _Tensor":
 
 
 def _to_object(
-    taken: "_Legacy | _Tensor", skin: Skin, name: str | None, noun: Mesh
+    taken: "_Legacy | _Tensor", skin: Skin, name: str | None, data: Mesh
 ) -> "open3d.geometry.TriangleMesh | open3d.t.geometry.TriangleMesh":
     new = taken.copy()
-    points = skin.points_of(noun)
-    if skin.has_moved(noun):
+    points = skin.points_of(data)
+    if skin.has_moved(data):
         new.put("positions", points)
         if "normals" in new.names():
             new.put("normals", normals_after(points, skin.faces, skin.points, new.array("normals")))
         new.renew_triangle_normals()
-    values = skin.channels_of(noun)
+    values = skin.channels_of(data)
     if name is not None and values is not None:
         old = new.array(name)
         new.put(name, fitted(values, old.dtype).reshape(old.shape))

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from meshflow.errors import InputError, need
-from meshflow.geometry.validation import Array, nowhere
+from meshflow.geometry.validation import Array
 from meshflow.io.depth_units import in_metres
-from meshflow.io.document import Adopted
+from meshflow.io.document import Imported
 from meshflow.io.formats.cameras import calibration_for
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.range_image import RangeImage
@@ -23,22 +23,20 @@ def is_image(data: object) -> bool:
     return isinstance(data, kinds)
 
 
-def from_object(data: object, options: ReadOptions) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Imported:
     """Take a depth image in; what comes back is a new one of the same class in float32, in the units that came.
 
     Of an RGBDImage the depth moves, the colours are copied.
 
     :param options: ``camera``, what :func:`meshflow.io.formats.cameras.calibration_for` takes, an open3d
         ``PinholeCameraIntrinsic`` among it; ``depth_scale``, units per metre, by default what the camera says or 1000 for whole
-        numbers, and 1 for floating point (the depth of an RGBDImage that open3d made is in metres); ``missing``, ``fixed``,
+        numbers, and 1 for floating point (the depth of an RGBDImage that open3d made is in metres); ``missing``,
         ``jump``, ``measure``, ``time_unit`` as of :class:`RangeImage`.
     :raises InputError: without a camera, for one of another size, for an image that holds no depths, or an option that does not
         belong.
     """
     name = f"open3d {type(data).__name__}"
-    options.must_belong(
-        f"an {name}", ("kind", "camera", "depth_scale", "missing", "fixed", "jump", "measure", "time_unit")
-    )
+    options.must_belong(f"an {name}", ("kind", "camera", "depth_scale", "missing", "jump", "measure", "time_unit"))
     if options.kind not in (None, "depth"):
         raise InputError(
             f"kind={options.kind!r}: an {name} is taken as depths; give numpy.asarray(image) for anydata else"
@@ -52,17 +50,16 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
     calibration = calibration_for(options.camera, (raw.shape[0], raw.shape[1]), name)
     found = in_metres(raw, calibration, options.depth_scale, name)
     gone = found.missing if options.missing is None else found.missing | np.asarray(options.missing)
-    noun = RangeImage(
+    image = RangeImage(
         found.depth,
         calibration.camera,
         gone,
-        nowhere(options.fixed_mask),
-        options.jump,
-        options.measure,
-        options.time_unit or "footprint",
+        jump=options.jump,
+        measure=options.measure,
+        time_unit=options.time_unit or "footprint",
         unit="m",
     )
-    return Adopted(noun, partial(_to_object, data, raw, found.depth, found.units), found.notes)
+    return Imported(image, partial(_to_object, data, raw, found.depth, found.units), found.notes)
 
 
 def _raw(data: Any) -> Array:
@@ -74,10 +71,10 @@ def _raw(data: Any) -> Array:
     return np.array(image)
 
 
-def _to_object(data: Any, raw: Array, start: Array, units: float, noun: RangeImage) -> Any:
+def _to_object(data: Any, raw: Array, start: Array, units: float, image: RangeImage) -> Any:
     open3d = need("open3d", "scan")
-    still = np.asarray(noun.missing) | (noun.depth == start)  # these keep the numbers that they had
-    values = np.where(still, raw, noun.depth * np.float64(units)).astype(np.float32)
+    still = np.asarray(image.missing) | (image.depth == start)  # these keep the numbers that they had
+    values = np.where(still, raw, image.depth * np.float64(units)).astype(np.float32)
     if isinstance(data, open3d.geometry.Image):
         return open3d.geometry.Image(values)
     if isinstance(data, open3d.geometry.RGBDImage):

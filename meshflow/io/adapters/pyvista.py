@@ -8,7 +8,7 @@ import pyvista
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.pyvista_grids import from_image_data, from_structured_grid
-from meshflow.io.document import Adopted
+from meshflow.io.document import Imported
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.mesh import Mesh
@@ -25,14 +25,13 @@ _ELSEWHERE = {
 }
 
 
-def from_object(data: object, options: ReadOptions) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Imported:
     """Take a PolyData, a flat ImageData or a terrain (StructuredGrid) in; what comes back is a new one, arrays and all.
 
     Polygons and strips are triangulated. Arrays keep their types; normals are recomputed.
 
-    :param options: of PolyData ``channels`` ((n, k), the name of a point array, or ``"colors"``), ``moves``, ``fixed`` (n,);
-        of grids ``kind`` (``terrain | image``), ``spacing``, ``channels`` (the name of an array), ``fixed`` (per sample, in
-        the order of the object).
+    :param options: of PolyData ``channels`` ((n, k), the name of a point array, or ``"colors"``), ``moves``;
+        of grids ``kind`` (``terrain | image``), ``spacing``, ``channels`` (the name of an array).
     :raises InputError: for other kinds of data sets, with the way out, and for options that do not belong.
     """
     if isinstance(data, pyvista.PolyData):
@@ -48,7 +47,7 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
     )
 
 
-def _from_polydata(data: pyvista.PolyData, options: ReadOptions) -> Adopted:
+def _from_polydata(data: pyvista.PolyData, options: ReadOptions) -> Imported:
     options.must_be_mesh("a PolyData")
     poly, notes = _triangles(data)
     faces = poly.faces.reshape(-1, 4)[:, 1:]
@@ -61,9 +60,9 @@ def _from_polydata(data: pyvista.PolyData, options: ReadOptions) -> Adopted:
         or _normals_name(poly.point_data) is not None
         or is_soup(faces, poly.n_points)
     )
-    skin = Skin.of(poly.points, faces, split=split, channels=values, moves=options.moves, fixed=options.fixed)
+    skin = Skin.of(poly.points, faces, split=split, channels=values, moves=options.moves)
     samples = partial(skin.samples, find=partial(_point_array, poly))
-    return Adopted(skin.noun, partial(_to_object, poly, faces, skin, name), (*skin.note, *notes), samples)
+    return Imported(skin.data, partial(_to_object, poly, faces, skin, name), (*skin.note, *notes), samples)
 
 
 def _triangles(data: pyvista.PolyData) -> tuple[pyvista.PolyData, tuple[str, ...]]:
@@ -127,13 +126,13 @@ def _normals_name(data: pyvista.DataSetAttributes) -> str | None:
     return data.active_normals_name or ("Normals" if "Normals" in data else None)
 
 
-def _to_object(poly: pyvista.PolyData, faces: Array, skin: Skin, name: str | None, noun: Mesh) -> pyvista.PolyData:
+def _to_object(poly: pyvista.PolyData, faces: Array, skin: Skin, name: str | None, data: Mesh) -> pyvista.PolyData:
     new = poly.copy(deep=True)
-    points = skin.points_of(noun)
-    if skin.has_moved(noun):
+    points = skin.points_of(data)
+    if skin.has_moved(data):
         new.points = points
         _renew_normals(new, faces, skin.points)
-    values = skin.channels_of(noun)
+    values = skin.channels_of(data)
     if name is not None and values is not None:
         array = new.point_data[name]  # in place: the copy keeps which array is active
         array.reshape(len(array), -1)[:, : values.shape[1]] = fitted(values, array.dtype)

@@ -6,16 +6,16 @@ import pyvista
 
 from meshflow.errors import InputError
 from meshflow.io.adapters.pyvista import from_object
-from meshflow.io.document import Adopted, Multipart, adopted_by, told_apart
+from meshflow.io.document import Imported, Multipart, distinct_names
 from meshflow.io.metadata import ReadOptions
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 
 __all__ = ["from_blocks"]
 
 
 def from_blocks(blocks: pyvista.MultiBlock, options: ReadOptions) -> Multipart:
     """The blocks, those within blocks too; empty ones stay."""
-    parts: list[tuple[str, Adopted]] = []
+    parts: list[tuple[str, Imported]] = []
     inner: list[tuple[int, Multipart]] = []
     for i, block in enumerate(blocks):
         name = str(blocks.get_block_name(i) or i)
@@ -25,7 +25,7 @@ def from_blocks(blocks: pyvista.MultiBlock, options: ReadOptions) -> Multipart:
             found = (
                 from_blocks(block, options)
                 if isinstance(block, pyvista.MultiBlock)
-                else _alone(adopted_by(from_object, block, options))
+                else _alone(from_object(block, options))
             )
         except InputError as cause:
             raise InputError(f"block {name}: {cause}") from cause
@@ -34,17 +34,17 @@ def from_blocks(blocks: pyvista.MultiBlock, options: ReadOptions) -> Multipart:
     if not parts:
         raise InputError("pyvista.MultiBlock: at least one block with a surface expected, got none")
 
-    def to_object(nouns: Sequence[Noun]) -> pyvista.MultiBlock:
+    def to_object(surfaces: Sequence[Data]) -> pyvista.MultiBlock:
         """The blocks around the smoothed parts."""
         new, start = blocks.copy(deep=True), 0
         for i, found in inner:
             stop = start + len(found.parts)
-            new.replace(i, found.to_object(nouns[start:stop]))
+            new.replace(i, found.to_object(surfaces[start:stop]))
             start = stop
         return new
 
-    return Multipart(told_apart(parts), to_object)
+    return Multipart(distinct_names(parts), to_object)
 
 
-def _alone(adopted: Adopted) -> Multipart:
-    return Multipart((("", adopted),), lambda nouns: adopted.to_object(nouns[0]))
+def _alone(imported: Imported) -> Multipart:
+    return Multipart((("", imported),), lambda surfaces: imported.to_object(surfaces[0]))

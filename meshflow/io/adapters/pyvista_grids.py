@@ -7,8 +7,8 @@ import pyvista
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, mask_of, spacing_of
-from meshflow.io.document import Adopted
+from meshflow.geometry.validation import Array, spacing_of
+from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions, looked_up
 from meshflow.io.vertex_merging import fitted
 from meshflow.surfaces.height_field import HeightField
@@ -20,16 +20,16 @@ __all__ = ["from_image_data", "from_structured_grid"]
 _UNEVEN = 2e-3
 
 
-def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Adopted:
+def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
     """Take a flat ImageData in: its active scalars (or the array that ``channels`` names) are what moves.
 
     One component is a height field (with ``kind="image"`` an image), several are an image. Integers come back as floating
     point, so that noimage is rounded; but colours (uint8, 3 or 4 components) as what they were.
 
-    :param options: ``kind`` (``terrain | image``), ``channels``, ``spacing``, ``fixed``.
+    :param options: ``kind`` (``terrain | image``), ``channels``, ``spacing``.
     :raises InputError: for a volume, no array, or options that do not belong.
     """
-    options.must_belong("an ImageData", ("kind", "channels", "spacing", "fixed"))
+    options.must_belong("an ImageData", ("kind", "channels", "spacing"))
     kind = options.kind
     if kind not in (None, "terrain", "image"):
         raise InputError(f"kind={kind!r}: an ImageData is a terrain or an image")
@@ -46,28 +46,27 @@ def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Adopted:
     order = np.arange(len(values)).reshape(image.dimensions[long[1]] - cells, image.dimensions[long[0]] - cells)[::-1]
     own = (float(image.spacing[long[0]]), float(image.spacing[long[1]]))
     steps = own if options.spacing is None else spacing_of(options.spacing, len(order))
-    stays = mask_of(options.fixed, (len(values),), "fixed")[order]
     if values.ndim == 2:
         if kind == "terrain":
             raise InputError(f"kind='terrain': the array {name!r} has {values.shape[1]} components, a terrain has one")
-        noun = Image(values[order], steps, fixed=stays)
+        found = Image(values[order], steps)
     else:
-        noun = (Image if kind == "image" else HeightField)(values[order], steps, fixed=stays)
+        found = (Image if kind == "image" else HeightField)(values[order], steps)
     colors = values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] in (3, 4)
     notes = (
         () if values.dtype.kind == "f" or colors else (f"the array {name!r} of {values.dtype} becomes floating point",)
     )
     to_object = partial(_to_image_data, image.copy(deep=True), bool(cells), name, order, colors)
-    return Adopted(noun, to_object, notes, partial(_samples, data, order))
+    return Imported(found, to_object, notes, partial(_samples, data, order))
 
 
-def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> Adopted:
+def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> Imported:
     """Take a StructuredGrid of one layer in: z above evenly spaced x and y moves.
 
-    :param options: ``spacing``, ``fixed``.
+    :param options: ``spacing``.
     :raises InputError: for several layers, or x and y that are not evenly spaced along the axes; the message has the way out.
     """
-    options.must_belong("a StructuredGrid, of which z moves", ("kind", "spacing", "fixed"))
+    options.must_belong("a StructuredGrid, of which z moves", ("kind", "spacing"))
     if options.kind not in (None, "terrain"):
         raise InputError(f"kind={options.kind!r}: a StructuredGrid is a terrain, its z moves; images come as ImageData")
     long = [size for size in grid.dimensions if size > 1]
@@ -80,9 +79,9 @@ def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> 
     order, steps = _laid_out(points, long[1], long[0])
     if options.spacing is not None:
         steps = spacing_of(options.spacing, len(order))
-    noun = HeightField(points[order, 2], steps, fixed=mask_of(options.fixed, (len(points),), "fixed")[order])
+    data = HeightField(points[order, 2], steps)
     to_object = partial(_to_structured_grid, grid.copy(deep=True), order)
-    return Adopted(noun, to_object, samples=partial(_samples, grid.point_data, order))
+    return Imported(data, to_object, samples=partial(_samples, grid.point_data, order))
 
 
 def _samples(data: pyvista.DataSetAttributes, order: Array, given: ArrayLike | None, word: str) -> ArrayLike | None:
@@ -114,9 +113,9 @@ def _scalars(image: pyvista.ImageData, channels: ArrayLike | None) -> tuple[pyvi
 
 
 def _to_image_data(
-    image: pyvista.ImageData, cells: bool, name: str, order: Array, colors: bool, noun: HeightField | Image
+    image: pyvista.ImageData, cells: bool, name: str, order: Array, colors: bool, smoothed: HeightField | Image
 ) -> pyvista.ImageData:
-    smooth = noun.z if isinstance(noun, HeightField) else noun.values
+    smooth = smoothed.z if isinstance(smoothed, HeightField) else smoothed.values
     new = image.copy(deep=True)
     data = new.cell_data if cells else new.point_data
     active = new.active_scalars_info
@@ -131,10 +130,10 @@ def _to_image_data(
     return new
 
 
-def _to_structured_grid(grid: pyvista.StructuredGrid, order: Array, noun: HeightField) -> pyvista.StructuredGrid:
+def _to_structured_grid(grid: pyvista.StructuredGrid, order: Array, data: HeightField) -> pyvista.StructuredGrid:
     new = grid.copy(deep=True)
     points = np.array(new.points)
-    points[order, 2] = noun.z
+    points[order, 2] = data.z
     new.points = points
     return new
 

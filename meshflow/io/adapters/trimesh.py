@@ -8,7 +8,7 @@ from trimesh.visual import ColorVisuals, TextureVisuals
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.document import Adopted
+from meshflow.io.document import Imported
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.mesh import Mesh
@@ -16,11 +16,11 @@ from meshflow.surfaces.mesh import Mesh
 __all__ = ["attribute_of", "carries", "channel_of", "from_object", "stored_normals", "with_changes"]
 
 
-def from_object(data: object, options: ReadOptions) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Imported:
     """Take a Trimesh in; what comes back is a new one with colours, attributes, texture and metadata of the first.
 
     :param options: ``channels`` (n, k), or the name of a vertex attribute, or ``"colors"``: a named one returns to where it was;
-        ``moves``; ``fixed`` (n,), vertices that stay.
+        ``moves``.
     :raises InputError: for a Scene or a PointCloud, an unknown name, or an option that does not belong.
     """
     options.must_be_mesh("a trimesh mesh")
@@ -29,11 +29,9 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
     normals = stored_normals(read)
     name = options.attribute
     values = channel_of(mesh, name) if name is not None else options.channels
-    skin = Skin.of(
-        mesh.vertices, mesh.faces, split=carries(mesh), channels=values, moves=options.moves, fixed=options.fixed
-    )
+    skin = Skin.of(mesh.vertices, mesh.faces, split=carries(mesh), channels=values, moves=options.moves)
     samples = partial(skin.samples, find=partial(attribute_of, mesh))
-    return Adopted(skin.noun, partial(_to_object, mesh, normals, skin, name), skin.note, samples)
+    return Imported(skin.data, partial(_to_object, mesh, normals, skin, name), skin.note, samples)
 
 
 def carries(mesh: trimesh.Trimesh) -> bool:
@@ -109,10 +107,10 @@ def _colors(mesh: trimesh.Trimesh) -> Array | None:
 
 
 def _to_object(
-    mesh: trimesh.Trimesh, normals: Array | None, skin: Skin, name: str | None, noun: Mesh
+    mesh: trimesh.Trimesh, normals: Array | None, skin: Skin, name: str | None, data: Mesh
 ) -> trimesh.Trimesh:
-    points = skin.points_of(noun) if skin.has_moved(noun) else None
-    return with_changes(mesh, points, normals, name, skin.channels_of(noun))
+    points = skin.points_of(data) if skin.has_moved(data) else None
+    return with_changes(mesh, points, normals, name, skin.channels_of(data))
 
 
 def _trimesh(data: object) -> trimesh.Trimesh:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, Spacing, mask_of, nowhere, real, spacing_of
-from meshflow.io.document import Adopted
+from meshflow.geometry.validation import Array, Spacing, mask_of, real, spacing_of
+from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.spacing import between_samples, height_unit, on_ellipsoid, units_disagree
 from meshflow.surfaces.height_field import HeightField
@@ -53,7 +53,7 @@ class _Layout:
         return (*self.leading, self.y, self.x, *((self.channel,) if self.channel else ()))
 
 
-def from_object(data: object, options: ReadOptions) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Imported:
     """Take in a DataArray: a height field over its last two dimensions, or an image of its bands.
 
     Rows and columns are what rioxarray calls x and y, else dimensions named y and x, lat and lon, latitude and longitude, else
@@ -63,11 +63,11 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
     What comes back is a new DataArray of float32 or float64, with a nodata value in its encoding, so that ``to_raster``
     and ``to_netcdf`` neither quantise it nor forget what is missing.
 
-    :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``, ``fixed``.
+    :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``.
     :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or a strange option.
     """
     array = _data_array(data)
-    options.must_belong("a DataArray", ("kind", "spacing", "missing", "fixed"))
+    options.must_belong("a DataArray", ("kind", "spacing", "missing"))
     layout = _layout(array)
     _check_kind(options.kind, array, layout)
     ordered = array.transpose(*layout.order)
@@ -81,12 +81,12 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
         spacing = spacing_of(options.spacing, len(values))
     missing = gone | mask_of(options.missing_mask, gone.shape, "missing")
     if layout.channel or options.kind == "image":
-        noun: HeightField | Image = Image(values, spacing, missing, nowhere(options.fixed_mask))
+        found: HeightField | Image = Image(values, spacing, missing)
     else:
         unit = height_unit(_crs(array), array.attrs.get("units"))
         notes += units_disagree(_crs(array), unit)
-        noun = HeightField(values, spacing, missing, nowhere(options.fixed_mask), unit)
-    return Adopted(noun, lambda smoothed: _to_object(array, ordered, smoothed, bool(gone.any())), notes)
+        found = HeightField(values, spacing, missing, unit=unit)
+    return Imported(found, lambda smoothed: _to_object(array, ordered, smoothed, bool(gone.any())), notes)
 
 
 def _data_array(data: object) -> "DataArray":
@@ -215,9 +215,9 @@ def _gone(array: "DataArray", values: Array) -> Array:
 
 
 def _to_object(
-    array: "DataArray", ordered: "DataArray", noun: HeightField | Image, anything_missing: bool
+    array: "DataArray", ordered: "DataArray", data: HeightField | Image, anything_missing: bool
 ) -> "DataArray":
-    values = noun.z if isinstance(noun, HeightField) else noun.values
+    values = data.z if isinstance(data, HeightField) else data.values
     smoothed = ordered.copy(data=np.array(values).reshape(ordered.shape)).transpose(*array.dims)
     smoothed.encoding = {key: value for key, value in array.encoding.items() if key not in _PACKING}
     declared = array.encoding.get("_FillValue", _NODATA if anything_missing else None)

@@ -15,7 +15,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, nowhere, spacing_of
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, in_metres
-from meshflow.io.document import Adopted, Document, Source, WriteOptions, samples_of
+from meshflow.io.document import Document, Imported, Source, WriteOptions, samples_of
 from meshflow.io.formats.cameras import calibration_for, camera_for
 from meshflow.io.metadata import Kind, ReadOptions
 from meshflow.surfaces.height_field import HeightField
@@ -59,11 +59,11 @@ _BROKEN = (
 _KEYS = ("z", "values", "depth", "data")
 # What each kind of array takes, and what it is called.
 _TAKES: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
-    "terrain": ("an array of heights", ("spacing", "missing", "fixed", "unit")),
-    "image": ("an array of channels", ("spacing", "missing", "fixed")),
+    "terrain": ("an array of heights", ("spacing", "missing", "unit")),
+    "image": ("an array of channels", ("spacing", "missing")),
     "depth": (
         "an array of depths",
-        ("camera", "missing", "fixed", "jump", "measure", "time_unit", "unit"),
+        ("camera", "missing", "jump", "measure", "time_unit", "unit"),
     ),
 }
 
@@ -101,7 +101,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if {"points", "faces"} <= arrays.keys() and options.kind in (None, "mesh"):
         points, faces = arrays.pop("points"), arrays.pop("faces")
         own = options if options.channels is not None else replace(options, channels=arrays.get("channels"))
-        return Document(from_object((points, faces), own).noun, path, Stored(str(points.dtype), "points", arrays))
+        return Document(from_object((points, faces), own).data, path, Stored(str(points.dtype), "points", arrays))
     key = _key(path, arrays)
     array = arrays.pop(key)
     source, notes = Stored(str(array.dtype), key, arrays), ()
@@ -117,12 +117,12 @@ def read(path: Path, options: ReadOptions) -> Document:
         options = replace(options, missing=missing, camera=calibration.camera, unit=options.unit or "m")
     elif scale is not None:
         raise InputError(f"{path.name}: depth_scale {scale} belongs to depths (h, w) with a camera; leave it out")
-    return Document(from_object(array, options).noun, path, source, notes)
+    return Document(from_object(array, options).data, path, source, notes)
 
 
 def can_write(document: Document, suffix: str) -> bool:
     """Whether it is no mesh, or goes into an ``.npz``."""
-    return suffix == ".npz" or (suffix == ".npy" and not isinstance(document.noun, Mesh))
+    return suffix == ".npz" or (suffix == ".npy" and not isinstance(document.data, Mesh))
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
@@ -137,11 +137,11 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     """
     source = document.source if isinstance(document.source, Stored) else Stored("")
     zipped = path.suffix.lower() == ".npz"
-    if isinstance(document.noun, Mesh):
+    if isinstance(document.data, Mesh):
         if not zipped:
             raise FormatError(f"{path.name}: a mesh is two arrays, points and faces; write .npz")
-        channels = {} if document.noun.channels is None else {"channels": document.noun.channels}
-        arrays = {"points": document.noun.points, "faces": document.noun.faces, **channels}
+        channels = {} if document.data.channels is None else {"channels": document.data.channels}
+        arrays = {"points": document.data.points, "faces": document.data.faces, **channels}
     else:
         arrays = {source.key: _marked(document)}
     with beside(path) as temporary:
@@ -154,15 +154,15 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     return ()
 
 
-def from_object(data: object, options: ReadOptions) -> Adopted:
+def from_object(data: object, options: ReadOptions) -> Imported:
     """Take in an array, a masked array, or ``(points, faces)``.
 
     (h, w) is a height field, (h, w, k) an image; with a camera (h, w) are depths. What comes back is a new array in native byte
     order, masked with the same mask if a masked one came in, of floating point: integers come out as float32 or float64, since
     rounding would undo the smoothing. Of a mesh ``(points, faces)`` come back, with ``channels`` behind if they came in.
 
-    :param options: ``kind``; ``spacing``, ``missing``, ``fixed`` of grids, ``unit`` of heights; ``camera``, ``missing``,
-        ``fixed``, ``jump``, ``measure``, ``time_unit``, ``unit`` of depths; ``channels``, ``moves``, ``fixed`` of meshes.
+    :param options: ``kind``; ``spacing``, ``missing`` of grids, ``unit`` of heights; ``camera``, ``missing``,
+        ``jump``, ``measure``, ``time_unit``, ``unit`` of depths; ``channels``, ``moves`` of meshes.
     :raises InputError: for anything else, or an option that does not belong.
     """
     if isinstance(data, (tuple, list)):
@@ -182,11 +182,11 @@ def from_object(data: object, options: ReadOptions) -> Adopted:
         raise InputError(f"kind: {', '.join(_TAKES)} expected for an array, got {kind!r}; a mesh is (points, faces)")
     what, takes = _TAKES[kind]
     options.must_belong(what, ("kind", *takes))
-    return Adopted(_on_grid(data, kind, options), lambda smoothed: _like(data, _values(smoothed)))
+    return Imported(_on_grid(data, kind, options), lambda smoothed: _like(data, _values(smoothed)))
 
 
 def _on_grid(data: Array, kind: Kind, options: ReadOptions) -> HeightField | Image | RangeImage:
-    missing, fixed = options.missing_mask, options.fixed_mask
+    missing = options.missing_mask
     if kind == "depth":
         seen_by = camera_for(options.camera, (data.shape[0], data.shape[1]), "the array")
         if data.dtype.kind in "ui" and (missing is None or missing.shape == data.shape):
@@ -196,21 +196,20 @@ def _on_grid(data: Array, kind: Kind, options: ReadOptions) -> HeightField | Ima
             data,
             seen_by,
             nowhere(missing),
-            nowhere(fixed),
-            options.jump,
-            options.measure,
-            time_unit,
+            jump=options.jump,
+            measure=options.measure,
+            time_unit=time_unit,
             unit=options.unit or "",
         )
     spacing = (1.0, 1.0) if options.spacing is None else spacing_of(options.spacing, len(data))
     if kind == "image":
-        return Image(data, spacing, nowhere(missing), nowhere(fixed))
-    return HeightField(data, spacing, nowhere(missing), nowhere(fixed), options.unit or "")
+        return Image(data, spacing, nowhere(missing))
+    return HeightField(data, spacing, nowhere(missing), unit=options.unit or "")
 
 
-def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Adopted:
+def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Imported:
     channels = None if options.channels is None else np.asarray(options.channels)
-    noun = Mesh(np.asarray(points), np.array(faces), channels, options.moves, nowhere(options.fixed_mask))
+    data = Mesh(np.asarray(points), np.array(faces), channels, options.moves)
 
     def to_object(smoothed: Mesh) -> tuple[Array, ...]:
         """Arrays of the smoothed mesh: points, faces, channels."""
@@ -222,17 +221,17 @@ def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Adopted:
             np.array(smoothed.channels).reshape(() if channels is None else channels.shape),
         )
 
-    return Adopted(noun, to_object)
+    return Imported(data, to_object)
 
 
-def _values(noun: HeightField | Image | RangeImage) -> Array:
-    match noun:
+def _values(data: HeightField | Image | RangeImage) -> Array:
+    match data:
         case HeightField():
-            return noun.z
+            return data.z
         case Image():
-            return noun.values
+            return data.values
         case RangeImage():
-            return noun.depth
+            return data.depth
 
 
 def _like(data: Array, values: Array) -> Array:
@@ -243,11 +242,11 @@ def _like(data: Array, values: Array) -> Array:
 
 
 def _marked(document: Document) -> Array:
-    noun = samples_of(document)
-    values = np.array(_values(noun))
+    data = samples_of(document)
+    values = np.array(_values(data))
     if not isinstance(document.source, Stored):
-        zero = isinstance(noun, RangeImage) and not noun.camera.signed
-        values[np.asarray(noun.missing)] = 0.0 if zero else np.nan
+        zero = isinstance(data, RangeImage) and not data.camera.signed
+        values[np.asarray(data.missing)] = 0.0 if zero else np.nan
     return values
 
 

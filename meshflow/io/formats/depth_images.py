@@ -64,7 +64,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     whole = not frame.dtype.startswith("float")
     raw = values[0].astype(frame.dtype) if whole and not frame.scaled else values[0]
     found = in_metres(raw, calibration, options.depth_scale, path.name)
-    noun = RangeImage(
+    data = RangeImage(
         found.depth,
         calibration.camera,
         found.missing | frame.gone[0],
@@ -73,12 +73,12 @@ def read(path: Path, options: ReadOptions) -> Document:
         time_unit=options.time_unit or "footprint",
         unit="m",
     )
-    return Document(noun, path, Depths(frame, found.units, whole, values[0]), found.notes)
+    return Document(data, path, Depths(frame, found.units, whole, values[0]), found.notes)
 
 
 def can_write(document: Document, suffix: str) -> bool:
     """Whether it is a range image and goes into a PNG or a TIFF."""
-    return isinstance(document.noun, RangeImage) and suffix in (".png", ".tif", ".tiff")
+    return isinstance(document.data, RangeImage) and suffix in (".png", ".tif", ".tiff")
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
@@ -93,10 +93,10 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     :raises FormatError: when the file cannot be written, or 0 would be a sample.
     """
     about = document.source if isinstance(document.source, Depths) else None
-    noun, left = depths_of(document), options.left
-    values, frame = merged(document.source, noun)
-    missing = np.asarray(noun.missing)
-    if noun.camera.signed:
+    data, left = depths_of(document), options.left
+    values, frame = merged(document.source, data)
+    missing = np.asarray(data.missing)
+    if data.camera.signed:
         raise FormatError(
             f"{path.name}: values that count from a point of each sample's own may be 0, which a depth image keeps for what is "
             "missing; write .ply or .npy"

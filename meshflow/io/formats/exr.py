@@ -65,7 +65,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if raw.dtype == np.float16:
         step = float(np.spacing(np.float16(np.median(raw[~found.missing])))) / found.units
         notes += (f"its depths are of half precision: steps of {1000 * step:.3g} mm in the middle of the scene",)
-    noun = RangeImage(
+    data = RangeImage(
         found.depth,
         calibration.camera,
         found.missing,
@@ -74,12 +74,12 @@ def read(path: Path, options: ReadOptions) -> Document:
         time_unit=options.time_unit or "footprint",
         unit="m",
     )
-    return Document(noun, path, Layers(header, channels, name, found.units), notes)
+    return Document(data, path, Layers(header, channels, name, found.units), notes)
 
 
 def can_write(document: Document, suffix: str) -> bool:
     """Whether it is a range image and goes into an EXR."""
-    return isinstance(document.noun, RangeImage) and suffix == ".exr"
+    return isinstance(document.data, RangeImage) and suffix == ".exr"
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
@@ -91,8 +91,8 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     :raises MissingPackage: without OpenEXR.
     :raises FormatError: where 0 would be a sample, or the file cannot be written.
     """
-    exr, noun = need("OpenEXR", "exr"), depths_of(document)
-    if noun.camera.signed:
+    exr, data = need("OpenEXR", "exr"), depths_of(document)
+    if data.camera.signed:
         raise FormatError(
             f"{path.name}: values that count from a point of each sample's own may be 0, which a depth image keeps for what is "
             "missing; write .ply or .npy"
@@ -100,11 +100,11 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     about = document.source if isinstance(document.source, Layers) else Layers({}, {}, "Z", 1.0)
     scale = about.scale if options.depth_scale is None else options.depth_scale
     raw = about.others.get(about.name)
-    gone = np.zeros(noun.depth.shape, np.float32) if raw is None else raw
-    missing = np.asarray(noun.missing)
+    gone = np.zeros(data.depth.shape, np.float32) if raw is None else raw
+    missing = np.asarray(data.missing)
     if raw is not None:  # what was there and has been dropped is written as missing
-        gone = np.where(missing & (noun.depth == 0) & (raw > 0) & (raw < NOTHING), 0, raw)
-    z = np.where(missing, gone, noun.depth * np.float64(scale)).astype(np.float32)
+        gone = np.where(missing & (data.depth == 0) & (raw > 0) & (raw < NOTHING), 0, raw)
+    z = np.where(missing, gone, data.depth * np.float64(scale)).astype(np.float32)
     header = {key: value for key, value in about.header.items() if key not in _OF_STORAGE}
     header |= {"type": exr.scanlineimage, "compression": header.get("compression", exr.ZIP_COMPRESSION), **options.tags}
     with beside(path) as temporary:

@@ -124,7 +124,7 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 def can_write(document: Document, suffix: str) -> bool:
     """Whether it is a mesh; formats that are only read are refused by :func:`write`, by name."""
-    return isinstance(document.noun, Mesh)
+    return isinstance(document.data, Mesh)
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
@@ -142,17 +142,17 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
         raise FormatError(
             f"{path.name}: {suffix or 'a file without extension'} is not written; use {' '.join(_WRITTEN)}"
         )
-    noun = document.noun
-    if not isinstance(noun, Mesh) or noun.points.shape[1] != 3:
+    data = document.data
+    if not isinstance(data, Mesh) or data.points.shape[1] != 3:
         raise InputError(
-            f"{path.name}: a mesh of points in R^3 expected, got {type(noun).__name__}; keep others as .npz"
+            f"{path.name}: a mesh of points in R^3 expected, got {type(data).__name__}; keep others as .npz"
         )
     source = document.source if isinstance(document.source, MeshSource) else None
     if suffix == ".vtm" and (source is None or not source.writes(suffix)):
         raise FormatError(f"{path.name}: blocks are written of what came in blocks; use .vtp or .glb")
     with beside(path) as temporary:
         if source is not None and source.writes(suffix):
-            return source.save(noun, temporary, path, tags)
+            return source.save(data, temporary, path, tags)
         from meshflow.io.conversions import bare_scene, save
 
-        return save(bare_scene(noun) if source is None else source.scene(noun), temporary, path, tags)
+        return save(bare_scene(data) if source is None else source.scene(data), temporary, path, tags)

@@ -62,30 +62,30 @@ class Obj(MeshSource):
         """An array of one number per vertex; an OBJ has no attributes to name one by."""
         return self.skin.samples(given, word, lambda name: (None, ()))
 
-    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the same file around another noun; its materials and images are copied next to it."""
-        path.write_bytes(self._encoded(noun, tags))
+    def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the same file around another data object; its materials and images are copied next to it."""
+        path.write_bytes(self._encoded(data, tags))
         return tuple(self._companions(target))
 
-    def scene(self, noun: Mesh) -> trimesh.Scene:
+    def scene(self, data: Mesh) -> trimesh.Scene:
         """The mesh with materials and texture as trimesh reads them, one part per material."""
         return trimesh.load_scene(
-            io.BytesIO(self._encoded(noun, {})),
+            io.BytesIO(self._encoded(data, {})),
             file_type="obj",
             process=False,
             resolver=FilePathResolver(str(self.path)),
         )
 
-    def _encoded(self, noun: Mesh, tags: Mapping[str, str]) -> bytes:
+    def _encoded(self, data: Mesh, tags: Mapping[str, str]) -> bytes:
         lines = list(self.lines)
-        points = self.skin.points_of(noun)
+        points = self.skin.points_of(data)
         for i in np.flatnonzero((points != self.skin.points).any(axis=1)):
             lines[self.rows[i]] = rewritten(lines[self.rows[i]], 1, points[i])
-        channels = self.skin.channels_of(noun)
+        channels = self.skin.channels_of(data)
         if channels is not None and self.skin.channels is not None:
             for i in np.flatnonzero((channels != self.skin.channels).any(axis=1)):
                 lines[self.rows[i]] = rewritten(lines[self.rows[i]], 4, channels[i])
-        if len(self.normal_rows) and self.skin.has_moved(noun):
+        if len(self.normal_rows) and self.skin.has_moved(data):
             self._renew_normals(lines, points)
         comments = [f"# meshflow:{name} {' '.join(str(word).split())}" for name, word in tags.items()]
         return "\n".join([*comments, *lines]).encode("latin-1", "replace")
@@ -120,11 +120,12 @@ class Obj(MeshSource):
 
 
 def read(path: Path, options: ReadOptions) -> Document:
-    """Read an OBJ file: all of it is one noun; its objects (``o``), or where there is one its groups (``g``), are sections, those
-    that share vertices together.
+    """Read an OBJ file as one mesh.
+
+    Its objects (``o``), or where there is one object its groups (``g``), are sections; those that share vertices are one section.
 
     :raises FormatError: for lines that are not OBJ, or without faces.
-    :raises InputError: for channels that it does not have, or whatever the noun refuses.
+    :raises InputError: for channels that it does not have, or whatever the data object refuses.
     """
     lines = path.read_bytes().decode("latin-1").split("\n")
     rows, normal_rows, polygons, normals, labels = _parsed(path, lines)
@@ -154,7 +155,7 @@ def read(path: Path, options: ReadOptions) -> Document:
             f"{len(polygons)} polygons are smoothed as {len(faces)} triangles; an OBJ written again keeps the polygons",
         )
     at = np.array(normal_rows, dtype=np.int64)
-    return Document(skin.noun, path, Obj(path, tuple(lines), np.array(rows), at, corners, skin, sections), notes)
+    return Document(skin.data, path, Obj(path, tuple(lines), np.array(rows), at, corners, skin, sections), notes)
 
 
 def _linked(names: list[str], polygons: list[list[int]], home: Array) -> tuple[Section, ...]:
@@ -164,7 +165,7 @@ def _linked(names: list[str], polygons: list[list[int]], home: Array) -> tuple[S
     """
     labels = {name: k for k, name in enumerate(dict.fromkeys(names))}
     own = np.repeat([labels[name] for name in names], [len(polygon) for polygon in polygons])
-    # A vertex that is not there is refused by the gate of the noun, which comes later.
+    # A vertex that is not there is refused by the gate of the data object, which comes later.
     vertices = home.take(np.concatenate([np.asarray(polygon) for polygon in polygons]), mode="clip")
     shape = (len(labels), int(home.max(initial=0)) + 1)
     used = sparse.csr_matrix((np.ones(len(own), np.int32), (own, vertices)), shape=shape)

@@ -43,18 +43,18 @@ class Off(MeshSource):
         """An array of one number per vertex; an OFF file has no attributes to name one by."""
         return self.skin.samples(given, word, lambda name: (None, ()))
 
-    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the same file around another noun; tags become comments at its end."""
-        path.write_bytes(self._encoded(noun, tags))
+    def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the same file around another data object; tags become comments at its end."""
+        path.write_bytes(self._encoded(data, tags))
         return ()
 
-    def scene(self, noun: Mesh) -> trimesh.Scene:
+    def scene(self, data: Mesh) -> trimesh.Scene:
         """The mesh as a scene of one part."""
-        return trimesh.load_scene(io.BytesIO(self._encoded(noun, {})), file_type="off", process=False)
+        return trimesh.load_scene(io.BytesIO(self._encoded(data, {})), file_type="off", process=False)
 
-    def _encoded(self, noun: Mesh, tags: Mapping[str, str]) -> bytes:
+    def _encoded(self, data: Mesh, tags: Mapping[str, str]) -> bytes:
         lines = list(self.lines)
-        points = self.skin.points_of(noun)
+        points = self.skin.points_of(data)
         for i in np.flatnonzero((points != self.skin.points).any(axis=1)):
             lines[self.rows[i]] = rewritten(lines[self.rows[i]], 0, points[i])
         comments = [f"# meshflow:{name} {' '.join(str(word).split())}\n" for name, word in tags.items()]
@@ -67,29 +67,29 @@ def read(path: Path, options: ReadOptions) -> Document:
     """Read an OFF file.
 
     :raises FormatError: when it is cut off or no OFF.
-    :raises InputError: for channels, which OFF has not, or whatever the noun refuses.
+    :raises InputError: for channels, which OFF has not, or whatever the data object refuses.
     """
     if options.channels is not None:
         raise InputError(f"channels={options.channels!r}: an OFF file has no vertex attributes that are read")
     content = path.read_bytes()
     lines = content.decode("latin-1").split("\n")
-    told = [number for number, line in enumerate(lines) if line.split("#")[0].strip()]
-    header = lines[told[0]].split("#")[0].split() if told else []
+    filled = [number for number, line in enumerate(lines) if line.split("#")[0].strip()]
+    header = lines[filled[0]].split("#")[0].split() if filled else []
     if not header or not re.fullmatch("(ST)?C?N?OFF", header[0]):
         raise FormatError(f"{path.name}: the word OFF expected in the first line, got {' '.join(header)[:40]!r}")
     # the counts stand behind the word OFF, or on a line of their own
-    counts, first = (header[1:], 1) if len(header) > 1 else (lines[told[1]].split() if len(told) > 1 else [], 2)
+    counts, first = (header[1:], 1) if len(header) > 1 else (lines[filled[1]].split() if len(filled) > 1 else [], 2)
     if len(counts) < 2 or not all(count.isdecimal() for count in counts[:2]):
         raise FormatError(
             f"{path.name}: numbers of vertices and faces expected, got {' '.join(counts)[:40]!r}; "
             "binary OFF is not read"
         )
     vertices, faces = int(counts[0]), int(counts[1])
-    if len(told) - first < vertices + faces:
+    if len(filled) - first < vertices + faces:
         raise FormatError(
-            f"{path.name}: cut off, {vertices} vertices and {faces} faces expected in {len(told) - first} lines"
+            f"{path.name}: cut off, {vertices} vertices and {faces} faces expected in {len(filled) - first} lines"
         )
-    for row in told[first + vertices : first + vertices + faces]:
+    for row in filled[first + vertices : first + vertices + faces]:
         words = lines[row].split("#")[0].split()
         must_be_small(path.name, int(words[0]))
         if len(words) <= int(words[0]):
@@ -107,5 +107,5 @@ def read(path: Path, options: ReadOptions) -> Document:
         notes += (
             f"{faces} polygons are smoothed as {len(triangles)} triangles; an OFF written again keeps the polygons",
         )
-    rows = np.array(told[first : first + vertices])
-    return Document(skin.noun, path, Off(tuple(lines), rows, skin), notes)
+    rows = np.array(filled[first : first + vertices])
+    return Document(skin.data, path, Off(tuple(lines), rows, skin), notes)

@@ -74,7 +74,7 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 def can_write(document: Document, suffix: str) -> bool:
     """Whether it is an image, of no raster that has a place on the ground: that is for :mod:`.rasters`."""
-    return isinstance(document.noun, Image) and suffix in _ROOM and not isinstance(document.source, Raster)
+    return isinstance(document.data, Image) and suffix in _ROOM and not isinstance(document.source, Raster)
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:

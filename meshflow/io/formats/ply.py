@@ -72,17 +72,17 @@ class Ply(MeshSource):
         there = [word for word in self.elements["vertex"]["properties"] if word not in KNOWN]
         return (values_of(self.elements, "vertex", name) if name in there else None), there
 
-    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the same file around another noun."""
-        path.write_bytes(self._encoded(noun, tags))
+    def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+        """Write the same file around another data object."""
+        path.write_bytes(self._encoded(data, tags))
         return ()
 
-    def scene(self, noun: Mesh) -> trimesh.Scene:
+    def scene(self, data: Mesh) -> trimesh.Scene:
         """The mesh with its texture as a scene of one part; custom scalars are vertex attributes."""
         # texture coordinates of the faces split vertices along seams; those of the vertices must not make it renumber them
         seams = "texcoord" in self.elements["face"]["properties"]
         scene: Any = trimesh.load_scene(
-            io.BytesIO(self._encoded(noun, {})),
+            io.BytesIO(self._encoded(data, {})),
             file_type="ply",
             process=False,
             fix_texture=seams,
@@ -104,17 +104,17 @@ class Ply(MeshSource):
                     mesh.face_attributes[name] = values_of(elements, "face", name)
         return scene
 
-    def _encoded(self, noun: Mesh, tags: Mapping[str, str]) -> bytes:
+    def _encoded(self, data: Mesh, tags: Mapping[str, str]) -> bytes:
         """The file, with other columns of its vertices where they changed."""
         columns: dict[str, Array] = {}
-        points = self.skin.points_of(noun)
-        if self.skin.has_moved(noun):
+        points = self.skin.points_of(data)
+        if self.skin.has_moved(data):
             columns.update(zip("xyz", points.T, strict=True))
             if has(self.elements, "nx", "ny", "nz"):
                 old = stacked(self.elements, ("nx", "ny", "nz"))
                 new = normals_after(points, self.skin.faces, self.skin.points, old)
                 columns.update(zip(("nx", "ny", "nz"), new.T, strict=True))
-        channels = self.skin.channels_of(noun)
+        channels = self.skin.channels_of(data)
         if channels is not None:
             for name, values in zip(self.names, channels.T, strict=True):
                 columns[name] = fitted(values, values_of(self.elements, "vertex", name).dtype)
@@ -154,7 +154,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     """Read a PLY file.
 
     :raises FormatError: when it holds no faces, is cut off, or mixes polygons in binary.
-    :raises InputError: for channels that it does not have, or whatever the noun refuses.
+    :raises InputError: for channels that it does not have, or whatever the data object refuses.
     """
     content = path.read_bytes()
     mesh: Any = _loaded(path, content)
@@ -182,7 +182,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     skin = Skin.of(points, np.asarray(mesh.faces), split=split, channels=values, moves=options.moves)
     notes = (*skin.note, *_polygons(elements, len(mesh.faces)))
     end = content.index(b"\n", content.index(b"end_header")) + 1
-    return Document(skin.noun, path, Ply(path, content[:end], content[end:], elements, skin, names), notes)
+    return Document(skin.data, path, Ply(path, content[:end], content[end:], elements, skin, names), notes)
 
 
 def elements_of(path: Path) -> Elements:

@@ -74,13 +74,13 @@ def read(path: Path, options: ReadOptions) -> Document:
                 f"{path.name}: viewpoint {tuple(map(float, eye))} is a point of the scan; it is where the scanner stood"
             )
         camera = Scanner(np.where(np.isnan(points), np.nan, points - eye), eye)
-    noun = RangeImage(values, camera, index < 0, jump=options.jump, time_unit=options.time_unit or "footprint")
-    return Document(noun, path, Scan(file, index, noun.depth), (how,))
+    data = RangeImage(values, camera, index < 0, jump=options.jump, time_unit=options.time_unit or "footprint")
+    return Document(data, path, Scan(file, index, data.depth), (how,))
 
 
 def can_write(document: Document, suffix: str) -> bool:
     """Whether it is a range image and goes into a PLY."""
-    return isinstance(document.noun, RangeImage) and suffix == ".ply"
+    return isinstance(document.data, RangeImage) and suffix == ".ply"
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
@@ -91,15 +91,15 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     :raises InputError: for anything but a range image.
     """
     tags = {name.removeprefix("meshflow:"): word for name, word in options.tags.items()}
-    noun = depths_of(document)
-    there, cloud = ~np.asarray(noun.missing), noun.cloud
+    data = depths_of(document)
+    there, cloud = ~np.asarray(data.missing), data.cloud
     with beside(path) as temporary:
         scan = document.source
         if not isinstance(scan, Scan):
             temporary.write_bytes(_fresh(cloud, there, tags))
             return ()
         points = scan.file.points
-        moved = there & (noun.depth != scan.start)  # the others keep their bits
+        moved = there & (data.depth != scan.start)  # the others keep their bits
         points[scan.index[moved]] = cloud[moved]
         temporary.write_bytes(scan.file.holding(points, tags))
         normals = {"nx", "ny", "nz"} & set(scan.file.vertices.dtype.names or ())

@@ -230,34 +230,34 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
             raise OSError(_reason(cause)) from cause
 
 
-def framed(noun: HeightField | Image | RangeImage, dtype: str) -> Frame:
+def framed(data: HeightField | Image | RangeImage, dtype: str) -> Frame:
     """A frame for samples that came from no raster: their missing samples, and a transform if their spacing is not 1."""
-    values, missing = layers(noun), np.asarray(noun.missing)
-    spacing = (1.0, 1.0) if isinstance(noun, RangeImage) else noun.spacing
+    values, missing = layers(data), np.asarray(data.missing)
+    spacing = (1.0, 1.0) if isinstance(data, RangeImage) else data.spacing
     dx, dy = spacing
     plain = np.ndim(dx) > 0 or (dx, dy) == (1.0, 1.0)
     transform = Affine.identity() if plain else Affine(dx, 0, 0, 0, -dy, dy * values.shape[1])
     return Frame(dtype, np.broadcast_to(missing, values.shape) | ~np.isfinite(values), transform=transform)
 
 
-def layers(noun: HeightField | Image | RangeImage) -> Array:
+def layers(data: HeightField | Image | RangeImage) -> Array:
     """The samples of data on a grid as bands (k, h, w)."""
-    match noun:
+    match data:
         case HeightField():
-            return noun.z[None]
+            return data.z[None]
         case RangeImage():
-            return noun.depth[None]
+            return data.depth[None]
         case Image():
-            return noun.values[None] if noun.values.ndim == 2 else np.moveaxis(noun.values, 2, 0)
+            return data.values[None] if data.values.ndim == 2 else np.moveaxis(data.values, 2, 0)
 
 
-def merged(source: Source, noun: HeightField | Image | RangeImage) -> tuple[Array, Frame]:
+def merged(source: Source, data: HeightField | Image | RangeImage) -> tuple[Array, Frame]:
     """The samples (k, h, w) of data on a grid and the frame that they came in, or a plain one.
 
     :raises InputError: when samples and frame differ in shape.
     """
-    values = layers(noun)
-    frame = source.frame if isinstance(source, Framed) else framed(noun, source.stored_as)
+    values = layers(data)
+    frame = source.frame if isinstance(source, Framed) else framed(data, source.stored_as)
     if frame.gone.shape != values.shape:
         raise InputError(
             f"samples of shape {frame.gone.shape}, as they were read, expected for the frame of the file, got {values.shape}; "
@@ -392,9 +392,9 @@ def _unreadable(path: Path, cause: BaseException) -> FormatError:
     labels = [
         label for label in (path.with_suffix(".LBL"), path.with_suffix(".lbl")) if label.exists() and label != path
     ]
-    way = (
+    advice = (
         f"its label says how to read it: open {labels[0].name}"
         if labels
         else "is it whole, and a raster that GDAL opens (GeoTIFF, .asc, .hgt, .dem, PDS label, VRT, PNG, ...)?"
     )
-    return FormatError(f"{path.name} cannot be read ({_reason(cause)}); {way}")
+    return FormatError(f"{path.name} cannot be read ({_reason(cause)}); {advice}")

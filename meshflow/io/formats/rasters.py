@@ -64,7 +64,7 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 def can_write(document: Document, suffix: str) -> bool:
     """Whether it is a terrain or an image, and goes into a GeoTIFF or an ASCII grid."""
-    return isinstance(document.noun, (HeightField, Image)) and suffix in (".tif", ".tiff", ".asc")
+    return isinstance(document.data, (HeightField, Image)) and suffix in (".tif", ".tiff", ".asc")
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:

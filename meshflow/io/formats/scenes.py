@@ -1,4 +1,4 @@
-"""STL, GLB, glTF and 3MF: scenes of named parts, read and written by trimesh; one noun with sections."""
+"""STL, GLB, glTF and 3MF: scenes of named parts, read and written by trimesh; one data object with sections."""
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
@@ -14,12 +14,12 @@ from trimesh.resolvers import FilePathResolver
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stored_normals, with_changes
-from meshflow.io.document import Adopted, Document, MeshSource, Section
+from meshflow.io.document import Document, Imported, MeshSource, Section
 from meshflow.io.formats.gltf import lost, named
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.own_folder import must_stay_inside
 from meshflow.io.vertex_merging import Skin, joined, said_of
-from meshflow.surfaces.data import Noun
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Parts", "read", "taken_apart"]
@@ -88,16 +88,16 @@ class Parts(MeshSource):
         there = [word for word in found[0][1] if all(word in names for _, names in found)]
         return (np.concatenate(columns) if len(columns) == len(found) else None), there
 
-    def scene(self, noun: Mesh) -> trimesh.Scene:
+    def scene(self, data: Mesh) -> trimesh.Scene:
         """The scene with names, transforms and materials as they were, its parts moved."""
         scene: trimesh.Scene = self.scene_read.copy()
-        self.put(scene, noun)
+        self.put(scene, data)
         return scene
 
-    def put(self, scene: trimesh.Scene, noun: Mesh) -> None:
+    def put(self, scene: trimesh.Scene, data: Mesh) -> None:
         """Its parts into a copy of the scene, moved."""
-        points = self.skin.points_of(noun)
-        values, start = self.skin.channels_of(noun), 0
+        points = self.skin.points_of(data)
+        values, start = self.skin.channels_of(data), 0
         for part in self.parts:
             rows = slice(start, start + len(part.mesh.vertices))
             start = rows.stop
@@ -106,9 +106,9 @@ class Parts(MeshSource):
             part_values = None if values is None else values[rows]
             scene.geometry[part.name] = with_changes(part.mesh, moved, part.normals, self.channels, part_values)
 
-    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+    def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the scene in the format that it came in."""
-        scene = self.scene(noun)
+        scene = self.scene(data)
         if self.ascii:
             path.write_text("".join(export_stl_ascii(scene.geometry[part.name]) for part in self.parts))
             return ()
@@ -118,10 +118,10 @@ class Parts(MeshSource):
 
 
 def read(path: Path, options: ReadOptions) -> Document:
-    """Read a scene: every mesh in it, in one noun.
+    """Read a scene: every mesh in it, in one data object.
 
     :raises FormatError: when it holds no triangles, is compressed in a way that is not read, or is cut off.
-    :raises InputError: for channels that a part does not have, or whatever the noun refuses.
+    :raises InputError: for channels that a part does not have, or whatever the data object refuses.
     """
     suffix = path.suffix.lower()
     notes = list(lost(path)) if suffix in (".glb", ".gltf") else []
@@ -145,21 +145,21 @@ def read(path: Path, options: ReadOptions) -> Document:
         if any(np.any(part.mesh.face_attributes.get("stl", 0)) for part in parts):
             notes.append("the two bytes of every STL triangle, where some programs keep colours, are not written again")
     source = Parts(scene, parts, skin, options.attribute, suffix, is_ascii)
-    return Document(skin.noun, path, source, (*skin.note, *notes, *said_of(source.sections)))
+    return Document(skin.data, path, source, (*skin.note, *notes, *said_of(source.sections)))
 
 
 def taken_apart(
     scene: trimesh.Scene, options: ReadOptions
-) -> tuple[tuple[tuple[str, Adopted], ...], Callable[[Sequence[Noun]], trimesh.Scene]]:
+) -> tuple[tuple[tuple[str, Imported], ...], Callable[[Sequence[Data]], trimesh.Scene]]:
     """The parts of a ``trimesh.Scene``, and the way back to a scene from their data; names, transforms and all else stay.
 
     :param options: ``channels``, the name of a vertex attribute of every part, or ``"colors"``; ``moves``.
     :raises InputError: for a scene without triangles, arrays where names are expected, or options that do not belong.
     """
     options.must_be_mesh("a trimesh scene")
-    for word, given in (("channels", options.channels), ("fixed", options.fixed)):
-        if given is not None and not isinstance(given, str):
-            raise InputError(f"{word}: of several parts the name of an attribute expected, got {type(given).__name__}")
+    if options.channels is not None and not isinstance(options.channels, str):
+        kind = type(options.channels).__name__
+        raise InputError(f"channels: of several parts the name of an attribute expected, got {kind}")
     copy: trimesh.Scene = scene.copy()
     made: list[Parts] = []
     parts = _parts_of("trimesh.Scene", copy, "")
@@ -172,20 +172,20 @@ def taken_apart(
         skin = Skin.of(points, faces, split=split, channels=values, moves=options.moves)
         made.append(Parts(copy, tuple(mine), skin, options.attribute))
 
-    def to_object(nouns: Sequence[Noun]) -> trimesh.Scene:
+    def to_object(surfaces: Sequence[Data]) -> trimesh.Scene:
         """The scene around the smoothed parts."""
         new: trimesh.Scene = copy.copy()
-        for one, noun in zip(made, nouns, strict=True):
-            if not isinstance(noun, Mesh):
-                raise InputError(f"a scene is made of meshes, got a {type(noun).__name__}")
-            one.put(new, noun)
+        for one, data in zip(made, surfaces, strict=True):
+            if not isinstance(data, Mesh):
+                raise InputError(f"a scene is made of meshes, got a {type(data).__name__}")
+            one.put(new, data)
         return new
 
-    adopted = (
-        (", ".join(p.name for p in one.parts), Adopted(one.skin.noun, one.scene, one.skin.note, one.samples))
+    imported = (
+        (", ".join(p.name for p in one.parts), Imported(one.skin.data, one.scene, one.skin.note, one.samples))
         for one in made
     )
-    return tuple(adopted), to_object
+    return tuple(imported), to_object
 
 
 def _parts_of(title: str, scene: trimesh.Scene, suffix: str) -> tuple[Part, ...]:

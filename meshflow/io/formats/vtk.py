@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError
 from meshflow.io.adapters.pyvista import from_object
-from meshflow.io.document import Adopted, Document, MeshSource
+from meshflow.io.document import Document, Imported, MeshSource
 from meshflow.io.formats.vtk_process import Other, read_apart
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.mesh import Mesh
@@ -26,7 +26,7 @@ __all__ = ["VtkFile", "read", "save_polydata", "scene_mesh"]
 class VtkFile(MeshSource):
     """A polygonal mesh of VTK that was read."""
 
-    adopted: Adopted
+    imported: Imported
 
     def writes(self, suffix: str) -> bool:
         """Whether it is ``.vtp``, ``.vtu`` or ``.vtk``."""
@@ -34,18 +34,18 @@ class VtkFile(MeshSource):
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
         """An array of one number per vertex, as it is or by the name of a point array."""
-        return self.adopted.samples(given, word)
+        return self.imported.samples(given, word)
 
-    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+    def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the mesh with all its arrays; tags become field data."""
-        save_polydata(self.adopted.to_object(noun), path, tags)
+        save_polydata(self.imported.to_object(data), path, tags)
         return ()
 
-    def scene(self, noun: Mesh) -> "trimesh.Scene":
+    def scene(self, data: Mesh) -> "trimesh.Scene":
         """The mesh as a scene of one part."""
         import trimesh
 
-        return trimesh.Scene(scene_mesh(self.adopted.to_object(noun)))
+        return trimesh.Scene(scene_mesh(self.imported.to_object(data)))
 
 
 def scene_mesh(poly: "pyvista.PolyData") -> "trimesh.Trimesh":
@@ -81,7 +81,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     """Read a VTP, a VTU whose cells lie on a surface, or a legacy VTK file.
 
     :raises FormatError: for a broken file, and for another data set than PolyData.
-    :raises InputError: for channels that it does not have, or whatever the noun refuses.
+    :raises InputError: for channels that it does not have, or whatever the data object refuses.
     """
     found = read_apart(path, "is it whole, and does its extension tell the truth?")
     if isinstance(found, Other):
@@ -90,5 +90,5 @@ def read(path: Path, options: ReadOptions) -> Document:
             f"{path.name}: polygons (PolyData) expected, got {found.kind}{why}; open it with pyvista.read and "
             "hand the object over, or take its surface: .extract_surface().triangulate().save('surface.vtp')"
         )
-    adopted = from_object(found, options.without("kind", "allow_remote"))
-    return Document(adopted.noun, path, VtkFile(adopted), adopted.notes)
+    imported = from_object(found, options.without("kind", "allow_remote"))
+    return Document(imported.data, path, VtkFile(imported), imported.notes)

@@ -53,8 +53,8 @@ class VtkBlocks(MeshSource):
 
     @property
     def _rows(self) -> list[Array]:
-        """The vertices of each block in the noun."""
-        sizes = np.cumsum([0, *(len(noun.points) for noun in self.meshes)])
+        """The vertices of each block in the data object."""
+        sizes = np.cumsum([0, *(len(data.points) for data in self.meshes)])
         return [np.arange(start, stop) for start, stop in zip(sizes[:-1], sizes[1:], strict=True)]
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
@@ -63,39 +63,39 @@ class VtkBlocks(MeshSource):
             return given
         return np.concatenate([np.asarray(part.samples(given, word)) for _, part in self.blocks.parts])
 
-    def _back(self, noun: Mesh) -> "pyvista.MultiBlock":
-        """The blocks with the points and channels of a noun."""
+    def _back(self, data: Mesh) -> "pyvista.MultiBlock":
+        """The blocks with the points and channels of a data object."""
         made: list[Mesh] = []
         for rows, one in zip(self._rows, self.meshes, strict=True):
-            points = noun.points[rows].astype(one.points.dtype)
-            channels = one.channels if one.channels is None or noun.channels is None else noun.channels[rows]
+            points = data.points[rows].astype(one.points.dtype)
+            channels = one.channels if one.channels is None or data.channels is None else data.channels[rows]
             made.append(replace(one, points=points, channels=channels))
         return self.blocks.to_object(made)
 
-    def save(self, noun: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
+    def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the index, and the blocks into a folder beside it; whatever else is in a folder of that name stays."""
-        blocks, folder = self._back(noun), target.with_suffix("")
+        blocks, folder = self._back(data), target.with_suffix("")
         if folder.exists() and not folder.is_dir():
             raise FormatError(f"{folder} is there, and where the blocks of {target.name} would go; name another file")
         for name, word in tags.items():
             blocks.add_field_data([str(word)], f"meshflow:{name}")
-        data = path.with_suffix("")
+        written = path.with_suffix("")
         try:
             blocks.save(str(path))
-            path.write_text(path.read_text().replace(data.name, escape(folder.name, {'"': "&quot;"})))
+            path.write_text(path.read_text().replace(written.name, escape(folder.name, {'"': "&quot;"})))
             folder.mkdir(exist_ok=True)
-            for file in data.iterdir():
-                file.replace(folder / file.name.replace(data.name, folder.name))
+            for file in written.iterdir():
+                file.replace(folder / file.name.replace(written.name, folder.name))
         finally:
-            shutil.rmtree(data, ignore_errors=True)
+            shutil.rmtree(written, ignore_errors=True)
         return (f"written beside {target.name}: the folder {folder.name}",)
 
-    def scene(self, noun: Mesh) -> "trimesh.Scene":
+    def scene(self, data: Mesh) -> "trimesh.Scene":
         """The surfaces as a scene of as many parts."""
         import trimesh
 
         scene = trimesh.Scene()
-        for (name, _), poly in zip(self.blocks.parts, _leaves(self._back(noun)), strict=True):
+        for (name, _), poly in zip(self.blocks.parts, _leaves(self._back(data)), strict=True):
             scene.add_geometry(scene_mesh(poly), geom_name=name, node_name=name)
         return scene
 
@@ -114,7 +114,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     """Read a VTM file with the files that it names.
 
     :raises FormatError: for a broken file, one that names files that are not there, or blocks that are no surfaces.
-    :raises InputError: for channels that a block does not have, or whatever a noun refuses.
+    :raises InputError: for channels that a block does not have, or whatever a data object refuses.
     """
     if not options.allow_remote:
         must_stay_inside(path, _named(path), "a VTM", "move its blocks there, or --allow-remote (allow_remote=True)")
@@ -126,9 +126,9 @@ def read(path: Path, options: ReadOptions) -> Document:
         raise FormatError(f"{path.name}: blocks expected, got {kind}")
     found = from_blocks(blocks, options.without("kind", "allow_remote"))
     parts = found.parts
-    meshes = tuple(part.noun for _, part in parts if isinstance(part.noun, Mesh))
+    meshes = tuple(part.data for _, part in parts if isinstance(part.data, Mesh))
     if len(meshes) < len(parts):
-        flat = [name for name, part in parts if not isinstance(part.noun, Mesh)]
+        flat = [name for name, part in parts if not isinstance(part.data, Mesh)]
         raise InputError(f"block {flat[0]}: a surface of polygons expected, got a grid; smooth it in Python")
     notes = [f"{name}: {note}" for name, part in parts for note in part.notes]
     source = VtkBlocks(path, found, meshes)

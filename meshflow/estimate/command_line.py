@@ -5,10 +5,10 @@ from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Search
 from meshflow.geometry.options import options_of
 
-__all__ = ["words_of"]
+__all__ = ["flags_of"]
 
 
-def words_of(request: Request) -> list[str]:
+def flags_of(request: Request) -> list[str]:
     """The words of the command line that ask for what a request asks, but for its arrays and callables."""
     words: list[str] = []
     method = request.method

@@ -4,7 +4,7 @@ import numpy as np
 
 from meshflow.estimate.parameters import Parameter, contrast_unit, squared_unit, value_unit
 from meshflow.estimate.plan import Decided, Plan
-from meshflow.estimate.risk import Trial
+from meshflow.estimate.risk import Candidate
 from meshflow.flow.controls import AreaChange, Embedded, FixedStep
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, When
@@ -48,9 +48,9 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
     """The method and its options, and what of the surface it was told."""
     method, found = plan.method, {"method": _decided(plan, "method", plan.method.word)}
     if isinstance(method, HeightMethod):
-        member = plan.member
+        variant = plan.variant
         for name, unit in (("gamma", ""), ("sharpness", ""), ("patch", "samples")):
-            found[name] = _decided(plan, name, float(getattr(member, name)), unit)
+            found[name] = _decided(plan, name, float(getattr(variant, name)), unit)
     units = {"contrast": contrast_unit(plan.data), "regularize": squared_unit(plan.data)}
     for option in options_of(type(method)):
         value = getattr(method, option.name)
@@ -81,18 +81,18 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
 
 def _of_search(plan: Plan) -> dict[str, Parameter]:
     """The expected error of what was chosen."""
-    if not plan.trials:
+    if not plan.candidates:
         return {}
     along = "along the normals" if plan.points is not None else ""
-    return {"risk": expected_error(plan.trials[0], value_unit(plan.data), along)}
+    return {"risk": expected_error(plan.candidates[0], value_unit(plan.data), along)}
 
 
-def expected_error(trial: Trial, unit: str, along: str = "") -> Parameter:
-    """What a trial is expected to leave; a mean square below zero is told as what it is, no error of zero."""
+def expected_error(candidate: Candidate, unit: str, along: str = "") -> Parameter:
+    """What a candidate is expected to leave; a mean square below zero is told as what it is, no error of zero."""
     words = f"root mean square error {along or 'to be expected'}"
-    if trial.least[1] <= 0:
+    if candidate.least[1] <= 0:
         words = f"below what can be measured; {words}"
-    return Parameter(trial.risk, unit, "estimated", words)
+    return Parameter(candidate.risk, unit, "estimated", words)
 
 
 def _of_constraints(plan: Plan) -> dict[str, Parameter]:
