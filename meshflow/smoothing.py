@@ -169,7 +169,7 @@ def smooth_object(
 
 
 def _smoothed(imported: Imported, request: Request, progress: Progress, record: bool | None) -> Result:
-    """An adopted object, with arrays as it has its samples."""
+    """An imported object, with arrays as it has its samples."""
     request = replace(request, constraints=request.constraints.sampled(imported.samples))
     if request.domain == "disparity" and isinstance(imported.data, RangeImage):
         return _in_disparity(imported.data, request, progress, record)

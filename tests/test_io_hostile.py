@@ -74,7 +74,7 @@ def test_a_vrt_reads_its_own_folder_and_no_other(tmp_path):
         (home / "a.vrt").write_text(VRT.format(relative=1, name=name))
         refused(lambda: read(home / "a.vrt"), "a VRT reads files of its own folder alone, this one names")
     (home / "a.vrt").write_text(VRT.format(relative=1, name="../outside.tif"))
-    assert np.array_equal(read(home / "a.vrt", allow_remote=True).noun.z, z)
+    assert np.array_equal(read(home / "a.vrt", allow_remote=True).data.z, z)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_a_gltf_reads_its_own_folder_and_no_other(tmp_path, uri):
     for name, content in trimesh.exchange.gltf.export_gltf(trimesh.Scene(trimesh.creation.icosphere(1))).items():
         (tmp_path / "home" / name).write_bytes(content)
     path = tmp_path / "home" / "model.gltf"
-    assert len(read(path).noun.faces) == 80
+    assert len(read(path).data.faces) == 80
     told = json.loads(path.read_text())
     told["buffers"][0]["uri"] = uri
     path.write_text(json.dumps(told))
@@ -121,7 +121,7 @@ def test_heights_in_a_zip_are_read_and_no_broken_zip_ends_the_process(tmp_path):
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("N46E008.hgt", heights.astype(">i2").tobytes())
     document = read(path)
-    assert np.array_equal(document.noun.z, heights)
+    assert np.array_equal(document.data.z, heights)
     assert document.source.frame.transform.f == pytest.approx(47, abs=1e-3)
     whole, rng = path.read_bytes(), np.random.default_rng(5)
     for trial in range(40):
@@ -200,7 +200,7 @@ def test_a_raster_of_more_bands_than_any_instrument_has_is_refused_and_one_of_th
     ):
         pass
     refused(lambda: read(tmp_path / "a.tif"), "2000 bands, and 1024 smoothed as one image is the limit; choose one")
-    assert read(tmp_path / "a.tif", band=1999).noun.z.shape == (2, 2)
+    assert read(tmp_path / "a.tif", band=1999).data.z.shape == (2, 2)
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".off", ".ply"])
@@ -218,7 +218,7 @@ def test_a_polygon_of_very_many_corners_is_refused_with_the_limit(tmp_path, suff
         }[suffix]  # fmt: skip
         (tmp_path / f"a{suffix}").write_text(text)
         if fits:
-            assert len(read(tmp_path / f"a{suffix}").noun.faces) == corners - 2
+            assert len(read(tmp_path / f"a{suffix}").data.faces) == corners - 2
         else:
             refused(lambda: read(tmp_path / f"a{suffix}"), "a polygon of 20000 corners, and 4096 is the limit")
 

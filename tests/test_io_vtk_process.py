@@ -78,9 +78,9 @@ def test_cells_of_a_grid_keep_their_arrays_whatever_their_kinds(tmp_path):
     grid.cell_data["number"] = np.arange(4)
     grid.save(tmp_path / "a.vtu")
     document = read(tmp_path / "a.vtu")
-    assert np.array_equal(document.noun.points, points)
-    assert {frozenset(face) for face in document.noun.faces.tolist()} >= {frozenset((4, 1, 5))}
-    assert sum(0.5 * np.linalg.norm(np.cross(*(points[f[1:]] - points[f[0]]))) for f in document.noun.faces) > 1.5
+    assert np.array_equal(document.data.points, points)
+    assert {frozenset(face) for face in document.data.faces.tolist()} >= {frozenset((4, 1, 5))}
+    assert sum(0.5 * np.linalg.norm(np.cross(*(points[f[1:]] - points[f[0]]))) for f in document.data.faces) > 1.5
     write(document, tmp_path / "b.vtp")
     back = pyvista.read(tmp_path / "b.vtp")
     assert sorted(back.cell_data["number"].tolist()) == [0, 1, 2, 2, 3]
@@ -123,7 +123,7 @@ def test_counts_that_lie_are_one_line(tmp_path, text):
         read(tmp_path / "a.vtk")
     assert "\n" not in str(caught.value)
     assert made(tmp_path, ".vtp").exists()
-    assert len(read(tmp_path / "a.vtp").noun.points) == 42  # after one process has ended, the next one reads
+    assert len(read(tmp_path / "a.vtp").data.points) == 42  # after one process has ended, the next one reads
 
 
 @pytest.mark.parametrize("name", ["../outside.vtp", "/etc/passwd", "in/../../outside.vtp", "http://127.0.0.1:9/a.vtp"])
@@ -132,7 +132,7 @@ def test_blocks_are_read_of_the_own_folder_alone(tmp_path, name):
     home.mkdir()
     ball().save(tmp_path / "outside.vtp")
     path = made(home, ".vtm")
-    assert len(read(path).noun.points) > 42
+    assert len(read(path).data.points) > 42
     path.write_text(re.sub(r'file="[^"]*_0\.vtp"', f'file="{name}"', path.read_text()))
     with pytest.raises(FormatError, match=r"a VTM reads files of its own folder alone, this one names"):
         read(path)
@@ -140,15 +140,15 @@ def test_blocks_are_read_of_the_own_folder_alone(tmp_path, name):
 
 def test_many_threads_and_a_forked_process_read_at_once(tmp_path):
     path = made(tmp_path, ".vtp")
-    expected = read(path).noun.points
+    expected = read(path).data.points
     with ThreadPoolExecutor(8) as pool:
-        for found in pool.map(lambda _: read(path).noun.points, range(16)):
+        for found in pool.map(lambda _: read(path).data.points, range(16)):
             assert np.array_equal(found, expected)
     code = (
         "import os, sys, meshflow\n"
         f"meshflow.read({str(path)!r})\n"
         "child = os.fork()\n"
-        f"found = meshflow.read({str(path)!r}).noun.points\n"
+        f"found = meshflow.read({str(path)!r}).data.points\n"
         "assert len(found) == 42\n"
         "os._exit(0) if not child else sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))\n"
     )
@@ -164,4 +164,4 @@ def test_a_name_that_is_not_utf_8_is_read(tmp_path):
         path.rename(strange)
     except OSError:
         pytest.skip("this file system has no such names")
-    assert meshflow.read(strange).noun.points.shape == (42, 3)
+    assert meshflow.read(strange).data.points.shape == (42, 3)

@@ -174,7 +174,7 @@ def test_the_chosen_variant_is_the_strong_line_of_the_search(smoothed):
     lines = {line.get_label(): line for line in axes.lines}
     np.testing.assert_array_equal(lines["chosen"].get_ydata(), smoothed.candidates[0].risks)
     np.testing.assert_array_equal(lines["chosen"].get_xdata(), smoothed.candidates[0].times)
-    assert len(axes.lines) == len(smoothed.candidates) + 1, "one line for each member, one for the time"
+    assert len(axes.lines) == len(smoothed.candidates) + 1, "one line for each candidate, one for the time"
 
 
 def test_the_histogram_is_a_density_beside_that_of_the_noise():
