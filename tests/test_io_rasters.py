@@ -355,7 +355,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path):
 def test_samples_that_are_not_there_when_read_back_are_an_error(tmp_path, monkeypatch):
     """As on a full disk of which GDAL says nothing: the tiles are there, and hold zeros."""
     document = read(make(tmp_path / "a.tif", heights()))
-    describe = bands._describe
+    describe = bands.describe
 
     def and_lose_the_samples(target, *rest):
         describe(target, *rest)
@@ -363,7 +363,7 @@ def test_samples_that_are_not_there_when_read_back_are_an_error(tmp_path, monkey
         target.close()
 
     monkeypatch.setattr(rasterio.io.DatasetWriter, "write", lambda *_: None, raising=False)
-    monkeypatch.setattr(bands, "_describe", and_lose_the_samples)
+    monkeypatch.setattr(bands, "describe", and_lose_the_samples)
     with pytest.raises(FormatError, match="read back differs"):
         write(document, tmp_path / "b.tif")
     assert not (tmp_path / "b.tif").exists()

@@ -115,6 +115,8 @@ def info(given: Given) -> None:
         raise InputError("info: a file expected, or --environment")
     document = opened(given["source"], {name: given[name] for name in READING})
     facts = {"file": str(given["source"]), **describe(document.data), **noise_facts(document.data)}
+    if "spacing" in facts and document.source.ground_unit:
+        facts["spacing"] = f"{facts['spacing']} {document.source.ground_unit}"
     table(facts, given["json"], document.notes)
 
 

@@ -51,6 +51,11 @@ class Source:
         return ()
 
     @property
+    def bands(self) -> tuple[str, ...]:
+        """The names of bands of an image that are smoothed one by one; empty where they are smoothed together."""
+        return ()
+
+    @property
     def ground_unit(self) -> str:
         """The unit of the lengths between samples; empty where the file does not say it."""
         return ""

@@ -4,7 +4,7 @@ import numpy as np
 
 from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array
-from meshflow.io.formats.raster_bands import Frame
+from meshflow.io.formats.raster_frame import Frame
 
 __all__ = ["DTYPES", "mark", "rounded"]
 

@@ -12,7 +12,20 @@ if TYPE_CHECKING:
     from affine import Affine
     from rasterio.crs import CRS
 
-__all__ = ["between_samples", "height_unit", "linear_unit", "on_ellipsoid", "units_disagree"]
+__all__ = ["between_samples", "height_unit", "linear_unit", "on_ellipsoid", "on_ground", "units_disagree"]
+
+# As GDAL names them in WKT 1.
+_CYLINDRICAL = frozenset(
+    {
+        "mercator_1sp",
+        "mercator_2sp",
+        "mercator",
+        "mercator_auxiliary_sphere",
+        "equirectangular",
+        "cylindrical_equal_area",
+    }
+)
+_TOLD = "lengths on this map, which grow with latitude,"
 
 _METRES = {
     "m": 1.0,
@@ -46,17 +59,80 @@ def between_samples(crs: "CRS | None", transform: "Affine", shape: tuple[int, in
             f"rows and columns at right angles expected, got the sheared transform {(a, b, c, d, e, f)}; "
             "resample it first: gdalwarp in.tif out.tif"
         )
-    if crs is None or not crs.is_geographic:
+    if crs is None or not (crs.is_geographic or is_cylindrical(crs)):
         return (dx, dy), ()
+    if not crs.is_geographic:
+        if b or d:
+            return (dx, dy), (
+                f"{_TOLD} of a turned grid are not corrected: resample it first (gdalwarp in.tif out.tif)",
+            )
+        return on_ground(crs, c + shape[1] / 2 * a, f + (np.arange(shape[0]) + 0.5) * e, dx, dy)
     if b or d:
         raise InputError(
             f"a grid in degrees along the meridians expected, got the turned transform {(a, b, c, d, e, f)}; "
             "resample it first: gdalwarp in.tif out.tif"
         )
-    return on_ellipsoid(crs, f + (np.arange(shape[0]) + 0.5) * e, dx, dy)
+    return on_ellipsoid(crs, f + (np.arange(shape[0]) + 0.5) * e, dx, dy, shape[1])
 
 
-def on_ellipsoid(crs: "CRS", latitudes: Array, dlon: float, dlat: float) -> tuple[Spacing, tuple[str, ...]]:
+def is_cylindrical(crs: "CRS") -> bool:
+    """Whether a map stretches lengths with latitude: Mercator (not the transverse ones), and the other plain cylinders."""
+    if not crs.is_projected:
+        return False
+    found = re.search(r'PROJECTION\["([^"]+)"', crs.to_wkt(version="WKT1_GDAL"))
+    return found is not None and found.group(1).lower() in _CYLINDRICAL
+
+
+def on_ground(crs: "CRS", x: float, y: Array, dx: float, dy: float) -> tuple[Spacing, tuple[str, ...]]:
+    """(dx, dy) on the ground of a grid on a cylindrical map, in the unit of its CRS, and a note.
+
+    The lengths of small steps along x and y at the middle of each row, on the ellipsoid: dx by row, dy that of the middle
+    row, since a spacing has one.
+
+    :param x: of the middle of the rows; y (h,), of their centres.
+    """
+    from rasterio.warp import transform
+
+    radius, flattening = _ellipsoid(crs)
+    base = _geographic(crs)
+    h = len(y)
+    steps = np.array([[-0.5 * dx, 0.5 * dx, 0, 0], [0, 0, -0.5 * dy, 0.5 * dy]])
+    lon, lat = transform(
+        crs, base, (x + np.tile(steps[0], h)).tolist(), (np.repeat(y, 4) + np.tile(steps[1], h)).tolist()
+    )[:2]
+    unit = np.pi / 180 if base.units_factor[1] == 0 else base.units_factor[1]
+    lon, lat = (np.reshape(part, (h, 4)) * unit for part in (lon, lat))
+    e2 = flattening * (2 - flattening)
+    root = 1 - e2 * np.sin(lat.mean(axis=1)) ** 2
+    across = radius / np.sqrt(root) * np.cos(lat[:, :2].mean(axis=1)) * np.abs(lon[:, 1] - lon[:, 0])
+    along = radius * (1 - e2) / root**1.5 * np.abs(lat[:, 3] - lat[:, 2])
+    across, along = across / linear_unit(crs)[1], along / linear_unit(crs)[1]
+    if not (np.isfinite(across).all() and np.isfinite(along).all() and across.min() > 0 and along.min() > 0):
+        return (dx, dy), (f"{_TOLD} were not corrected: it reaches beyond the map",)
+    low, high = across.min() / dx, across.max() / dx
+    note = f"{_TOLD} became those on the ground, {low:.4g} to {high:.4g} of them by row"
+    if along.max() > 1.1 * along.min():
+        note += f"; between rows the {along[h // 2] / dy:.4g} of the middle row counts for all: gdalwarp -t_srs to a local map"
+    return (across, float(along[h // 2])), (note,)
+
+
+def _geographic(crs: "CRS") -> "CRS":
+    """The geographic CRS that a projected one is made of."""
+    from rasterio.crs import CRS
+
+    wkt = crs.to_wkt(version="WKT1_GDAL")
+    start = wkt.index("GEOGCS[")
+    depth = 0
+    for at in range(start, len(wkt)):
+        depth += (wkt[at] == "[") - (wkt[at] == "]")
+        if depth == 0 and wkt[at] == "]":
+            return CRS.from_wkt(wkt[start : at + 1])
+    raise InputError(f"a CRS with a geographic one inside expected, got {wkt[:80]}...; give spacing=(dx, dy)")
+
+
+def on_ellipsoid(
+    crs: "CRS", latitudes: Array, dlon: float, dlat: float, columns: int = 0
+) -> tuple[Spacing, tuple[str, ...]]:
     """(dx, dy) in metres of a grid in degrees (or the angular unit of the CRS), and a note.
 
     dx_i = N(phi_i) cos(phi_i) dlon, one per row, with N = a / sqrt(1 - e^2 sin^2 phi) the radius of curvature in the prime
@@ -64,16 +140,21 @@ def on_ellipsoid(crs: "CRS", latitudes: Array, dlon: float, dlat: float) -> tupl
     (on the Earth it changes by 1 % from equator to pole). a and e are those of the ellipsoid of the CRS, the Earth's or not.
 
     :param latitudes: (h,), of the centres of the rows, in any order.
-    :raises InputError: for a row on a pole, where all meridians meet, or beyond.
+    :param columns: of the grid, so that one around the Earth is told.
+    :raises InputError: for a row beyond a pole.
     """
     radius, flattening = _ellipsoid(crs)
     phi = latitudes * crs.units_factor[1]
-    if np.abs(phi).max() > np.pi / 2 - 1e-9:
+    beyond = np.abs(phi) - np.pi / 2
+    if beyond.max() > 1e-6 * abs(dlat * crs.units_factor[1]):
         worst = latitudes[np.abs(phi).argmax()]
         raise InputError(
-            f"latitudes of pixel centres between the poles expected, got {worst:g}; crop that row "
+            f"latitudes of pixel centres from pole to pole expected, got {worst:g}; crop that row "
             "(gdal_translate -srcwin), or reproject (gdalwarp -t_srs)"
         )
+    # On a pole all samples of a row are one point: it is taken as wide as the circle a quarter of a row away.
+    at_pole = beyond > -1e-3 * abs(dlat * crs.units_factor[1])
+    phi = np.where(at_pole, np.sign(phi) * (np.pi / 2 - 0.25 * abs(dlat * crs.units_factor[1])), phi)
     e2 = flattening * (2 - flattening)
     widths = radius / np.sqrt(1 - e2 * np.sin(phi) ** 2) * np.cos(phi) * dlon * crs.units_factor[1]
     middle = 1 - e2 * np.sin(phi.mean()) ** 2
@@ -82,6 +163,10 @@ def on_ellipsoid(crs: "CRS", latitudes: Array, dlon: float, dlat: float) -> tupl
         f"degrees became metres on an ellipsoid of {radius:.0f} m: dx {widths.min():.4g} to {widths.max():.4g} m by row, "
         f"dy {dy:.4g} m"
     )
+    if at_pole.any():
+        note += "; on a pole, where the samples of a row are one point, a quarter of a row away from it"
+    if abs(dlon * columns * crs.units_factor[1] - 2 * np.pi) < 0.5 * dlon * crs.units_factor[1]:
+        note += "; the two ends of each row meet, and are smoothed apart from each other"
     return (widths, dy), (note,)
 
 
@@ -102,8 +187,8 @@ def units_disagree(crs: "CRS | None", unit: str) -> tuple[str, ...]:
     if not name or up is None or abs(up / across - 1) < 1e-3:
         return ()
     return (
-        f"heights in {unit} above a grid in {name}: slopes are wrong by {across / up:.4g}; nothing was converted, "
-        f"contrast={up / across:.5g} makes up for it",
+        f"heights in {unit} above a grid in {name}: nothing is to be set, the contrast is found from the noise; only areas and "
+        "slopes that are reported mix the two units",
     )
 
 

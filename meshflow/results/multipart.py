@@ -15,7 +15,8 @@ from meshflow.geometry.validation import Array
 from meshflow.io.document import Imported, Multipart
 from meshflow.results.result import Result, release
 from meshflow.surfaces.data import Data
-from meshflow.surfaces.multipart import together
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.multipart import as_one
 
 __all__ = ["Results", "one_by_one"]
 
@@ -90,9 +91,9 @@ class Results(Mapping[str, Result]):
 
     @property
     def before(self) -> Data:
-        """All parts as one mesh, one after the other.
+        """All parts as one mesh, one after the other; bands as an image.
 
-        :raises InputError: where they are no meshes of one kind.
+        :raises InputError: where they are neither meshes of one kind nor bands of one grid.
         """
         return self._before
 
@@ -103,16 +104,17 @@ class Results(Mapping[str, Result]):
 
     @cached_property
     def _before(self) -> Data:
-        return together([one.before for one in self.values()])
+        return as_one([one.before for one in self.values()])
 
     @cached_property
     def _after(self) -> Data:
-        return together([one.after for one in self.values()])
+        return as_one([one.after for one in self.values()])
 
     @property
     def removed(self) -> Array:
         """What was there less what is there now, of all parts."""
-        return np.concatenate([one.removed for one in self.values()])
+        each = [one.removed for one in self.values()]
+        return np.stack(each, axis=2) if isinstance(self.after, Image) else np.concatenate(each)
 
     @property
     def parameters(self) -> dict[str, Parameter]:

@@ -6,9 +6,23 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.surfaces.data import Data
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 
-__all__ = ["together"]
+__all__ = ["as_one", "together"]
+
+
+def as_one(parts: Sequence[Data]) -> Data:
+    """Bands of one grid as an image, meshes as one mesh.
+
+    :raises InputError: as :func:`together`.
+    """
+    bands = [one for one in parts if isinstance(one, HeightField)]
+    if len(bands) < len(parts) or len({one.z.shape for one in bands}) != 1:
+        return together(parts)
+    missing = np.any([one.missing for one in bands], axis=0)
+    return Image(np.stack([one.z for one in bands], axis=2), bands[0].spacing, missing)
 
 
 def together(surfaces: Sequence[Data]) -> Mesh:

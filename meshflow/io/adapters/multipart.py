@@ -13,6 +13,8 @@ from meshflow.io.document import Document, Imported, Multipart, distinct_names
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import taken_in
 from meshflow.surfaces.data import Data
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ def multipart(data: object, options: ReadOptions) -> Multipart | None:
     :raises InputError: for a part that is no surface, named, or a scene without one.
     """
     if isinstance(data, Document):
-        return _sections(data, options)
+        return _bands(data, options) if data.source.bands else _sections(data, options)
     for kind in type(data).__mro__:
         home = kind.__module__.partition(".")[0], kind.__name__
         if home == ("trimesh", "Scene"):
@@ -85,6 +87,27 @@ def _sections(document: Document, options: ReadOptions) -> Multipart | None:
         return document.holding(replace(data, points=points, channels=channels))
 
     parts = ((name, _section(document, data, rows)) for name, rows in document.sections)
+    return Multipart(distinct_names(parts), to_object, whole=True)
+
+
+def _bands(document: Document, options: ReadOptions) -> Multipart | None:
+    """The bands of a raster, each a height field of its own; missing and fixed samples are those of all.
+
+    :raises InputError: as :func:`from_object`, for options that a file says itself.
+    """
+    image = taken_in(document, options).data
+    if not isinstance(image, Image) or image.values.ndim != 3:
+        return None
+
+    def to_object(surfaces: Sequence[Data]) -> Document:
+        """The document around the smoothed bands."""
+        bands = [one.z for one in surfaces if isinstance(one, HeightField)]
+        return document.holding(replace(image, values=np.stack(bands, axis=2)))
+
+    parts = (
+        (name, Imported(HeightField(image.values[:, :, i], image.spacing, image.missing, image.fixed), lambda one: one))
+        for i, name in enumerate(document.source.bands)
+    )
     return Multipart(distinct_names(parts), to_object, whole=True)
 
 

@@ -10,12 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 import rasterio
 from rasterio._err import CPLE_BaseError  # GDAL's own errors leak through rasterio, which has no public name for them
-from rasterio.control import GroundControlPoint
-from rasterio.crs import CRS
 from rasterio.enums import ColorInterp, MaskFlags, Resampling
 from rasterio.errors import CRSError, NodataShadowWarning, NotGeoreferencedWarning, RasterioError
-from rasterio.io import DatasetReader, DatasetWriter
-from rasterio.rpc import RPC
+from rasterio.io import DatasetReader
 from rasterio.transform import Affine
 
 from meshflow.errors import FormatError, InputError
@@ -23,15 +20,19 @@ from meshflow.geometry.validation import Array, real
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Source
 from meshflow.io.formats.raster_drivers import allowed_drivers, must_be_numbers, must_fit
+from meshflow.io.formats.raster_frame import Frame, Framed, alpha_as, describe, place
 from meshflow.io.formats.zipped_heights import taken_out
-from meshflow.io.spacing import linear_unit
+from meshflow.io.undeclared import mark_in
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Encoding", "Frame", "Framed", "framed", "layers", "load", "merged", "save"]
+__all__ = ["Encoding", "framed", "layers", "load", "merged", "save"]
 
 T = TypeVar("T")
+
+# What is not transparent.
+_OPAQUE = (1, 255, 65535)
 
 # More bands than any instrument has; what is measured for each pair of them would take longer than anybody waits.
 _MOST_BANDS = 1024
@@ -40,105 +41,6 @@ _MOST_BANDS = 1024
 _SAFE = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": False}
 _LOSSLESS = ("GTiff", "PNG", "BMP", "WEBP")
 _DESCRIBE_THE_FILE = ("IMAGE_STRUCTURE", "DERIVED_SUBDATASETS", "SUBDATASETS", "RPC", "rio_creation_kwds")
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """Everything around the samples of a raster.
-
-    :param dtype: of the samples as they were stored.
-    :param gone: (k, h, w), the samples of each band that are missing.
-    :param alpha: (h, w), the alpha band as stored; it is carried along, never smoothed.
-    :param palette: (n, 4), red, green, blue, alpha of each index.
-    :param tags: words by namespace (domain of GDAL), ``""`` the default one.
-    :param overviews: factors of the overviews.
-    """
-
-    dtype: str
-    gone: Array
-    alpha: Array | None = None
-    nodata: float | None = None
-    crs: CRS | None = None
-    transform: Affine = field(default_factory=Affine.identity)
-    gcps: tuple[Sequence[GroundControlPoint], CRS | None] = ((), None)
-    rpcs: RPC | None = None
-    scales: tuple[float, ...] = ()
-    offsets: tuple[float, ...] = ()
-    units: tuple[str | None, ...] = ()
-    descriptions: tuple[str | None, ...] = ()
-    colours: tuple[ColorInterp, ...] = ()
-    palette: Array | None = None
-    tags: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    band_tags: tuple[Mapping[str, str], ...] = ()
-    overviews: tuple[int, ...] = ()
-
-    @property
-    def georeferenced(self) -> bool:
-        """Whether the file said where its samples lie."""
-        return not self.transform.is_identity
-
-    @property
-    def north_up(self) -> bool:
-        """Whether the file lies on a map, its rows from north to south and its columns from west to east."""
-        a, b, _, d, e, _ = tuple(self.transform)[:6]
-        return self.crs is not None and self.georeferenced and b == 0 and d == 0 and a > 0 > e
-
-    @property
-    def ground_unit(self) -> str:
-        """The unit of the lengths between samples: of a grid in degrees it is the metre; empty where nothing is said."""
-        if self.crs is None or not self.georeferenced:
-            return ""
-        unit = linear_unit(self.crs)[0]
-        return "m" if unit in ("metre", "meter", "metres", "meters") else unit
-
-    @property
-    def scaled(self) -> bool:
-        """Whether the file holds numbers that a scale and an offset turn into values."""
-        return any(scale != 1 for scale in self.scales) or any(self.offsets)
-
-    def stored(self, values: Array) -> Array:
-        """Values (k, h, w) as the numbers that the file held, before scale and offset."""
-        if not self.scaled:
-            return values
-        return (values - np.reshape(self.offsets, (-1, 1, 1))) / np.reshape(self.scales, (-1, 1, 1))
-
-    def without_scale(self) -> "Frame":
-        """A frame for values instead of scaled numbers."""
-        return replace(self, scales=(), offsets=())
-
-    def bare(self) -> "Frame":
-        """Samples, nodata and transform: what an ASCII grid has room for."""
-        return Frame(self.dtype, self.gone, nodata=self.nodata, transform=self.transform)
-
-
-@dataclass(frozen=True, eq=False)
-class Framed(Source):
-    """What is kept of a file that GDAL reads.
-
-    :param frame: everything around its samples.
-    """
-
-    frame: Frame
-
-    @property
-    def ground_unit(self) -> str:
-        """The unit of the lengths between samples."""
-        return self.frame.ground_unit
-
-    @property
-    def north_up(self) -> bool:
-        """Whether the file lies on a map, north up."""
-        return self.frame.north_up
-
-    @property
-    def stored_as(self) -> str:
-        """The type in which samples were stored."""
-        return self.frame.dtype
-
-    @property
-    def placed(self) -> bool:
-        """Whether there is a CRS, a transform, or an alpha band."""
-        return self.frame.crs is not None or self.frame.georeferenced or self.frame.alpha is not None
 
 
 @dataclass(frozen=True)
@@ -156,7 +58,12 @@ class Encoding:
 
 
 def load(
-    path: Path, *, bands: Sequence[int] | None = None, nodata: float | None = None, remote: bool = False
+    path: Path,
+    *,
+    bands: Sequence[int] | None = None,
+    nodata: float | None = None,
+    remote: bool = False,
+    search: bool = False,
 ) -> tuple[Array, Frame]:
     """Samples (k, h, w) as float32 or float64, scale and offset applied, and their frame.
 
@@ -165,6 +72,7 @@ def load(
     :param bands: which, from 1; None: all but the alpha band.
     :param nodata: in place of the one that the file declares.
     :param remote: the file may name others outside its folder, and networks.
+    :param search: what nothing declares is looked for, too: a mask among the bands, values that mark missing samples.
     :raises FormatError: when GDAL cannot open or read the file, or it holds no bands.
     """
     opening = must_be_numbers(path) if path.suffix.lower() == ".asc" else {}
@@ -183,16 +91,27 @@ def load(
             alpha = (
                 source.read(source.count) if colours[-1] == ColorInterp.alpha and source.count not in chosen else None
             )
+            found: tuple[str, ...] = ()
+            if search and bands is None and alpha is None and _ends_in_mask(raw, colours[-1]):
+                found = (
+                    f"band {len(raw)} holds 0 and {raw[-1].max():g} alone, and is 0 where all others are: it is taken as the "
+                    "mask, and comes back as it is (--band takes one as data)",
+                )
+                raw, gone, alpha, chosen = raw[:-1], gone[:-1], raw[-1], chosen[:-1]
             frame = _frame(source, raw, chosen, nodata)
     except (RasterioError, CRSError, CPLE_BaseError, OSError, MemoryError) as cause:
         raise _unreadable(path, cause) from cause
     values = real(raw, path.name)
     if alpha is not None:
         gone |= alpha == 0
+    while search and nodata is None and (mark := mark_in(raw, gone)) is not None:
+        gone |= raw == mark.value
+        found += (mark.told,)
+        frame = frame if frame.nodata is not None else replace(frame, nodata=mark.value)
     if frame.scaled:
         scale, offset = (np.reshape(factor, (-1, 1, 1)) for factor in (frame.scales, frame.offsets))
         values = np.where(gone, values, values * scale + offset).astype(values.dtype)
-    return values, replace(frame, gone=gone | ~np.isfinite(values), alpha=alpha)
+    return values, replace(frame, gone=gone | ~np.isfinite(values), alpha=alpha, notes=found)
 
 
 def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Mapping[str, str]) -> None:
@@ -205,7 +124,7 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
     """
     count = len(samples)
     if frame.alpha is not None:
-        samples = np.concatenate([samples, _alpha_as(frame.alpha, samples.dtype)[None]])
+        samples = np.concatenate([samples, alpha_as(frame.alpha, samples.dtype)[None]])
     shape = {"count": len(samples), "height": samples.shape[1], "width": samples.shape[2]}
     with beside(path) as temporary:
         try:
@@ -217,10 +136,10 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
                     dtype=samples.dtype,
                     nodata=encoding.nodata,
                     **shape,
-                    **_place(frame),
+                    **place(frame),
                     **encoding.creation,
                 ) as target:
-                    _describe(target, frame, count, tags)
+                    describe(target, frame, count, tags)
                     target.write(samples)
                 _verify(temporary, samples, encoding.driver)
                 if encoding.driver == "GTiff" and frame.overviews:
@@ -293,6 +212,15 @@ def _check_bands(path: Path, source: DatasetReader, chosen: list[int]) -> None:
         )
 
 
+def _ends_in_mask(raw: Array, colour: ColorInterp) -> bool:
+    """Whether the last band is a mask that is not called one: two values, the lower one 0, where all other bands are 0, too."""
+    if len(raw) < 2 or colour not in (ColorInterp.undefined, ColorInterp.gray):
+        return False
+    last, peak = raw[-1], raw[-1].max()
+    holes = last == 0
+    return bool(peak in _OPAQUE and holes.any() and (holes | (last == peak)).all() and not raw[:-1, holes].any())
+
+
 def _gone(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Array:
     """What is missing, per band; a nodata value of the caller's stands in for the declared one, an internal mask stays."""
     if nodata is None:
@@ -334,43 +262,6 @@ def _frame(source: DatasetReader, raw: Array, chosen: list[int], nodata: float |
         band_tags=tuple({k: v for k, v in source.tags(i).items() if not k.startswith("STATISTICS_")} for i in chosen),
         overviews=tuple(source.overviews(chosen[0])),
     )
-
-
-def _place(frame: Frame) -> Mapping[str, object]:
-    points, crs = frame.gcps
-    if points:
-        return {"gcps": points, "crs": CRS() if crs is None else crs}
-    return {"crs": frame.crs} | ({"transform": frame.transform} if frame.georeferenced else {})
-
-
-def _describe(target: DatasetWriter, frame: Frame, count: int, tags: Mapping[str, str]) -> None:
-    """Everything but samples, for the driver to take or to leave."""
-    if frame.rpcs:
-        target.rpcs = frame.rpcs
-    if frame.colours:
-        plain = [ColorInterp.gray if colour == ColorInterp.palette else colour for colour in frame.colours]
-        target.colorinterp = [*plain, *[ColorInterp.alpha] * (target.count - count)]
-    if frame.scaled:
-        target.scales = [*frame.scales, *[1.0] * (target.count - count)]
-        target.offsets = [*frame.offsets, *[0.0] * (target.count - count)]
-    for band in range(1, count + 1):
-        for names, put in ((frame.descriptions, target.set_band_description), (frame.units, target.set_band_unit)):
-            if names and names[band - 1]:
-                put(band, names[band - 1])
-        if frame.band_tags:
-            target.update_tags(band, **frame.band_tags[band - 1])
-    for space, words in frame.tags.items():
-        target.update_tags(**({"ns": space} if space else {}), **words)
-    for name, word in tags.items():
-        space, _, key = name.rpartition(":")
-        target.update_tags(**({"ns": space} if space else {}), **{key: word})
-
-
-def _alpha_as(alpha: Array, dtype: np.dtype) -> Array:
-    """Alpha in another type: what was opaque stays so among whole numbers; as it was in floating point."""
-    if alpha.dtype.kind == "u" and dtype.kind == "u":
-        return np.rint(alpha * (np.iinfo(dtype).max / np.iinfo(alpha.dtype).max)).astype(dtype)
-    return alpha.astype(dtype)
 
 
 def _verify(path: Path, samples: Array, driver: str) -> None:

@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from rasterio.enums import ColorInterp
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, Spacing, spacing_of
 from meshflow.io.document import Document, WriteOptions, samples_of
-from meshflow.io.formats.raster_bands import Encoding, Frame, Framed, load, merged, save
+from meshflow.io.formats.raster_bands import Encoding, load, merged, save
+from meshflow.io.formats.raster_frame import Frame, Framed
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import DTYPES, mark, rounded
 from meshflow.io.spacing import between_samples, height_unit, units_disagree
@@ -22,11 +24,26 @@ READS: tuple[str, ...] = ("kind", "band", "nodata", "spacing", "allow_remote")
 WRITES: tuple[str, ...] = ("dtype",)
 
 _TILE = 256
+# Bands whose samples spread over ranges that differ by more are quantities of their own; samples that tell it.
+_UNLIKE, _ENOUGH = 10.0, 100_000
+_COLOURS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.cyan, ColorInterp.palette)
+# Degrees between samples below which a grid without a CRS is in another unit: a tenth of a metre of the Earth.
+_FINEST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Raster(Framed):
-    """A raster that was read."""
+    """A raster that was read.
+
+    :param unlike: the names of its bands, where they are quantities of their own, to be smoothed one by one; else empty.
+    """
+
+    unlike: tuple[str, ...] = ()
+
+    @property
+    def bands(self) -> tuple[str, ...]:
+        """The names of its bands, where each is smoothed by itself."""
+        return self.unlike
 
 
 def read(path: Path, options: ReadOptions) -> Document:
@@ -45,7 +62,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if kind not in (None, "terrain", "image"):
         raise InputError(f"{path.name}: a raster is a terrain or an image, got kind={kind!r}")
     bands = None if band is None else [band]
-    values, frame = load(path, bands=bands, nodata=options.nodata, remote=options.allow_remote)
+    values, frame = load(path, bands=bands, nodata=options.nodata, remote=options.allow_remote, search=True)
     if kind == "terrain" and len(values) > 1:
         raise InputError(f"{path.name}: one band expected for a terrain, got {len(values)}; choose one: band=1")
     notes: tuple[str, ...] = ()
@@ -59,7 +76,13 @@ def read(path: Path, options: ReadOptions) -> Document:
     if len(values) == 1 and kind != "image":
         return Document(HeightField(values[0], spacing, missing, unit=unit), path, Raster(frame), notes)
     channels = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
-    return Document(Image(channels, spacing, missing), path, Raster(frame), notes)
+    unlike = _unlike(values, frame) if kind is None else ()
+    if unlike:
+        notes += (
+            f"{len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}): each is smoothed by itself, by its own noise "
+            "(--kind image smooths them together)",
+        )
+    return Document(Image(channels, spacing, missing), path, Raster(frame, unlike), notes)
 
 
 def can_write(document: Document, suffix: str) -> bool:
@@ -99,7 +122,9 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
         samples[frame.gone] = nodata
         if frame.gone.any() and not _alike(nodata, frame.nodata):
             notes += (f"missing samples are marked by nodata {nodata:g}",)
-    encoding = Encoding("AAIGrid", nodata) if ascii_grid else Encoding("GTiff", nodata, _geotiff(samples))
+    # As many digits as tell each number of the type from the next.
+    digits = {"SIGNIFICANT_DIGITS": 9 if samples.dtype == np.float32 else 17} if samples.dtype.kind == "f" else {}
+    encoding = Encoding("AAIGrid", nodata, digits) if ascii_grid else Encoding("GTiff", nodata, _geotiff(samples))
     save(samples, frame, path, encoding, options.tags)
     return notes + clipped
 
@@ -116,7 +141,7 @@ def _spacing(frame: Frame, unit: str) -> tuple[Spacing, tuple[str, ...]]:
     height, width = frame.gone.shape[1:]
     spacing, notes = between_samples(frame.crs, frame.transform, (height, width))
     west, north = frame.transform.c, frame.transform.f
-    if frame.crs is None and spacing[1] < 0.05 and abs(west) <= 360 and abs(north) <= 90:
+    if frame.crs is None and _FINEST < spacing[1] < 0.05 and abs(west) <= 360 and abs(north) <= 90:
         notes += (
             f"no CRS, and a grid that looks like degrees: the spacing of {spacing[1]:.4g} was taken as it is; "
             "give spacing=(dx, dy) in metres, or set the CRS (gdal_edit -a_srs EPSG:4326)",
@@ -125,12 +150,27 @@ def _spacing(frame: Frame, unit: str) -> tuple[Spacing, tuple[str, ...]]:
 
 
 def _about_values(frame: Frame) -> tuple[str, ...]:
-    notes: tuple[str, ...] = ()
+    notes = frame.notes
     if frame.scaled:
         notes += (f"scale {frame.scales[0]:g} and offset {frame.offsets[0]:g} of the file were applied",)
     if frame.palette is not None:
         notes += ("the numbers of a colour table were taken as values, the table is not kept",)
     return notes
+
+
+def _unlike(values: Array, frame: Frame) -> tuple[str, ...]:
+    """The names of bands that are quantities of their own: of other units, or of ranges that differ tenfold; else none."""
+    if len(values) < 2 or any(colour in _COLOURS for colour in frame.colours):
+        return ()
+    there = ~np.any(frame.gone, axis=0)
+    if not there.any():
+        return ()
+    units = {unit for unit in frame.units if unit}
+    ends = [np.percentile(band[there][:: max(1, int(there.sum()) // _ENOUGH)], (10, 90)) for band in values]
+    spreads = [float(high - low) for low, high in ends if high > low]
+    if len(units) < 2 and (len(spreads) < 2 or max(spreads) <= _UNLIKE * min(spreads)):
+        return ()
+    return tuple(name or f"band {i}" for i, name in enumerate(frame.descriptions, start=1))
 
 
 def _dtype(name: str | None, frame: Frame, values: Array) -> np.dtype:

@@ -1,0 +1,157 @@
+"""What stands around the samples of a raster, and how it is written again."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from rasterio.control import GroundControlPoint
+from rasterio.crs import CRS
+from rasterio.enums import ColorInterp
+from rasterio.io import DatasetWriter
+from rasterio.rpc import RPC
+from rasterio.transform import Affine
+
+from meshflow.geometry.validation import Array
+from meshflow.io.document import Source
+from meshflow.io.spacing import linear_unit
+
+__all__ = ["Frame", "Framed", "alpha_as", "describe", "place"]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Everything around the samples of a raster.
+
+    :param dtype: of the samples as they were stored.
+    :param gone: (k, h, w), the samples of each band that are missing.
+    :param alpha: (h, w), the alpha band as stored; it is carried along, never smoothed.
+    :param palette: (n, 4), red, green, blue, alpha of each index.
+    :param tags: words by namespace (domain of GDAL), ``""`` the default one.
+    :param overviews: factors of the overviews.
+    :param notes: what was found among the samples, sentences for the user.
+    """
+
+    dtype: str
+    gone: Array
+    alpha: Array | None = None
+    nodata: float | None = None
+    crs: CRS | None = None
+    transform: Affine = field(default_factory=Affine.identity)
+    gcps: tuple[Sequence[GroundControlPoint], CRS | None] = ((), None)
+    rpcs: RPC | None = None
+    scales: tuple[float, ...] = ()
+    offsets: tuple[float, ...] = ()
+    units: tuple[str | None, ...] = ()
+    descriptions: tuple[str | None, ...] = ()
+    colours: tuple[ColorInterp, ...] = ()
+    palette: Array | None = None
+    tags: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    band_tags: tuple[Mapping[str, str], ...] = ()
+    overviews: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def georeferenced(self) -> bool:
+        """Whether the file said where its samples lie."""
+        return not self.transform.is_identity
+
+    @property
+    def north_up(self) -> bool:
+        """Whether the file lies on a map, its rows from north to south and its columns from west to east."""
+        a, b, _, d, e, _ = tuple(self.transform)[:6]
+        return self.crs is not None and self.georeferenced and b == 0 and d == 0 and a > 0 > e
+
+    @property
+    def ground_unit(self) -> str:
+        """The unit of the lengths between samples: of a grid in degrees it is the metre; empty where nothing is said."""
+        if self.crs is None or not self.georeferenced:
+            return ""
+        unit = linear_unit(self.crs)[0]
+        return "m" if unit in ("metre", "meter", "metres", "meters") else unit
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the file holds numbers that a scale and an offset turn into values."""
+        return any(scale != 1 for scale in self.scales) or any(self.offsets)
+
+    def stored(self, values: Array) -> Array:
+        """Values (k, h, w) as the numbers that the file held, before scale and offset."""
+        if not self.scaled:
+            return values
+        return (values - np.reshape(self.offsets, (-1, 1, 1))) / np.reshape(self.scales, (-1, 1, 1))
+
+    def without_scale(self) -> "Frame":
+        """A frame for values instead of scaled numbers."""
+        return replace(self, scales=(), offsets=())
+
+    def bare(self) -> "Frame":
+        """Samples, nodata and transform: what an ASCII grid has room for."""
+        return Frame(self.dtype, self.gone, nodata=self.nodata, transform=self.transform)
+
+
+@dataclass(frozen=True, eq=False)
+class Framed(Source):
+    """What is kept of a file that GDAL reads.
+
+    :param frame: everything around its samples.
+    """
+
+    frame: Frame
+
+    @property
+    def ground_unit(self) -> str:
+        """The unit of the lengths between samples."""
+        return self.frame.ground_unit
+
+    @property
+    def north_up(self) -> bool:
+        """Whether the file lies on a map, north up."""
+        return self.frame.north_up
+
+    @property
+    def stored_as(self) -> str:
+        """The type in which samples were stored."""
+        return self.frame.dtype
+
+    @property
+    def placed(self) -> bool:
+        """Whether there is a CRS, a transform, or an alpha band."""
+        return self.frame.crs is not None or self.frame.georeferenced or self.frame.alpha is not None
+
+
+def place(frame: Frame) -> Mapping[str, object]:
+    """Where the samples lie, as GDAL takes it."""
+    points, crs = frame.gcps
+    if points:
+        return {"gcps": points, "crs": CRS() if crs is None else crs}
+    return {"crs": frame.crs} | ({"transform": frame.transform} if frame.georeferenced else {})
+
+
+def describe(target: DatasetWriter, frame: Frame, count: int, tags: Mapping[str, str]) -> None:
+    """Everything but samples, for the driver to take or to leave."""
+    if frame.rpcs:
+        target.rpcs = frame.rpcs
+    if frame.colours:
+        plain = [ColorInterp.gray if colour == ColorInterp.palette else colour for colour in frame.colours]
+        target.colorinterp = [*plain, *[ColorInterp.alpha] * (target.count - count)]
+    if frame.scaled:
+        target.scales = [*frame.scales, *[1.0] * (target.count - count)]
+        target.offsets = [*frame.offsets, *[0.0] * (target.count - count)]
+    for band in range(1, count + 1):
+        for names, put in ((frame.descriptions, target.set_band_description), (frame.units, target.set_band_unit)):
+            if names and names[band - 1]:
+                put(band, names[band - 1])
+        if frame.band_tags:
+            target.update_tags(band, **frame.band_tags[band - 1])
+    for space, words in frame.tags.items():
+        target.update_tags(**({"ns": space} if space else {}), **words)
+    for name, word in tags.items():
+        space, _, key = name.rpartition(":")
+        target.update_tags(**({"ns": space} if space else {}), **{key: word})
+
+
+def alpha_as(alpha: Array, dtype: np.dtype) -> Array:
+    """Alpha in another type: what was opaque stays so among whole numbers; as it was in floating point."""
+    if alpha.dtype.kind == "u" and dtype.kind == "u":
+        return np.rint(alpha * (np.iinfo(dtype).max / np.iinfo(alpha.dtype).max)).astype(dtype)
+    return alpha.astype(dtype)

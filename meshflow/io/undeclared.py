@@ -1,0 +1,76 @@
+"""Values that mark what is missing, where no tag says so: -9999, -3.4e38 and the like."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshflow.geometry.validation import Array
+
+__all__ = ["Mark", "mark_in"]
+
+# What programs write where nothing was measured; beyond the largest no quantity of the field goes.
+_USUAL = (
+    -9999.0, -99999.0, -999999.0, -9999999.0, -32768.0, -32767.0, 32767.0, -999.0, -2147483648.0, 9999.0, 99999.0, 999999.0,
+    1e20, -1e20,
+)  # fmt: skip
+_BEYOND = 1e30
+# How often it must be there, and how far from all other samples, in the range of these.
+_OFTEN, _FAR = 2, 1.0
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A value that can only be a mark.
+
+    :param value: as it is stored.
+    :param count: the samples that have it.
+    :param others: the least and the greatest of all other samples.
+    """
+
+    value: float
+    count: int
+    others: tuple[float, float]
+
+    @property
+    def told(self) -> str:
+        """A sentence for the user."""
+        low, high = self.others
+        return (
+            f"{self.count} samples are {self.value:.9g}, far from all others ({low:.6g} to {high:.6g}), and nothing declares it: "
+            f"taken as missing (--nodata={self.value:.9g} declares it; --nodata nan takes it as data)"
+        )
+
+
+def mark_in(values: Array, gone: Array) -> Mark | None:
+    """The value at an end of all samples that marks missing ones without a word; None where there is none.
+
+    It is beyond 1e30, or one that programs write, there more than once and further from all other samples than these
+    are from each other.
+
+    :param values: as they are stored, any shape.
+    :param gone: of the same shape, samples that are known to be missing.
+    """
+    known = ~gone & np.isfinite(values)
+    if not known.any():
+        return None
+    there = values[known]
+    for end in (there.min(), there.max()):
+        beyond = abs(float(end)) >= _BEYOND
+        usual = any(float(end) == float(values.dtype.type(word)) for word in _USUAL if _holds(values.dtype, word))
+        if not (beyond or usual):
+            continue
+        at_end = there == end
+        rest, count = there[~at_end], int(at_end.sum())
+        if not rest.size:
+            continue
+        low, high = float(rest.min()), float(rest.max())
+        gap = low - float(end) if end < rest[0] else float(end) - high
+        if beyond or (count >= _OFTEN and gap > _FAR * (high - low)):
+            return Mark(float(end), count, (low, high))
+    return None
+
+
+def _holds(dtype: np.dtype, word: float) -> bool:
+    if dtype.kind == "f":
+        return True
+    return bool(np.iinfo(dtype).min <= word <= np.iinfo(dtype).max)
