@@ -83,7 +83,7 @@ def test_info_says_what_a_file_is_in_words_and_in_json(terrain):
     assert "40 x 50" in done.stdout
     facts = json.loads(run("info", terrain, "--json").stdout)
     assert facts["missing"].startswith("16 of 2000")
-    assert facts["spacing"] == "10 x 10"
+    assert facts["spacing"] == "10 x 10 m"
     assert facts["quantum"] == 1
     assert facts["noise"] == pytest.approx(2, rel=0.2)
 
