@@ -1,75 +1,124 @@
 // One, two or three channels over a plane: the loop over a row of cells, for each weight, and the sweep down a tile.
 //
-// Every triangle gives to its two far corners what it takes from its right-angled one, so all that happens is flows along the
-// edges of rows and columns, in any metric.
+// Every triangle gives to its two far corners what it takes from its right-angled one, in any metric; what borders give beside that
+// is added element by element, so that a sample gathers four numbers, whatever is around it.
 #pragma once
 #include "grid_rows.h"
 
 namespace meshflow::grid {
 
 constexpr i64 MOST_CHANNELS = 3;
+// Elements of which roots and divisions are made before what follows from them: both are long to wait for, and a processor does not
+// look far enough ahead to begin with the next ones meanwhile.
+constexpr i64 TOGETHER = 128;
 
-// Flows and thirds of area of elements from to to - 1; top, bottom: the first channel of the rows of samples, the next one `plane`
+// Pulls and thirds of area of elements from to to - 1; top, bottom: the first channel of the rows of samples, the next one `plane`
 // further.
-template <class W, int K, Kind KIND, class T>
+template <class W, Kind KIND, class T>
 LOOP void channel_cells(const Task<T>& t, i64 e, i64 from, i64 to, [[maybe_unused]] const Lane<T>* code, const T* top,
-                        const T* bottom, i64 plane, const Ground<T> above, const Ground<T> under, const Flows<T> f) {
-    const T q = t.sharpness, scale = t.scale;
+                        const T* bottom, i64, const Ground<T> above, const Ground<T> under, const Cells<T> f) {
+    const T q = t.sharpness;
     SIMD for (i64 j = from; j < to; ++j) {
-        T a[K], b[K], c[K];
-        UNROLL for (int k = 0; k < K; ++k) {
-            const T *x = top + k * plane, *y = bottom + k * plane;
-            a[k] = x[j + e] - x[j], b[k] = y[j] - x[j], c[k] = y[j - e] - y[j];
-        }
-        Pull<T, K> m, n;
-        pair_over_ground<W, K>(a, b, c, above, under, q, scale, m, n);
-        if constexpr (KIND == PLAIN) {
-            UNROLL for (int k = 0; k < K; ++k) {
-                const i64 i = k * f.wide + j;
-                f.to_q[i] = m.on_q[k], f.to_n[i] = n.on_q[k], f.down[i] = m.on_r[k] - n.on_r[k];
-            }
-            f.upper[j] = m.third, f.lower[j] = n.third;
-        } else {
+        Lane<T> x = WHOLE;
+        if constexpr (KIND != PLAIN) x = code[j];
+        const T a = top[j + e] - top[j], b = bottom[j] - top[j], c = bottom[j - e] - bottom[j];
+        Pull<T> m, n;
+        pair_over_ground<W>(a, b, c, above, under, q, x, m, n);
+        f.pulls.template pull<false>(j, x, m.on_q, m.on_r, n.on_q, n.on_r);
+        f.upper[j] = m.third, f.lower[j] = n.third;
+    }
+}
+
+// The same where there are borders, in two loops over a few elements.
+template <class W, class T>
+LOOP void bordered_cells(const Task<T>& t, i64 e, i64 from, i64 to, const Lane<T>* code, const T* top, const T* bottom, i64,
+                         const Ground<T> above, const Ground<T> under, const Cells<T> f) {
+    const T q = t.sharpness;
+    T to_q[TOGETHER], on_b[TOGETHER], to_n[TOGETHER], on_d[TOGETHER];
+    for (i64 begin = from; begin < to; begin += TOGETHER) {
+        const i64 end = least(begin + TOGETHER, to);
+        SIMD for (i64 j = begin; j < end; ++j) {
             const Lane<T> x = code[j];
-            const bool has = x & 1, lower = x & 16;
-            UNROLL for (int k = 0; k < K; ++k) {
-                const i64 i = k * f.wide + j;
-                const T on_q = has ? m.on_q[k] : T(0), on_r = has ? m.on_r[k] : T(0);
-                const T to_n = lower ? n.on_q[k] : T(0), to_o = lower ? n.on_r[k] : T(0);
-                f.to_q[i] = on_q, f.to_n[i] = to_n, f.down[i] = on_r - to_o;
-                if constexpr (KIND == BORDERS) f.borders.put(i, Bordered<T>::of(x, on_q, on_r, to_n, to_o, T(0)));
-            }
-            f.upper[j] = has ? m.third : T(0), f.lower[j] = lower ? n.third : T(0);
+            const T a = top[j + e] - top[j], b = bottom[j] - top[j], c = bottom[j - e] - bottom[j];
+            Pull<T> m, n;
+            pair_over_ground<W>(a, b, c, above, under, q, x, m, n);
+            to_q[j - begin] = m.on_q, on_b[j - begin] = m.on_r, to_n[j - begin] = n.on_q, on_d[j - begin] = n.on_r;
+            f.upper[j] = m.third, f.lower[j] = n.third;
+        }
+        SIMD for (i64 j = begin; j < end; ++j)
+            f.pulls.template pull<true>(j, code[j], to_q[j - begin], on_b[j - begin], to_n[j - begin], on_d[j - begin]);
+    }
+}
+
+// The legs of the triangles of element j, of several channels.
+template <int K, class T> struct Legs {
+    T a[K], b[K], c[K], back[K];  // back: -b, from S up
+    static INLINE Legs of(const T* top, const T* bottom, i64 plane, i64 j, i64 e) {
+        Legs legs;
+        UNROLL for (int k = 0; k < K; ++k) {
+            const T *here = top + k * plane, *below = bottom + k * plane;
+            legs.a[k] = here[j + e] - here[j], legs.b[k] = below[j] - here[j], legs.c[k] = below[j - e] - below[j];
+            legs.back[k] = here[j] - below[j];
+        }
+        return legs;
+    }
+};
+
+// Several channels, in two loops over a few elements.
+template <class W, int K, Kind KIND, class T>
+LOOP void several_cells(const Task<T>& t, i64 e, i64 from, i64 to, [[maybe_unused]] const Lane<T>* code, const T* top,
+                        const T* bottom, i64 plane, const Ground<T> above, const Ground<T> under, const Cells<T> f) {
+    const T q = t.sharpness, scale = t.scale;
+    T upper[2][TOGETHER], lower[2][TOGETHER];
+    for (i64 begin = from; begin < to; begin += TOGETHER) {
+        const i64 end = least(begin + TOGETHER, to);
+        SIMD for (i64 j = begin; j < end; ++j) {
+            Lane<T> x = WHOLE;
+            if constexpr (KIND != PLAIN) x = code[j];
+            const Legs<K, T> l = Legs<K, T>::of(top, bottom, plane, j, e);
+            const T bb = squared(l.b);
+            const Share<T> m = share_over_ground<UPPER_BIT, W>(l.a, squared(l.a), l.b, bb, above, q, scale, x, f.upper[j]);
+            const Share<T> n = share_over_ground<LOWER_BIT, W>(l.c, squared(l.c), l.back, bb, under, q, scale, x, f.lower[j]);
+            upper[0][j - begin] = m.half, upper[1][j - begin] = m.scaled;
+            lower[0][j - begin] = n.half, lower[1][j - begin] = n.scaled;
+        }
+        SIMD for (i64 j = begin; j < end; ++j) {
+            Lane<T> x = WHOLE;
+            if constexpr (KIND == BORDERS) x = code[j];
+            const Legs<K, T> l = Legs<K, T>::of(top, bottom, plane, j, e);
+            T on_q[K], on_r[K], to_n[K], to_o[K];
+            pulls_over_ground(l.a, l.b, {upper[0][j - begin], upper[1][j - begin]}, above, on_q, on_r);
+            pulls_over_ground(l.c, l.back, {lower[0][j - begin], lower[1][j - begin]}, under, to_n, to_o);
+            UNROLL for (int k = 0; k < K; ++k)
+                f.pulls.template pull<KIND == BORDERS>(k * f.wide + j, x, on_q[k], on_r[k], to_n[k], to_o[k]);
         }
     }
 }
 
 template <class T>
 using ChannelCells = void (*)(const Task<T>&, i64, i64, i64, const Lane<T>*, const T*, const T*, i64, const Ground<T>, const Ground<T>,
-                              const Flows<T>);
+                              const Cells<T>);
 // The loops of a metric, by the kind of the blocks they are for.
 template <class T> struct ChannelLoops {
     ChannelCells<T> plain, holes, borders;
 };
 template <class T, class W, int K> ChannelLoops<T> channel_loops() {
+    if constexpr (K == 1) return {channel_cells<W, PLAIN, T>, channel_cells<W, HOLES, T>, bordered_cells<W, T>};
     // Of several channels those for borders do for holes, too: borders are none there.
-    constexpr Kind with_holes = K == 1 ? HOLES : BORDERS;
-    return {channel_cells<W, K, PLAIN, T>, channel_cells<W, K, with_holes, T>, channel_cells<W, K, BORDERS, T>};
+    else return {several_cells<W, K, PLAIN, T>, several_cells<W, K, BORDERS, T>, several_cells<W, K, BORDERS, T>};
 }
 
-// All flows of row r of cells of one triangulation.
+// All that row r of cells of one triangulation gives.
 template <class T>
-void channel_row(const Task<T>& t, const ChannelLoops<T>& loops, const Tile& tile, int side, i64 r, const Flows<T>& f,
-                 BorderRanges<T>& ranges) {
+void channel_row(const Task<T>& t, const ChannelLoops<T>& loops, const Tile& tile, int side, i64 r, const Cells<T>& f) {
     const u8* code = t.codes.row(side, r);
     const i64 plane = t.h * t.w, e = side ? -1 : 1;
     const T *top = t.u + r * t.w, *bottom = top + t.w;
     const Ground<T> above = t.ground(r), under = t.ground(r + 1);
     const auto run = [&](Kind kind, i64 from, i64 to) {
         const i64 i = from - tile.left, n = to - from;
-        const Flows<T> at = f.shifted(i);
+        const Cells<T> at = f.shifted(i);
         if (kind == NONE) return f.clear(t.k, i, i + n);
-        if (kind == BORDERS) ranges.add(i, i + n);
         if (kind != PLAIN) widened(n, code + from, at.code);
         const ChannelCells<T> loop = kind == PLAIN ? loops.plain : kind == HOLES ? loops.holes : loops.borders;
         if (from > 0 && to < t.w) return loop(t, e, 0, n, at.code, top + from, bottom + from, plane, above, under, at);
@@ -81,39 +130,30 @@ void channel_row(const Task<T>& t, const ChannelLoops<T>& loops, const Tile& til
     for_runs(code, t.codes.kinds(side, r), t.w, most(tile.left - 1, 0), least(tile.right + 1, t.w), run);
 }
 
-template <class T> i64 channel_room(const Task<T>& t) { return Flows<T>::rows(t.k) + 2 * t.k + 7; }
+template <class T> i64 channel_room(const Task<T>& t) { return Cells<T>::rows(t.k) + 2 * t.k + 7; }
 
 // Rows begin to end of a tile: each row of cells once, and the one above them.
-// cells_of(side, r, flows, ranges): all flows of a row of cells.
-template <class T, class Cells> Measured channel_tile(const Task<T>& t, const Tile& tile, Room<T> room, const Cells& cells_of) {
+// cells_of(side, r, cells): all that a row of cells gives.
+template <class T, class F> Measured channel_tile(const Task<T>& t, const Tile& tile, Room<T> room, const F& cells_of) {
     const i64 n = tile.right - tile.left, start = most(tile.begin - 1, 0), wide = room.wide;
     const i64 first = most(tile.left - 1, 0), last = least(tile.right + 1, t.w);
-    const Flows<T> f = Flows<T>::of(room, t.k);
+    const Cells<T> f = Cells<T>::of(room, t.k);
     T *given = room.take(t.k), *below = room.take(t.k), *mass = room.take(), *mass_below = room.take(), *pace = room.take();
     FlatMass<T> flat = FlatMass<T>::of(room);
-    const bool measuring = !t.out;
+    const bool measuring = !t.out, several = t.last_sheet - t.first_sheet > 1;
     // With gamma = -1 and a mass of thirds, s / M is one over the flat mass.
     const bool light = t.quarters == -4 && !measuring;
     Measured found;
     for (i64 r = start; r < tile.end; ++r) {
         const bool cells = r < t.h - 1, alike = r - 2 >= start && cells && t.level(r) && t.level(r - 1);
-        bool added = false;
         exchange(mass, mass_below);
         if (!alike) exchange(flat.here, flat.below);
         for (int side = t.first_sheet; side < t.last_sheet && cells; ++side) {
             const bool fresh = side == t.first_sheet;
             const i64 e = side ? -1 : 1;
-            BorderRanges<T> ranges{f.borders, wide, t.k, n, e, given, below, wide};
-            cells_of(side, r, f, ranges);
-            added |= ranges.to >= ranges.from;
-            ranges.give();
-            if (side + 1 < t.last_sheet) {
-                for (i64 k = 0; k < t.k; ++k) {
-                    const i64 i = k * wide;
-                    gather_flows(n, e, f.to_q + i, f.to_n + i, f.down + i, given + i, below + i);
-                }
-                added = true;
-            }
+            cells_of(side, r, f);
+            for (i64 k = 0; k < t.k && side + 1 < t.last_sheet; ++k)
+                gather_corners<true>(0, n, e, f.pulls.shifted(k * wide), given + k * wide, below + k * wide);
             if (!light) gather_thirds(fresh, n, e, f.upper, f.lower, mass, mass_below);
             if (t.indicated() && !alike) flat.gather(t, tile, fresh, side, r, first, last);
             if (measuring && r >= tile.begin) found.area += area_of(0, n, f.upper, f.lower);
@@ -131,9 +171,8 @@ template <class T, class Cells> Measured channel_tile(const Task<T>& t, const Ti
         }
         for (i64 k = 0; k < t.k; ++k) {
             const i64 i = k * wide;
-            if (r < tile.begin || measuring) passed_on(n, e, f.to_n + i, f.down + i, given + i, below + i);
-            else move_row_by_flows(t, tile, k, r, e, f, added, given + i, below + i, pace);
-            if (added) zero(below + i, 0, n);
+            if (r < tile.begin || measuring) passed_on(n, e, f.pulls.shifted(i), given + i, below + i);
+            else move_row_by_cells(t, tile, k, r, e, f.pulls.shifted(i), several, given + i, below + i, pace);
         }
     }
     return found;

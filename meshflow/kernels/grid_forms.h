@@ -99,14 +99,11 @@ template <class T> struct Still {
 };
 
 template <bool Borders, class Legs, class T>
-LOOP void form_flows(i64 e, i64 from, i64 to, [[maybe_unused]] const u8* code, const Legs legs, const FormRows<T> forms,
-                     const Flows<T> f) {
+LOOP void form_pulls(i64 e, i64 from, i64 to, const u8* code, const Legs legs, const FormRows<T> forms, const Corners<T> pulls) {
     SIMD for (i64 j = from; j < to; ++j) {
         const T a = legs.a(j, e), b = legs.b(j), c = legs.c(j, e);
         const Form<T> m = forms.at(0, j), n = forms.at(1, j);
-        const T on_q = m.on_q(a, b), on_r = m.on_r(a, b), to_n = n.on_q(c, -b), to_o = n.on_r(c, -b);
-        f.to_q[j] = on_q, f.to_n[j] = to_n, f.down[j] = on_r - to_o;
-        if constexpr (Borders) f.borders.put(j, Bordered<T>::of(code[j], on_q, on_r, to_n, to_o, T(0)));
+        pulls.template pull<Borders>(j, code[j], m.on_q(a, b), m.on_r(a, b), n.on_q(c, -b), n.on_r(c, -b));
     }
 }
 
@@ -209,7 +206,7 @@ template <class T> class FormTile {
     static i64 rows(const Task<T>& t) {
         const i64 c = coordinates(t), all = c + still(t);
         const i64 places = t.lines != CHANNELS ? 12 : 2 * c;
-        return places + 8 + Flows<T>::rows(1) + 4 + 4 + 2 * all + 9 + 2 + 1 + 10 * Room<T>::DOUBLE + (t.far > 0 ? Patches<T>::rows(t) : 0);
+        return places + 8 + 4 + 4 + 2 * all + 9 + 2 + 1 + 10 * Room<T>::DOUBLE + (t.far > 0 ? Patches<T>::rows(t) : 0);
     }
 
     // reach: how many elements beside the tile are measured, 1, or 2 where the samples beside it are asked for.
@@ -218,7 +215,7 @@ template <class T> class FormTile {
           n(of.right - of.left), ahead(reach - 1), first(most(of.left - reach, 0) - of.left),
           last(least(of.right + reach, task.w) - of.left), coords(coordinates(task)), stills(still(task)),
           in_space(task.lines != CHANNELS), seeing(in_space && t.indicated() && !t.projection),
-          here(places(room)), next(places(room)), forms(FormRows<T>::of(room)), flows(Flows<T>::of(room, 1)),
+          here(places(room)), next(places(room)), forms(FormRows<T>::of(room)), 
           corners(Corners<T>::of(room)), flat(FlatMass<T>::of(room)) {
         pulls = room.take(coords + stills), pulls_below = room.take(coords + stills);
         mass = room.take(), mass_below = room.take(), area = room.take(), area_below = room.take();
@@ -341,15 +338,11 @@ template <class T> class FormTile {
         const i64 e = side ? -1 : 1;
         const u8* code = t.codes.row(side, r) + tile.left;
         T *to = pulls + q * wide - ahead, *below = pulls_below + q * wide - ahead;
-        form_flows<false>(e, first, last, code, legs, forms, flows);
-        const Corners<T> borders = flows.borders.shifted(-ahead);
-        BorderRanges<T> ranges{borders, wide, 1, n + 2 * ahead, e, to, below, wide};
+        form_pulls<false>(e, first, last, code, legs, forms, corners);
         runs(side, r, [&](Kind kind, i64 from, i64 until) {
-            if (kind != BORDERS) return;
-            form_flows<true>(e, from, until, code, legs, forms, flows), ranges.add(from + ahead, until + ahead);
+            if (kind == BORDERS) form_pulls<true>(e, from, until, code, legs, forms, corners);
         });
-        ranges.give();
-        gather_flows(n + 2 * ahead, e, flows.to_q - ahead, flows.to_n - ahead, flows.down - ahead, to, below);
+        gather_corners<false>(0, n + 2 * ahead, e, corners.shifted(-ahead), to, below);
     }
     void pull(int side, i64 r) const {
         for (i64 q = 0; q < coords; ++q) pull_of(side, r, q, Moving<T>{here.coordinate(q, wide), next.coordinate(q, wide)});
@@ -440,7 +433,6 @@ template <class T> class FormTile {
     bool in_space, seeing;
     Row here, next;
     FormRows<T> forms;
-    Flows<T> flows;
     Corners<T> corners;
     FlatMass<T> flat;
     T *pulls, *pulls_below, *mass, *mass_below, *area, *area_below, *sight, *sight_below, *part, *whole, *pace, *onward[2], *free2;

@@ -1,5 +1,7 @@
 // How a loop over a row is told to a compiler. No intrinsics: plain loops that become SIMD, each in a function of its own.
 #pragma once
+#include <bit>
+
 #include "interface.h"
 
 // A loop whose turns touch different samples, whatever the pointers: it may be done several turns at once.
@@ -35,6 +37,17 @@ template <class A> INLINE void exchange(A& a, A& b) {
 }
 INLINE i64 least(i64 a, i64 b) { return a < b ? a : b; }
 INLINE i64 most(i64 a, i64 b) { return a > b ? a : b; }
+
+// Codes as wide as the numbers beside them: else SIMD would do as many turns at once as fit codes, with all else spilled.
+template <class T> struct LaneOf { using type = std::int32_t; };
+template <> struct LaneOf<double> { using type = std::int64_t; };
+template <class T> using Lane = typename LaneOf<T>::type;
+
+// x where a bit of the code is set, else zero. By bits: of a choice compilers make branches, and of several all that may come of them.
+template <int BIT, class T> INLINE T where(Lane<T> code, T x) {
+    return std::bit_cast<T>(std::bit_cast<Lane<T>>(x) & -(code >> BIT & 1));
+}
+constexpr int UPPER_BIT = 0, LOWER_BIT = 4;
 
 // Sums and greatest numbers of a row in eight parts, so that they become SIMD, in an order that is always the same.
 struct Sum {

@@ -285,28 +285,22 @@ template <class W, class T> INLINE Form<T> mean_form(T uu, T vv, T uv, T share, 
 // One channel: as channel_cells, whose parameters it takes.
 template <class W, Kind KIND, class T>
 LOOP void patch_cells(const Task<T>& t, i64 e, i64 from, i64 to, [[maybe_unused]] const Lane<T>* code, const T* top, const T* bottom,
-                      const Ground<T> above, const Ground<T> under, const Sums<T> up, const Sums<T> low, const Flows<T> f) {
+                      const Ground<T> above, const Ground<T> under, const Sums<T> up, const Sums<T> low, const Cells<T> f) {
     const T q = t.sharpness, scale = t.scale;
     SIMD for (i64 j = from; j < to; ++j) {
-        const Form<T> m = mean_form<W>(up.uu[j], up.vv[j], up.uv[j], up.share[j], above, q, scale);
-        const Form<T> n = mean_form<W>(low.uu[j], low.vv[j], low.uv[j], low.share[j], under, q, scale);
         Lane<T> x = WHOLE;
         if constexpr (KIND != PLAIN) x = code[j];
-        const bool has = x & 1, lower = x & 16;
+        const Form<T> m = mean_form<W>(up.uu[j], up.vv[j], up.uv[j], up.share[j], above, q, scale).template if_there<UPPER_BIT>(x);
+        const Form<T> n = mean_form<W>(low.uu[j], low.vv[j], low.uv[j], low.share[j], under, q, scale).template if_there<LOWER_BIT>(x);
         const T a = top[j + e] - top[j], b = bottom[j] - top[j], c = bottom[j - e] - bottom[j];
-        T on_q = m.on_q(a, b), on_r = m.on_r(a, b), to_n = n.on_q(c, -b), to_o = n.on_r(c, -b);
-        if constexpr (KIND != PLAIN) {
-            on_q = has ? on_q : T(0), on_r = has ? on_r : T(0), to_n = lower ? to_n : T(0), to_o = lower ? to_o : T(0);
-        }
-        f.to_q[j] = on_q, f.to_n[j] = to_n, f.down[j] = on_r - to_o;
-        if constexpr (KIND == BORDERS) f.borders.put(j, Bordered<T>::of(x, on_q, on_r, to_n, to_o, T(0)));
-        f.upper[j] = has ? m.third : T(0), f.lower[j] = lower ? n.third : T(0);
+        f.pulls.template pull<KIND == BORDERS>(j, x, m.on_q(a, b), m.on_r(a, b), n.on_q(c, -b), n.on_r(c, -b));
+        f.upper[j] = m.third, f.lower[j] = n.third;
     }
 }
 
 template <class T>
 using PatchCells = void (*)(const Task<T>&, i64, i64, i64, const Lane<T>*, const T*, const T*, const Ground<T>, const Ground<T>,
-                            const Sums<T>, const Sums<T>, const Flows<T>);
+                            const Sums<T>, const Sums<T>, const Cells<T>);
 template <class T> struct PatchLoops {
     PatchCells<T> plain, holes, borders;
 };
@@ -314,10 +308,10 @@ template <class T, class W> PatchLoops<T> patch_loops() {
     return {patch_cells<W, PLAIN, T>, patch_cells<W, HOLES, T>, patch_cells<W, BORDERS, T>};
 }
 
-// All flows of row r of cells of one triangulation, as channel_row.
+// All that row r of cells of one triangulation gives, as channel_row.
 template <class T>
 void patch_row(const Task<T>& t, const PatchLoops<T>& loops, Patches<T>& patches, const Tile& tile, int side, i64 r,
-               const Flows<T>& f, BorderRanges<T>& ranges) {
+               const Cells<T>& f) {
     const u8 *code = t.codes.row(side, r), *kinds = t.codes.kinds(side, r);
     const i64 e = side ? -1 : 1, left = tile.left;
     const T *top = t.u + r * t.w, *bottom = top + t.w;
@@ -326,8 +320,7 @@ void patch_row(const Task<T>& t, const PatchLoops<T>& loops, Patches<T>& patches
         for_runs(code, kinds, t.w, left + begin, left + end, [&](Kind kind, i64 from, i64 to) {
             const i64 i = from - left, n = to - from;
             if (kind == NONE) return f.clear(1, i, i + n);
-            if (kind == BORDERS) ranges.add(i, i + n);
-            const Flows<T> at = f.shifted(i);
+            const Cells<T> at = f.shifted(i);
             if (kind != PLAIN) widened(n, code + from, at.code);
             const PatchCells<T> loop = kind == PLAIN ? loops.plain : kind == HOLES ? loops.holes : loops.borders;
             const Sums<T> upper = up.shifted(i), lower = low.shifted(i);
@@ -342,8 +335,8 @@ void patch_row(const Task<T>& t, const PatchLoops<T>& loops, Patches<T>& patches
 template <class T> Measured patch_tile(const Task<T>& t, const PatchLoops<T>& loops, const Tile& tile, Room<T> room) {
     const i64 first = most(tile.left - 1, 0) - tile.left, last = least(tile.right + 1, t.w) - tile.left;
     Patches<T> patches(t, tile, first, last, room);
-    return channel_tile(t, tile, room, [&](int side, i64 r, const Flows<T>& f, BorderRanges<T>& ranges) {
-        patch_row(t, loops, patches, tile, side, r, f, ranges);
+    return channel_tile(t, tile, room, [&](int side, i64 r, const Cells<T>& f) {
+        patch_row(t, loops, patches, tile, side, r, f);
     });
 }
 

@@ -68,9 +68,9 @@ LOOP void ray_borders(i64 e, i64 from, i64 to, const u8* code, const Row top, co
         Vector<T> on_q, on_r, to_n, to_o;
         const T one = std::sqrt(m.square), two = std::sqrt(n.square);
         m.pulls(a, b, x & 1 ? one : T(0), on_q, on_r), n.pulls(c, d, x & 16 ? two : T(0), to_n, to_o);
-        const Bordered<T> bx = Bordered<T>::of(x, on_q.x, on_r.x, to_n.x, to_o.x, T(0));
-        const Bordered<T> by = Bordered<T>::of(x, on_q.y, on_r.y, to_n.y, to_o.y, T(0));
-        const Bordered<T> bz = Bordered<T>::of(x, on_q.z, on_r.z, to_n.z, to_o.z, T(0));
+        const Bordered<T> bx = Bordered<T>::of(x, on_q.x, on_r.x, to_n.x, to_o.x);
+        const Bordered<T> by = Bordered<T>::of(x, on_q.y, on_r.y, to_n.y, to_o.y);
+        const Bordered<T> bz = Bordered<T>::of(x, on_q.z, on_r.z, to_n.z, to_o.z);
         const Vector<T> here = top.ray(j), under = bottom.ray(j);
         pulls.own_here[j] += Vector<T>{bx.own_here, by.own_here, bz.own_here}.dot(here);
         pulls.beside_here[j] += Vector<T>{bx.beside_here, by.beside_here, bz.beside_here}.dot(top.ray(j + e));

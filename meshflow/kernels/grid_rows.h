@@ -113,11 +113,11 @@ template <class T> INLINE void zero(T* row, i64 from, i64 to) {
 
 // What the borders of a triangle's edges give to the corners opposite to them: half the pull of the conormal of a border edge is
 // minus the pull on the corner opposite to the edge. x: the code.
-template <class V> struct Bordered {
-    V own_here, beside_here, own_below, beside_below;
-    template <class X> static INLINE Bordered of(X x, const V& on_q, const V& on_r, const V& to_n, const V& to_o, const V& none) {
-        const V p_to = x & 2 ? none - (on_q + on_r) : none, q_to = x & 4 ? on_q : none, r_to = x & 8 ? on_r : none;
-        const V s_to = x & 32 ? none - (to_n + to_o) : none, n_on = x & 64 ? to_n : none, o_on = x & 128 ? to_o : none;
+template <class T> struct Bordered {
+    T own_here, beside_here, own_below, beside_below;
+    static INLINE Bordered of(Lane<T> x, T on_q, T on_r, T to_n, T to_o) {
+        const T p_to = where<1>(x, -(on_q + on_r)), q_to = where<2>(x, on_q), r_to = where<3>(x, on_r);
+        const T s_to = where<5>(x, -(to_n + to_o)), n_on = where<6>(x, to_n), o_on = where<7>(x, to_o);
         return {(q_to + r_to) + (s_to + n_on), p_to + r_to, (p_to + q_to) + (n_on + o_on), s_to + o_on};
     }
 };
@@ -133,51 +133,45 @@ template <class T> struct Corners {
     void clear(i64 from, i64 to) const {
         for (T* row : {own_here, beside_here, own_below, beside_below}) zero(row, from, to);
     }
-    INLINE void put(i64 i, const Bordered<T>& by) const {
-        own_here[i] = by.own_here, beside_here[i] = by.beside_here, own_below[i] = by.own_below, beside_below[i] = by.beside_below;
+    // The pulls on the far corners of element i, Q and R of its upper triangle, N and the one above S of its lower one, and what
+    // they take from P and S; with Borders what its borders give, too.
+    template <bool Borders> INLINE void pull(i64 i, [[maybe_unused]] Lane<T> code, T on_q, T on_r, T to_n, T to_o) const {
+        const T here = to_o - (on_q + on_r), under = on_r - (to_n + to_o);
+        if constexpr (Borders) {
+            const Bordered<T> by = Bordered<T>::of(code, on_q, on_r, to_n, to_o);
+            own_here[i] = here + by.own_here, beside_here[i] = on_q + by.beside_here;
+            own_below[i] = under + by.own_below, beside_below[i] = to_n + by.beside_below;
+        } else {
+            own_here[i] = here, beside_here[i] = on_q, own_below[i] = under, beside_below[i] = to_n;
+        }
     }
     INLINE Corners shifted(i64 by) const { return {own_here + by, beside_here + by, own_below + by, beside_below + by}; }
 };
 
-// Codes as wide as the numbers beside them: else SIMD would do as many turns at once as fit codes, with all else spilled.
-template <class T> struct LaneOf { using type = std::int32_t; };
-template <> struct LaneOf<double> { using type = std::int64_t; };
-template <class T> using Lane = typename LaneOf<T>::type;
 template <class L> LOOP void widened(i64 n, const u8* code, L* to) {
     SIMD for (i64 j = 0; j < n; ++j) to[j] = code[j];
 }
 
-// What a row of cells lets flow for each coordinate: along the row above to Q, along the row below to N, and down the columns.
-template <class T> struct Flows {
+// What a row of cells gives to the samples around it: pulls on each coordinate, and thirds of area.
+template <class T> struct Cells {
     i64 wide;  // from one coordinate to the next
-    T *to_q, *to_n, *down;
-    T *upper, *lower;  // thirds of area
-    Corners<T> borders;
+    Corners<T> pulls;
+    T *upper, *lower;
     Lane<T>* code;
-    static Flows of(Room<T>& room, i64 coordinates) {
-        T *q = room.take(coordinates), *n = room.take(coordinates), *d = room.take(coordinates), *u = room.take(), *l = room.take();
-        T *a = room.take(coordinates), *b = room.take(coordinates), *c = room.take(coordinates), *e = room.take(coordinates);
-        return {room.wide, q, n, d, u, l, {a, b, c, e}, reinterpret_cast<Lane<T>*>(room.take())};
+    static Cells of(Room<T>& room, i64 coordinates) {
+        T *a = room.take(coordinates), *b = room.take(coordinates), *c = room.take(coordinates), *d = room.take(coordinates);
+        T *u = room.take(), *l = room.take();
+        return {room.wide, {a, b, c, d}, u, l, reinterpret_cast<Lane<T>*>(room.take())};
     }
-    static i64 rows(i64 coordinates) { return 7 * coordinates + 3; }
-    INLINE Flows shifted(i64 by) const {
-        return {wide, to_q + by, to_n + by, down + by, upper + by, lower + by, borders.shifted(by), code + by};
-    }
+    static i64 rows(i64 coordinates) { return 4 * coordinates + 3; }
+    INLINE Cells shifted(i64 by) const { return {wide, pulls.shifted(by), upper + by, lower + by, code + by}; }
     void clear(i64 coordinates, i64 from, i64 to) const {
-        for (i64 k = 0; k < coordinates; ++k)
-            for (T* row : {to_q, to_n, down}) zero(row + k * wide, from, to);
+        for (i64 k = 0; k < coordinates; ++k) pulls.shifted(k * wide).clear(from, to);
         zero(upper, from, to), zero(lower, from, to);
     }
 };
 
 // --- what cells give, gathered by samples ------------------------------------------------------------------------------------------
-
-template <class T> LOOP void gather_flows(i64 n, i64 e, const T* to_q, const T* to_n, const T* down, T* here, T* below) {
-    SIMD for (i64 j = 0; j < n; ++j) {
-        here[j] += (to_q[j - e] - to_q[j]) - down[j];
-        below[j] += down[j] + (to_n[j + e] - to_n[j]);
-    }
-}
 
 // Fresh: nothing has been given to the samples below yet.
 template <bool Fresh, class T> LOOP void gather_corners(i64 from, i64 to, i64 e, const Corners<T>& c, T* here, T* below) {
@@ -204,34 +198,6 @@ template <class T> INLINE void gather_thirds(bool fresh, i64 n, i64 e, const T* 
     if (fresh) gather_thirds<true>(n, e, upper, lower, here, below);
     else gather_thirds<false>(n, e, upper, lower, here, below);
 }
-
-// The borders of a row of cells, given to the samples around them. Ranges of elements that touch are given at once:
-// what a sample gets does not depend on where they begin.
-template <class T> struct BorderRanges {
-    const Corners<T>& corners;
-    i64 wide, coordinates, n, e;
-    T *here, *below;  // `step` from one coordinate to the next
-    i64 step, from = 0, to = -1;
-
-    void add(i64 first, i64 last) {
-        if (to >= from && first <= to + 2) {
-            for (i64 k = 0; k < coordinates; ++k) corners.shifted(k * wide).clear(to, first);
-            to = last;
-            return;
-        }
-        give();
-        from = first, to = last;
-    }
-    void give() {
-        if (to < from) return;
-        for (i64 k = 0; k < coordinates; ++k) {
-            const Corners<T> at = corners.shifted(k * wide);
-            at.clear(from - 2, from), at.clear(to, to + 2);
-            gather_corners<false>(most(from - 1, 0), least(to + 1, n), e, at, here + k * step, below + k * step);
-        }
-        to = from - 1;
-    }
-};
 
 template <class T> LOOP void presence(i64 from, i64 to, const u8* code, T above, T under, T* upper, T* lower) {
     SIMD for (i64 j = from; j < to; ++j) {
@@ -314,20 +280,20 @@ LOOP void moved(i64 n, const Mix<T> mix, const T* u, const T* a, const T* b, con
         out[j] = blended<Terms>(mix, u[j], Terms > 0 ? a[j] : T(0), Terms > 1 ? b[j] : T(0), Terms > 1 ? c[j] : T(0), pace[j], pull[j]);
 }
 
-// The same from the flows of the last triangulation; `given`: what the samples of this row have been given before, and then those
+// The same from the pulls of the last triangulation; `given`: what the samples of this row have been given before, and then those
 // of the row below, with Added what is in `below`.
 template <int Terms, bool Added, class T>
-LOOP void moved_by_flows(i64 n, i64 e, const Mix<T> mix, const T* u, const T* a, const T* b, const T* c, const T* to_q,
-                         const T* to_n, const T* down, T* given, const T* below, const T* pace, T* out) {
+LOOP void moved_by_cells(i64 n, i64 e, const Mix<T> mix, const T* u, const T* a, const T* b, const T* c, const Corners<T> pulls,
+                         T* given, const T* below, const T* pace, T* out) {
     SIMD for (i64 j = 0; j < n; ++j) {
-        const T pull = given[j] + ((to_q[j - e] - to_q[j]) - down[j]);
-        given[j] = (Added ? below[j] : T(0)) + (down[j] + (to_n[j + e] - to_n[j]));
+        const T pull = given[j] + (pulls.own_here[j] + pulls.beside_here[j - e]), on = pulls.own_below[j] + pulls.beside_below[j + e];
+        given[j] = Added ? below[j] + on : on;
         out[j] = blended<Terms>(mix, u[j], Terms > 0 ? a[j] : T(0), Terms > 1 ? b[j] : T(0), Terms > 1 ? c[j] : T(0), pace[j], pull);
     }
 }
 // Of a row that is not of the tile: what it gives to the row below.
-template <class T> LOOP void passed_on(i64 n, i64 e, const T* to_n, const T* down, T* given, const T* below) {
-    SIMD for (i64 j = 0; j < n; ++j) given[j] = below[j] + (down[j] + (to_n[j + e] - to_n[j]));
+template <class T> LOOP void passed_on(i64 n, i64 e, const Corners<T> pulls, T* given, const T* below) {
+    SIMD for (i64 j = 0; j < n; ++j) given[j] = below[j] + (pulls.own_below[j] + pulls.beside_below[j + e]);
 }
 
 // Channel q of a row of samples moved by its pull.
@@ -341,16 +307,14 @@ template <class T> void move_row(const Task<T>& t, const Tile& tile, i64 q, i64 
 }
 
 template <class T>
-void move_row_by_flows(const Task<T>& t, const Tile& tile, i64 q, i64 r, i64 e, const Flows<T>& f, bool added, T* given,
+void move_row_by_cells(const Task<T>& t, const Tile& tile, i64 q, i64 r, i64 e, const Corners<T>& pulls, bool added, T* given,
                        const T* below, const T* pace) {
-    const i64 at = (q * t.h + r) * t.w + tile.left, n = tile.right - tile.left, i = q * f.wide;
+    const i64 at = (q * t.h + r) * t.w + tile.left, n = tile.right - tile.left;
     const T *x = t.to_read(t.a, at), *y = t.to_read(t.b, at), *z = t.to_read(t.c, at);
-    const auto go = [&](auto loop) {
-        loop(n, e, t.mix, t.u + at, x, y, z, f.to_q + i, f.to_n + i, f.down + i, given, below, pace, t.out + at);
-    };
-    if (t.terms == 0) added ? go(moved_by_flows<0, true, T>) : go(moved_by_flows<0, false, T>);
-    else if (t.terms == 1) added ? go(moved_by_flows<1, true, T>) : go(moved_by_flows<1, false, T>);
-    else added ? go(moved_by_flows<2, true, T>) : go(moved_by_flows<2, false, T>);
+    const auto go = [&](auto loop) { loop(n, e, t.mix, t.u + at, x, y, z, pulls, given, below, pace, t.out + at); };
+    if (t.terms == 0) added ? go(moved_by_cells<0, true, T>) : go(moved_by_cells<0, false, T>);
+    else if (t.terms == 1) added ? go(moved_by_cells<1, true, T>) : go(moved_by_cells<1, false, T>);
+    else added ? go(moved_by_cells<2, true, T>) : go(moved_by_cells<2, false, T>);
 }
 
 template <class T> LOOP double greatest_product(i64 n, const T* a, const T* b) {

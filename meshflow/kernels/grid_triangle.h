@@ -28,46 +28,69 @@ template <class T> struct Ground {
 };
 
 // What acts on the far ends of the legs, and a third of the area.
-template <class T, int D> struct Pull {
-    T on_q[D], on_r[D], third;
+template <class T> struct Pull {
+    T on_q, on_r, third;
 };
 
-// D coordinates over the ground; scale is alpha^2. The two triangles that share the leg b of a column: (a, b) and (c, -b).
-template <class W, int D, class T>
-INLINE void pair_over_ground(const T (&a)[D], const T (&b)[D], const T (&c)[D], const Ground<T>& above, const Ground<T>& below,
-                             T q, T scale, Pull<T, D>& m, Pull<T, D>& n) {
-    if constexpr (D == 1) {
-        const T square = b[0] * b[0];
-        const T w = W::expansion(T(1) + (above.ax * (a[0] * a[0]) + above.ay * square), q);
-        const T v = W::expansion(T(1) + (below.ax * (c[0] * c[0]) + below.ay * square), q);
-        // One division for both would make the bits of one triangle depend on the other, which a part of a grid may not have.
-        const T over_w = T(1) / w, over_v = T(1) / v;
-        m = {{above.kx * a[0] * over_w}, {above.ky * b[0] * over_w}, above.sixth * w};
-        n = {{below.kx * c[0] * over_v}, {-(below.ky * b[0] * over_v)}, below.sixth * v};
-    } else {
-        T aa = 0, bb = 0, cc = 0, minors = 0, others = 0, ab[D][D], cb[D][D];
-        UNROLL for (int i = 0; i < D; ++i) {
-            aa += a[i] * a[i], bb += b[i] * b[i], cc += c[i] * c[i];
-            UNROLL for (int j = 0; j < i; ++j) {
-                ab[i][j] = a[i] * b[j] - a[j] * b[i], ab[j][i] = -ab[i][j], minors += ab[i][j] * ab[i][j];
-                cb[i][j] = c[i] * b[j] - c[j] * b[i], cb[j][i] = -cb[i][j], others += cb[i][j] * cb[i][j];
-            }
+// One coordinate over the ground. The two triangles that share the leg b of a column: (a, b) and (c, -b); nothing comes of one that
+// is not there.
+template <class W, class T>
+INLINE void pair_over_ground(T a, T b, T c, const Ground<T>& above, const Ground<T>& below, T q, Lane<T> code,
+                             Pull<T>& m, Pull<T>& n) {
+    const T square = b * b;
+    const T w = W::expansion(T(1) + (above.ax * (a * a) + above.ay * square), q);
+    const T v = W::expansion(T(1) + (below.ax * (c * c) + below.ay * square), q);
+    // One division for both would make the bits of one triangle depend on the other, which a part of a grid may not have.
+    const T over_w = where<UPPER_BIT>(code, T(1) / w), over_v = where<LOWER_BIT>(code, T(1) / v);
+    m = {above.kx * a * over_w, above.ky * b * over_w, where<UPPER_BIT>(code, above.sixth * w)};
+    n = {below.kx * c * over_v, -(below.ky * b * over_v), where<LOWER_BIT>(code, below.sixth * v)};
+}
+
+// D coordinates over the ground; scale is alpha^2. A triangle by 1 / 4T and s / 4T, which are 0 where it is not there.
+template <class T> struct Share {
+    T half, scaled;
+};
+
+// Minors by their larger index; sums begin with their first term: what is added to zero costs an addition.
+template <int D, class T> INLINE void minors_of(const T (&a)[D], const T (&b)[D], T (&minors)[D][D]) {
+    UNROLL for (int i = 1; i < D; ++i)
+        UNROLL for (int j = 0; j < i; ++j) minors[i][j] = a[i] * b[j] - a[j] * b[i];
+}
+template <int D, class T> INLINE T squared(const T (&a)[D]) {
+    T sum = a[0] * a[0];
+    UNROLL for (int i = 1; i < D; ++i) sum += a[i] * a[i];
+    return sum;
+}
+
+template <int BIT, class W, int D, class T>
+INLINE Share<T> share_over_ground(const T (&a)[D], T aa, const T (&b)[D], T bb, const Ground<T>& g, T q, T scale, Lane<T> code,
+                                  T& third) {
+    T minors[D][D];
+    minors_of(a, b, minors);
+    T squares = minors[1][0] * minors[1][0];
+    UNROLL for (int i = 2; i < D; ++i)
+        UNROLL for (int j = 0; j < i; ++j) squares += minors[i][j] * minors[i][j];
+    const T s = scale * W::stretch(scale * (aa * g.over_xx + bb * g.over_yy), q);
+    const T doubled = std::sqrt(g.xx * g.yy + s * ((g.xx * bb + g.yy * aa) + s * squares));
+    const T half = where<BIT>(code, T(0.5) / doubled);
+    third = where<BIT>(code, doubled * T(1.0 / 6));
+    return {half, half * s};
+}
+
+// The pulls of a triangle with legs a, b on Q and on R.
+template <int D, class T>
+INLINE void pulls_over_ground(const T (&a)[D], const T (&b)[D], const Share<T>& share, const Ground<T>& g, T (&on_q)[D], T (&on_r)[D]) {
+    T minors[D][D];
+    minors_of(a, b, minors);
+    UNROLL for (int i = 1; i < D; ++i)
+        UNROLL for (int j = 0; j < i; ++j) minors[i][j] *= share.scaled;
+    const T on_a = share.half * g.yy, on_b = share.half * g.xx;
+    UNROLL for (int i = 0; i < D; ++i) {
+        on_q[i] = on_a * a[i], on_r[i] = on_b * b[i];
+        UNROLL for (int j = 0; j < D; ++j) {
+            if (j < i) on_q[i] += minors[i][j] * b[j], on_r[i] -= minors[i][j] * a[j];
+            if (j > i) on_q[i] -= minors[j][i] * b[j], on_r[i] += minors[j][i] * a[j];
         }
-        const T s = scale * W::stretch(scale * (aa * above.over_xx + bb * above.over_yy), q);
-        const T t = scale * W::stretch(scale * (cc * below.over_xx + bb * below.over_yy), q);
-        const T one = std::sqrt(above.xx * above.yy + s * ((above.xx * bb + above.yy * aa) + s * minors));
-        const T two = std::sqrt(below.xx * below.yy + t * ((below.xx * bb + below.yy * cc) + t * others));
-        const T half = T(0.5) / one, part = T(0.5) / two;
-        const T hs = half * s, pt = part * t, on_a = half * above.yy, on_b = half * above.xx, on_c = part * below.yy,
-                on_d = part * below.xx;
-        UNROLL for (int i = 0; i < D; ++i) {
-            T to_q = 0, to_r = 0, to_n = 0, to_o = 0;
-            UNROLL for (int j = 0; j < D; ++j)
-                if (j != i) to_q += ab[i][j] * b[j], to_r += ab[i][j] * a[j], to_n += cb[i][j] * b[j], to_o += cb[i][j] * c[j];
-            m.on_q[i] = on_a * a[i] + hs * to_q, m.on_r[i] = on_b * b[i] - hs * to_r;
-            n.on_q[i] = on_c * c[i] + pt * to_n, n.on_r[i] = pt * to_o - on_d * b[i];
-        }
-        m.third = one * T(1.0 / 6), n.third = two * T(1.0 / 6);
     }
 }
 
@@ -126,6 +149,9 @@ template <class T> struct Form {
     T uu, vv, uv, third;
     INLINE T on_q(T a, T b) const { return vv * a - uv * b; }
     INLINE T on_r(T a, T b) const { return uu * b - uv * a; }
+    template <int BIT> INLINE Form if_there(Lane<T> code) const {
+        return {where<BIT>(code, uu), where<BIT>(code, vv), where<BIT>(code, uv), where<BIT>(code, third)};
+    }
     // From the products of the legs of the free coordinates alone, and the sum of their squared minors.
     template <class W> static INLINE Form over_ground(T uu, T vv, T uv, T minors, const Ground<T>& g, T q, T scale) {
         const T s = scale * W::stretch(scale * (uu * g.over_xx + vv * g.over_yy), q);
