@@ -10,11 +10,16 @@ import time
 import numpy as np
 import pytest
 
+import meshflow
+from meshflow.estimate.request import Request
 from meshflow.kernels.arrays import copied
 from meshflow.kernels.gate import Stopped
-from meshflow.kernels.library import default_threads
+from meshflow.kernels.library import default_threads, using_threads
 from meshflow.kernels.parameters import Stop
 from meshflow.kernels.trials import trial_census, trial_endless, trial_sum
+from meshflow.results.run import states
+from meshflow.surfaces.mesh import Mesh
+from meshflow.synthetic.shapes import sphere
 
 
 def summed(seed, threads=3, inner=1):
@@ -153,6 +158,38 @@ def test_threads_by_default_are_those_of_the_process_or_of_the_environment(monke
             ValueError, match=f"MESHFLOW_NUM_THREADS='{wrong}': a number of threads expected, 1 or more"
         ):
             default_threads()
+
+
+def census():
+    """By how many threads a kernel is run whose caller names none."""
+    who = np.zeros(12, np.int32)
+    trial_census(who)
+    return len(set(who))
+
+
+def test_threads_are_used_where_they_were_asked_for_and_nowhere_else():
+    other = []
+    with using_threads(4):
+        with using_threads(None):
+            assert census() == 4
+        with using_threads(3):
+            caller = threading.Thread(target=lambda: other.append(census()))
+            caller.start()
+            caller.join()
+            assert census() == 3
+        assert census() == 4
+    assert other == [default_threads()] == [census()]
+
+
+@pytest.mark.parametrize("stepper", ["explicit", "semi-implicit"])
+def test_the_threads_of_a_run_reach_the_loops_over_a_mesh(stepper):
+    ball, seen = sphere(3), []
+    method, compute = meshflow.CurvatureFlow(), meshflow.Compute(threads=3, stepper=stepper)
+    mesh = Mesh(ball.points, ball.faces)
+    meshflow.smooth(mesh, method=method, time=0.01, compute=compute, progress=lambda *_: seen.append(census()))
+    assert set(seen) == {3}
+    request = Request.of(method=method, time=0.01, compute=compute)
+    assert {census() for _ in states(mesh, request, 3)} == {default_threads()}
 
 
 def test_a_process_ends_while_its_team_sleeps_or_works():

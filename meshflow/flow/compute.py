@@ -1,5 +1,6 @@
 """How a flow is computed: how time is stepped, on which triangles, by how many threads."""
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from meshflow.flow.steppers import Stepper, StepperName, stepper_word
 from meshflow.geometry.delaunay import Triangles
 from meshflow.geometry.options import option
 from meshflow.geometry.validation import positive, whole
+from meshflow.kernels.library import using_threads
 from meshflow.surfaces.triangles import Diagonals, triangulations
 
 __all__ = ["Compute"]
@@ -59,6 +61,10 @@ class Compute:
             raise InputError(
                 "triangles='clamped': stepper explicit or semi-implicit expected, got 'super-time', which may overshoot"
             )
+
+    def running(self) -> AbstractContextManager[None]:
+        """While it lasts, loops that are called from here use the threads that are asked for."""
+        return using_threads(self.threads)
 
     @property
     def stepping(self) -> bool:

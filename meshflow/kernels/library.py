@@ -10,15 +10,26 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from meshflow.kernels import compiler
 
-__all__ = ["Environment", "KernelsMissing", "built", "default_threads", "environment", "library", "loaded"]
+__all__ = [
+    "Environment",
+    "KernelsMissing",
+    "built",
+    "default_threads",
+    "environment",
+    "library",
+    "loaded",
+    "using_threads",
+]
 
 PLACE = Path(__file__).parent / "_lib"
+_USED: ContextVar[int | None] = ContextVar("threads", default=None)
 KEPT = 86400.0  # seconds after which an object or a library of other sources is taken away, when another one is made
 
 
@@ -50,10 +61,14 @@ def environment() -> Environment:
 
 
 def default_threads() -> int:
-    """How many threads kernels use where the caller names none: ``MESHFLOW_NUM_THREADS``, or the processors of this process.
+    """How many threads kernels use where the caller names none: those of :func:`using_threads`, else ``MESHFLOW_NUM_THREADS``, or
+    the processors of this process.
 
     :raises ValueError: where the variable is no positive number.
     """
+    used = _USED.get()
+    if used is not None:
+        return used
     text = os.environ.get("MESHFLOW_NUM_THREADS", "")
     if text:
         if not text.isdecimal() or int(text) < 1:
@@ -62,6 +77,19 @@ def default_threads() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+@contextmanager
+def using_threads(threads: int | None) -> Iterator[None]:
+    """While it lasts, kernels that are called from here use so many threads where none are named; None changes nothing.
+
+    What other threads of the caller call meanwhile is not concerned.
+    """
+    before = _USED.set(_USED.get() if threads is None else threads)
+    try:
+        yield
+    finally:
+        _USED.reset(before)
 
 
 def library() -> ctypes.CDLL:

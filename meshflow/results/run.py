@@ -41,6 +41,12 @@ def run(data: Data, request: Request, progress: Progress = None, *, record: bool
     :raises InputError: for what cannot be smoothed, or does not suit the data.
     :raises NotConverged: when a solver or a run fails.
     """
+    with request.compute.running():
+        return _smoothed(data, request, progress, record)
+
+
+def _smoothed(data: Data, request: Request, progress: Progress, record: bool | None) -> Result:
+    """:func:`run`, with the threads that are asked for."""
     plan = planned(data, request)
     engine = _engine(plan)
     start, end, history = _run(_steered(engine, plan), plan, progress, record)
@@ -81,6 +87,17 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
     whole(count, "count", 2)
     if request.domain == "disparity":
         raise InputError("domain='disparity': only lengths are shown on their way; leave it out")
+    on_the_way = _states(data, request, count, progress)
+    while True:
+        with request.compute.running():  # not while the caller has a state
+            state = next(on_the_way, None)
+        if state is None:
+            return
+        yield state
+
+
+def _states(data: Data, request: Request, count: int, progress: Progress) -> Iterator[tuple[float, Data]]:
+    """:func:`states`, once what was asked for is known to make sense."""
     plan = planned(data, request)
     engine = _engine(plan)
     flow = _steered(engine, plan)
