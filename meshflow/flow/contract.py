@@ -35,10 +35,11 @@ class MatrixFree(Protocol):
 
 @runtime_checkable
 class Ordered(Protocol):
-    """A system that knows an order of its vertices in which it is sooner solved."""
+    """A system that knows an order in which it is sooner solved."""
 
-    def in_order(self, dt: float) -> tuple[Array, Any] | None:
-        """The order (n,), and the matrix with its rows and columns in it; None for the order that they have."""
+    @property
+    def order(self) -> Array | None:
+        """The vertices (n,), neighbours near each other; None for the order that they have."""
         ...
 
 

@@ -38,30 +38,42 @@ def choose(matrix: Sparse) -> Method:
     return "multigrid" if 2.0 * float(np.median(ratio)) > STIFF else "cg"
 
 
-def solve(matrix: Sparse, right: Array, guess: Array | None, method: Method, tolerance: float = 1e-9) -> Array:
+def solve(
+    matrix: Sparse,
+    right: Array,
+    guess: Array | None,
+    method: Method,
+    tolerance: float = 1e-9,
+    order: Array | None = None,
+) -> Array:
     """x (n, k) with matrix @ x = right (n, k), each column to a relative residual below the tolerance.
 
     :param matrix: (n, n), symmetric positive definite.
     :param guess: (n, k), where iterations begin; ``right`` over the diagonal where there is none.
     :param method: ``direct`` (SuperLU), ``cg`` (conjugate gradients, Jacobi), ``multigrid`` (smoothed aggregation, pyamg);
         ``auto``: what :func:`choose` names, and where slivers keep iterations from converging, the direct one after all.
+    :param order: the unknowns (n,), those that a row joins near each other: conjugate gradients are sooner done.
     :raises NotConverged: with the residual reached, the iterations, and what to try.
     """
     if method == "auto":
         first = choose(matrix)
         try:
-            return solve(matrix, right, guess, first, tolerance)
+            return solve(matrix, right, guess, first, tolerance, order)
         except NotConverged:
             if first == "direct":
                 raise
             return solve(matrix, right, guess, "direct", tolerance)
-    if method not in _SOLVERS:
-        raise InputError(f"solver: auto, {', '.join(_SOLVERS)} expected, got {method!r}")
+    if method != "cg" and method not in _SOLVERS:
+        raise InputError(f"solver: auto, cg, {', '.join(_SOLVERS)} expected, got {method!r}")
     if not (np.isfinite(matrix.data).all() and np.isfinite(right).all()):
         raise NotConverged(
             f"solver {method}: the system holds NaN or infinity; a triangle or a rate is out of range, take a smaller dt"
         )
-    x, iterations = _SOLVERS[method](matrix, right, guess, tolerance)
+    if method == "cg":
+        most = 20 * int(np.sqrt(len(right))) + 200
+        x, iterations = conjugate_gradients(matrix, right, guess, tolerance, most, order)
+    else:
+        x, iterations = _SOLVERS[method](matrix, right, guess, tolerance)
     scale, residual = _norms(right), _norms(right - product(matrix, x))
     with np.errstate(invalid="ignore"):
         good = residual <= max(10.0 * tolerance, 1e-12) * scale
@@ -104,10 +116,6 @@ def _direct(matrix: Sparse, right: Array, guess: Array | None, tolerance: float)
     return x, 1
 
 
-def _cg(matrix: Sparse, right: Array, guess: Array | None, tolerance: float) -> tuple[Array, int]:
-    return conjugate_gradients(matrix, right, guess, tolerance, 20 * int(np.sqrt(len(right))) + 200)
-
-
 def _multigrid(matrix: Sparse, right: Array, guess: Array | None, tolerance: float) -> tuple[Array, int]:
     """Conjugate gradients preconditioned by smoothed aggregation, for the system scaled to a unit diagonal."""
     import pyamg
@@ -131,4 +139,4 @@ def _multigrid(matrix: Sparse, right: Array, guess: Array | None, tolerance: flo
     return x, most
 
 
-_SOLVERS = {"direct": _direct, "cg": _cg, "multigrid": _multigrid}
+_SOLVERS = {"direct": _direct, "multigrid": _multigrid}

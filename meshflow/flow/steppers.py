@@ -226,16 +226,9 @@ class SemiImplicit:
             except NotConverged:
                 if self.solver == "cg":
                     raise
-        ordered = system.in_order(dt) if isinstance(system, Ordered) else None
-        if ordered is not None:
-            del system  # the triangles, of which no more is needed
-            order, matrix = ordered
-            right[...] = right[order]
-            right[order] = solve(matrix, right, None, self.solver, self.tolerance)
-            return right
-        matrix = system.matrix(dt)
-        del system  # its stiffness is a fifth of the memory of a step
-        return solve(matrix, right, None, self.solver, self.tolerance)
+        order, matrix = system.order if isinstance(system, Ordered) else None, system.matrix(dt)
+        del system  # the triangles, of which no more is needed
+        return solve(matrix, right, None, self.solver, self.tolerance, order)
 
 
 def stepper_word(word: Stepper | StepperName) -> Stepper | StepperName:

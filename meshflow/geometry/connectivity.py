@@ -67,13 +67,6 @@ class Connectivity:
         kernels.pattern_entries(self.first, self.corners, self.faces, indptr, indices, slots, diagonal)
         return Pattern(indptr, indices, slots, diagonal)
 
-    def numbered(self, order: Array) -> "Connectivity":
-        """The same triangles, their vertices numbered along ``order`` (n,)."""
-        places = np.empty(self.size, np.int32)
-        places[order] = np.arange(self.size, dtype=np.int32)
-        faces = places[self.faces]
-        return Connectivity(faces, *_around(faces, self.size), self.border)
-
 
 def connect(triangulations: tuple[Array, ...], n: int) -> Connectivity:
     """Connect all triangles of one or more triangulations of the same n vertices.

@@ -23,16 +23,8 @@ from meshflow.surfaces.surface import Surface
 __all__ = ["MeshFlow", "MeshSystem"]
 
 
-# Vertices above which a system is written in an order in which neighbours are near: less would fit the cache in any order.
+# Vertices above which a system is solved in an order in which neighbours are near: less would fit the cache in any order.
 LARGE = 50_000
-
-
-@dataclass(frozen=True, eq=False)
-class _Order:
-    """The same triangles, their vertices numbered along ``order`` (n,)."""
-
-    order: Array
-    connectivity: Connectivity
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,36 +35,26 @@ class MeshSystem:
     :ivar moves: (n,), vertices that move; rows and columns of others are zero in the stiffness.
     :ivar measured: the triangles.
     :ivar directions: (n, 3), along which vertices move; None where all coordinates are free or along axes.
-    :ivar order: the order in which it is sooner solved, if there is one.
+    :ivar order: the vertices (n,) in an order in which neighbours are near; None where it would bring nothing.
     """
 
     mass: Array
     moves: Array
     measured: Measured
     directions: Array | None
-    order: _Order | None
+    order: Array | None
 
-    @cached_property
+    @property
     def stiffness(self) -> sparse.csr_matrix:
         """L_ij (d_i . d_j), (n, n)."""
         return _stiffness(self.measured.connectivity, self.measured.weights, self.directions, self.moves)
 
     def matrix(self, dt: float) -> Any:
         """mass + dt stiffness, (n, n)."""
-        whole = sparse.csr_matrix((dt * self.stiffness.data, self.stiffness.indices, self.stiffness.indptr), copy=False)
-        whole.setdiag(whole.diagonal() + self.mass)
-        return whole
-
-    def in_order(self, dt: float) -> tuple[Array, Any] | None:
-        """An order of the vertices, and :meth:`matrix` with its rows and columns in this order; None for the order they have."""
-        if self.order is None:
-            return None
-        order, connectivity = self.order.order, self.order.connectivity
-        directions = None if self.directions is None else self.directions[order]
-        whole = _stiffness(connectivity, self.measured.weights, directions, self.moves[order])
+        whole = self.stiffness
         whole.data *= dt
-        whole.data[connectivity.pattern.diagonal] += self.mass[order]
-        return order, whole
+        whole.data[self.measured.connectivity.pattern.diagonal] += self.mass
+        return whole
 
 
 def _stiffness(connectivity: Connectivity, weights: Array, directions: Array | None, moves: Array) -> sparse.csr_matrix:
@@ -213,18 +195,16 @@ class MeshFlow(Dense):
         snapshot = self._at(u, diagonal)
         inertia, m = self._inertia(snapshot, None), snapshot.measured
         moves = self._moves(inertia)
-        own = m.connectivity is snapshot.triangulation.connectivity
         mass = np.where(moves, inertia, 1.0)
-        return MeshSystem(mass, moves, m, self.surface.free.directions, self._order if own else None)
+        return MeshSystem(mass, moves, m, self.surface.free.directions, self._order)
 
     @cached_property
-    def _order(self) -> _Order | None:
+    def _order(self) -> Array | None:
         """That of the blocks, for a mesh that is large."""
         n, d = self.surface.points.shape
         if n <= LARGE or d != 3 or not self._plain or self._blocks is None:
             return None
-        order = self._blocks.order
-        return _Order(order, self._triangulations[0].connectivity.numbered(order))
+        return self._blocks.order
 
     def generator(self, u: Array, weights: Literal["cotangent", "uniform"]) -> Any:
         """A (n, n) with du/dt = -A u in the metric of u; rows of what stays are zero. Along axes, one set of triangles.
