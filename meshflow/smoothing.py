@@ -23,7 +23,7 @@ from meshflow.estimate.planner import noise_in
 from meshflow.estimate.planner import plan as planned
 from meshflow.estimate.request import BoundaryWord, Domain, Request, Stopping
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import HEIGHT_METHODS, POINT_METHODS, Method, Search
+from meshflow.flow.methods import HEIGHT_METHODS, POINT_METHODS, Method, Search, method_of
 from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
@@ -47,6 +47,13 @@ PARTS = {
     "stop": (Steps, Residual, AreaLoss, Displacement),
     "constraints": (Fixed, Mask, MaxChange, DataWeights, Mobility, MinComponent),
 }
+# Words that other tools have for what is here, and what to give instead.
+MEANT = {
+    "sigma": "noise=", "std": "noise=", "noise_sigma": "noise=", "iterations": "stop=Steps(count=...)",
+    "iters": "stop=Steps(count=...)", "n_iter": "stop=Steps(count=...)", "steps": "stop=Steps(count=...)",
+    "radius": "scale=", "bandwidth": "scale=", "weights": "constraints=DataWeights(...)", "nodata": "missing=",
+    "roi": "constraints=Mask(...)",
+}  # fmt: skip
 STEPPED = "depths in steps: the error of rounding is no noise whose risk could be estimated"
 
 
@@ -135,7 +142,9 @@ def smooth(
     :raises InputError: for what cannot be smoothed or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.
     """
-    must_exist(metadata)
+    must_exist(metadata, method)
+    if not isinstance(result, bool):
+        raise InputError(f"result: True or False expected, got {result!r}")
     request = Request.of(
         method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary,
         domain=domain, compute=compute,
@@ -176,13 +185,14 @@ def _smoothed(imported: Imported, request: Request, progress: Progress, record: 
     return run(imported.data, request, progress, record=record)
 
 
-def must_exist(words: Iterable[str]) -> None:
+def must_exist(words: Iterable[str], method: Method | str | None = None) -> None:
     """Refuse keywords that :func:`smooth` does not know, with the nearest one that there is.
 
+    :param method: that is named beside them: a hint names its own option first.
     :raises InputError: naming them.
     """
     known = (*(smooth.__kwdefaults__ or {}), *Metadata.__annotations__)
-    inside = {name: f"method={kind.__name__}({name}=...)" for name, kind in _method_options().items()}
+    inside = {name: f"method={kind.__name__}({name}=...)" for name, kind in _method_options(method).items()}
     inside |= {o.name: f"compute=Compute({o.name}=...)" for o in options_of(Compute)}
     inside |= {
         o.flag.replace("-", "_"): f"{where}={k.__name__}(...)"
@@ -193,6 +203,8 @@ def must_exist(words: Iterable[str]) -> None:
     for word in words:
         if word in known:
             continue
+        if word in MEANT and word not in inside:
+            raise InputError(f"{word}: no keyword of smooth; give {MEANT[word]}")
         if word in inside:
             raise InputError(f"{word}: no keyword of smooth; give {inside[word]}")
         near = nearest(word, (*known, *inside))
@@ -200,10 +212,11 @@ def must_exist(words: Iterable[str]) -> None:
         raise InputError(f"{word}: no such keyword{meant} are {', '.join(known)}")
 
 
-def _method_options() -> dict[str, type[Method]]:
-    """The options of all methods, each with the first that has it."""
+def _method_options(method: Method | str | None) -> dict[str, type[Method]]:
+    """The options of all methods, each with the named method where that has it, or else the first that does."""
     found: dict[str, type[Method]] = {}
-    for kind in (*HEIGHT_METHODS, Search, *POINT_METHODS):
+    named = () if method is None else (type(method_of(method)),)
+    for kind in (*named, *HEIGHT_METHODS, Search, *POINT_METHODS):
         for option in options_of(kind):
             found.setdefault(option.name, kind)
     return found

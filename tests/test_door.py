@@ -5,6 +5,7 @@ import inspect
 import json
 import operator
 import typing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -261,6 +262,63 @@ def test_the_help_shows_first_what_most_need():
 def test_an_option_of_another_method_is_refused_with_those_that_have_it(tmp_path):
     np.save(tmp_path / "z.npy", Z)
     words = ["smooth", str(tmp_path / "z.npy"), str(tmp_path / "o.npy"), "--method", "graph", "--order", "3"]
-    reported = CliRunner().invoke(app, words)
-    assert reported.exit_code != 0
-    assert "--order: no option of method graph; it belongs to fairing" in str(reported.exception)
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code != 0
+    assert "--order: no option of method graph; it belongs to fairing" in str(told.exception)
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        ({"sigma": 2.0}, "give noise="),
+        ({"iterations": 3}, r"give stop=Steps\(count=...\)"),
+        ({"sharpness": 2.0, "method": "perona-malik"}, r"method=PeronaMalik\(sharpness"),
+        ({"nodata": -9999}, "give missing="),
+    ],
+)
+def test_the_words_of_other_tools_are_pointed_to_what_is_here(words, hint):
+    with pytest.raises(InputError, match=hint):
+        meshflow.smooth(Z, **words)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ({"result": "yes"}, "result: True or False expected"),
+        ({"unit": 3}, "unit: the name of a unit"),
+        ({"method": "heat", "time": 1e12}, "wide as the data"),
+        ({"constraints": meshflow.Mask("mask.tif")}, r"of a file, give its samples: meshflow.read"),
+    ],
+)
+def test_nonsense_is_refused_before_the_work(words, expected):
+    with pytest.raises(InputError, match=expected):
+        meshflow.smooth(Z, **words)
+
+
+def test_a_path_is_read_and_nothing_else():
+    with pytest.raises(InputError, match="a path expected, got int"):
+        meshflow.read(3)
+
+
+def test_diagonals_of_a_mesh_are_refused():
+    with pytest.raises(InputError, match="which has its own triangles"):
+        meshflow.smooth((np.eye(3), np.array([[0, 1, 2]])), compute=meshflow.Compute(diagonals="both"))
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [(["--dtype", "foo"], "dtype: source or one of"), (["--order", "3"], "--order: belongs to fairing; methods for")],
+)
+def test_what_does_not_suit_the_data_or_its_file_is_refused_before_the_work(words, expected, tmp_path, monkeypatch):
+    source, target = Path(__file__).parents[1] / "data" / "terrain.tif", tmp_path / "o.tif"
+    worked = []
+    monkeypatch.setattr("meshflow.cli.commands.smooth_object", lambda *a, **k: worked.append(1))
+    told = CliRunner().invoke(app, ["smooth", str(source), str(target), *words])
+    assert expected in str(told.exception)
+    assert not worked
+
+
+def test_the_table_of_methods_has_plain_words():
+    told = CliRunner().invoke(app, ["methods", "--json"]).output
+    assert "``" not in told
+    assert ":class:" not in told

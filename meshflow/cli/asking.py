@@ -1,6 +1,6 @@
 """From the flags of a command to a request."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from typing import Any
 
@@ -37,10 +37,11 @@ PRESERVED: dict[str, Constraint] = {
 }  # fmt: skip
 
 
-def asked(given: Given, per_sample: Callable[[str, str], Any]) -> Request:
+def asked(given: Given, per_sample: Callable[[str, str], Any], suiting: tuple[str, ...] = tuple(METHODS)) -> Request:
     """The request of what was given; the flags of a flow are taken out of it.
 
     :param per_sample: makes the numbers of a flag that holds one for each sample: of its name and what was given.
+    :param suiting: the words of the methods that suit the data.
     :raises InputError: for options that exclude each other, or that the method does not have.
     """
     flags = {flag.name: given.pop(flag.name, None) for flag in FLOW}
@@ -54,7 +55,7 @@ def asked(given: Given, per_sample: Callable[[str, str], Any]) -> Request:
         constraints.append(PRESERVED[flags["preserve"]])
     compute = Compute(**_of(Compute, flags))
     numbers = {name: value for name, value in _of(Request, flags).items() if name != "method"}
-    return Request.of(_method(flags), stops, constraints, compute=compute, **numbers)
+    return Request.of(_method(flags, suiting), stops, constraints, compute=compute, **numbers)
 
 
 def _of(kind: type, flags: Given) -> Given:
@@ -62,8 +63,10 @@ def _of(kind: type, flags: Given) -> Given:
     return {o.name: flags[o.name] for o in options_of(kind) if flags.get(o.name) is not None}
 
 
-def _method(flags: Given) -> Method | None:
+def _method(flags: Given, suiting: tuple[str, ...]) -> Method | None:
     """The method that is named, with its options; without a name, the first that has all the options that are given.
+
+    :param suiting: the words of the methods that suit the data.
 
     :raises InputError: for an unknown word, and an option that the method does not have.
     """
@@ -73,10 +76,14 @@ def _method(flags: Given) -> Method | None:
     if word is None:
         if not options:
             return None
-        for kind in METHODS.values():
-            if isinstance(kind, type) and set(options) <= {o.name for o in options_of(kind)}:
+        having = {word: kind for word, kind in METHODS.items() if isinstance(kind, type) and _has(kind, options)}
+        for word, kind in having.items():
+            if word in suiting:
                 return kind(**options)
-        raise InputError(f"{', '.join(_flag(name) for name in options)}: no method has all of these options")
+        flags = ", ".join(_flag(name) for name in options)
+        if having:
+            raise InputError(f"{flags}: belongs to {', '.join(having)}; methods for this data are {', '.join(suiting)}")
+        raise InputError(f"{flags}: no method has all of these options")
     if word not in METHODS:
         raise refused(word, tuple(METHODS), "method")
     kind = METHODS[word]
@@ -86,6 +93,11 @@ def _method(flags: Given) -> Method | None:
             having = [w for w, k in METHODS.items() if isinstance(k, type) and name in {o.name for o in options_of(k)}]
             raise InputError(f"{_flag(name)}: no option of method {word}; it belongs to {', '.join(having)}")
     return kind(**options)
+
+
+def _has(kind: type, names: Iterable[str]) -> bool:
+    """Whether a class has all these options."""
+    return set(names) <= {o.name for o in options_of(kind)}
 
 
 def _flag(name: str) -> str:

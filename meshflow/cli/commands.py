@@ -20,12 +20,14 @@ from meshflow.cli.options import READING, flags
 from meshflow.cli.tables import methods_table, options_table
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.evaluate.facts import describe
+from meshflow.flow.methods import words_for
 from meshflow.fusing import fuse_frames as fused
 from meshflow.io.document import Document, Writing
 from meshflow.io.files import writable, write
 from meshflow.results.multipart import Results
 from meshflow.results.result import Result, release
 from meshflow.smoothing import noise_facts, smooth_object
+from meshflow.surfaces.mesh import Mesh
 from meshflow.view.report import report as drawn_report
 from meshflow.view.report import writable as reportable
 
@@ -72,14 +74,16 @@ def smooth(given: Given) -> None:
     source, target = given["source"], given["target"]
     quiet, overwrite = given["quiet"], given["overwrite"]
     document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
-    request = asked(given, partial(per_sample, document))
-    _must_be_writable(document, target, given["picture"], given["report"], overwrite)
+    points = isinstance(document.noun, Mesh) and document.noun.moves != "channels"
+    request = asked(given, partial(per_sample, document), words_for(points))
+    dtype: Writing = {"dtype": given["dtype"]} if given["dtype"] else {}
+    _must_be_writable(document, target, given["picture"], given["report"], overwrite, dtype)
     record = given["json"] or given["report"] is not None
     done, result = smooth_object(document, request, None if quiet else True, record=record)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
-    options = {**({"dtype": given["dtype"]} if given["dtype"] else {}), **_left(document, target, result)}
+    options: Writing = {**dtype, **_left(document, target, result)}
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **options)
-    notes += tuple(word for word in _warned(document, result) if word not in notes)
+    notes += tuple(word for word in _warned(document, result) if word not in (*notes, result.stopped_because))
     if not quiet:
         said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
     title = f"{source.name}, {result.stopped_because}"
@@ -197,10 +201,15 @@ def _left(document: Document, target: Path, result: Result | Results) -> Writing
 
 
 def _must_be_writable(
-    document: Document, target: Path, picture: Path | None, report: Path | None, overwrite: bool
+    document: Document,
+    target: Path,
+    picture: Path | None,
+    report: Path | None,
+    overwrite: bool,
+    options: Writing | None = None,
 ) -> None:
     """Refuse before the work what would be refused after it."""
-    writable(document, target, overwrite=overwrite)
+    writable(document, target, overwrite=overwrite, **(options or {}))
     must_be_drawable(picture, overwrite)
     if report is not None:
         reportable(report, overwrite)

@@ -2,6 +2,7 @@
 
 import inspect
 import json as notation
+import re
 from typing import Any
 
 from rich.table import Table
@@ -29,7 +30,7 @@ def methods_table(json: bool, markdown: bool) -> None:
             else "values above a base"
         )
         names = ", ".join(f"--{o.flag.replace('_', '-')}" for o in options_of(kind))
-        rows.append((word, moves, names, (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")))
+        rows.append((word, moves, names, _plain((inspect.getdoc(kind) or "").split("\n\n")[0])))
     _printed(("method", "moves", "options", "what it is"), rows, json, markdown)
 
 
@@ -37,6 +38,11 @@ def options_table(json: bool, markdown: bool) -> None:
     """The options of a flow: flag, type, and meaning with unit and default."""
     rows = [(f"--{flag.name.replace('_', '-')}", _named(flag.kind), flag.panel, flag.help) for flag in FLOW]
     _printed(("option", "type", "of", "meaning"), rows, json, markdown)
+
+
+def _plain(sentence: str) -> str:
+    """A sentence of a docstring without its markup: ``words`` and :class:`names` as plain words."""
+    return re.sub(r":[a-z]+:`~?\.?([^`]+)`", r"\1", " ".join(sentence.split())).replace("``", "")
 
 
 def _named(kind: Any) -> str:

@@ -58,7 +58,13 @@ class MaxChange:
 
 @dataclass(frozen=True, eq=False)
 class DataWeights:
-    """Weights of a fidelity term, 1 / variance: the flow comes to rest between smoothness and data."""
+    """Weights w of a fidelity term: the flow comes to rest between smoothness and data.
+
+    At rest the area of the surface (values times the contrast alpha) plus the sum of w (u - u0)^2 / 2 over the samples is least:
+    on flat data that smooths over a length of alpha / sqrt(w). With w = 1 / sigma^2 this is the contrast in h / sigma, one to
+    three sample distances for the contrasts that a search finds; a quarter of the weights smooths over twice the length. What
+    counts between the samples is the ratio of their weights: 1 / variance, where the variance of each is known.
+    """
 
     weights: PerSample = option(
         None,

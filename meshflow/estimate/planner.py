@@ -11,6 +11,7 @@ from meshflow.estimate.plan import Decided, Plan, size_of
 from meshflow.estimate.points import moving
 from meshflow.estimate.quantization import steps_of
 from meshflow.estimate.request import Request
+from meshflow.flow.compute import Compute
 from meshflow.flow.constraints import Limit, trust_of
 from meshflow.flow.methods import words_for
 from meshflow.flow.methods.beltrami import Patches
@@ -18,6 +19,8 @@ from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.mobility import speed_of
 from meshflow.geometry.validation import Array, mask_of
 from meshflow.surfaces.data import Data, array_of
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -28,6 +31,8 @@ PATIENT = 100.0
 HELD = "no sample may move (Fixed, Mask, Mobility): nothing was changed"
 # Samples that the noise of a range image is looked for in.
 RAYS_ENOUGH = 80_000
+# So many times as wide as the data a Gaussian may be: minutes for any grid, and nothing is left to see.
+WIDEST = 4.0
 # Times in which data weights pull back after which a run is at rest.
 AT_REST = 10.0
 
@@ -153,6 +158,8 @@ def _must_suit(data: Data, request: Request) -> None:
     ):
         if given and not isinstance(data, RangeImage):
             raise InputError(f"{word}: of range images only, got {kind}")
+    if request.compute.diagonals != Compute().diagonals and isinstance(data, Mesh):
+        raise InputError(f"diagonals: of grids, whose cells become triangles; got {kind}, which has its own triangles")
     if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
         raise InputError(f"triangles: of meshes only, got {kind}")
     if isinstance(request.method, Patches) and isinstance(data, Mesh):
@@ -180,6 +187,14 @@ def _must_fit(data: Data, request: Request) -> None:
         Limit.of(np.zeros((n, 1)), held.max_change, shape)
     if held.data_weights is not None:
         trust_of(held.data_weights, shape, n, 1.0)
+    time = request.until_time
+    if isinstance(data, (HeightField, Image)) and time is not None and not request.stops and request.steps is None:
+        widest = WIDEST * data.step * max(shape[:2])
+        if np.sqrt(2.0 * time) > widest:
+            raise InputError(
+                f"time {time:g}: a Gaussian of {np.sqrt(2.0 * time):.4g}, more than {WIDEST:g} times as wide as the data, "
+                f"would leave nothing but a mean; up to {widest**2 / 2.0:.3g} expected, or a stop beside it"
+            )
 
 
 def _stepped(data: Data, request: Request) -> Request:

@@ -67,13 +67,15 @@ def _open(request: Request) -> bool:
     """Whether the caller leaves the method open, and asks for nothing that the curvature flow alone knows."""
     if isinstance(request.method, PointMethod) or request.named:
         return False
-    return not (request.heights.mass != Search().mass or request.asked or request.compute.stepping)
+    return not (request.asked or request.compute.stepping)
 
 
 def _useless(request: Request) -> tuple[str, ...]:
     """A warning on options of a search that have no effect where points alone move."""
     plain, asked = Search(), request.heights
-    names = [name for name in ("contrast", "twicing", "indicator") if getattr(asked, name) != getattr(plain, name)]
+    names = [
+        name for name in ("contrast", "twicing", "indicator", "mass") if getattr(asked, name) != getattr(plain, name)
+    ]
     return (f"{', '.join(names)}: no effect where points move",) if names and not request.named else ()
 
 

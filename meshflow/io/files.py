@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
-from typing import Unpack
+from typing import Protocol, Unpack, runtime_checkable
 
 from meshflow.errors import FormatError, InputError
 from meshflow.io.atomic_write import must_be_free
@@ -24,6 +25,18 @@ ROOM = {
     "image": (".png", ".tif", ".jpg", ".npy"),
     "terrain": (".tif", ".asc", ".npy"),
 }
+
+
+@runtime_checkable
+class Choosy(Protocol):
+    """A format that holds some data, or some number types, and refuses others."""
+
+    def must_fit(self, document: Document, path: Path, options: WriteOptions) -> None:
+        """Refuse what :func:`write` would refuse.
+
+        :raises FormatError: when the format cannot hold the data so.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -137,6 +150,10 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
     :raises FormatError: when the file cannot be read; the message says why and what would be read.
     :raises InputError: for an option that does not exist or does not apply to the file, with those that do.
     """
+    if not isinstance(path, (str, PathLike)):
+        raise InputError(
+            f"read: a path expected, got {type(path).__name__}; smooth takes arrays and objects as they are"
+        )
     return read_with(Path(path), ReadOptions.of(metadata))
 
 
@@ -172,20 +189,16 @@ def write(
             "smoothed data object into it; arrays are written by numpy.save, meshes of trimesh by mesh.export"
         )
     path = Path(path)
-    found = writable(document, path, overwrite=overwrite)
-    strange = sorted(name for name in options if name not in found.WRITES)
-    if strange:
-        raise InputError(
-            f"{', '.join(strange)}: no option of {found.NAME} ({path.name}), which is written with "
-            f"{', '.join(found.WRITES) or 'none'}"
-        )
+    found = writable(document, path, overwrite=overwrite, **options)
     return found.write(document, path, WriteOptions(dict(tags or {}), **options))
 
 
-def writable(document: Document, path: str | Path, *, overwrite: bool = False) -> Format:
+def writable(document: Document, path: str | Path, *, overwrite: bool = False, **options: Unpack[Writing]) -> Format:
     """The format that would write a document to a path: to be asked before the work whose result goes there.
 
+    :param options: as those of :func:`write`.
     :raises FormatError: as :func:`write`.
+    :raises InputError: likewise.
     """
     path = Path(path)
     must_be_free(path, overwrite)
@@ -194,6 +207,14 @@ def writable(document: Document, path: str | Path, *, overwrite: bool = False) -
     suffix = path.suffix.lower()
     for entry in FORMATS:
         if suffix in entry.written and (found := entry.load()).can_write(document, suffix):
+            strange = sorted(name for name in options if name not in found.WRITES)
+            if strange:
+                raise InputError(
+                    f"{', '.join(strange)}: no option of {found.NAME} ({path.name}), which is written with "
+                    f"{', '.join(found.WRITES) or 'none'}"
+                )
+            if isinstance(found, Choosy):
+                found.must_fit(document, path, WriteOptions(**options))
             return found
     raise FormatError(
         f"{path.name}: a {document.kind} does not fit into {suffix or 'a file without extension'}; "

@@ -121,6 +121,10 @@ class ReadOptions:
     nodata: float | None = None
     allow_remote: bool = False
 
+    def __post_init__(self) -> None:
+        if self.unit is not None and not isinstance(self.unit, str):
+            raise InputError(f"unit: the name of a unit, as 'm', expected, got {self.unit!r}")
+
     @classmethod
     def of(cls, metadata: Mapping[str, object]) -> "ReadOptions":
         """The options of keywords.
@@ -189,7 +193,8 @@ def as_given(given: ArrayLike | None, word: str) -> ArrayLike | None:
     if isinstance(given, str):
         raise InputError(
             f"{word}: {'' if word in MASKS else 'a number or '}an array expected, got {given!r}; names are "
-            "those of arrays in the object or the file itself (a mesh of trimesh, pyvista, open3d or meshio, an ImageData)"
+            "those of arrays in the object or the file itself (a mesh of trimesh, pyvista, open3d or meshio, an ImageData); "
+            "of a file, give its samples: meshflow.read(path), or numpy.load"
         )
     return given
 

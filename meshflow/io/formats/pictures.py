@@ -78,17 +78,14 @@ def can_write(document: Document, suffix: str) -> bool:
     return isinstance(document.data, Image) and suffix in _ROOM and not isinstance(document.source, Raster)
 
 
-def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
-    """Write a picture; rounded and clipped to the type of the one that was read.
+def must_fit(document: Document, path: Path, options: WriteOptions) -> None:
+    """Refuse a number type or a count of colours that the extension does not hold.
 
-    :param options: tags are kept in TIFF, the other formats have no room for them; ``dtype``, ``uint8`` or ``uint16``, or
-        ``float32`` (TIFF only), in place of that type.
-    :returns: notes: what was clipped, alpha that did not fit.
-    :raises FormatError: when the format holds no such picture, or the file cannot be written.
+    :raises FormatError: naming those that it holds.
     """
     values, frame = merged(document.source, samples_of(document))
-    driver, dtypes, counts, room = _ROOM[path.suffix.lower()]
-    kind = frame.dtype if options.dtype in (None, "source") else options.dtype
+    _driver, dtypes, counts, _room = _ROOM[path.suffix.lower()]
+    kind = _stored(frame, options)
     if kind not in dtypes:
         raise FormatError(
             f"{path.name}: {' or '.join(dtypes)} fits into {path.suffix}, got {kind}; give it as dtype= "
@@ -99,6 +96,25 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
             f"{path.name}: {' or '.join(map(str, counts))} colours fit into {path.suffix}, got {len(values)}; "
             "write .tif or .npy"
         )
+
+
+def _stored(frame: Frame, options: WriteOptions) -> str:
+    """The number type that samples are stored in: that of the file, where nobody gives one."""
+    return frame.dtype if options.dtype in (None, "source") else str(options.dtype)
+
+
+def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
+    """Write a picture; rounded and clipped to the type of the one that was read.
+
+    :param options: tags are kept in TIFF, the other formats have no room for them; ``dtype``, ``uint8`` or ``uint16``, or
+        ``float32`` (TIFF only), in place of that type.
+    :returns: notes: what was clipped, alpha that did not fit.
+    :raises FormatError: when the format holds no such picture, or the file cannot be written.
+    """
+    must_fit(document, path, options)
+    values, frame = merged(document.source, samples_of(document))
+    driver, _dtypes, _counts, room = _ROOM[path.suffix.lower()]
+    kind = _stored(frame, options)
     notes: tuple[str, ...] = ()
     if frame.alpha is not None and not room:
         frame = replace(frame, alpha=None)

@@ -90,6 +90,18 @@ def can_write(document: Document, suffix: str) -> bool:
     return isinstance(document.data, (HeightField, Image)) and suffix in (".tif", ".tiff", ".asc")
 
 
+def must_fit(document: Document, path: Path, options: WriteOptions) -> None:
+    """Refuse a number type that no raster holds, and what ``.asc`` has no room for.
+
+    :raises FormatError: for what does not fit.
+    :raises InputError: for an unknown number type.
+    """
+    values, frame = merged(document.source, samples_of(document))
+    _dtype(options.dtype, frame, values)
+    if path.suffix.lower() == ".asc":
+        _fit_into_ascii(path, frame)
+
+
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write a terrain or an image as GeoTIFF, or a terrain as ``.asc``.
 
