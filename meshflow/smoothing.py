@@ -51,7 +51,7 @@ PARTS = {
 MEANT = {
     "sigma": "noise=", "std": "noise=", "noise_sigma": "noise=", "iterations": "stop=Steps(count=...)",
     "iters": "stop=Steps(count=...)", "n_iter": "stop=Steps(count=...)", "steps": "stop=Steps(count=...)",
-    "radius": "scale=", "bandwidth": "scale=", "weights": "constraints=DataWeights(...)", "nodata": "missing=",
+    "radius": "scale=", "bandwidth": "scale=", "weights": "constraints=DataWeights(...)",
     "roi": "constraints=Mask(...)",
 }  # fmt: skip
 STEPPED = "depths in steps: the error of rounding is no noise whose risk could be estimated"

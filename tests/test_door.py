@@ -273,7 +273,6 @@ def test_an_option_of_another_method_is_refused_with_those_that_have_it(tmp_path
         ({"sigma": 2.0}, "give noise="),
         ({"iterations": 3}, r"give stop=Steps\(count=...\)"),
         ({"sharpness": 2.0, "method": "perona-malik"}, r"method=PeronaMalik\(sharpness"),
-        ({"nodata": -9999}, "give missing="),
     ],
 )
 def test_the_words_of_other_tools_are_pointed_to_what_is_here(words, hint):
