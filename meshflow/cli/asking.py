@@ -80,10 +80,10 @@ def _method(flags: Given, suiting: tuple[str, ...]) -> Method | None:
         for word, kind in having.items():
             if word in suiting:
                 return kind(**options)
-        flags = ", ".join(_flag(name) for name in options)
+        given = ", ".join(_flag(name) for name in options)
         if having:
-            raise InputError(f"{flags}: belongs to {', '.join(having)}; methods for this data are {', '.join(suiting)}")
-        raise InputError(f"{flags}: no method has all of these options")
+            raise InputError(f"{given}: belongs to {', '.join(having)}; methods for this data are {', '.join(suiting)}")
+        raise InputError(f"{given}: no method has all of these options")
     if word not in METHODS:
         raise refused(word, tuple(METHODS), "method")
     kind = METHODS[word]

@@ -74,7 +74,7 @@ def smooth(given: Given) -> None:
     source, target = given["source"], given["target"]
     quiet, overwrite = given["quiet"], given["overwrite"]
     document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
-    points = isinstance(document.noun, Mesh) and document.noun.moves != "channels"
+    points = isinstance(document.data, Mesh) and document.data.moves != "channels"
     request = asked(given, partial(per_sample, document), words_for(points))
     dtype: Writing = {"dtype": given["dtype"]} if given["dtype"] else {}
     _must_be_writable(document, target, given["picture"], given["report"], overwrite, dtype)
