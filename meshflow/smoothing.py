@@ -21,7 +21,9 @@ from meshflow.estimate.noise import Noise, noise_growth
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.planner import noise_in
 from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.preparation import OutlierWord
 from meshflow.estimate.request import BoundaryWord, Domain, Request, Stopping
+from meshflow.estimate.stripes import Level
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import HEIGHT_METHODS, POINT_METHODS, Method, Search, method_of
 from meshflow.flow.methods.beltrami import Beltrami
@@ -70,6 +72,8 @@ def smooth(
     constraints: Constraint | Iterable[Constraint] = (),
     boundary: BoundaryWord | None = None,
     domain: Domain = "length",
+    outliers: OutlierWord | None = None,
+    level: Level | None = None,
     compute: Compute = Compute(),  # noqa: B008 - frozen
     progress: Progress = None,
     result: Literal[False] = False,
@@ -88,6 +92,8 @@ def smooth(
     constraints: Constraint | Iterable[Constraint] = (),
     boundary: BoundaryWord | None = None,
     domain: Domain = "length",
+    outliers: OutlierWord | None = None,
+    level: Level | None = None,
     compute: Compute = Compute(),  # noqa: B008 - frozen
     progress: Progress = None,
     result: Literal[True],
@@ -107,6 +113,8 @@ def smooth(
     constraints: Constraint | Iterable[Constraint] = (),
     boundary: BoundaryWord | None = None,
     domain: Domain = "length",
+    outliers: OutlierWord | None = None,
+    level: Level | None = None,
     compute: Compute = Compute(),  # noqa: B008 - frozen
     progress: Progress = None,
     result: bool = False,
@@ -114,9 +122,8 @@ def smooth(
 ) -> Any:
     """Smooth data on a triangulated surface; the same kind of data comes back, a new object.
 
-    With nothing else given the noise is estimated, and the method and the time are those of least estimated risk; of range
-    images the time follows from the noise. What is given is held. It is one function for all kinds of data, hence its many
-    keywords; each is a part that checks itself.
+    With nothing else given the noise is estimated, and the method and the time are those of least estimated risk; of range images
+    the time follows from the noise. It is one function for all data, hence its many keywords; each is a part that checks itself.
 
     :param data: a numpy array (h, w): a height field, (h, w, k): an image of k channels, masked arrays and NaN as missing;
         ``(points, faces)``: a mesh; ``trimesh.Trimesh``, ``pyvista`` PolyData, ImageData, StructuredGrid, ``open3d`` triangle
@@ -133,6 +140,9 @@ def smooth(
         its samples, or are the name of an array that the data holds.
     :param boundary: what holds at borders and holes: ``plane-preserving | neumann | fixed``, of meshes also ``border-curve``.
     :param domain: ``length``, or of range images ``disparity``: the inverse depths are smoothed, and all numbers count in them.
+    :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` as they are and leave out,
+        ``repair`` from their neighbours, or ``include`` as data. None: repair single ones of images, else keep; warnings say which.
+    :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param result: return a :class:`Result`, or :class:`Results` of several parts.
@@ -147,7 +157,7 @@ def smooth(
         raise InputError(f"result: True or False expected, got {result!r}")
     request = Request.of(
         method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary,
-        domain=domain, compute=compute,
+        domain=domain, outliers=outliers, level=level, compute=compute,
     )  # fmt: skip
     back, found = smooth_object(data, request, progress, record=True if result else None, metadata=metadata)
     return found if result else back
@@ -244,7 +254,7 @@ def _in_disparity(data: RangeImage, request: Request, progress: Progress, record
         request = replace(request, method=Beltrami(patch=STEPPED_PATCH), time=STEPPED_TIME)
     found = run(
         inverse,
-        replace(request, domain="length", constraints=replace(held, min_component=None)),
+        replace(request, domain="length", outliers="include", constraints=replace(held, min_component=None)),
         progress,
         record=record,
     )

@@ -95,7 +95,7 @@ def flow_flags() -> tuple[Flag, ...]:
     """The flags of a flow: of the request, the methods, the stops, the constraints, and how it is computed."""
     words = " | ".join(METHODS)
     method = Flag("method", str | None, f"The method: {words}. Default: the one of least estimated risk.", FIRST)
-    late = ("boundary", "domain")
+    late = ("boundary", "domain", "outliers", "level")
     request = [_of(option, FIRST) for option in options_of(Request) if option.name not in late]
     stops = [_of(option, STOP) for kind in (Steps, Residual, AreaLoss, Displacement) for option in options_of(kind)]
     constraints = [

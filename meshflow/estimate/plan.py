@@ -8,6 +8,7 @@ import numpy as np
 
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
+from meshflow.estimate.preparation import Preparation
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import Candidate
 from meshflow.flow.conservation import Keep
@@ -22,6 +23,7 @@ from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Decided", "Plan", "size_of"]
 
@@ -54,6 +56,7 @@ class Plan:
     :ivar pull: of the data weights, (n, k), (n, 1) or (1, 1), per time; None: none.
     :ivar preserve: what a mesh whose points move keeps.
     :ivar setting: of a mesh whose points move; None of everything else.
+    :ivar preparation: what was done to the samples of a grid before; None of everything else.
     """
 
     data: Data
@@ -72,6 +75,14 @@ class Plan:
     pull: Array | None = None
     preserve: Keep | None = None
     setting: PointSetting | None = None
+    preparation: Preparation | None = None
+
+    def result(self, u: Array | None = None) -> Data:
+        """The data with coordinates u (n, k) of the flow, as the caller has it; None: of a run that does nothing."""
+        done = self.data if u is None else self.data.lowered(u)
+        if self.preparation is None or isinstance(done, (Mesh, RangeImage)):
+            return done
+        return self.preparation.restored(done, u is None)
 
     def with_(self, decided: Mapping[str, Decided], **changes: Any) -> "Plan":
         """With other values, and who decided on them beside those that were decided before."""
@@ -123,7 +134,7 @@ class Plan:
         each = 1.0 if isinstance(self.data, Mesh) and self.data.moves != "channels" else float(np.sqrt(k))
         stays = self.data.fixed if isinstance(self.data, Mesh) else self.data.fixed | self.data.missing
         moving = float(np.mean(~stays)) or 1.0  # where nothing may move no stop is asked
-        return Scale(self.noise.sigma * self.request.strength * each, moving, _Seen(shape))
+        return Scale(self.noise.sigma * self.request.strength * each, moving, _Seen(shape, self.preparation))
 
 
 @dataclass(frozen=True)
@@ -131,9 +142,11 @@ class _Seen:
     """Makes of u the values (h, w), (h, w, k) or (n, k) as the caller knows them, read-only."""
 
     shape: tuple[int, ...]
+    preparation: Preparation | None
 
     def __call__(self, u: Array) -> Array:
         values = np.asarray(u).reshape(self.shape).view()
+        values = values if self.preparation is None else self.preparation.seen(values)
         values.flags.writeable = False
         return values
 

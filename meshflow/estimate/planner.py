@@ -9,6 +9,7 @@ from meshflow.estimate.heights import along_rays, as_they_are, limit_of, tuned
 from meshflow.estimate.noise import Noise, noise_growth, noise_of, noise_on
 from meshflow.estimate.plan import Decided, Plan, size_of
 from meshflow.estimate.points import moving
+from meshflow.estimate.preparation import Preparation, prepared
 from meshflow.estimate.quantization import steps_of
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
@@ -46,8 +47,17 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         if data.channels is None or data.moves == "points":
             return noise_on(data.points, data.faces, data.normals)
         return noise_on(data.channels, data.faces)
-    unseen = _unseen(data.missing, mask)
-    return _noise_along(data, unseen)[0] if isinstance(data, RangeImage) else noise_of(array_of(data), unseen)
+    if isinstance(data, RangeImage):
+        return _noise_along(data, _unseen(data.missing, mask))[0]
+    return _noise_prepared(*prepared(data), mask)
+
+
+def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | None) -> Noise:
+    """The noise of a grid as it was prepared; what its numbers are rounded by is none."""
+    noise = noise_of(array_of(data), _unseen(data.missing | how.unseen, mask))
+    if 0 < noise.sigma <= how.rounding:
+        return Noise(0.0, 0.0, (0.0,) * len(noise.channels), 0.0, noise.how)
+    return noise
 
 
 def plan(data: Data, request: Request) -> Plan:
@@ -58,8 +68,11 @@ def plan(data: Data, request: Request) -> Plan:
     _must_suit(data, request)
     stays = _staying(data, request)
     data, request, mobility = _constrained(data, request, stays)
+    data, how = (
+        (data, None) if isinstance(data, (Mesh, RangeImage)) else prepared(data, request.outliers, request.level)
+    )
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
-    data, noise, why = _with_noise(data, request, mask)
+    data, noise, why = _with_noise(data, request, mask, how)
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
         data = data.cleared(request.constraints.min_component)
     request = _stepped(data, request)
@@ -74,7 +87,9 @@ def plan(data: Data, request: Request) -> Plan:
         found = moving(data, request, noise, mobility)
     else:
         found = tuned(data, request, noise, mobility)
-    return _ended(_held(replace(found, mobility=mobility, stays=stays)))
+    warnings = () if how is None else how.warnings
+    found = replace(found, mobility=mobility, stays=stays, preparation=how, warnings=(*warnings, *found.warnings))
+    return _ended(_held(found))
 
 
 def _unseen(missing: Array, mask: Array | None) -> Array:
@@ -105,13 +120,18 @@ def _constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Requ
     )  # fmt: skip
 
 
-def _with_noise(data: Data, request: Request, mask: Array | None) -> tuple[Data, Noise, str]:
-    """The data with the noise of each depth, the noise, and how it grows, in words."""
+def _with_noise(data: Data, request: Request, mask: Array | None, how: Preparation | None) -> tuple[Data, Noise, str]:
+    """The data with the noise of each depth, the noise, and how it grows, in words.
+
+    :param how: a grid was prepared.
+    """
     if isinstance(data, RangeImage):
         if request.noise is not None:
             data = replace(data, sigma=float(request.noise))
         inside = None if mask is None or not mask.any() else mask
         noise, data, why = _noise_along(data, _unseen(data.missing, inside))
+    elif how is not None and not isinstance(data, Mesh):
+        noise, why = _noise_prepared(data, how, mask), ""
     else:
         noise, why = noise_in(data, mask), ""
     if request.noise is not None:
@@ -160,6 +180,9 @@ def _must_suit(data: Data, request: Request) -> None:
             raise InputError(f"{word}: of range images only, got {kind}")
     if request.compute.diagonals != Compute().diagonals and isinstance(data, Mesh):
         raise InputError(f"diagonals: of grids, whose cells become triangles; got {kind}, which has its own triangles")
+    for word, given in (("outliers", request.outliers), ("level", request.level)):
+        if given is not None and isinstance(data, (Mesh, RangeImage)):
+            raise InputError(f"{word}: of height fields and images only, got {kind}")
     if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
         raise InputError(f"triangles: of meshes only, got {kind}")
     if isinstance(request.method, Patches) and isinstance(data, Mesh):

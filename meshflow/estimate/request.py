@@ -6,6 +6,8 @@ from typing import Literal
 
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import Constraint, Constraints
+from meshflow.estimate.preparation import OutlierWord
+from meshflow.estimate.stripes import Level
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Method, method_of
 from meshflow.flow.methods.beltrami import HeightMethod
@@ -20,6 +22,7 @@ __all__ = ["BoundaryWord", "Domain", "Request", "Stopping"]
 Domain = Literal["length", "disparity"]
 BoundaryWord = Boundary | Literal["border-curve"]
 Stopping = Steps | Residual | AreaLoss | Displacement | When | Callable[[Array, float], object]
+OUTLIERS, LEVELS = ("keep", "repair", "include"), ("rows", "columns")
 BOUNDARIES, DOMAINS = ("plane-preserving", "neumann", "fixed", "border-curve"), ("length", "disparity")
 
 
@@ -55,6 +58,14 @@ class Request:
     domain: Domain = option(
         "length", "disparity: inverse depths are smoothed, where the noise of stereo and structured light is even."
     )
+    outliers: OutlierWord | None = option(
+        None,
+        "Samples that are not of the data (undeclared nodata, impulses): keep leaves them out and as they are, repair replaces "
+        "them from their neighbours, include takes them for data. Default: repair single ones of images, else keep.",
+    )
+    level: Level | None = option(
+        None, "Level rows or columns that are shifted against each other, as scan lines are. Default: none."
+    )
     compute: Compute = Compute()
 
     def __post_init__(self) -> None:
@@ -71,6 +82,9 @@ class Request:
             raise InputError(f"boundary: {', '.join(BOUNDARIES)} expected, got {self.boundary!r}")
         if self.domain not in DOMAINS:
             raise InputError(f"domain: {' or '.join(DOMAINS)} expected, got {self.domain!r}")
+        for name, known in (("outliers", OUTLIERS), ("level", LEVELS)):
+            if getattr(self, name) not in (None, *known):
+                raise InputError(f"{name}: {', '.join(known)} expected, got {getattr(self, name)!r}")
         if not isinstance(self.compute, Compute):
             raise InputError(f"compute: a Compute expected, got {self.compute!r}")
         if self.heights.twicing and (self.steps is not None or self.weighted or self.stops):

@@ -50,9 +50,8 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
     plan = planned(data, request)
     engine = _engine(plan)
     start, end, history = _run(_steered(engine, plan), plan, progress, record)
-    done, warnings = plan.data, plan.warnings
+    done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
-        done = plan.data.lowered(end.u)
         warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
     if isinstance(engine, GridFlow):
         warnings += _alone(engine, plan) if record is not None else ()
@@ -101,7 +100,7 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
     plan = planned(data, request)
     engine = _engine(plan)
     flow = _steered(engine, plan)
-    yield 0.0, plan.data
+    yield 0.0, plan.result()
     until = plan.until
     time = until.time
     if plan.idle is not None or time == 0.0:
@@ -115,14 +114,14 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
     if plan.points is not None and plan.points.once and time is not None:  # each state is one step from the start
         for mark in (share * time for share in shares):
             *_, state = march(flow, Until(time=mark), stepper, FixedStep(mark), limit=limit)
-            yield state.time, plan.data.lowered(state.u)
+            yield state.time, plan.result(state.u)
         return
     marks = () if time is None else tuple(share * time for share in shares)
     steps = frozenset() if until.steps is None else {round(share * until.steps) for share in shares}
     for state in march(flow, replace(until, marks=marks), stepper, control, progress, limit=limit):
         met = any(abs(state.time - mark) <= 1e-9 * mark for mark in marks) or state.step in steps
         if state.step > 0 and (met or state.reason is not None):
-            yield state.time, plan.data.lowered(state.u)
+            yield state.time, plan.result(state.u)
 
 
 def _engine(plan: Plan) -> Flow:

@@ -1,0 +1,177 @@
+"""What is done to the samples of a grid before the flow, and taken back after it: outliers, offsets of lines, a far datum."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from meshflow.estimate.outliers import Outliers, large_pieces, outliers_of
+from meshflow.estimate.ring_fill import filled_from_ring
+from meshflow.estimate.stripes import Level, line_offsets, stripes_of
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.data import Data, array_of
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+
+__all__ = ["OutlierWord", "Preparation", "prepared"]
+
+OutlierWord = Literal["keep", "repair", "include"]
+# Values whose level is so many times their range: their differences are exact, and single precision would lose them.
+DISTANT = 4.0
+
+OnGrid = HeightField | Image
+
+
+@dataclass(frozen=True, eq=False)
+class Preparation:
+    """What was done to the samples of a grid before the flow.
+
+    :ivar source: the data as it came.
+    :ivar outliers: the samples that are not of the data; None: none are, or they were not looked for.
+    :ivar repaired: (h, w), those that were replaced from their ring.
+    :ivar datum: what was taken off all values of a channel, () or (k,).
+    :ivar levelled: lines were levelled on request.
+    :ivar insists: what was replaced stays replaced where no noise is found.
+    :ivar warnings: sentences.
+    """
+
+    source: OnGrid
+    outliers: Outliers | None
+    repaired: Array
+    datum: Array
+    levelled: bool = False
+    insists: bool = False
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def unseen(self) -> Array:
+        """The samples (h, w) in which noise is not looked for: those that were made up, as far as they are few."""
+        few = self.outliers is not None and not self.outliers.dense
+        return self.repaired if few else np.zeros_like(self.repaired)
+
+    @property
+    def rounding(self) -> float:
+        """Half the step of the source's own numbers, where a datum was taken off: less is no noise."""
+        if not self.datum.any():
+            return 0.0
+        values = array_of(self.source)
+        return 0.5 * float(np.spacing(np.abs(self.datum).max().astype(values.dtype)))
+
+    def seen(self, values: Array) -> Array:
+        """Values of the flow as the caller knows them, with their datum."""
+        return (values + self.datum).astype(values.dtype) if self.datum.any() else values
+
+    def restored(self, done: OnGrid, idle: bool) -> OnGrid:
+        """Data of the flow as the caller has it: with its datum, and all that was left out as it was, to the bit.
+
+        :param idle: nothing was smoothed.
+        """
+        source, values = array_of(self.source), array_of(done)
+        if self.datum.any():
+            values = (values.astype(np.float64) + self.datum).astype(source.dtype)
+        made = self.repaired if self.insists or not idle else np.zeros_like(self.repaired)
+        out = self.source.missing if self.outliers is None else self.source.missing | self.outliers.mask & ~made
+        values = np.where(out if values.ndim == 2 else out[..., None], source, values)
+        return _with(done, values, self.source.missing)
+
+
+def prepared(
+    data: OnGrid, outliers: OutlierWord | None = None, level: Level | None = None
+) -> tuple[OnGrid, Preparation]:
+    """The data as the flow takes it, and how that is taken back.
+
+    Samples that are not of the data are missing in it, or replaced from their ring; lines are levelled where that is asked for;
+    values far from zero in single precision lose their datum, so that no digits of their differences are lost.
+
+    :param outliers: ``keep``: as missing samples, which stay as they are; ``repair``: replaced; ``include``: they are data.
+        None: of images repaired where they are single, else kept.
+    :param level: ``rows`` or ``columns``; None: none, but a word where they are shifted against each other.
+    """
+    values, missing = array_of(data), data.missing
+    found = None if outliers == "include" else outliers_of(values, missing)
+    repaired, warnings, insists = np.zeros(missing.shape, bool), [], False
+    if found is not None:
+        keep = _kept(data, found, outliers)
+        wanted = found.mask & ~keep & ~data.fixed
+        values, repaired = filled_from_ring(values, wanted, missing | (found.mask & ~wanted))
+        missing = missing | (found.mask & ~repaired)
+        if missing.all():
+            return prepared(data, "include", level)
+        insists = outliers == "repair" or found.dense
+        warnings += _said(values, found, repaired)
+    if level is not None:
+        values = (values - line_offsets(values, missing, level)).astype(values.dtype)
+    else:
+        stripes = stripes_of(values, missing)
+        if stripes is not None:
+            warnings.append(
+                f"{stripes.along} are shifted against each other by {stripes.size:.3g} (rms), as scan lines are: "
+                f"level={stripes.along!r} levels them"
+            )
+    datum = _datum(values, missing)
+    if datum.any():
+        values = np.where(missing if values.ndim == 2 else missing[..., None], 0, values - datum.astype(values.dtype))
+    how = Preparation(data, found, repaired, datum, level is not None, insists, tuple(warnings))
+    if values is array_of(data):
+        return data, how
+    return _with(data, values, missing), how
+
+
+def _with(data: OnGrid, values: Array, missing: Array) -> OnGrid:
+    """Data with other values and other missing samples."""
+    if isinstance(data, HeightField):
+        return replace(data, z=values, missing=missing)
+    return replace(data, values=values, missing=missing)
+
+
+def _kept(data: Data, found: Outliers, word: OutlierWord | None) -> Array:
+    """The outliers (h, w) that are not replaced."""
+    if word is not None:
+        return np.full(found.far.shape, word == "keep")
+    if isinstance(data, HeightField):
+        return np.ones(found.far.shape, bool)
+    return large_pieces(found.far)  # whole regions mark what is missing
+
+
+def _datum(values: Array, missing: Array) -> Array:
+    """What is taken off each channel of single precision, () or (k,): zero where its values are not far from zero."""
+    none = np.zeros(values.shape[2:])
+    there = values[~missing].reshape(-1, *values.shape[2:])
+    if values.dtype != np.float32 or there.size == 0:
+        return none
+    low, high = there.min(axis=0).astype(np.float64), there.max(axis=0).astype(np.float64)
+    middle = (0.5 * (low + high)).astype(np.float32).astype(np.float64)
+    return np.where(np.abs(middle) > DISTANT * (high - low), middle, none)
+
+
+def _said(values: Array, found: Outliers, repaired: Array) -> list[str]:
+    """What is told of outliers: which they are, how many, what became of them, and which option says otherwise."""
+    words = []
+    low, high = found.span
+    for mask, what in ((found.far, "far"), (found.impulses & ~found.far, "impulses")):
+        count = int(mask.sum())
+        if count == 0:
+            continue
+        made = int((mask & repaired).sum())
+        left = "left out as missing samples are, and kept as they are"
+        done = (
+            left
+            if made == 0
+            else "replaced from their neighbours"
+            if made == count
+            else f"{made} replaced, the others {left}"
+        )
+        if what == "far":
+            value = "" if found.value is None else f" of the value {found.value:.9g}"
+            say = "nodata" if found.value is None else f"nodata={found.value:.9g}"
+            words.append(
+                f"{count} sample{'s' * (count > 1)}{value} far outside of all others ({low:.6g} to {high:.6g}): {done}; declare "
+                f"what is missing ({say}, --nodata, or missing=), or give outliers='repair', 'keep' or 'include'"
+            )
+        else:
+            share = 100.0 * count / mask.size
+            words.append(
+                f"{count} sample{'s' * (count > 1)} ({share:.2g} %) unlike all neighbours, as impulses are: {done}; "
+                f"outliers='repair' replaces them, 'keep' leaves them, 'include' takes them for data"
+            )
+    return words

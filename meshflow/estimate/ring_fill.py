@@ -1,0 +1,50 @@
+"""Samples replaced from their ring: the median of the neighbours that are known, from the rim inwards."""
+
+import numpy as np
+
+from meshflow.geometry.validation import Array
+
+__all__ = ["filled_from_ring"]
+
+# So many rings are filled inwards: what is wider is no place for a guess.
+RINGS = 3
+# Neighbours of the eight that are asked for.
+LEAST = 3
+
+
+def filled_from_ring(values: Array, out: Array, missing: Array) -> tuple[Array, Array]:
+    """Values with the samples that are out replaced, and which have been.
+
+    Each is the median of the known samples of the eight around it, channel by channel, so that edges stay; then those further in,
+    three rings at most.
+
+    :param values: (h, w) or (h, w, k); nothing of it is changed.
+    :param out: (h, w), samples to be replaced.
+    :param missing: (h, w), samples that are not known and stay as they are.
+    """
+    known, changed = ~(out | missing), values.copy()
+    done = np.zeros(out.shape, bool)
+    for _ in range(RINGS):
+        places = np.argwhere(out & ~done)
+        if len(places) == 0:
+            break
+        rows, columns, there = _around(places, out.shape)
+        there &= known[rows, columns]
+        enough = there.sum(axis=1) >= LEAST
+        if not enough.any():
+            break
+        at = places[enough]
+        ring = values if done.sum() == 0 else changed
+        around = ring[rows[enough], columns[enough]].astype(np.float64)  # (m, 8) or (m, 8, k)
+        hidden = ~there[enough] if around.ndim == 2 else np.broadcast_to(~there[enough][..., None], around.shape)
+        changed[at[:, 0], at[:, 1]] = np.nanmedian(np.where(hidden, np.nan, around), axis=1)
+        done[at[:, 0], at[:, 1]] = known[at[:, 0], at[:, 1]] = True
+    return changed, done
+
+
+def _around(places: Array, shape: tuple[int, int]) -> tuple[Array, Array, Array]:
+    """Rows and columns (m, 8) of the neighbours of places (m, 2), and which of them lie on the grid."""
+    steps = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c])
+    rows, columns = places[:, :1] + steps[:, 0], places[:, 1:] + steps[:, 1]
+    inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
+    return np.clip(rows, 0, shape[0] - 1), np.clip(columns, 0, shape[1] - 1), inside
