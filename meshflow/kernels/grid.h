@@ -123,7 +123,7 @@ i64 grid_rate(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const
     }
     const ChannelLoops<T> loops = channel_loops_for<T>(k, asking.sharpness);
     return over_tiles<T>(Cut::of(h, w, narrow), channel_room(t), k * h * w, threads, [&](const Tile& tile, Room<T> room, i64) {
-        channel_tile(t, tile, room, [&](int side, i64 r, const Cells<T>& f) {
+        channel_tile(t, MOVED, tile, room, [&](int side, i64 r, const Cells<T>& f) {
             channel_row(t, loops, tile, side, r, f);
         });
     });
@@ -157,7 +157,7 @@ i64 grid_measured(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, c
     } else {
         const ChannelLoops<T> loops = channel_loops_for<T>(k, asking.sharpness);
         done = over_tiles<T>(cut, channel_room(t), h * w, threads, [&](const Tile& tile, Room<T> room, i64 part) {
-            parts[part] = channel_tile(t, tile, room, [&](int side, i64 r, const Cells<T>& f) {
+            parts[part] = channel_tile(t, what, tile, room, [&](int side, i64 r, const Cells<T>& f) {
                 channel_row(t, loops, tile, side, r, f);
             });
         });

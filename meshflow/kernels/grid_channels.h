@@ -132,15 +132,25 @@ void channel_row(const Task<T>& t, const ChannelLoops<T>& loops, const Tile& til
 
 template <class T> i64 channel_room(const Task<T>& t) { return Cells<T>::rows(t.k) + 2 * t.k + 7; }
 
+// The area of the triangles of a tile. cells_of(side, r, cells): all that a row of cells gives.
+template <class T, class F> Measured channel_area(const Task<T>& t, const Tile& tile, Room<T> room, const F& cells_of) {
+    const Cells<T> f = Cells<T>::of(room, t.k);
+    Measured found;
+    for (i64 r = tile.begin; r < least(tile.end, t.h - 1); ++r)
+        for (int side = t.first_sheet; side < t.last_sheet; ++side)
+            cells_of(side, r, f), found.area += area_of(0, tile.right - tile.left, f.upper, f.lower);
+    return found;
+}
+
 // Rows begin to end of a tile: each row of cells once, and the one above them.
-// cells_of(side, r, cells): all that a row of cells gives.
-template <class T, class F> Measured channel_tile(const Task<T>& t, const Tile& tile, Room<T> room, const F& cells_of) {
+template <class T, class F> Measured channel_tile(const Task<T>& t, Asked asked, const Tile& tile, Room<T> room, const F& cells_of) {
+    if (asked == AREA) return channel_area(t, tile, room, cells_of);
     const i64 n = tile.right - tile.left, start = most(tile.begin - 1, 0), wide = room.wide;
     const i64 first = most(tile.left - 1, 0), last = least(tile.right + 1, t.w);
     const Cells<T> f = Cells<T>::of(room, t.k);
     T *given = room.take(t.k), *below = room.take(t.k), *mass = room.take(), *mass_below = room.take(), *pace = room.take();
     FlatMass<T> flat = FlatMass<T>::of(room);
-    const bool measuring = !t.out, several = t.last_sheet - t.first_sheet > 1;
+    const bool measuring = asked != MOVED, several = t.last_sheet - t.first_sheet > 1;
     // With gamma = -1 and a mass of thirds, s / M is one over the flat mass.
     const bool light = t.quarters == -4 && !measuring;
     Measured found;
@@ -156,7 +166,6 @@ template <class T, class F> Measured channel_tile(const Task<T>& t, const Tile& 
                 gather_corners<true>(0, n, e, f.pulls.shifted(k * wide), given + k * wide, below + k * wide);
             if (!light) gather_thirds(fresh, n, e, f.upper, f.lower, mass, mass_below);
             if (t.indicated() && !alike) flat.gather(t, tile, fresh, side, r, first, last);
-            if (measuring && r >= tile.begin) found.area += area_of(0, n, f.upper, f.lower);
         }
         if (!cells) f.clear(t.k, -1, n + 1);
         const i64 e = t.last_sheet == 2 ? -1 : 1;

@@ -60,5 +60,19 @@ template <class F> INLINE void sum_over(Sum& sum, i64 n, const F& term) {
         UNROLL for (int k = 0; k < 8; ++k) sum.part[k] += double(term(i + k));
     for (int k = 0; i < n; ++i, ++k) sum.part[k] += double(term(i));
 }
+// The greatest of n terms, or zero: of every 64th first, so that it becomes SIMD.
+template <class F> INLINE double greatest_of(i64 n, const F& term) {
+    constexpr i64 APART = 64;
+    double most[APART] = {}, found = 0;
+    for (i64 i = 0; i < n; i += APART) {
+        const i64 some = least(APART, n - i);
+        SIMD for (i64 k = 0; k < some; ++k) {
+            const double x = double(term(i + k));
+            most[k] = x > most[k] ? x : most[k];
+        }
+    }
+    for (double x : most) found = x > found ? x : found;
+    return found;
+}
 
 }  // namespace meshflow::grid

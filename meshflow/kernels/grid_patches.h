@@ -335,7 +335,7 @@ void patch_row(const Task<T>& t, const PatchLoops<T>& loops, Patches<T>& patches
 template <class T> Measured patch_tile(const Task<T>& t, const PatchLoops<T>& loops, const Tile& tile, Room<T> room) {
     const i64 first = most(tile.left - 1, 0) - tile.left, last = least(tile.right + 1, t.w) - tile.left;
     Patches<T> patches(t, tile, first, last, room);
-    return channel_tile(t, tile, room, [&](int side, i64 r, const Cells<T>& f) {
+    return channel_tile(t, MOVED, tile, room, [&](int side, i64 r, const Cells<T>& f) {
         patch_row(t, loops, patches, tile, side, r, f);
     });
 }

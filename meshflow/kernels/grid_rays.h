@@ -158,14 +158,12 @@ constexpr double EDGE_ON = 1e-6;
 
 // The greatest bound of the triangles of a row of cells times the factor of time at their corners, of the rows above and below.
 template <class A, class B> LOOP double foremost(i64 n, i64 e, const A* upper, const A* lower, const B* above, const B* below) {
-    double found = 0;
-    for (i64 j = 0; j < n; ++j) {
+    return greatest_of(n, [&](i64 j) {
         const double a = double(above[j]), b = double(below[j]), c = double(above[j + e]), d = double(below[j - e]);
         const double shared = a > b ? a : b, one = double(upper[j]) * (shared > c ? shared : c);
-        const double two = double(lower[j]) * (shared > d ? shared : d), most = one > two ? one : two;
-        found = most > found ? most : found;
-    }
-    return found;
+        const double two = double(lower[j]) * (shared > d ? shared : d);
+        return one > two ? one : two;
+    });
 }
 
 // --- places ----------------------------------------------------------------------------------------------------------------------
@@ -215,9 +213,6 @@ template <class T> struct Places {
 // --- a tile -----------------------------------------------------------------------------------------------------------------------
 
 template <class T> i64 ray_room(const Task<T>&) { return 12 + 3 + 4 + 4 + 2 + 6 + 1 + 8; }
-
-// What a sweep along rays is asked for: to move, or the area, or the bound of the triangles.
-enum Asked { MOVED, AREA, BOUND };
 
 template <class T> Measured ray_tile(const Task<T>& t, Asked asked, const Tile& tile, Room<T> room) {
     const i64 n = tile.right - tile.left, start = most(tile.begin - 1, 0), margin = asked == BOUND ? 2 : 1;
@@ -270,10 +265,13 @@ template <class T> Measured ray_tile(const Task<T>& t, Asked asked, const Tile& 
                 }
             });
             const bool fresh = side == t.first_sheet;
+            if (asked == AREA) {
+                if (r >= tile.begin) found.area += area_of(0, n, upper, lower);
+                continue;
+            }
             gather_corners(fresh, i64(-ahead), n + ahead, e, pulls, pull, pull_below);
             gather_thirds(fresh, n + 2 * ahead, e, upper - ahead, lower - ahead, mass - ahead, mass_below - ahead);
             if (seeing) gather_corners(fresh, i64(-ahead), n + ahead, e, seen, sight, sight_below);
-            if (asked == AREA && r >= tile.begin) found.area += area_of(0, n, upper, lower);
         }
         const T *x = here.d[0] - ahead, *y = here.d[1] - ahead, *z = here.d[2] - ahead;
         const i64 m = n + 2 * ahead;

@@ -81,6 +81,9 @@ struct Tile {
     i64 begin, end, left, right;
 };
 
+// What a sweep is asked for: to move, or the area, or the bound of the triangles.
+enum Asked { MOVED, AREA, BOUND };
+
 // What is found where nothing moves.
 struct Measured {
     double area = 0, fastest = 0;
@@ -318,12 +321,7 @@ void move_row_by_cells(const Task<T>& t, const Tile& tile, i64 q, i64 r, i64 e, 
 }
 
 template <class T> LOOP double greatest_product(i64 n, const T* a, const T* b) {
-    double found = 0;
-    for (i64 j = 0; j < n; ++j) {
-        const double x = double(a[j] * b[j]);
-        found = x > found ? x : found;
-    }
-    return found;
+    return greatest_of(n, [&](i64 j) { return a[j] * b[j]; });
 }
 
 // The area of the triangles of elements from to to - 1.

@@ -131,7 +131,7 @@ i64 grid_size(i64 k, i64 h, i64 w, const double* factors, const T* a, const T* b
     parallel_for(bands, k * rows * w < FEW_NUMBERS ? 1 : threads, [&](i64 band, i32) {
         constexpr i64 PIECE = 512;
         T sum[PIECE], squares[PIECE];
-        double total = 0, greatest[8] = {};
+        double total = 0, greatest = 0;
         for (i64 r = band * high * every; r < least((band + 1) * high * every, h); r += every)
             for (i64 first = 0; first < w; first += PIECE) {
                 const i64 n = least(PIECE, w - first);
@@ -154,11 +154,10 @@ i64 grid_size(i64 k, i64 h, i64 w, const double* factors, const T* a, const T* b
                 Sum part;
                 sum_over(part, n, [&](i64 j) { return double(squares[j]); });
                 total += part.total();
-                for (i64 j = 0; j < n; ++j) greatest[j % 8] = double(squares[j]) > greatest[j % 8] ? double(squares[j]) : greatest[j % 8];
+                const double most = greatest_of(n, [&](i64 j) { return squares[j]; });
+                greatest = most > greatest ? most : greatest;
             }
-        double whole = 0;
-        for (double x : greatest) whole = x > whole ? x : whole;
-        parts[2 * band] = total, parts[2 * band + 1] = whole;
+        parts[2 * band] = total, parts[2 * band + 1] = greatest;
     });
     found[0] = found[1] = 0;
     for (i64 i = 0; i < bands; ++i)
