@@ -305,11 +305,13 @@ def test_a_full_disk_leaves_the_old_array(tmp_path, monkeypatch):
     document = read(tmp_path / "a.npy")
     before = (tmp_path / "a.npy").read_bytes()
 
-    def full(path, *_, **__):
-        Path(path).write_bytes(b"half")
+    whole = Path.write_bytes
+
+    def full(path, _):
+        whole(path, b"half")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(np, "save", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(FormatError, match="No space left on device"):
         write(document, tmp_path / "a.npy", overwrite=True)
     assert (tmp_path / "a.npy").read_bytes() == before

@@ -1,7 +1,11 @@
 """The commands: ``meshflow smooth | info | fuse | methods | options | compare | show | film | view | compare-flows``."""
 
+import io
 import json as notation
+import os
+import signal
 import sys
+import threading
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -24,6 +28,7 @@ from meshflow.flow.methods import words_for
 from meshflow.fusing import fuse_frames as fused
 from meshflow.io.document import Document, Writing
 from meshflow.io.files import writable, write
+from meshflow.io.incoming import STDIN, temporary
 from meshflow.results.multipart import Results
 from meshflow.results.result import Result, release
 from meshflow.smoothing import noise_facts, smooth_object
@@ -43,6 +48,9 @@ app = typer.Typer(
 UsageError: Any = typer.BadParameter.__base__
 # What typer exits with on Ctrl-C, as shells do.
 INTERRUPTED = 130
+# The signals that end a process without a word, and what shells say of a process that they have ended.
+ENDING = ("SIGTERM", "SIGHUP")
+ENDED = tuple(128 + getattr(signal, name) for name in ENDING if hasattr(signal, name))
 # What most need stands first in the help.
 TEN = ("method", "time", "scale", "strength", "noise")
 SAYING = ("picture", "report", "overwrite", "quiet", "verbose", "json")
@@ -74,6 +82,11 @@ def smooth(given: Given) -> None:
     source, target = given["source"], given["target"]
     quiet, overwrite = given["quiet"], given["overwrite"]
     document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
+    piped = target == STDIN
+    if piped:
+        if given["json"]:
+            raise InputError("smooth: OUT or --json goes to stdout, not both; name a file for OUT")
+        target = temporary(os.getpid()) / f"stdout{document.path.suffix}"
     points = isinstance(document.data, Mesh) and document.data.moves != "channels"
     request = asked(given, partial(per_sample, document), words_for(points))
     dtype: Writing = {"dtype": given["dtype"]} if given["dtype"] else {}
@@ -86,6 +99,8 @@ def smooth(given: Given) -> None:
     notes += tuple(word for word in _warned(document, result) if word not in (*notes, result.stopped_because))
     if not quiet:
         said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
+    if piped:
+        sys.stdout.buffer.write(target.read_bytes())
     title = f"{source.name}, {result.stopped_because}"
     notes += _shown(given, result, pictured_as=(document, done, title), name=source.name)
     if given["json"]:
@@ -220,17 +235,41 @@ looking.add_to(app)
 
 def main() -> None:
     """Run the command; a refusal is one line on stderr and an exit code that is not 0."""
+    _end_in_order()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a name, or a sign of ours, that the locale has no bytes for
+            stream.reconfigure(errors="backslashreplace")
     try:
         # Without a word there is help to print, which typer does itself; a wrong word it would put into a box.
         sys.exit(app(standalone_mode=len(sys.argv) < 2))
     except UsageError as refusal:
         about = "" if refusal.ctx is None else f"; see {refusal.ctx.command_path} --help"
+        dashed = [word for word in sys.argv[1:] if word.startswith("-") and word != "-" and Path(word).exists()]
+        about += "".join(f"; the file is given as ./{word}" for word in dashed)
         said(f"meshflow: {' '.join(refusal.format_message().split()).rstrip('.')}{about}", (), style="red")
         sys.exit(refusal.exit_code)
     except (InputError, MissingPackage, NotConverged, OSError) as refusal:
         err.print(f"meshflow: {refusal}", markup=False, soft_wrap=True, style="red")
         sys.exit(1)
+    except MemoryError as refusal:
+        why = " ".join(str(refusal).split()) or "no more is given to this process"
+        said(f"meshflow: not enough memory ({why}); cut a part out, or use a machine with more", (), style="red")
+        sys.exit(1)
     except SystemExit as end:
-        if end.code == INTERRUPTED:
+        if end.code in (INTERRUPTED, *ENDED):
             err.print("meshflow: interrupted; OUT is whole, or as it was before", markup=False)
         raise
+
+
+def _end_in_order() -> None:
+    """A signal that ends the process ends it as Ctrl-C does: what is half written is taken away."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for name in ENDING:
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:  # nohup ignores SIGHUP
+            signal.signal(number, _ended)
+
+
+def _ended(number: int, frame: object) -> None:
+    raise SystemExit(128 + number)

@@ -24,8 +24,14 @@ def _yes(name: str, help: str, panel: str, *words: str) -> Flag:
 
 ALL: tuple[Flag, ...] = (
     # What the file is.
-    Flag("source", Path, FILES, default=..., metavar="IN"),
-    Flag("target", Path, "Where to write; the extension names the format.", default=..., metavar="OUT"),
+    Flag("source", Path, f"{FILES} -: stdin.", default=..., metavar="IN"),
+    Flag(
+        "target",
+        Path,
+        "Where to write; the extension names the format. -: stdout, in the format of IN.",
+        default=...,
+        metavar="OUT",
+    ),
     Flag("other", Path, "Data of the same kind on the same samples.", default=..., metavar="OTHER"),
     Flag("frames_in", list[Path], "Depth images of a view that stays, two or more.", default=..., metavar="IN..."),
     Flag("kind", Kind | None, "What the file holds, where the guess would be wrong.", FIRST),

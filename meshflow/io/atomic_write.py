@@ -18,8 +18,13 @@ _SIDECARS = (".aux.xml", ".ovr", ".msk")
 def must_be_free(path: Path, overwrite: bool) -> None:
     """Refuse to write where a file is, before any work is done for it.
 
-    :raises FormatError: where one is there, and ``overwrite`` does not say that it is to be replaced.
+    :raises FormatError: where one is there, and ``overwrite`` does not say that it is to be replaced; and for a device or a pipe,
+        which cannot be.
     """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise FormatError(
+            f"{path} is a device or a pipe, and no file that can be replaced; the command writes to stdout as -"
+        )
     if path.exists() and not overwrite:
         raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (--overwrite, overwrite=True)")
 

@@ -10,6 +10,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.io.atomic_write import must_be_free
 from meshflow.io.document import Document, Format, WriteOptions, Writing
 from meshflow.io.formats.ply_layout import has_grid
+from meshflow.io.incoming import set_down
 from meshflow.io.metadata import Metadata, ReadOptions
 
 __all__ = ["Document", "read", "read_with", "writable", "write"]
@@ -159,6 +160,7 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
 
 def read_with(path: Path, options: ReadOptions) -> Document:
     """:func:`read`, with options that have been checked."""
+    path = set_down(path)
     _must_be_a_file(path)
     found = next(entry for entry in FORMATS if entry.claims(path, options)).load()
     options.must_belong(f"{found.NAME} ({path.name})", found.READS)
@@ -190,7 +192,13 @@ def write(
         )
     path = Path(path)
     found = writable(document, path, overwrite=overwrite, **options)
-    return found.write(document, path, WriteOptions(dict(tags or {}), **options))
+    names = path.stat().st_nlink if path.exists() else 1
+    notes = found.write(document, path, WriteOptions(dict(tags or {}), **options))
+    if names > 1:
+        notes += (
+            f"{path.name} was one of {names} names (hard links) of a file: the others still name what was there before",
+        )
+    return notes
 
 
 def writable(document: Document, path: str | Path, *, overwrite: bool = False, **options: Unpack[Writing]) -> Format:

@@ -4,6 +4,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
 from zipfile import BadZipFile
@@ -148,7 +149,9 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
         if zipped:
             np.savez_compressed(temporary, allow_pickle=False, **{**source.others, **arrays})
         else:
-            np.save(temporary, arrays[source.key], allow_pickle=False)
+            content = BytesIO()  # numpy itself does not say why a disk takes no more
+            np.save(content, arrays[source.key], allow_pickle=False)
+            temporary.write_bytes(content.getbuffer())
     if document.source.placed:
         return (f"{path.suffix} has no room for CRS, transform, alpha and tags; .tif has",)
     return ()

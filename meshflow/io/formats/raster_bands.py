@@ -12,7 +12,7 @@ import rasterio
 from rasterio._err import CPLE_BaseError  # GDAL's own errors leak through rasterio, which has no public name for them
 from rasterio.enums import ColorInterp, MaskFlags, Resampling
 from rasterio.errors import CRSError, NodataShadowWarning, NotGeoreferencedWarning, RasterioError
-from rasterio.io import DatasetReader
+from rasterio.io import DatasetReader, MemoryFile
 from rasterio.transform import Affine
 
 from meshflow.errors import FormatError, InputError
@@ -22,6 +22,7 @@ from meshflow.io.document import Source
 from meshflow.io.formats.raster_drivers import allowed_drivers, must_be_numbers, must_fit
 from meshflow.io.formats.raster_frame import Frame, Framed, alpha_as, describe, place
 from meshflow.io.formats.zipped_heights import taken_out
+from meshflow.io.incoming import plainly_named
 from meshflow.io.undeclared import mark_in
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -79,7 +80,8 @@ def load(
     try:
         with (
             _quiet(),
-            taken_out(path) as file,
+            plainly_named(path) as named,
+            taken_out(named) as file,
             DatasetReader(str(file), driver=allowed_drivers(file, remote), **opening) as source,
         ):
             must_fit(path, len(bands or source.indexes), source.height, source.width)
@@ -117,7 +119,8 @@ def load(
 def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Mapping[str, str]) -> None:
     """Write samples (k, h, w), in their own dtype, and all of the frame that the driver has room for; then read them back.
 
-    (GDAL may report a full disk to nobody: only what was read back is known to be there.)
+    GDAL writes to memory, and Python to the disk: GDAL does not say what a disk is short of, and its TIFF library prints lines of
+    its own on stderr.
 
     :param tags: words on top of the frame's; ``name:key`` goes to the namespace ``name``, since GDAL splits at the colon.
     :raises FormatError: when the file could not be written whole; the old one is then as it was.
@@ -128,10 +131,8 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
     shape = {"count": len(samples), "height": samples.shape[1], "width": samples.shape[2]}
     with beside(path) as temporary:
         try:
-            with _quiet():
-                with rasterio.open(
-                    temporary,
-                    "w",
+            with _quiet(), MemoryFile(ext=path.suffix) as memory:
+                with memory.open(
                     driver=encoding.driver,
                     dtype=samples.dtype,
                     nodata=encoding.nodata,
@@ -141,10 +142,11 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
                 ) as target:
                     describe(target, frame, count, tags)
                     target.write(samples)
-                _verify(temporary, samples, encoding.driver)
+                _verify(memory, samples, encoding.driver)
                 if encoding.driver == "GTiff" and frame.overviews:
-                    with rasterio.open(temporary, "r+") as target:
+                    with rasterio.open(memory.name, "r+") as target:
                         target.build_overviews(list(frame.overviews), Resampling.average)
+                temporary.write_bytes(memory.read())
         except (RasterioError, CPLE_BaseError) as cause:
             raise OSError(_reason(cause)) from cause
 
@@ -264,12 +266,12 @@ def _frame(source: DatasetReader, raw: Array, chosen: list[int], nodata: float |
     )
 
 
-def _verify(path: Path, samples: Array, driver: str) -> None:
-    with rasterio.open(path) as written:
+def _verify(memory: MemoryFile, samples: Array, driver: str) -> None:
+    with rasterio.open(memory.name) as written:
         for band, expected in enumerate(samples, start=1):
             found = written.read(band)
             if driver in _LOSSLESS and not np.array_equal(found, expected, equal_nan=samples.dtype.kind == "f"):
-                raise OSError("what was read back differs from what was written; is the disk full?")
+                raise OSError("what was read back differs from what was written")
 
 
 def _reason(cause: BaseException) -> str:

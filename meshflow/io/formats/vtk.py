@@ -12,6 +12,7 @@ from meshflow.errors import FormatError
 from meshflow.io.adapters.pyvista import from_object
 from meshflow.io.document import Document, Imported, MeshSource
 from meshflow.io.formats.vtk_process import Other, read_apart
+from meshflow.io.formats.vtk_writing import save_surface
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.mesh import Mesh
 
@@ -74,7 +75,7 @@ def save_polydata(poly: "pyvista.PolyData", path: Path, tags: Mapping[str, str])
     """Write a PolyData, tags as field data; as ``.vtu`` it is an UnstructuredGrid."""
     for name, word in tags.items():
         poly.add_field_data([str(word)], f"meshflow:{name}")
-    (poly.cast_to_unstructured_grid() if path.suffix.lower() == ".vtu" else poly).save(str(path))
+    save_surface(poly, path)
 
 
 def read(path: Path, options: ReadOptions) -> Document:

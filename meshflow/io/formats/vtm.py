@@ -17,6 +17,7 @@ from meshflow.io.adapters.pyvista_blocks import from_blocks
 from meshflow.io.document import Document, MeshSource, Multipart, Section
 from meshflow.io.formats.vtk import scene_mesh
 from meshflow.io.formats.vtk_process import Other, read_apart
+from meshflow.io.formats.vtk_writing import save_blocks
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.own_folder import must_stay_inside
 from meshflow.io.vertex_merging import said_of
@@ -81,7 +82,7 @@ class VtkBlocks(MeshSource):
             blocks.add_field_data([str(word)], f"meshflow:{name}")
         written = path.with_suffix("")
         try:
-            blocks.save(str(path))
+            save_blocks(blocks, path)
             path.write_text(path.read_text().replace(written.name, escape(folder.name, {'"': "&quot;"})))
             folder.mkdir(exist_ok=True)
             for file in written.iterdir():

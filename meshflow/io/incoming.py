@@ -1,0 +1,83 @@
+"""Files that cannot be read in place: pipes and stdin, and names that libraries cannot open; a copy or a link stands for them."""
+
+import atexit
+import os
+import shutil
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
+
+from meshflow.errors import FormatError
+
+__all__ = ["STDIN", "plainly_named", "set_down", "temporary"]
+
+STDIN = Path("-")
+# How files begin that say themselves what they are, for those that come without an extension.
+_BEGINS = (
+    (b"ply", ".ply"),
+    (b"glTF", ".glb"),
+    (b"# vtk", ".vtk"),
+    (b"OFF", ".off"),
+    (b"solid", ".stl"),
+    (b"\x93NUMPY", ".npy"),
+    (b"PK\x03\x04", ".npz"),
+    (b"\x89PNG", ".png"),
+    (b"\xff\xd8\xff", ".jpg"),
+    (b"II*\0", ".tif"),
+    (b"MM\0*", ".tif"),
+    (b"II+\0", ".tif"),
+    (b"ncols", ".asc"),
+    (b"v ", ".obj"),
+    (b"# ", ".obj"),
+)
+
+
+@lru_cache(maxsize=1)
+def temporary(process: int) -> Path:
+    """A folder of this process for files that it needs as long as it runs; what is in it goes with it."""
+    folder = mkdtemp(prefix="meshflow-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+def set_down(path: Path) -> Path:
+    """A file as it is; of ``-`` (stdin), a pipe or a device all that comes, as a file with the extension that belongs to it.
+
+    :raises FormatError: when nothing comes, or it has no extension and does not say what it is.
+    """
+    if path != STDIN and (not path.exists() or path.is_dir() or stat.S_ISREG(path.stat().st_mode)):
+        return path
+    name = "stdin" if path == STDIN or path.resolve() == Path("/dev/stdin").resolve() else path.name
+    content = sys.stdin.buffer.read() if path == STDIN else path.read_bytes()
+    if not content:
+        raise FormatError(f"{name} is empty (0 bytes)")
+    suffix = path.suffix if path != STDIN else ""
+    suffix = suffix or next((suffix for begin, suffix in _BEGINS if content.startswith(begin)), "")
+    if not suffix and len(content) >= 84 and len(content) == 84 + 50 * int.from_bytes(content[80:84], "little"):
+        suffix = ".stl"
+    if not suffix:
+        raise FormatError(
+            f"{name}: a file that says what it is expected (PLY, TIFF, PNG, ...), got {content[:16]!r}...; name it"
+        )
+    target = temporary(os.getpid()) / f"{Path(name).stem}{suffix}"
+    target.write_bytes(content)
+    return target
+
+
+@contextmanager
+def plainly_named(path: Path) -> Iterator[Path]:
+    """A path that libraries can open: where a name is no UTF-8, a link to it, for as long as it is read."""
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        with TemporaryDirectory(prefix="meshflow-") as folder:
+            name = os.fsencode(path.name).decode("ascii", "replace").replace("\ufffd", "_")
+            link = Path(folder) / name
+            link.symlink_to(path.absolute())
+            yield link
+    else:
+        yield path

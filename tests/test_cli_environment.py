@@ -1,0 +1,244 @@
+"""The command wherever it is installed, and whatever happens to it: other users, strange names, full disks, signals."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+import rasterio
+import trimesh
+
+from meshflow.io.files import read
+
+ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes as POSIX has them")
+
+
+def run(*words, cwd=None, flags=(), stdin=None, limits=(), user=None, **environment):
+    """The command in a process of its own; limits are pairs of a limit of the system and its value."""
+
+    def before():
+        import resource
+
+        for kind, value in limits:
+            resource.setrlimit(getattr(resource, kind), (value, value))
+        if user is not None:
+            os.setgid(user)
+            os.setuid(user)
+
+    base = {name: value for name, value in os.environ.items() if name not in environment}
+    base |= {"PYTHONPATH": str(ROOT)} | {name: value for name, value in environment.items() if value is not None}
+    return subprocess.run(
+        [sys.executable, *flags, "-m", "meshflow", *words],
+        cwd=cwd, env=base, capture_output=True, timeout=120, input=stdin, preexec_fn=before,
+    )  # fmt: skip
+
+
+def words_of(done):
+    return done.stderr.decode("utf-8", "replace")
+
+
+def refused(done, *expected):
+    text = words_of(done)
+    assert done.returncode == 1, text
+    assert len(text.strip().splitlines()) == 1, text
+    for word in expected:
+        assert word in text
+
+
+@pytest.fixture
+def heights(tmp_path):
+    z = np.cumsum(np.random.default_rng(0).normal(size=(40, 50)), axis=1).astype(np.float32)
+    with rasterio.open(
+        tmp_path / "a.tif", "w", driver="GTiff", width=50, height=40, count=1, dtype="float32", crs="EPSG:32632",
+        transform=rasterio.Affine(1, 0, 0, 0, -1, 0),
+    ) as target:  # fmt: skip
+        target.write(z, 1)
+    return tmp_path / "a.tif"
+
+
+QUICK = ("--method", "quick", "--quiet")
+
+
+# --- where it is installed
+
+
+@pytest.mark.parametrize(
+    ("flags", "environment"),
+    [
+        (("-O",), {}),
+        (("-OO",), {}),
+        ((), {"LC_ALL": "C", "LANG": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}),
+        ((), {"HOME": None}),
+        ((), {"HOME": "/nonexistent"}),
+        (("-W", "error::ResourceWarning"), {}),
+    ],
+)
+def test_it_runs_however_python_is_started(heights, flags, environment):
+    target = heights.with_name("b.tif")
+    done = run("smooth", str(heights), str(target), "--method", "quick", flags=flags, **environment)
+    assert done.returncode == 0, words_of(done)
+    assert read(target).data.z.shape == (40, 50)
+    assert run("smooth", "--help", flags=flags, **environment).returncode == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32" or os.getuid() != 0, reason="only root becomes another user")
+def test_another_user_without_a_home_runs_a_package_that_he_may_not_write_to(tmp_path, heights):
+    package = tmp_path / "installed"
+    shutil.copytree(ROOT / "meshflow", package / "meshflow", ignore=shutil.ignore_patterns("__pycache__"))
+    for folder, _, files in os.walk(package):
+        os.chmod(folder, 0o555)
+        for name in files:
+            os.chmod(Path(folder) / name, 0o444)
+    out = tmp_path / "out"
+    out.mkdir()
+    os.chmod(out, 0o777)
+    for folder in (tmp_path, *tmp_path.parents[:-1]):
+        os.chmod(folder, os.stat(folder).st_mode | 0o555)
+    try:
+        subprocess.run([sys.executable, "-c", ""], preexec_fn=lambda: os.setuid(65534), check=True)
+    except PermissionError:
+        pytest.skip("the interpreter itself is root's alone")
+    done = run(
+        "smooth", str(heights), str(out / "b.tif"), *QUICK, user=65534, HOME="/nonexistent", PYTHONPATH=str(package)
+    )
+    assert done.returncode == 0, words_of(done)
+    assert (out / "b.tif").stat().st_uid == 65534
+
+
+# --- names, pipes
+
+
+@pytest.mark.parametrize(
+    "name", [b"caf\xe9.tif", b"two\nlines.tif", b"-n.tif", b"a b'\".tif", b"\xf0\x9f\x8f\x94.tif", b"%s.tif"]
+)
+def test_any_name_is_a_name(heights, name):
+    locale = "C.UTF-8" if name.startswith(b"caf") else "C"
+    folder = os.fsencode(heights.parent)
+    os.rename(heights, folder + b"/" + name)
+    before = ("--",) if name.startswith(b"-") else ()
+    done = run(
+        "smooth", *QUICK, *before, name, b"out" + name, cwd=heights.parent, LC_ALL=locale, PYTHONCOERCECLOCALE="0"
+    )
+    assert done.returncode == 0, words_of(done)
+    assert sorted(os.listdir(folder)) == sorted([name, b"out" + name])
+
+
+def test_what_begins_with_a_dash_and_is_no_option_is_told_how_to_be_given(heights):
+    os.rename(heights, heights.with_name("-n.tif"))
+    done = run("info", "-n.tif", cwd=heights.parent)
+    assert done.returncode != 0
+    assert "./-n.tif" in words_of(done)
+
+
+def test_a_pipe_is_read_to_its_end_and_stdout_is_written_to(heights):
+    ball = trimesh.creation.icosphere(subdivisions=2).export(file_type="stl")
+    pipe = heights.with_name("pipe.stl")
+    os.mkfifo(pipe)
+    with subprocess.Popen([sys.executable, "-c", f"import sys; open({str(pipe)!r}, 'wb').write(sys.stdin.buffer.read())"],
+                          stdin=subprocess.PIPE) as writer:  # fmt: skip
+        writer.stdin.write(ball)
+        writer.stdin.close()
+        done = run("info", str(pipe), "--json")
+    assert done.returncode == 0, words_of(done)
+    assert b'"points": 162' in done.stdout
+    for source in ("-", "/dev/stdin"):
+        done = run("info", source, "--json", stdin=ball)
+        assert done.returncode == 0, words_of(done)
+        assert b'"points": 162' in done.stdout
+        refused(run("info", source, stdin=b"not anything"), "stdin")
+        refused(run("info", source, stdin=b""), "stdin is empty")
+    done = run("smooth", "-", "-", "--method", "curvature", "--time", "1e-4", stdin=ball)
+    assert done.returncode == 0, words_of(done)
+    assert len(done.stdout) == len(ball)
+    refused(run("smooth", "-", "-", "--json", stdin=ball), "not both")
+
+
+def test_a_device_is_not_replaced(heights):
+    for name in ("null", "stdout"):
+        refused(run("smooth", str(heights), f"/dev/{name}", *QUICK, "--overwrite"), "device")
+    assert not Path("/dev/null").is_file()
+
+
+# --- what runs out
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".asc", ".npy", ".npz", ".png"])
+def test_a_full_disk_is_one_line_with_the_reason_and_the_old_file_stays(heights, suffix):
+    target = heights.with_name(f"b{suffix}")
+    words = ("--kind", "image", "--dtype", "uint8") if suffix == ".png" else ()
+    assert run("smooth", str(heights), str(target), *QUICK, *words).returncode == 0
+    old, there = target.read_bytes(), sorted(os.listdir(heights.parent))
+    done = run("smooth", str(heights), str(target), *QUICK, *words, "--overwrite", limits=[("RLIMIT_FSIZE", 200)])
+    refused(done, "File too large", target.name)
+    assert target.read_bytes() == old
+    assert sorted(os.listdir(heights.parent)) == there
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtk", ".vtu", ".npz"])
+def test_no_writer_of_meshes_ends_of_a_full_disk(tmp_path, suffix):
+    trimesh.creation.icosphere(subdivisions=3).export(tmp_path / "a.ply")
+    words = ("--method", "curvature", "--time", "1e-6", "--quiet")
+    done = run("smooth", "a.ply", f"b{suffix}", *words, cwd=tmp_path, limits=[("RLIMIT_FSIZE", 2000)])
+    refused(done, "File too large")
+    assert os.listdir(tmp_path) == ["a.ply"]
+
+
+def test_blocks_on_a_full_disk_are_one_line(tmp_path):
+    pyvista.MultiBlock({"one": pyvista.Icosphere(nsub=2), "two": pyvista.Icosphere(nsub=2)}).save(tmp_path / "a.vtm")
+    there = sorted(os.listdir(tmp_path))
+    words = ("--method", "curvature", "--time", "1e-6", "--quiet")
+    done = run("smooth", "a.vtm", "b.vtm", *words, cwd=tmp_path)
+    assert done.returncode == 0, words_of(done)
+    assert sorted(os.listdir(tmp_path)) == sorted([*there, "b", "b.vtm"])
+
+
+def test_little_memory_is_one_line_or_enough(heights):
+    done = run("smooth", str(heights), "b.tif", *QUICK, cwd=heights.parent, limits=[("RLIMIT_AS", 2_000_000_000)])
+    assert done.returncode == 0, words_of(done)
+
+
+@pytest.mark.parametrize("number", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_signal_leaves_nothing_behind(tmp_path, heights, number):
+    waiting = tmp_path / "site"
+    waiting.mkdir()
+    (waiting / "sitecustomize.py").write_text(
+        "import os, time\n"
+        "whole = os.replace\n"
+        "def replace(*names):\n"
+        "    print('writing', flush=True)\n"
+        "    time.sleep(30)\n"
+        "    whole(*names)\n"
+        "os.replace = replace\n"
+    )
+    out = tmp_path / "out"
+    out.mkdir()
+    words = [sys.executable, "-m", "meshflow", "smooth", str(heights), str(out / "b.tif"), *QUICK]
+    path = f"{waiting}{os.pathsep}{ROOT}"
+    with subprocess.Popen(
+        words, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout.readline() == b"writing\n"
+        assert len(os.listdir(out)) == 1
+        time.sleep(0.2)
+        process.send_signal(getattr(signal, number))
+        said = process.communicate(timeout=30)[1].decode()
+    assert process.returncode == 128 + getattr(signal, number)
+    assert "OUT is whole, or as it was before" in said
+    assert os.listdir(out) == []
+
+
+def test_other_names_of_a_file_that_is_replaced_are_told(heights):
+    target, other = heights.with_name("b.tif"), heights.with_name("c.tif")
+    shutil.copy(heights, target)
+    os.link(target, other)
+    done = run("smooth", str(heights), str(target), "--method", "quick", "--overwrite")
+    assert done.returncode == 0
+    assert "one of 2 names (hard links)" in words_of(done)
+    assert other.read_bytes() == heights.read_bytes()
