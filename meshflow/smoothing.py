@@ -140,8 +140,9 @@ def smooth(
         its samples, or are the name of an array that the data holds.
     :param boundary: what holds at borders and holes: ``plane-preserving | neumann | fixed``, of meshes also ``border-curve``.
     :param domain: ``length``, or of range images ``disparity``: the inverse depths are smoothed, and all numbers count in them.
-    :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` as they are and leave out,
-        ``repair`` from their neighbours, or ``include`` as data. None: repair single ones of images, else keep; warnings say which.
+    :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` as they are and leave
+        out, ``repair`` from their neighbours, or ``include`` as data. None: repair single ones of images, else keep;
+        warnings say which.
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
