@@ -1,6 +1,6 @@
-"""meshflow smooths anything that lives on a triangulated surface, with one cotangent operator.
+"""meshflow smooths meshes, elevation models, range images and images with one cotangent operator.
 
-The public names are found on first use; importing the package costs numpy and nothing else.
+Public names are imported on first use: ``import meshflow`` imports numpy and nothing else.
 """
 
 from importlib import import_module
@@ -173,5 +173,5 @@ _found, __dir__ = lazily(__name__, _HOMES, rooms=("classics", "evaluate", "synth
 
 
 def __getattr__(name: str) -> object:
-    """A public name, found on first use; the version of the package."""
+    """Import a public name on first use; ``__version__`` is the version of the package."""
     return import_module("meshflow.results.result").release() if name == "__version__" else _found(name)

@@ -1,6 +1,6 @@
-"""``.meshflow`` on the objects of pyvista and xarray.
+"""The accessor ``.meshflow`` on objects of pyvista and xarray.
 
-pyvista finds it by its entry point, at the first ``mesh.meshflow``; of xarray ``import meshflow.accessors`` brings it.
+pyvista finds it through an entry point on the first ``mesh.meshflow``; for xarray, ``import meshflow.accessors`` registers it.
 """
 
 from importlib.util import find_spec
@@ -12,7 +12,7 @@ __all__ = ["Smoothing"]
 
 
 class Smoothing:
-    """What meshflow does, on the object it hangs on; that object stays as it is.
+    """The functions of meshflow for the object that it is an attribute of; the object itself is not changed.
 
     :param data: a PolyData, flat ImageData or StructuredGrid, or a DataArray.
     """
@@ -21,7 +21,7 @@ class Smoothing:
         self._data = data
 
     def smooth(self, **options: Any) -> Any:
-        """:func:`meshflow.smooth` of the object: a new one of its kind, or with ``result=True`` a :class:`meshflow.Result`."""
+        """Smooth the object with :func:`meshflow.smooth`; returns a new object of its kind, or with ``result=True`` a Result."""
         return smooth(self._data, **options)
 
 

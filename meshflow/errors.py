@@ -1,4 +1,4 @@
-"""The few errors of meshflow, and the one way to ask for an optional package."""
+"""The errors of meshflow, and the import of optional packages."""
 
 from importlib import import_module
 from types import ModuleType
@@ -7,7 +7,7 @@ __all__ = ["FormatError", "InputError", "MissingPackage", "NotConverged", "Nothi
 
 
 class InputError(ValueError):
-    """What came in cannot be used: the message says what was expected, what came, and what to do."""
+    """The input cannot be used. The message says what was expected, what was given, and what to do."""
 
 
 class FormatError(InputError):
@@ -15,27 +15,27 @@ class FormatError(InputError):
 
 
 class NothingThere(InputError):
-    """Every sample is missing: a frame of many may be left out, a single one is refused."""
+    """Every sample is missing. One frame of many is then left out; a single one is refused."""
 
 
 class MissingPackage(ImportError):
-    """An optional package is not installed: the message is the line that installs it."""
+    """An optional package is not installed. The message contains the command that installs it."""
 
 
 class NotConverged(RuntimeError):
-    """A solver or a flow did not get where it was to go: the message says how far it came."""
+    """A solver did not converge, or a flow did not reach its end. The message says how far it came."""
 
 
 def need(package: str, extra: str) -> ModuleType:
-    """Import an optional package, or say exactly how to install it.
+    """Import an optional package, or say how to install it.
 
     :param package: the module to import, for example ``"open3d"``.
     :param extra: the extra of meshflow that brings it, for example ``"scan"``.
-    :raises MissingPackage: when it cannot be imported, with the install line and the cause.
+    :raises MissingPackage: when it cannot be imported; the message names the cause and the command that installs it.
     """
     try:
         return import_module(package)
-    except (ImportError, OSError) as cause:  # OSError: a shared library of the system is absent
+    except (ImportError, OSError) as cause:  # OSError: a shared library of the system is missing
         hint = (
             f"{package} is needed here and could not be imported ({cause}). Install it: pip install 'meshflow[{extra}]'"
         )

@@ -1,4 +1,4 @@
-"""Depth frames of a view that stays, as one weighted problem."""
+"""Several depth frames of the same view, fused and smoothed as one weighted problem."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -24,18 +24,19 @@ SPREAD = "spread of the frames"
 
 
 def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = None, **options: Any) -> Any:
-    """Smooth the mean of depth frames of a view that stays, each pixel by how far it can be trusted.
+    """Fuse depth frames of the same view into their mean, and smooth each pixel in proportion to its noise.
 
-    Data is the mean of each pixel over the frames that have it; its noise is the spread of those over the root of their number,
-    and sets how far the pixel is smoothed: what flickers, or was seen once, more than what all frames agree on.
+    The data is the mean of each pixel over the frames that have it. The noise of a pixel is the standard deviation over its
+    frames divided by the square root of their number. Pixels that flicker or were seen once are smoothed more than pixels on
+    which all frames agree.
 
-    :param frames: two or more of what :func:`smooth` takes as depths: arrays (h, w) with ``camera=``, range images, depth images
-        of open3d; the result is of the kind of the first. A generator is read one by one. A frame without a single depth, and
-        None in its place, is left out, and the :class:`Result` says so.
+    :param frames: two or more depth images that :func:`smooth` takes: arrays (h, w) with ``camera=``, range images, depth images
+        of open3d. The result is of the kind of the first. A generator is read frame by frame. None, and frames without any
+        depth, are left out; a warning of the :class:`Result` says so.
     :param result: return a :class:`Result`.
-    :param progress: as of :func:`smooth`.
-    :param options: of :func:`smooth`.
-    :raises InputError: for fewer than two frames that have depths, other sizes, or things that are no depths.
+    :param progress: as in :func:`smooth`.
+    :param options: those of :func:`smooth`.
+    :raises InputError: for fewer than two frames with depths, frames of different sizes, or data that is no depth image.
     """
     must_exist(options)
     metadata = {name: options.pop(name) for name in list(options) if name in Metadata.__annotations__}
@@ -46,7 +47,7 @@ def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = No
 def fuse_frames(
     frames: Iterable[Any], request: Request, progress: Progress = None, *, metadata: Mapping[str, Any] | None = None
 ) -> tuple[Any, Result]:
-    """:func:`fuse` for a request that is made: the smoothed depths, and what was done."""
+    """:func:`fuse` for a request object; returns the smoothed depths and the result."""
     if isinstance(frames, np.ndarray) and frames.ndim == 2:
         raise InputError("frames: two or more depth images expected, got one array; give a list of them")
     seen = _Seen(frames, dict(metadata or {}))
@@ -69,9 +70,9 @@ def fuse_frames(
 
 @dataclass(eq=False)
 class _Seen:
-    """Frames as depths (h, w), NaN where missing, read one by one; what was seen of them on the way.
+    """Iterates over frames as depths (h, w), NaN where missing, and records which of them were empty.
 
-    :ivar taken: the first that has depths; ``empty``: the numbers, from 1, of those that have none.
+    :ivar taken: the first frame that has depths; ``empty``: the numbers, from 1, of the frames without depths.
     """
 
     frames: Iterable[Any]
@@ -118,7 +119,7 @@ class _Seen:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A word on the frames that were left out."""
+        """A warning that names the frames that were left out."""
         if not self.empty:
             return ()
         some = ", ".join(map(str, self.empty[:5])) + (", ..." if len(self.empty) > 5 else "")
@@ -126,7 +127,7 @@ class _Seen:
 
 
 def _reported(found: Result, one: Averaged, spread: bool) -> Result:
-    """With the frames among the parameters, and the noise as what it is: measured, where the frames differ."""
+    """The result with the frames among its parameters, and the noise marked as measured where the frames differ."""
     seen = one.count > 0
     parameters = dict(found.parameters)
     each = f"{float(one.count[seen].mean()):.3g} of them at a pixel in the mean"

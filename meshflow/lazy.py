@@ -1,4 +1,4 @@
-"""Public names of a room that are found on first use, so that importing the room costs next to nothing."""
+"""Public names that are imported on first use, so that importing a package takes almost no time."""
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
@@ -9,16 +9,16 @@ __all__ = ["lazily"]
 def lazily(
     room: str, homes: Mapping[str, Sequence[str]], rooms: Sequence[str] = ()
 ) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """The functions ``__getattr__`` and ``__dir__`` of a package whose public names live in its modules (PEP 562).
+    """``__getattr__`` and ``__dir__`` of a package whose public names are defined in its modules (PEP 562).
 
     :param room: the name of the package, ``__name__``.
-    :param homes: modules of the package, relative to it, to the public names that each has.
-    :param rooms: packages below it that are public as a whole.
+    :param homes: maps each module, relative to the package, to its public names.
+    :param rooms: subpackages that are public as a whole.
     """
     found_in = {name: home for home, names in homes.items() for name in names}
 
     def get(name: str) -> object:
-        """A public name, imported from where it lives."""
+        """Import a public name from its module."""
         if name in rooms:
             return import_module(f"{room}.{name}")
         if name not in found_in:

@@ -1,4 +1,4 @@
-"""The door: any supported data in, the same kind of data out. The command goes through it, too."""
+"""``smooth``: takes any supported data and returns the same kind of data. The command calls it, too."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -43,7 +43,7 @@ from meshflow.surfaces.range_image import RangeImage
 __all__ = ["Metadata", "estimate_noise", "must_exist", "noise_facts", "smooth", "smooth_object"]
 
 Data = TypeVar("Data")
-# Where depths come in steps, their inverses move by this much: within 5 % of the best patch and time on the frames of a Kinect.
+# Patch and time for inverse depths where depths are quantized: within 5 % of the best on the frames of a Kinect.
 STEPPED_PATCH, STEPPED_TIME = 1.0, 15.0
 PARTS = {
     "stop": (Steps, Residual, AreaLoss, Displacement),
@@ -56,7 +56,7 @@ MEANT = {
     "radius": "scale=", "bandwidth": "scale=", "weights": "constraints=DataWeights(...)",
     "roi": "constraints=Mask(...)",
 }  # fmt: skip
-STEPPED = "depths in steps: the error of rounding is no noise whose risk could be estimated"
+STEPPED = "quantized depths: the risk cannot be estimated where rounding is the noise"
 
 
 @overload
@@ -125,32 +125,35 @@ def smooth(
     With nothing else given the noise is estimated, and the method and the time are those of least estimated risk; of range images
     the time follows from the noise. It is one function for all data, hence its many keywords; each is a part that checks itself.
 
-    :param data: a numpy array (h, w): a height field, (h, w, k): an image of k channels, masked arrays and NaN as missing;
-        ``(points, faces)``: a mesh; ``trimesh.Trimesh``, ``pyvista`` PolyData, ImageData, StructuredGrid, ``open3d`` triangle
-        meshes and depth images, ``meshio.Mesh``, ``xarray.DataArray``; a ``trimesh.Scene`` or ``pyvista.MultiBlock``, each of its
-        parts as if it were alone; a data object of meshflow; what :func:`meshflow.read` gives of a file.
-    :param method: a method, as ``PeronaMalik(sharpness=2)``, or its word, which stands for the class with its defaults;
-        ``"quick"`` is one fixed choice for all data. None: searched for.
-    :param time: how far, in squared length; ``scale``: instead, the standard deviation of the equal Gaussian on flat data.
-    :param strength: more or less of it: the noise times this is what is removed.
-    :param noise: the standard deviation of the noise, unit of the values; None: estimated.
+    :param data: a numpy array of shape (h, w), a height field, or (h, w, k), an image of k channels; NaN and masked samples are
+        missing. ``(points, faces)`` is a mesh. Also ``trimesh.Trimesh``; ``pyvista`` PolyData, ImageData and StructuredGrid;
+        ``open3d`` triangle meshes and depth images; ``meshio.Mesh``; ``xarray.DataArray``; a ``trimesh.Scene`` or
+        ``pyvista.MultiBlock``, whose parts are smoothed one by one; a data object of meshflow; a document of
+        :func:`meshflow.read`; a path.
+    :param method: a method such as ``PeronaMalik(sharpness=2)``, or its name, which stands for the class with its defaults.
+        ``"quick"`` is one fixed choice for all data. None: a method is searched for.
+    :param time: how long the flow runs, in squared length. ``scale`` gives it as the standard deviation of the Gaussian filter
+        that the flow equals on flat data: time = scale² / 2.
+    :param strength: a factor on the noise; above 1 more is removed, below 1 less.
+    :param noise: the standard deviation of the noise, in the unit of the values. None: it is estimated.
     :param stop: ``Steps``, ``Residual``, ``AreaLoss``, ``Displacement``, a callable (values, time), or several of them.
     :param constraints: ``Fixed``, ``Mask``, ``MaxChange``, ``DataWeights``, ``Mobility``, ``PreserveVolume``,
         ``PreserveArea``, ``MinComponent``, or several of them. Their arrays hold one number per sample, as the data stores
         its samples, or are the name of an array that the data holds.
-    :param boundary: what holds at borders and holes: ``plane-preserving | neumann | fixed``, of meshes also ``border-curve``.
-    :param domain: ``length``, or of range images ``disparity``: the inverse depths are smoothed, and all numbers count in them.
+    :param boundary: the condition at borders and holes: ``plane-preserving | neumann | fixed``, for meshes also ``border-curve``.
+    :param domain: ``length``, or for range images ``disparity``: then the inverse depths are smoothed, and all numbers refer
+        to them.
     :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` as they are and leave
         out, ``repair`` from their neighbours, or ``include`` as data. None: repair single ones of images, else keep;
         warnings say which.
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
-    :param result: return a :class:`Result`, or :class:`Results` of several parts.
-    :param metadata: what the data does not say of itself: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
+    :param result: return a :class:`Result`; for data of several parts, :class:`Results`.
+    :param metadata: what the data does not contain itself: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
         ``camera``, ``missing``, ``unit``, ``channels``, ``moves``, ``jump``, ``measure``, ``time_unit``, ``depth_scale``.
-    :returns: the same kind of data, smoothed; integers come back as floating point, since rounding would undo the smoothing.
-    :raises InputError: for what cannot be smoothed or an option that does not exist; the message says what to do.
+    :returns: the same kind of data, smoothed. Integers are returned as floating point, because rounding would undo the smoothing.
+    :raises InputError: for data that cannot be smoothed, or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.
     """
     must_exist(metadata, method)
@@ -172,10 +175,9 @@ def smooth_object(
     record: bool | None = True,
     metadata: Mapping[str, Any] | None = None,
 ) -> tuple[Any, Result | Results]:
-    """:func:`smooth` for a request that is made: the smoothed data, and what was done.
+    """:func:`smooth` for a request object; returns the smoothed data and the result.
 
-    :param record: measure the surface after each step; where false the history holds the start and the end, and where None
-        nothing.
+    :param record: True: measure the surface after each step. False: the history holds the start and the end. None: it is empty.
     """
     data, options = opened(data, ReadOptions.of(metadata or {}))
     parts = multipart(data, options)
@@ -189,7 +191,7 @@ def smooth_object(
 
 
 def _smoothed(imported: Imported, request: Request, progress: Progress, record: bool | None) -> Result:
-    """An imported object, with arrays as it has its samples."""
+    """Smooth an imported object; the arrays of the constraints are brought into the order of its samples."""
     request = replace(request, constraints=request.constraints.sampled(imported.samples))
     if request.domain == "disparity" and isinstance(imported.data, RangeImage):
         return _in_disparity(imported.data, request, progress, record)
@@ -234,7 +236,7 @@ def _method_options(method: Method | str | None) -> dict[str, type[Method]]:
 
 
 def _in_disparity(data: RangeImage, request: Request, progress: Progress, record: bool | None) -> Result:
-    """The graph of the inverse depth, smoothed as a height field over the pixels."""
+    """Smooth the inverse depth as a height field over the pixels."""
     held = request.constraints
     small = Constraints(min_component=held.min_component, fixed=held.fixed)
     plan = planned(data, Request(steps=0, constraints=small))
@@ -242,7 +244,7 @@ def _in_disparity(data: RangeImage, request: Request, progress: Progress, record
     if not isinstance(cleared, RangeImage):
         raise InputError(f"domain: of range images only, got {type(data).__name__}")
     missing = cleared.missing
-    squares = np.square(cleared.depth[~missing].astype(np.float64))  # what a depth is off, times its inverse squared
+    squares = np.square(cleared.depth[~missing].astype(np.float64))  # errors of depth / errors of its inverse
     if request.noise is not None:
         noise = replace(noise, sigma=request.noise * float(np.median(squares)), how="given")
     elif data.sigma is not None:
@@ -262,7 +264,7 @@ def _in_disparity(data: RangeImage, request: Request, progress: Progress, record
     if not isinstance(found.after, HeightField):
         raise InputError(f"domain: a height field of inverse depths expected, got {type(found.after).__name__}")
     done = replace(from_disparity(cleared, found.after), fixed=data.fixed, sigma=data.sigma)
-    # What was removed is told in depths, and so is the noise beside it; the parameters are those of the inverse depth.
+    # What was removed, and the noise, are reported in depths; the parameters are those of the inverse depth.
     parameters = _of_inverses(found.parameters, inverse.unit, stepped)
     return replace(found, data=done, after=done, before=data, parameters=parameters, noise=noise)
 
@@ -279,20 +281,22 @@ def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: boo
 
 
 def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
-    """The noise that data shows, as :func:`smooth` takes it: of grids in the unit of their values, of meshes along their normals.
+    """Estimate the noise of data as :func:`smooth` does: on grids in the unit of the values, on meshes along the normals.
 
-    :param data: as of :func:`smooth`.
-    :param metadata: likewise.
-    :returns: standard deviation ``sigma``, that of each channel, the quantum of rounded data and the share of samples on it.
-    :raises InputError: for what cannot be smoothed.
+    :param data: as in :func:`smooth`.
+    :param metadata: as in :func:`smooth`.
+    :returns: the standard deviation ``sigma``, the standard deviation of each channel, the quantum of rounded data, and the
+        share of samples that are multiples of the quantum.
+    :raises InputError: for data that cannot be smoothed.
     """
     must_exist(metadata)
     return noise_in(from_object(data, metadata).data)
 
 
 def noise_facts(data: Any) -> dict[str, float]:
-    """What a data object says of its own noise, by name, in the unit of its values; of depths also how it grows,
-    sigma = a + b z + c z^2.
+    """The estimated noise of a data object by name, in the unit of its values.
+
+    For depths also the coefficients of its growth, sigma = a + b z + c z^2.
     """
     found = noise_in(data)
     facts = {"noise": found.sigma, "quantum": found.quantum}

@@ -139,7 +139,7 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
             lambda: Request.of(constraints=[PreserveVolume(), meshflow.PreserveArea()]),
             "one of PreserveVolume and PreserveArea",
         ),
-        (lambda: Request.of(method=3), "method: a word or a method"),  # type: ignore[arg-type]
+        (lambda: Request.of(method=3), "method: a name or a method"),  # type: ignore[arg-type]
         (lambda: Request.of(method=Search(twicing=1.0), stop=Residual(0.5)), "a time is doubled"),
     ],
 )

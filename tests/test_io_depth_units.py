@@ -180,5 +180,5 @@ def test_an_orthographic_depth_image_is_read(tmp_path):
 @pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is absent")
 def test_a_real_frame_needs_no_doubts():
     document = read(REAL, camera="primesense")
-    assert document.notes == ("depths of 1000 units per metre are taken, and told, in metres",)
+    assert document.notes == ("depths of 1000 units per metre are converted to, and reported in, metres",)
     assert 0.5 < np.median(document.data.depth) < 5

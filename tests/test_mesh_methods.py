@@ -119,12 +119,12 @@ def test_an_open_mesh_has_no_volume_to_keep():
 
 BAD = [
     ({"order": 0}, "order: a whole number"),
-    ({"triangles": "clamped", "method": "normal-filter"}, "normals flow between facets, without cotangents"),
+    ({"triangles": "clamped", "method": "normal-filter"}, "the normal filter uses no cotangents"),
     ({"weights": "round"}, "weights: cotangent or uniform"),
     ({"regularize": -1.0}, "regularize: a squared length"),
     ({"along": "edges"}, "along: all or normals"),
     ({"method": "normal-filter", "data_weights": 1.0}, "data weights pull"),
-    ({"method": "fairing", "stepper": "explicit"}, "stepper: fairing steps in its own way"),
+    ({"method": "fairing", "stepper": "explicit"}, "stepper: method fairing has its own"),
     ({"method": "normal-filter", "crease_contrast": -1.0}, "crease_contrast: a positive"),
 ]
 

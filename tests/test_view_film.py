@@ -201,7 +201,7 @@ def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):
         ({"rate": float("nan")}, "rate: 0.1 to 60 frames per second"),
         ({"turn": 90.0, "renderer": "hillshade"}, "turn: degrees"),
         ({"colours": "virids"}, "viridis"),
-        ({"request": Request.of(domain="disparity")}, "only lengths are shown"),
+        ({"request": Request.of(domain="disparity")}, "states can be shown for domain=.length. only"),
         ({"fps": 3}, "fps: no such option of a picture"),
     ],
 )

@@ -1,4 +1,4 @@
-"""From the flags of a command to a request."""
+"""Makes a request of the flags of a command."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import fields
@@ -59,12 +59,12 @@ def asked(given: Given, per_sample: Callable[[str, str], Any], suiting: tuple[st
 
 
 def _of(kind: type, flags: Given) -> Given:
-    """What was given of the options of a class."""
+    """The options of a class that were given."""
     return {o.name: flags[o.name] for o in options_of(kind) if flags.get(o.name) is not None}
 
 
 def _method(flags: Given, suiting: tuple[str, ...]) -> Method | None:
-    """The method that is named, with its options; without a name, the first that has all the options that are given.
+    """The named method with its options; without a name, the first method that has all the given options.
 
     :param suiting: the words of the methods that suit the data.
 

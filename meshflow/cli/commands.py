@@ -41,26 +41,26 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    help="Smooth meshes, elevation models, range images and images along their free directions, edges kept.",
+    help="Smooth meshes, elevation models, range images and images, and keep their edges.",
 )
 
-# What typer raises for a wrong word; it brings a click of its own, and names no more of it than this child.
+# What typer raises for bad usage. typer contains its own copy of click, and exports no other of its exceptions.
 UsageError: Any = typer.BadParameter.__base__
-# What typer exits with on Ctrl-C, as shells do.
+# The exit status of typer on Ctrl-C, as shells have it.
 INTERRUPTED = 130
 # The signals that end a process without a word, and what shells say of a process that they have ended.
 ENDING = ("SIGTERM", "SIGHUP")
 ENDED = tuple(128 + getattr(signal, name) for name in ENDING if hasattr(signal, name))
-# What most need stands first in the help.
+# The options that most users need come first in the help.
 TEN = ("method", "time", "scale", "strength", "noise")
 SAYING = ("picture", "report", "overwrite", "quiet", "verbose", "json")
 
 
 @app.callback(invoke_without_command=True)
 def about(
-    version: bool = typer.Option(False, "--version", help="The version, and nothing else."),
+    version: bool = typer.Option(False, "--version", help="Print the version and exit."),
 ) -> None:
-    """Smooth meshes, elevation models, range images and images along their free directions, edges kept."""
+    """Smooth meshes, elevation models, range images and images, and keep their edges."""
     if version:
         out.print(release(), highlight=False)
         raise typer.Exit
@@ -78,7 +78,7 @@ def about(
     ),
 )
 def smooth(given: Given) -> None:
-    """Smooth IN and write the same kind of data to OUT; what is not given is estimated from the data."""
+    """Smooth IN and write the same kind of data to OUT. Options that are not given are estimated from the data."""
     source, target = given["source"], given["target"]
     quiet, overwrite = given["quiet"], given["overwrite"]
     document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
@@ -111,7 +111,7 @@ def smooth(given: Given) -> None:
 def _shown(
     given: Given, result: Result | Results, pictured_as: tuple[Document, Document, str], name: str
 ) -> tuple[str, ...]:
-    """The picture and the report that are asked for; what is to be said of them."""
+    """Write the picture and the report that are asked for; returns notes on them."""
     notes: tuple[str, ...] = ()
     quiet, overwrite = given["quiet"], given["overwrite"]
     if given["picture"] is not None:
@@ -126,7 +126,7 @@ def _shown(
 
 @command(app, "info", (*flags("source", source=None), *flags(*READING, "json", "environment")))
 def info(given: Given) -> None:
-    """Say what IN is: size, spacing, missing samples, noise, area, quality of its triangles."""
+    """Describe IN: size, spacing, missing samples, noise, area, quality of the triangles."""
     if given["environment"]:
         table(environment(), given["json"], ())
         return
@@ -141,13 +141,13 @@ def info(given: Given) -> None:
 
 @command(app, "methods", flags("json", "markdown"))
 def methods(given: Given) -> None:
-    """List the methods: what each moves, its options, and what it is."""
+    """List the methods: what each moves, its options, and a description."""
     methods_table(given["json"], given["markdown"])
 
 
 @command(app, "options", flags("json", "markdown"))
 def options(given: Given) -> None:
-    """List the options of a flow: type, unit, meaning, default, and what has them."""
+    """List the options of a flow: type, unit, meaning, default, and the methods that have them."""
     options_table(given["json"], given["markdown"])
 
 
@@ -163,7 +163,7 @@ FUSED = (
     (*flags("frames_in", "fused", "camera", "depth_scale", "measure"), *only(FLOW, *FUSED), *flags(*SAYING)),
 )
 def fuse(given: Given) -> None:
-    """Smooth the mean of depth frames of a view that stays, each pixel by how far it can be trusted, and write it."""
+    """Fuse depth frames of the same view, smooth each pixel in proportion to its noise, and write the result."""
     sources, target, overwrite, quiet = given["frames_in"], given["fused"], given["overwrite"], given["quiet"]
     reading = {name: given[name] for name in ("camera", "depth_scale", "measure")}
     request = asked(given, plain_sample)
@@ -197,7 +197,7 @@ def _reported(result: Result | Results, path: Path, name: str, overwrite: bool, 
 
 
 def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
-    """The warnings of a run, and a word where a mesh is about to vanish; of each part, its name before it."""
+    """The warnings of a run, and one where a mesh is about to vanish; those of a part begin with its name."""
     if isinstance(result, Mapping):
         each = ((name, _warned(document, one)) for name, one in result.items())
         return (*result.warnings, *(f"{name}: {word}" for name, words in each for word in words))
@@ -209,7 +209,7 @@ def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
 
 
 def _left(document: Document, target: Path, result: Result | Results) -> Writing:
-    """For the writer of depth images, which rounds: the noise that is left."""
+    """The noise that is left, for the writer of depth images, which rounds."""
     if isinstance(result, Mapping) or "left" not in writable(document, target, overwrite=True).WRITES:
         return {}
     return {"left": result.left}
@@ -223,7 +223,7 @@ def _must_be_writable(
     overwrite: bool,
     options: Writing | None = None,
 ) -> None:
-    """Refuse before the work what would be refused after it."""
+    """Refuse outputs that cannot be written before any work is done."""
     writable(document, target, overwrite=overwrite, **(options or {}))
     must_be_drawable(picture, overwrite)
     if report is not None:
@@ -234,13 +234,13 @@ looking.add_to(app)
 
 
 def main() -> None:
-    """Run the command; a refusal is one line on stderr and an exit code that is not 0."""
+    """Run the command. A refusal is one line on stderr and a nonzero exit code."""
     _end_in_order()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a name, or a sign of ours, that the locale has no bytes for
             stream.reconfigure(errors="backslashreplace")
     try:
-        # Without a word there is help to print, which typer does itself; a wrong word it would put into a box.
+        # Without arguments typer prints the help; for bad usage it would draw a box around the message.
         sys.exit(app(standalone_mode=len(sys.argv) < 2))
     except UsageError as refusal:
         about = "" if refusal.ctx is None else f"; see {refusal.ctx.command_path} --help"

@@ -1,4 +1,4 @@
-"""Where the commands speak: what was asked for on stdout, what is said of it on stderr."""
+"""Output of the commands: results on stdout, messages and notes on stderr."""
 
 import json as notation
 from typing import Any
@@ -13,7 +13,7 @@ out, err = Console(), Console(stderr=True, highlight=False)
 
 
 def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
-    """Facts as JSON or as a table on stdout, notes on stderr."""
+    """Print facts as JSON or as a table to stdout, notes to stderr."""
     if json:
         out.print_json(notation.dumps({**facts, "notes": list(notes)}))
         return
@@ -26,7 +26,7 @@ def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
 
 
 def said(line: str, notes: tuple[str, ...], style: str | None = None) -> None:
-    """A line and its notes on stderr, those that are not empty."""
+    """Print a line and its notes to stderr, leaving out empty ones."""
     for sentence in (line, *notes):
         if sentence:
             err.print(sentence, markup=False, soft_wrap=True, style=style)

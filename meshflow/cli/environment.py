@@ -1,4 +1,4 @@
-"""What matters for a report of a fault: versions, threads, and the instruction set in use."""
+"""What a bug report needs: versions, threads, and the instruction set in use."""
 
 import platform
 from importlib.metadata import PackageNotFoundError, version
@@ -15,7 +15,7 @@ PACKAGES = (
 
 
 def environment() -> dict[str, str]:
-    """Names to values, in reading order; a package that is not installed is told so."""
+    """Names and values in reading order; packages that are not installed are listed as such."""
     kernels = compiled()
     found = {
         "meshflow": release(),

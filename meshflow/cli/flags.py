@@ -1,4 +1,4 @@
-"""Flags of the commands: those of a flow are made from the options' own declarations, the others are declared here, each once."""
+"""Flags of the commands. Those of a flow are made from the declarations of its options."""
 
 import inspect
 import types
@@ -17,7 +17,7 @@ from meshflow.geometry.options import Option, options_of
 
 __all__ = ["FIRST", "FLOW", "Flag", "Given", "command", "flow_flags", "only"]
 
-# What was given on the command line, by the names of the flags.
+# The values given on the command line, by the names of the flags.
 Given = dict[str, Any]
 
 FIRST, HEIGHTS, POINTS, STOP, HOLD, COMPUTE = (
@@ -25,8 +25,8 @@ FIRST, HEIGHTS, POINTS, STOP, HOLD, COMPUTE = (
     "Heights, channels and depths: the method",
     "Points of a mesh: the method",
     "When it stops before its time",
-    "What it is held to",
-    "How it is computed",
+    "Constraints",
+    "Computation",
 )
 
 
@@ -37,10 +37,10 @@ class Flag:
     :ivar name: of the value, a Python name.
     :ivar kind: its type, as typer reads it.
     :ivar help: a short sentence.
-    :ivar panel: of the help that it stands in.
-    :ivar default: where it is not given; ``...``: it must be.
-    :ivar words: what is typed, where that is not made from the name.
-    :ivar metavar: of an argument, which has no flag.
+    :ivar panel: the panel of the help in which it stands.
+    :ivar default: its value where it is not given; ``...``: it must be given.
+    :ivar words: what the user types, where that is not made from the name.
+    :ivar metavar: the name of an argument, which has no flag.
     """
 
     name: str
@@ -67,10 +67,10 @@ class Flag:
 def command(
     app: typer.Typer, name: str, flags: Iterable[Flag]
 ) -> Callable[[Callable[[Given], None]], Callable[[Given], None]]:
-    """Make a command of a function that takes what was given.
+    """Decorator: make a command of a function that takes the given values.
 
     :param name: of the command.
-    :param flags: in the order of its help; arguments first.
+    :param flags: in the order of the help; arguments first.
     """
     parameters = [flag.parameter() for flag in flags]
 
@@ -78,7 +78,7 @@ def command(
         """Make the command of a function."""
 
         def called(**given: Any) -> None:
-            """Call the function with what was given."""
+            """Call the function with the given values."""
             work(given)
 
         called.__doc__ = work.__doc__
@@ -92,9 +92,9 @@ def command(
 
 
 def flow_flags() -> tuple[Flag, ...]:
-    """The flags of a flow: of the request, the methods, the stops, the constraints, and how it is computed."""
+    """The flags of a flow: request, methods, stops, constraints, computation."""
     words = " | ".join(METHODS)
-    method = Flag("method", str | None, f"The method: {words}. Default: the one of least estimated risk.", FIRST)
+    method = Flag("method", str | None, f"The method: {words}. Default: the one with the least estimated risk.", FIRST)
     late = ("boundary", "domain", "outliers", "level")
     request = [_of(option, FIRST) for option in options_of(Request) if option.name not in late]
     stops = [_of(option, STOP) for kind in (Steps, Residual, AreaLoss, Displacement) for option in options_of(kind)]
@@ -106,7 +106,7 @@ def flow_flags() -> tuple[Flag, ...]:
     preserve = Flag(
         "preserve",
         Literal["volume", "scaling", "area"] | None,
-        "Of a mesh whose points move: the volume exactly, the volume by scaling, or the area by scaling.",
+        "What a mesh whose points move keeps: its volume exactly, its volume by scaling, or its area by scaling.",
         HOLD,
     )
     compute = [_of(option, COMPUTE) for option in options_of(Request) if option.name in late]
@@ -125,13 +125,13 @@ def _of_methods(methods: Iterable[type], panel: str, known: set[str]) -> list[Fl
                 found.setdefault(option.name, (option, []))[1].append(getattr(method, "word", ""))
     every = [_of(option, panel) for option, _ in found.values()]
     return [
-        flag if "search" in words else replace(flag, help=f"Of {', '.join(words)}: {flag.help}")
+        flag if "search" in words else replace(flag, help=f"For {', '.join(words)}: {flag.help}")
         for flag, (_, words) in zip(every, found.values(), strict=True)
     ]
 
 
 def _of(option: Option, panel: str) -> Flag:
-    """A flag of an option. None where it is not given, whatever the default is: what is given can be told."""
+    """The flag of an option. Its value is None where it is not given, so that given values can be told from defaults."""
     unit = f" ({option.unit})" if option.unit else ""
     declared = option.default is None or "Default" in option.meaning or panel == STOP
     default = "" if declared else f" Default: {option.default}."
@@ -142,7 +142,7 @@ def _of(option: Option, panel: str) -> Flag:
 
 
 def _kind(kind: Any) -> Any:
-    """The type of a flag: a number, words, or text that names a file or an attribute."""
+    """The type of a flag: a number, one of several words, or text that names a file or an attribute."""
     parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
     words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
     if words:

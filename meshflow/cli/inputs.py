@@ -1,4 +1,4 @@
-"""Files to what a command needs of them."""
+"""Reads the files of a command."""
 
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,12 @@ __all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "samples"]
 
 
 def opened(path: Path, given: Given) -> Document:
-    """Read a file with the options that were given, and no others."""
+    """Read a file with the given options."""
     return read(path, **{name: value for name, value in given.items() if value is not None})
 
 
 def frame(path: Path, given: Given) -> Document | None:
-    """Read one of several depth images; None where not a single depth is there."""
+    """Read one of several depth images; None where it has no depths."""
     try:
         return opened(path, {"kind": "depth", **given})
     except NothingThere:
@@ -29,7 +29,7 @@ def frame(path: Path, given: Given) -> Document | None:
 
 
 def samples(path: Path | None) -> Array | None:
-    """The samples of a raster, a picture or an array file: weights, limits."""
+    """The samples of a raster, a picture or an array file, as weights or limits."""
     if path is None:
         return None
     column = _column(path)
@@ -37,7 +37,7 @@ def samples(path: Path | None) -> Array | None:
 
 
 def mask(path: Path | None) -> Array | None:
-    """Where the samples of a file are there and not zero, in any channel."""
+    """True where a sample of a file exists and is not zero in any channel."""
     if path is None:
         return None
     column = _column(path)
@@ -45,7 +45,7 @@ def mask(path: Path | None) -> Array | None:
         return truth_of(column)
     data = read(path).data
     if isinstance(data, Mesh) or data.missing is None:
-        raise InputError(f"{path}: a raster, a picture or an array is a mask, a mesh is none")
+        raise InputError(f"{path}: a mask is a raster, a picture or an array; got a mesh")
     there = truth_of(array_of(data))
     return (there if there.ndim == 2 else there.any(axis=2)) & ~data.missing
 
@@ -65,9 +65,9 @@ def _column(path: Path) -> Array | None:
 
 
 def per_sample(document: Document, word: str, given: str) -> Any:
-    """What an option says of each sample: of a file of numbers, or of an attribute of the mesh by its name.
+    """The numbers per sample of an option: from a file, or from the attribute of a mesh by its name.
 
-    :raises InputError: for what is neither.
+    :raises InputError: for text that names neither.
     """
     if (word in NUMBERS and _is_number(given)) or (word == "max_change" and given == "step") or Path(given).is_file():
         return plain_sample(word, given)
@@ -79,7 +79,7 @@ def per_sample(document: Document, word: str, given: str) -> Any:
 
 
 def plain_sample(word: str, given: str) -> Any:
-    """What an option says of each sample, of data without names: a number, ``step``, or the numbers of a file."""
+    """The numbers per sample of an option for data without named arrays: a number, ``step``, or the numbers of a file."""
     if word == "max_change" and given == "step":
         return given
     if word in NUMBERS and _is_number(given):
@@ -95,5 +95,5 @@ def _is_number(word: str) -> bool:
     return True
 
 
-# Words of which one number is said of all samples.
+# Options that may be one number for all samples.
 NUMBERS = ("max_change", "data_weights", "mobility")

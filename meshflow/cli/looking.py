@@ -1,4 +1,4 @@
-"""The commands that look: ``meshflow compare | show | film | compare-flows``."""
+"""The commands that draw: ``meshflow compare | show | film | view | compare-flows``."""
 
 import json as notation
 from dataclasses import replace
@@ -35,11 +35,11 @@ from meshflow.viewer.session import view as viewed
 
 __all__ = ["add_to", "compare", "compare_flows", "film", "must_be_drawable", "pictured", "show", "view"]
 
-COMPARING = "Colour stands for: what was removed; or before and after for their curvature, edges, ..."
-FILMING = "Colour stands for: what was removed so far, curvature, edges, ... Default: nothing."
+COMPARING = "What colour shows: what was removed; or curvature, edges, ... of before and after."
+FILMING = "What colour shows: what was removed so far, curvature, edges, ... Default: nothing."
 
 
-# How the flow of a film may be told.
+# The flags that describe the flow of a film.
 FILMED = (
     "time", "scale", "strength", "noise", "method", "gamma", "sharpness", "patch", "contrast", "order", "weights", "search",
     "preserve",
@@ -47,7 +47,7 @@ FILMED = (
 
 
 def compare(given: Given) -> None:
-    """Compare IN with OTHER: differences, normals, area, volume; and draw them, as a picture or in a window."""
+    """Compare IN with OTHER (differences, normals, area, volume), and draw them as a picture or in a window."""
     one, other, picture, overwrite = given["source"], given["other"], given["picture"], given["overwrite"]
     if picture is not None:
         must_be_free(picture, overwrite)
@@ -74,7 +74,7 @@ def _some(given: Given, names: tuple[str, ...]) -> Given:
 
 
 def _attribute_change(first: Document, second: Document) -> AttributeChange | None:
-    """In which attribute two meshes differ whose points do not."""
+    """The vertex attribute in which two meshes with identical points differ."""
     one, other = first.data, second.data
     return attribute_change(first, second, one, other) if isinstance(one, Mesh) and isinstance(other, Mesh) else None
 
@@ -95,7 +95,7 @@ def show(given: Given) -> None:
 
 
 def film(given: Given) -> None:
-    """Film IN while it is smoothed, to FILM: .mp4 or .gif; what is not given is estimated, as in smooth."""
+    """Write a film (.mp4 or .gif) of IN while it is smoothed. Options that are not given are estimated, as in smooth."""
     source, target, overwrite, quiet = given["source"], given["filmed"], given["overwrite"], given["quiet"]
     filmable(target, overwrite)
     document = opened(source, _some(given, READING))
@@ -131,7 +131,7 @@ def view(given: Given) -> None:
 
 
 def _spoken(reading: Given) -> tuple[str, ...]:
-    """The options with which a file was read, as words of a command line."""
+    """The options with which a file was read, as arguments of a command line."""
     found: list[str] = []
     for name, value in reading.items():
         if value is True:
@@ -146,7 +146,7 @@ def _titled(title: str | None, default: str) -> str:
 
 
 def compare_flows(given: Given) -> None:
-    """Compare 3D flow, flow along normals, graph flow of z and ray flow on a depth image, at matched smoothing."""
+    """Compare four flows on a depth image at equal smoothness: 3D, along normals, graph of z, along rays."""
     source, camera, picture = given["source"], given["camera"], given["picture"]
     must_be_drawable(picture, given["overwrite"])
     depths, cam, notes = _depths(source, camera, given["depth_scale"])
@@ -167,9 +167,9 @@ def compare_flows(given: Given) -> None:
 
 
 def _depths(path: Path, camera: str | None, depth_scale: float | None) -> tuple[Array, Any, tuple[str, ...]]:
-    """Depths, NaN where missing, their camera, and what was said of them.
+    """Depths, NaN where missing, their camera, and notes.
 
-    :raises InputError: for what is no range image.
+    :raises InputError: for data that is no range image.
     """
     if camera is None:
         raise InputError("compare-flows: rays are those of a camera; give --camera")
@@ -217,11 +217,11 @@ def add_to(app: typer.Typer) -> None:
 
 
 def must_be_drawable(picture: Path | None, overwrite: bool) -> None:
-    """Refuse a picture that cannot be written, or is there."""
+    """Refuse a picture that cannot be written, or that exists."""
     if picture is not None:
         drawable(picture, overwrite=overwrite)
 
 
 def pictured(before: Document, after: Document, path: Path, title: str, overwrite: bool) -> tuple[str, ...]:
-    """Draw before and after; what is to be said of it."""
+    """Draw before and after; returns notes."""
     return (*draw_pair(before.data, after.data, path, title=title, overwrite=overwrite).notes, f"picture: {path}")

@@ -1,4 +1,4 @@
-"""The flags that are of no flow: what a file is, what is written, how it looks; each declared once."""
+"""The flags that do not belong to a flow: about the input file, the output, and the appearance."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,7 @@ from meshflow.io.metadata import Kind
 
 __all__ = ["ALL", "DRAWING", "FILES", "READING", "flags"]
 
-INPUT, OUTPUT, LOOK = "What the file is", "What is written", "How it looks"
+INPUT, OUTPUT, LOOK = "Input file", "Output", "Appearance"
 FILES = (
     "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM; PNG, JPEG; "
     ".npy, .npz."
@@ -23,7 +23,7 @@ def _yes(name: str, help: str, panel: str, *words: str) -> Flag:
 
 
 ALL: tuple[Flag, ...] = (
-    # What the file is.
+    # Input file.
     Flag("source", Path, f"{FILES} -: stdin.", default=..., metavar="IN"),
     Flag(
         "target",
@@ -33,7 +33,7 @@ ALL: tuple[Flag, ...] = (
         metavar="OUT",
     ),
     Flag("other", Path, "Data of the same kind on the same samples.", default=..., metavar="OTHER"),
-    Flag("frames_in", list[Path], "Depth images of a view that stays, two or more.", default=..., metavar="IN..."),
+    Flag("frames_in", list[Path], "Depth images of the same view, two or more.", default=..., metavar="IN..."),
     Flag("kind", Kind | None, "What the file holds, where the guess would be wrong.", FIRST),
     Flag(
         "camera",
@@ -55,7 +55,7 @@ ALL: tuple[Flag, ...] = (
         INPUT,
     ),
     Flag("band", int | None, "Band of a raster, from 1; several are smoothed together otherwise.", INPUT),
-    Flag("nodata", float | None, "Value that marks missing samples, where the file does not say.", INPUT),
+    Flag("nodata", float | None, "Value that marks missing samples, where the file does not define it.", INPUT),
     Flag(
         "spacing",
         float | None,
@@ -66,20 +66,20 @@ ALL: tuple[Flag, ...] = (
     Flag(
         "moves",
         Literal["points", "channels", "all"] | None,
-        "What of a mesh with --channels moves; channels by default.",
+        "What moves of a mesh with --channels. Default: channels.",
         INPUT,
     ),
     Flag(
         "time_unit",
         Literal["footprint", "length", "noise"] | None,
-        "What time of a range image is counted in: pixel footprints, length (metres squared), or footprints by noise.",
+        "Unit of time of a range image: squared pixel footprints, squared length (metres²), or footprints by noise.",
         INPUT,
     ),
     Flag(
         "viewpoint",
         tuple[float, float, float] | None,
-        "Where the scanner of a range grid stood, x y z in the frame of its points: they move along their rays from there. "
-        "Default: what the file says, else along z.",
+        "Position x y z of the scanner of a range grid, in the frame of its points, which move along the rays from there. "
+        "Default: the position in the file, else the points move along z.",
         INPUT,
     ),
     Flag(
@@ -95,7 +95,7 @@ ALL: tuple[Flag, ...] = (
     Flag(
         "flow_time",
         float,
-        "How far the ray flow goes, in squared pixel footprints; the others go until they are as smooth.",
+        "Time of the ray flow, in squared pixel footprints; the others stop when they are equally smooth.",
         INPUT,
         5.0,
         ("--time",),
@@ -103,7 +103,7 @@ ALL: tuple[Flag, ...] = (
     Flag(
         "rim",
         Literal["neumann", "plane-preserving", "fixed"],
-        "What holds at borders and holes, for all flows alike.",
+        "The condition at borders and holes, the same for all flows.",
         INPUT,
         "plane-preserving",
         ("--boundary",),
@@ -115,77 +115,77 @@ ALL: tuple[Flag, ...] = (
         INPUT,
         0.05,
     ),
-    # What is written.
-    Flag("fused", Path, "Where the result goes.", OUTPUT, ..., ("--out", "-o")),
-    Flag("picture", Path | None, "A picture of before, after and what was removed (.png).", FIRST),
+    # Output.
+    Flag("fused", Path, "Where to write the result.", OUTPUT, ..., ("--out", "-o")),
+    Flag("picture", Path | None, "Write a picture of before, after and what was removed (.png).", FIRST),
     Flag(
-        "report", Path | None, "What was done and why: before, after, removed, parameters, risk (.html or .png).", FIRST
+        "report", Path | None, "Write a report: before, after, removed, parameters and their reasons, risk (.html or .png).", FIRST
     ),
     Flag("dtype", str | None, "Number type of a raster or picture; 'source' rounds back to whole numbers.", OUTPUT),
     _yes("overwrite", "Replace OUT if it is there.", FIRST),
-    _yes("quiet", "Say nothing but errors.", OUTPUT, "--quiet", "-q"),
-    _yes("verbose", "Every parameter, with its unit and where it came from.", OUTPUT, "--verbose", "-v"),
-    _yes("json", "JSON on stdout.", OUTPUT),
-    _yes("markdown", "As a table in Markdown.", OUTPUT),
-    _yes("environment", "Versions, threads and instruction set in use, for reports of faults; without IN.", OUTPUT),
-    # How it looks.
+    _yes("quiet", "Print errors only.", OUTPUT, "--quiet", "-q"),
+    _yes("verbose", "Print every parameter with its unit and origin.", OUTPUT, "--verbose", "-v"),
+    _yes("json", "Print JSON to stdout.", OUTPUT),
+    _yes("markdown", "Print a table in Markdown.", OUTPUT),
+    _yes("environment", "Print versions, threads and instruction set, for bug reports; without IN.", OUTPUT),
+    # Appearance.
     Flag("shown", Path | None, "Where to draw (.png, .jpg, .tif). Default: a window.", metavar="PICTURE"),
     Flag("filmed", Path, "Where to write: .mp4 (needs meshflow[film]) or .gif.", default=..., metavar="FILM"),
     _yes("window", "Open a window; needs a display.", LOOK),
     Flag(
         "quantity",
         QUANTITIES | None,
-        "Colour stands for: mean curvature, edges (the edge indicator 1/W), quality of triangles, or samples (which are fixed "
+        "What colour shows: mean curvature, edges (the edge indicator 1/W), quality of triangles, or samples (which are fixed "
         "or missing).",
         LOOK,
     ),
     Flag(
         "arrange",
         Literal["beside", "wipe", "blink"],
-        "Beside each other; wipe: one view with a divider; blink: one after the other (.gif, .png).",
+        "beside: side by side; wipe: one view with a divider; blink: one after the other (.gif, .png).",
         LOOK,
         "beside",
     ),
-    Flag("at", float, "Where the divider of a wipe stands, 0 (left) to 1.", LOOK, 0.5),
-    Flag("seen_contrast", float, "Length per unit of the value, for edges.", LOOK, 1.0, ("--contrast",)),
+    Flag("at", float, "Position of the divider of a wipe, 0 (left) to 1.", LOOK, 0.5),
+    Flag("seen_contrast", float, "Length per unit of the value, for --quantity edges.", LOOK, 1.0, ("--contrast",)),
     Flag(
         "azimuth",
         float,
-        "Where the light comes from, degrees clockwise from north, or the top of the picture.",
+        "Direction of the light, degrees clockwise from north or from the top of the picture.",
         LOOK,
         315.0,
     ),
-    Flag("altitude", float, "How high the light stands, degrees; low for raking light.", LOOK, 30.0),
+    Flag("altitude", float, "Height of the light, degrees; low values give raking light.", LOOK, 30.0),
     Flag("exaggeration", float | None, "Factor on heights. Default: one that makes the relief visible.", LOOK),
-    Flag("up", Literal["y", "z"] | None, "What is up of a mesh. Default: guessed from its shape.", LOOK),
+    Flag("up", Literal["y", "z"] | None, "The axis of a mesh that points up. Default: guessed from its shape.", LOOK),
     Flag(
         "seen",
         Literal["front", "side"] | None,
-        "front: as a map, an image, through its camera; side: as a surface seen aslant, an image as the heights of its "
-        "brightness. Default: terrains side, all else front.",
+        "front: as a map, a picture, or through the camera; side: as a surface seen obliquely, an image as heights of its "
+        "brightness. Default: side for terrains, front for all else.",
         LOOK,
     ),
-    Flag("colours", str | None, "A colour map of matplotlib, as cividis or coolwarm.", LOOK),
-    _yes("own_colours", "Meshes in their own colours or texture.", LOOK),
+    Flag("colours", str | None, "A colour map of matplotlib, such as cividis or coolwarm.", LOOK),
+    _yes("own_colours", "Draw meshes in their own colours or texture.", LOOK),
     Flag("size", tuple[int, int], "Width and height, pixels.", LOOK, (1600, 1200)),
-    Flag("title", str | None, "A line above it. Default: the name of the file.", LOOK),
-    Flag("frames", int, "How many states of the flow are shown, 2 or more.", LOOK, 48),
+    Flag("title", str | None, "The title. Default: the name of the file.", LOOK),
+    Flag("frames", int, "Number of states of the flow, 2 or more.", LOOK, 48),
     Flag("rate", float, "Frames per second.", LOOK, 12.0),
-    Flag("turn", float, "Degrees by which the camera walks around the surface meanwhile.", LOOK, 0.0),
-    _yes("web", "Serve it to a browser (needs meshflow[web]) instead of opening a window.", LOOK),
-    Flag("host", str, "Address to serve at; the address that is printed holds a token.", LOOK, "127.0.0.1"),
-    Flag("port", int, "Port to serve at; 0: any that is free.", LOOK, 0),
-    Flag("browser", bool, "Open the page.", LOOK, True, ("--browser/--no-browser",)),
-    Flag("export", Path | None, "Write one page that holds all states and opens offline (.html), and end.", LOOK),
+    Flag("turn", float, "Degrees by which the camera moves around the surface during the film.", LOOK, 0.0),
+    _yes("web", "Serve a page to a browser (needs meshflow[web]) instead of opening a window.", LOOK),
+    Flag("host", str, "Address to serve at; the printed URL contains a token.", LOOK, "127.0.0.1"),
+    Flag("port", int, "Port to serve at; 0: any free port.", LOOK, 0),
+    Flag("browser", bool, "Open the page in a browser.", LOOK, True, ("--browser/--no-browser",)),
+    Flag("export", Path | None, "Write one page with all states that opens offline (.html), and exit.", LOOK),
     Flag(
         "saved_as",
         Path | None,
-        "Where a state that is chosen is saved. Default: IN_smooth beside IN.",
+        "Where to save a chosen state. Default: IN_smooth beside IN.",
         LOOK,
         None,
         ("--save-as",),
     ),
-    Flag("memory", int, "Megabytes of states that are kept; others are computed again.", LOOK, 1024),
+    Flag("memory", int, "Megabytes of states to keep in memory; others are computed again.", LOOK, 1024),
 )
 READING = (
     "kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "viewpoint", "allow_remote",
@@ -196,7 +196,7 @@ DRAWING = ("azimuth", "altitude", "exaggeration", "up", "seen", "colours", "own_
 def flags(*names: str, **defaults: Any) -> tuple[Flag, ...]:
     """The flags of these names, in this order.
 
-    :param defaults: of a command that has others.
+    :param defaults: those that differ in this command.
     """
     return tuple(
         replace(flag, default=defaults[flag.name]) if flag.name in defaults else flag for flag in only(ALL, *names)

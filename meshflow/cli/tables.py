@@ -1,4 +1,4 @@
-"""Methods and options as tables: made from their own declarations."""
+"""Tables of methods and options, made from their declarations."""
 
 import inspect
 import json as notation
@@ -17,7 +17,7 @@ __all__ = ["methods_table", "options_table"]
 
 
 def methods_table(json: bool, markdown: bool) -> None:
-    """The methods: word, what they move, options, and their first sentence."""
+    """Print the methods: name, what they move, options, and the first sentence of their docstring."""
     rows = []
     for word, kind in METHODS.items():
         if not isinstance(kind, type):
@@ -35,7 +35,7 @@ def methods_table(json: bool, markdown: bool) -> None:
 
 
 def options_table(json: bool, markdown: bool) -> None:
-    """The options of a flow: flag, type, and meaning with unit and default."""
+    """Print the options of a flow: flag, type, and meaning with unit and default."""
     rows = [(f"--{flag.name.replace('_', '-')}", _named(flag.kind), flag.panel, flag.help) for flag in FLOW]
     _printed(("option", "type", "of", "meaning"), rows, json, markdown)
 

@@ -1,1 +1,1 @@
-"""How it moves: knows u and its rate, not where u came from."""
+"""Flows: engines, methods, steppers, stops and constraints, in terms of free coordinates u and their rate."""

@@ -1,4 +1,4 @@
-"""What a stage of a stepper asks for beside the rate, so that an engine writes all of it in one pass over its samples."""
+"""What a stage of a stepper needs in addition to the rate, so that an engine computes all of it in one pass."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ class Blend:
     """keep u + dt rate(u) + the sum of c (a - u) over ``toward`` + c a of ``drift``.
 
     The rate alone is keep = 0, dt = 1 (:data:`RATE`); an explicit step of Euler keep = 1 (:func:`euler`); a stage of
-    super-time-stepping draws toward earlier stages and adds the rate at its start.
+    super-time-stepping moves toward earlier stages and adds the rate at its start.
 
     :param keep: factor of u.
     :param dt: factor of the rate.
@@ -34,11 +34,11 @@ class Blend:
 
     @property
     def is_bare(self) -> bool:
-        """Whether only u and the rate are asked for."""
+        """Whether only u and the rate are needed."""
         return not self.toward and self.drift is None
 
     def of_rate(self, u: Array, rate: Array, out: Array | None = None) -> Array:
-        """The blend (n, k) where the rate is known; ``rate`` is written over.
+        """The blend (n, k) where the rate is known; ``rate`` is overwritten.
 
         :param out: where to write; by default over ``rate``.
         """
@@ -47,7 +47,7 @@ class Blend:
         return self.of_change(u, rate, out)
 
     def of_change(self, u: Array, change: Array, out: Array | None = None) -> Array:
-        """The blend (n, k) where dt rate(u) is known; ``change`` is written over.
+        """The blend (n, k) where dt rate(u) is known; ``change`` is overwritten.
 
         :param out: where to write; by default over ``change``.
         """

@@ -1,4 +1,4 @@
-"""How a flow is computed: how time is stepped, on which triangles, by how many threads."""
+"""How a flow is computed: stepper, triangulation, threads."""
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -26,20 +26,20 @@ class Compute:
     :raises InputError: for unknown words, and options that exclude each other.
     """
 
-    stepper: Stepper | StepperName = option("auto", "How time is stepped.")
-    dt: float | None = option(None, "Length of a step. Default: what suits the stepper.", "squared length")
+    stepper: Stepper | StepperName = option("auto", "The time stepper.")
+    dt: float | None = option(None, "Length of a step. Default: chosen for the stepper.", "squared length")
     control: FixedStep | AreaChange | Embedded | None = option(
-        None, "What controls the steps, instead of dt.", flag="-"
+        None, "Control of the step lengths, instead of dt.", flag="-"
     )
-    threads: int | None = option(None, "Threads. Default: one for each core.")
-    diagonals: Diagonals = option("alternate", "How the cells of a grid become triangles.")
+    threads: int | None = option(None, "Number of threads. Default: one per core.")
+    diagonals: Diagonals = option("alternate", "Diagonals that divide the cells of a grid into triangles.")
     triangles: Triangles = option(
         "auto",
-        "Whose cotangents, on a mesh: its own, those of its intrinsic Delaunay triangulation, or clamped to weights of zero and "
-        "above, so that no value leaves its range.",
+        "Cotangents of a mesh: those of its triangles, of its intrinsic Delaunay triangulation, or clamped to weights of zero "
+        "or more, so that no value leaves its range.",
     )
     search: bool | None = option(
-        None, "Search for what is not given; without, it is taken by rule. Default: yes, but for depth."
+        None, "Search for options that are not given; without it they follow a rule. Default: yes, except for depth."
     )
 
     def __post_init__(self) -> None:
@@ -68,5 +68,5 @@ class Compute:
 
     @property
     def stepping(self) -> bool:
-        """Whether the caller says how time is stepped."""
+        """Whether the caller determines the steps."""
         return self.stepper != "auto" or self.dt is not None or self.control is not None

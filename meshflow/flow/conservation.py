@@ -1,4 +1,4 @@
-"""What a closed mesh keeps while it is smoothed: its volume or its area; and motion along normals alone."""
+"""Conservation of volume or area while a mesh is smoothed; and motion along normals only."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -18,17 +18,17 @@ from meshflow.geometry.volume import is_closed, volume, volume_gradient
 __all__ = ["AlongNormals", "Keep", "Kept", "free_of"]
 
 Keep = Literal["volume", "scale", "area"]
-# Newton's steps for the volume: it is a cubic of the way, and the way is short.
+# Newton steps for the volume, which is a cubic function of a short displacement.
 NEWTON = 20
 EXACT = 1e-14
 
 
 def free_of(faces: Array, fixed: Array, speed: Array | None, rim: bool) -> Array:
-    """How far each point goes (n,), from 0 (fixed) to 1.
+    """The mobility (n,) of each point, from 0 (fixed) to 1.
 
     :param fixed: (n,) mask.
     :param speed: (n, 1) or None.
-    :param rim: the border is fixed.
+    :param rim: whether the border is fixed.
     """
     free = (~fixed).astype(np.float64)
     if rim:
@@ -38,13 +38,13 @@ def free_of(faces: Array, fixed: Array, speed: Array | None, rim: bool) -> Array
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """After every step the points are moved so that the volume, or the area, is what it was.
+    """After every step the points are moved so that the volume, or the area, stays the same.
 
-    :param how: ``volume``: all free points by one length along their normals, exact to rounding; ``scale``: the volume by scaling
-        about the centroid [DMSB99]; ``area``: the same for the area.
+    :param how: ``volume``: all free points move by one length along their normals, exact to rounding; ``scale``: the volume is
+        kept by scaling about the centroid [DMSB99]; ``area``: the area is kept by scaling.
     :param faces: (m, 3), closed and oriented for a volume.
     :param start: points (n, 3).
-    :param free: (n,), how far each point goes, from 0 (fixed) to 1.
+    :param free: (n,), the mobility of each point, from 0 (fixed) to 1.
     :raises InputError: for a volume of an open mesh, or scaling where points are fixed or slowed.
     """
 
@@ -64,15 +64,15 @@ class Kept:
         if self.how == "area":
             return
         if self.start.shape[1] != 3:
-            raise InputError(f"{self._word}: a volume is of points in R^3, got R^{self.start.shape[1]}")
+            raise InputError(f"{self._word}: points in R^3 expected for a volume, got R^{self.start.shape[1]}")
         if not is_closed(self.faces):
             raise InputError(
-                f"{self._word}: the mesh is open, or its triangles are turned both ways, and nothing is inside; close its "
+                f"{self._word}: the mesh is open, or its triangles are not oriented alike, so that it has no inside; close its "
                 "holes, or leave it out (method='normal-filter' and 'fairing' hardly shrink)"
             )
         if abs(self._value(self.start)) <= 1e-12 * total_area(self.start, self.faces) ** 1.5:
             raise InputError(
-                f"{self._word}: the mesh holds no volume, its triangles face each other; orient them alike"
+                f"{self._word}: the mesh has no volume, because its triangles face each other; orient them alike"
             )
 
     def hold(self, u: Array) -> Array:
@@ -94,7 +94,7 @@ class Kept:
 
     @property
     def _word(self) -> str:
-        """What the caller asked for."""
+        """The name of the constraint."""
         return {"volume": "PreserveVolume", "scale": "PreserveVolume by scaling", "area": "PreserveArea"}[self.how]
 
     def _value(self, points: Array) -> float:
@@ -103,7 +103,7 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class AlongNormals:
-    """A stepper of which the motion across the surface is taken: points slide nowhere.
+    """A stepper whose steps are projected on the normals: points do not slide along the surface.
 
     :param stepper: whose step is projected on the normals at its start.
     :param faces: (m, 3).
@@ -115,7 +115,7 @@ class AlongNormals:
 
     @property
     def rates(self) -> int:
-        """Those of the stepper."""
+        """The rates of the inner stepper."""
         return self.stepper.rates
 
     def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
@@ -124,5 +124,5 @@ class AlongNormals:
         return u + np.einsum("ij,ij->i", new - u, normals)[:, None] * normals
 
     def largest(self, flow: Flow, u: Array) -> float:
-        """That of the stepper."""
+        """The largest stable step of the inner stepper."""
         return self.stepper.largest(flow, u)

@@ -1,4 +1,4 @@
-"""What holds a flow to the data it came from: a limit on every sample, and a fidelity that pulls it back."""
+"""Constraints that keep a flow near its data: a limit on every sample, and a fidelity term."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -16,7 +16,7 @@ __all__ = ["Both", "Faithful", "Hold", "Limit", "trust_of"]
 
 
 class Hold(Protocol):
-    """What every step is brought back to."""
+    """A constraint that is restored after every step."""
 
     def hold(self, u: Array) -> Array:
         """u, moved in place."""
@@ -25,23 +25,23 @@ class Hold(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Both:
-    """One after the other."""
+    """Two constraints, one after the other."""
 
     first: Hold
     then: Hold
 
     def hold(self, u: Array) -> Array:
-        """u, moved in place; what the second asks for holds, the first as far as that lets it."""
+        """u, moved in place; the second constraint holds exactly, the first as far as the second allows."""
         return self.then.hold(self.first.hold(u))
 
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """No free coordinate leaves u0 +- limit: the projection on that box after every step, or on a ball around each vertex.
+    """No free coordinate leaves u0 +- limit: after every step, u is projected on that box, or on a ball around each vertex.
 
     :param start: u0 (n, k).
     :param most: a number, or one per coordinate (n, k) or vertex (n, 1); unit of u.
-    :param around: the limit is of the way of a vertex, whichever the axes, not of each of its coordinates.
+    :param around: the limit is on the displacement of a vertex, independent of the axes, not on each of its coordinates.
     """
 
     start: Array
@@ -50,11 +50,11 @@ class Limit:
 
     @classmethod
     def of(cls, start: Array, limit: Any, shape: tuple[int, ...], around: bool = False) -> "Limit":
-        """The limit of a caller.
+        """The limit that a caller gives.
 
         :param limit: a number, zero or more, or an array that broadcasts to ``shape``; infinite where there is none.
         :param shape: of the caller's data: (h, w), (h, w, k), (n,) or (n, k).
-        :param around: of the way of each vertex, where it is one number for all its coordinates.
+        :param around: limit the displacement of each vertex, where the limit is one number for all its coordinates.
         :raises InputError: for another shape, a negative or missing limit.
         """
         values = _weights(limit, shape, "max_change", finite=False)
@@ -65,7 +65,7 @@ class Limit:
         return cls(start, np.broadcast_to(values, to).reshape(start.shape[0], -1).astype(start.dtype), whole)
 
     def hold(self, u: Array) -> Array:
-        """u, moved into the box or the ball, in place; where nothing lies outside its bits stay."""
+        """u, moved into the box or the ball, in place; coordinates inside keep their bits."""
         if self.around:
             change = u - self.start
             length = np.linalg.norm(change, axis=1, keepdims=True)
@@ -78,13 +78,13 @@ class Limit:
 
 
 def trust_of(given: Any, shape: tuple[int, ...], n: int, contrast: float) -> Array:
-    """The pull of a fidelity term (n, k or 1), per time, from the weights of a caller.
+    """The factor of a fidelity term, (n, k) or (n, 1), per time, from the weights of a caller.
 
-    The flow then comes to rest at the least of area + sum of m w (u - u0)^2 / 2 over the samples (of gamma = -1 exactly, m the
-    base area of a sample): w is 1 over a squared value, such as 1 / sigma^2, and with alpha the contrast the pull is
+    The steady state of the flow minimizes area + sum of m w (u - u0)^2 / 2 over the samples (exactly so for gamma = -1; m is the
+    base area of a sample). w is the inverse of a squared value, such as 1 / sigma^2. With contrast alpha the term is
     w / alpha^2 (u0 - u).
 
-    :param confidence: w, a number or an array that broadcasts to ``shape``, zero or more.
+    :param given: w, a number or an array that broadcasts to ``shape``, zero or more.
     :raises InputError: for NaN, negative or infinite weights, or another shape.
     """
     weights = _weights(given, shape, "data_weights", finite=True) / contrast**2
@@ -94,7 +94,7 @@ def trust_of(given: Any, shape: tuple[int, ...], n: int, contrast: float) -> Arr
 
 
 def _weights(given: Any, shape: tuple[int, ...], name: str, finite: bool) -> Array:
-    """Numbers of zero or more that broadcast to a shape; one per sample of an image of channels is one per channel."""
+    """Weights, zero or more, that broadcast to a shape; one per sample of an image applies to all its channels."""
     try:
         values = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError) as cause:
@@ -114,28 +114,28 @@ def _weights(given: Any, shape: tuple[int, ...], name: str, finite: bool) -> Arr
 
 @dataclass(frozen=True, eq=False)
 class _FaithfulSystem:
-    """A system with the fidelity in its stiffness."""
+    """A system with the fidelity term in its stiffness."""
 
     system: System
     trust: Array
 
     @property
     def mass(self) -> Array:
-        """That of the system inside, (n,)."""
+        """The mass (n,) of the inner system."""
         return self.system.mass
 
     def matrix(self, dt: float) -> Any:
-        """That of the system inside, with the pull of the data weights on its diagonal."""
+        """The matrix of the inner system, with the data weights on its diagonal."""
         return self.system.matrix(dt) + sparse.diags(
             dt * self.mass * np.broadcast_to(self.trust[:, 0], self.mass.shape)
         )
 
 
 class Faithful(Around):
-    """A flow with du/dt = rate(u) + trust (u0 - u): it comes to rest between smoothness and data.
+    """A flow with a fidelity term, du/dt = rate(u) + trust (u0 - u): its steady state balances smoothness and data.
 
     :param flow: an engine.
-    :param trust: (n, k), (n, 1) or (1, 1), per time, zero or more; vertices that are fixed stay anyhow.
+    :param trust: (n, k), (n, 1) or (1, 1), per time, zero or more; fixed vertices stay.
     """
 
     def __init__(self, flow: Flow, trust: Array) -> None:
@@ -153,9 +153,9 @@ class Faithful(Around):
         return to
 
     def bound(self, u: Array) -> float:
-        """That of the flow and the greatest trust."""
+        """The bound of the flow plus the largest trust."""
         return self.flow.bound(u) + self.most
 
     def system(self, u: Array, diagonal: int = 0) -> System:
-        """Mass and stiffness, the fidelity among it (of several channels with weights of their own, that of the first)."""
+        """Mass and stiffness with the fidelity term (with different weights per channel, that of the first channel)."""
         return _FaithfulSystem(self.flow.system(u, diagonal), self.trust)

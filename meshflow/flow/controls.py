@@ -1,4 +1,4 @@
-"""How long a step is, and when to stop."""
+"""Controls of the step length, and the end of a run."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,18 +14,17 @@ from meshflow.geometry.validation import Array, positive
 
 __all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "Until"]
 
-# Steps over which a semi-implicit run is spread where nobody says otherwise: the metric is lagged by a tenth of the way.
+# The default number of steps of a semi-implicit run: the metric is then lagged by a tenth of the time.
 IMPLICIT_STEPS = 10
 
 
 @dataclass(frozen=True)
 class Until:
-    """When to stop: at a time (squared length), after a number of steps, at one of the ``stops``, or at what comes first.
+    """When to stop: at a time (squared length), after a number of steps, or at one of the ``stops``, whichever comes first.
 
-    :param marks: times on the way that a step shall end at.
-    :param scale: what makes the numbers of the stops those of the run.
-
-    :raises InputError: when neither is given, or one is negative.
+    :param marks: times at which a step must end.
+    :param scale: converts the numbers of the stops to those of the run.
+    :raises InputError: when neither time nor steps are given, or one is negative.
     """
 
     time: float | None = None
@@ -43,19 +42,19 @@ class Until:
             raise InputError(f"steps: a whole number, zero or more, expected, got {self.steps}")
 
     def left(self, time: float) -> float:
-        """How far the next step may go."""
+        """The longest next step."""
         ends = [end for end in (*self.marks, *([] if self.time is None else [self.time])) if end > time * (1.0 + 1e-12)]
         return min(ends, default=np.inf) - time
 
     def share(self, time: float, steps: int) -> float:
-        """How much of the way is done, in [0, 1]."""
+        """The share of the run that is done, in [0, 1]."""
         shares = [1.0 if self.time == 0 else time / self.time] if self.time is not None else []
         if self.steps is not None:
             shares.append(1.0 if self.steps == 0 else steps / self.steps)
         return min(1.0, max(shares))
 
     def reason(self, time: float, steps: int) -> str | None:
-        """Why the run is over, as a sentence; None while it is not."""
+        """Why the run has ended, as a sentence; None while it goes on."""
         count = f"{steps} step{'' if steps == 1 else 's'}"
         if self.time is not None and time >= self.time * (1.0 - 1e-12):
             return f"reached time {time:.6g} in {count}"
@@ -65,7 +64,7 @@ class Until:
 
 
 class Control(Protocol):
-    """How long steps are."""
+    """Controls the lengths of the steps."""
 
     def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> Steps:
         """The steps of this run."""
@@ -95,12 +94,12 @@ class FixedStep:
 
 @dataclass(frozen=True)
 class AreaChange:
-    """Section 5.6, after El-Fallah and Ford: the more area a step loses, the more noise there is, the longer the next may be.
+    """Step control by change of area (section 5.6, after El-Fallah and Ford): a large loss means much noise and long steps.
 
     The first step is the longest, dt; the next are dt times (relative loss of area per dt) / target, between dt / 100 and dt.
 
-    :param target: relative loss of area in a step of length dt from which on the full step is taken.
-    :param dt: the longest step, squared length; by default as :class:`FixedStep`.
+    :param target: relative loss of area per step of length dt at or above which the full step is taken.
+    :param dt: the longest step, squared length; by default as in :class:`FixedStep`.
     """
 
     target: float = 0.01
@@ -120,12 +119,12 @@ class AreaChange:
 class Embedded:
     """Steps as long as their embedded error allows, for :class:`SuperTime`.
 
-    The error of a step is measured against the way that the surface has come since the start. What is still there after a time
-    t decays no faster than about 1 / t: the first step is as long as an explicit one, and a step of a quarter of the time gone
-    by is taken whatever its error; longer ones as their error allows.
+    The error of a step is compared with the change of the surface since the start. What remains after a time t decays no faster
+    than about 1 / t. Therefore the first step is as long as an explicit one, a step of a quarter of the elapsed time is always
+    accepted, and longer steps are taken as their error allows.
 
-    :param tolerance: error of a step, root mean square, as a share of the way from the start.
-    :param dt: the first step, squared length; by default the longest explicit one. None is shorter.
+    :param tolerance: root mean square error of a step, as a share of the change since the start.
+    :param dt: the first and shortest step, squared length; by default the longest explicit one.
     """
 
     tolerance: float = 0.01
@@ -150,13 +149,13 @@ class Embedded:
 
 
 def _longest(dt: float | None, flow: Flow, stepper: Stepper, u: Array, until: Until) -> float:
-    """The length of steps that is asked for, or the largest stable one; without limit, a tenth of the time to go.
+    """The requested length of steps, or the largest stable one; without a stability limit, a tenth of the remaining time.
 
-    :raises InputError: for a dt beyond the largest stable one, which is named; for steps without limit and no time.
+    :raises InputError: for a dt above the largest stable one, which the message names; for a stepper without limit and no time.
     """
     if dt is None and isinstance(stepper, Embedding):
         first = Explicit().largest(flow, u)
-        return first if np.isfinite(first) else 1.0  # where nothing moves any step will do
+        return first if np.isfinite(first) else 1.0  # nothing moves: any step will do
     largest = stepper.largest(flow, u)
     if dt is not None:
         if dt > largest * (1.0 + 1e-9):

@@ -1,4 +1,4 @@
-"""The family of W^q as engines take it: its exponents, the edge indicator, the mass."""
+"""The W^q family of flows: exponents, edge indicator, mass."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,7 +12,7 @@ __all__ = ["Indicator", "Mass", "Variant"]
 
 Indicator = Literal["metric", "projection"]
 Mass = Literal["barycentric", "voronoi", "ring"]
-# The widest patch: the taps must fit beside the rows of a grid.
+# The widest patch; the filter taps must fit beside the rows of a grid.
 WIDEST = 6.0
 
 
@@ -20,10 +20,10 @@ WIDEST = 6.0
 class Variant:
     """One flow of the family dX/dt = -(edge indicator)^gamma P B.
 
-    :param gamma: exponent of the edge indicator, the convention of section 4.2, defined in every dimension: -2 graph flow
-        (the motion of the shape under mean curvature flow), -1 mean curvature diffusion (El-Fallah and Ford), 0 Beltrami
-        flow (14), above 0 stronger preservation of edges (10). The gamma of section 3 is this one plus 1. Where all
-        coordinates are free (a mesh), the indicator is 1 and gamma has no effect.
+    :param gamma: exponent of the edge indicator, in the convention of section 4.2, defined in every dimension: -2 graph flow
+        (the motion of the graph under mean curvature flow), -1 mean curvature diffusion (El-Fallah and Ford), 0 Beltrami
+        flow (14), above 0 stronger preservation of edges (10). The gamma of section 3 is this gamma plus 1. Where
+        all coordinates are free (a mesh), the indicator is 1 and gamma has no effect.
     :param sharpness: q, above 0: in each triangle the free part of lengths is stretched so that a triangle of slope s has area
         W^q instead of W = sqrt(1 + s^2), all channels together. 1 is the paper. With gamma = -1 the flux across an edge is then
         grad / W^q: q = 1 [FEF98], q = 2 Perona and Malik (1), q = 4 Geman and McClure. No effect where all coordinates are
@@ -32,11 +32,11 @@ class Variant:
         area, 1/W of a height field (3); ``projection``: \\|PB\\| / \\|B\\| as (10) writes it. Both lie in [0, 1].
     :param mass: ``barycentric``: time as in the heat equation on flat data; ``voronoi`` (mixed): the same; ``ring``: the
         whole ring, as (14): time runs three times slower.
-    :param patch: rho, in samples: lengths are measured in the space of patches, the Gaussian neighbourhoods of this width that
-        each sample carries (DESIGN.md, section 2; on grids, not along rays). 0: of single samples. With gamma = -1 it leaks along
-        edges; with gamma = 0, 0.5 to 1 lowers the error of the flow on noisy data.
-    :param floor: least value of the ``projection`` indicator, which is 0/0 on flat surfaces and, for gamma < 0, would let the
-        motion grow without bound.
+    :param patch: rho, in samples: lengths are measured in the space of patches, the Gaussian neighbourhoods of this width of
+        the samples (on grids, not along rays). 0: between single samples. With gamma = -1 it leaks along edges; with gamma = 0,
+        widths of 0.5 to 1 lower the error of the flow on noisy data.
+    :param floor: least value of the ``projection`` indicator, which is 0/0 on flat surfaces; without it the rate is unbounded for
+        gamma < 0.
     :raises InputError: for an unknown word, a gamma that is not finite, a sharpness that is not positive, a floor outside
         (0, 1], or a patch that is negative or wider than 6 samples.
     """
@@ -63,16 +63,16 @@ class Variant:
 
     @property
     def taps(self) -> Array:
-        """The Gaussian of the patches, from its middle outwards, of sum 1 with both its sides; one tap where there is none."""
+        """The Gaussian of the patches from its centre outwards; both sides together sum to 1. One tap without patches."""
         far = int(np.ceil(2.5 * self.patch))
         taps = np.exp(-0.5 * np.square(np.arange(far + 1) / self.patch)) if far else np.ones(1)
         return taps / (2.0 * taps.sum() - taps[0])
 
     def check(self, along_rays: bool, on_grid: bool) -> None:
-        """Refuse a variant that has no meaning on a surface.
+        """Refuse options that are not defined on a surface.
 
-        :raises InputError: for a sharpness other than 1 along rays: no common base holds the triangles there, and tilted planes
-            would no longer rest; for patches along rays or on a mesh.
+        :raises InputError: for a sharpness other than 1 along rays, where the triangles have no common base and tilted planes
+            would move; for patches along rays or on a mesh.
         """
         if along_rays and self.sharpness != 1.0:
             raise InputError(

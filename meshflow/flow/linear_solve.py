@@ -49,9 +49,9 @@ def solve(
     """x (n, k) with matrix @ x = right (n, k), each column to a relative residual below the tolerance.
 
     :param matrix: (n, n), symmetric positive definite.
-    :param guess: (n, k), where iterations begin; ``right`` over the diagonal where there is none.
+    :param guess: (n, k), where iterations begin; by default ``right`` over the diagonal.
     :param method: ``direct`` (SuperLU), ``cg`` (conjugate gradients, Jacobi), ``multigrid`` (smoothed aggregation, pyamg);
-        ``auto``: what :func:`choose` names, and where slivers keep iterations from converging, the direct one after all.
+        ``auto``: that of :func:`choose`, and where slivers keep iterations from converging, the direct one.
     :param order: the unknowns (n,), those that a row joins near each other: conjugate gradients are sooner done.
     :raises NotConverged: with the residual reached, the iterations, and what to try.
     """
@@ -77,7 +77,7 @@ def solve(
     scale, residual = _norms(right), _norms(right - product(matrix, x))
     with np.errstate(invalid="ignore"):
         good = residual <= max(10.0 * tolerance, 1e-12) * scale
-        if not good.all():  # no solver leaves less than the rounding of the product itself
+        if not good.all():  # the residual cannot be below the rounding of the product
             good |= residual <= 8.0 * np.finfo(float).eps * np.linalg.norm(abs(matrix) @ np.abs(x), axis=0)
     if not good.all():
         worst = float(np.max(residual / np.where(scale > 0, scale, 1.0)))
@@ -96,14 +96,14 @@ def _norms(columns: Array) -> Array:
 
 def _direct(matrix: Sparse, right: Array, guess: Array | None, tolerance: float) -> tuple[Array, int]:
     symmetric = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
-    # Scaled to a unit diagonal: beside a triangle that has all but vanished, the others keep their digits.
+    # Scaled to a unit diagonal, so that a nearly vanished triangle does not cost the others digits.
     half = 1.0 / np.sqrt(matrix.diagonal())
     scaled = scipy.sparse.diags(half) @ matrix @ scipy.sparse.diags(half)
     try:
         factor = splu(scaled.tocsc(), permc_spec="MMD_AT_PLUS_A", options=symmetric)
-    except RuntimeError:  # SuperLU's word for a singular matrix
-        # Where free triangles have shrunk to segments or points, mass is lost in the rounding of the stiffness. What it is does
-        # not matter there, as they go to a point at once; whether it did is seen by the residual.
+    except RuntimeError:  # SuperLU raises it for a singular matrix
+        # Where free triangles have shrunk to segments or points, the mass is lost in the rounding of the stiffness. Its value does
+        # not matter there, since they shrink to a point at once; the residual shows whether they did.
         mass = ROUNDING * scipy.sparse.identity(len(half))
         try:
             factor = splu((scaled + mass).tocsc(), permc_spec="MMD_AT_PLUS_A", options=symmetric)

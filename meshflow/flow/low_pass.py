@@ -1,4 +1,4 @@
-"""A filter of frequencies on a mesh: fairing of any order in one step."""
+"""A low-pass filter on a mesh: fairing of any order in one step."""
 
 import cmath
 from dataclasses import dataclass
@@ -16,34 +16,34 @@ from meshflow.geometry.validation import Array, whole
 __all__ = ["LowPass", "Weights", "filtered", "generator_of", "is_short"]
 
 Weights = Literal["cotangent", "uniform"]
-# What the polynomial may be off by, of a coordinate's deviation from its mean.
+# The error of the polynomial, as a share of the deviation of a coordinate from its mean.
 CLOSE = 1e-6
-# The longest polynomial: beyond it slivers ask for factorizations.
+# The longest polynomial; where slivers would need a longer one, factorizations are used.
 LONGEST = 1024
 
 
 @runtime_checkable
 class Generated(Protocol):
-    """A flow that knows its operator as a matrix."""
+    """A flow whose operator is available as a matrix."""
 
     def generator(self, u: Array, weights: Weights) -> Any:
-        """A (n, n) with du/dt = -A u in the metric of u, eigenvalues zero and above; rows of what stays are zero."""
+        """A (n, n) with du/dt = -A u in the metric of u, eigenvalues zero or positive; rows of fixed vertices are zero."""
         ...
 
 
 @dataclass(frozen=True)
 class LowPass:
-    """f(dt A) u with f(x) = 1 / (1 + x^order), A = M^-1 L: what is smoother than the root of dt passes.
+    """f(dt A) u with f(x) = 1 / (1 + x^order), A = M^-1 L: what is smoother than the square root of dt passes.
 
-    Order 1 is the implicit fairing of [DMSB99], 2 the bi-Laplacian, and the higher the order, the less of what passes is lost:
-    smooth shapes neither shrink nor keep their noise (the pass band of Taubin, Zhang and Golub 1996, but with a response that
-    never overshoots, Butterworth's). A polynomial of Chebyshev, made so that constants stay to rounding.
+    Order 1 is the implicit fairing of [DMSB99], order 2 the bi-Laplacian. The higher the order, the less the pass band is damped:
+    smooth shapes do not shrink, and lose their noise (as with the pass band of Taubin, Zhang and Golub 1996, but with the
+    response of Butterworth, which never overshoots). It is computed by a Chebyshev polynomial that keeps constants to rounding.
 
     :param order: 1 to 20.
-    :param weights: ``cotangent``: M^-1 L, planes rest; ``uniform``: the umbrella, 4 / h^2 times the distance from the mean of
-        the neighbours (equal to the other on an equilateral mesh of edges h), which evens the sampling too: it drifts on
-        irregular ones.
-    :raises InputError: for another order or word.
+    :param weights: ``cotangent``: M^-1 L, for which planes do not move; ``uniform``: the umbrella, 4 / h^2 times the distance to
+        the mean of the neighbours (equal to ``cotangent`` on an equilateral mesh of edge h), which also makes the sampling even:
+        points drift on irregular meshes.
+    :raises InputError: for another order or other weights.
     """
 
     order: int = 2
@@ -60,7 +60,7 @@ class LowPass:
     def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after a filter of time dt.
 
-        :raises InputError: for a flow that has no matrix of its operator: of a grid, of facets, or with a fidelity.
+        :raises InputError: for a flow without a matrix of its operator: on a grid, a normal filter, or with a fidelity term.
         """
         return filtered(generator_of(flow, u, self.weights), u, dt, self.order)
 
@@ -80,9 +80,9 @@ def generator_of(flow: Flow, u: Array, weights: Weights) -> Any:
 
 
 def filtered(generator: Any, u: Array, time: float, order: int) -> Array:
-    """f(time A) u (n, k), f(x) = 1 / (1 + x^order): a polynomial in A, or where that would be too long, by solving.
+    """f(time A) u (n, k), f(x) = 1 / (1 + x^order): by a polynomial in A, or where that would be too long, by solving systems.
 
-    :param generator: A (n, n), eigenvalues zero and above; Gershgorin's circles bound them.
+    :param generator: A (n, n), eigenvalues zero or positive, bounded by Gershgorin's theorem.
     :param time: squared length.
     :raises NotConverged: where a factorization fails.
     """
@@ -90,13 +90,13 @@ def filtered(generator: Any, u: Array, time: float, order: int) -> Array:
     top = float(fastest.max())
     if top == 0 or time == 0:
         return u.copy()
-    return np.where(fastest > 0, _filtered(generator, u, time, order, top), u)  # what is held keeps its bits
+    return np.where(fastest > 0, _filtered(generator, u, time, order, top), u)  # fixed vertices keep their bits
 
 
 def _filtered(generator: Any, u: Array, time: float, order: int, top: float) -> Array:
-    """:func:`filtered`, what is held to rounding.
+    """:func:`filtered`, with fixed vertices up to rounding.
 
-    :param top: no eigenvalue is above it.
+    :param top: an upper bound of the eigenvalues.
     """
     home = u.mean(axis=0)
     terms = _terms(time * top, order)
@@ -112,7 +112,7 @@ def _filtered(generator: Any, u: Array, time: float, order: int, top: float) -> 
 
 
 def is_short(generator: Any, time: float, order: int) -> bool:
-    """Whether a polynomial will do, so that a filter costs a hundred products with A and not factorizations."""
+    """Whether a polynomial suffices, so that a filter costs a hundred products with A instead of factorizations."""
     return _terms(time * float(np.abs(generator).sum(axis=1).max()), order) is not None
 
 
@@ -134,8 +134,9 @@ def _terms(reach: float, order: int) -> Array | None:
 
 
 def _solved(generator: Any, u: Array, time: float, order: int) -> Array:
-    """The same by partial fractions: 1 / (1 + x^p) is the sum of -r / p / (x - r) over the roots r of -1, those in pairs twice
-    the real part of one: a factorization for each.
+    """The filter by partial fractions, with one factorization for each.
+
+    1 / (1 + x^p) is the sum of -r / p / (x - r) over the p-th roots r of -1; a conjugate pair is twice the real part of one.
     """
     from scipy.sparse.linalg import splu
 
@@ -147,7 +148,7 @@ def _solved(generator: Any, u: Array, time: float, order: int) -> Array:
         matrix = sparse.csc_matrix(time * generator - shift * sparse.identity(n))
         try:
             factor = splu(matrix, permc_spec="MMD_AT_PLUS_A")
-        except RuntimeError as cause:  # SuperLU's word for a singular matrix
+        except RuntimeError as cause:  # SuperLU raises it for a singular matrix
             raise NotConverged(f"low-pass: {cause}; mend the mesh, or take weights='uniform'") from cause
         right = u.astype(matrix.dtype)
         part = factor.solve(right)

@@ -1,4 +1,4 @@
-"""The loop: yields states, ends with a reason that reads as a sentence."""
+"""The time loop: yields states and ends with a reason, a sentence."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -21,26 +21,26 @@ from meshflow.geometry.validation import Array
 __all__ = ["VANISHED", "State", "march"]
 
 
-# Explicit steps still to take at which a run asked for by name is given up: hours for any mesh worth the name.
+# The number of remaining explicit steps at which a run with the explicit stepper is given up: it would take hours.
 HOPELESS = 100_000
-# The share of its area at which a mesh is a point.
+# The share of its area below which a mesh counts as a point.
 GONE = 1e-9
-# What is said then.
+# The reason given then.
 VANISHED = "the surface has vanished"
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where a run is.
+    """The state of a run.
 
-    :ivar flow: what moves.
+    :ivar flow: the flow.
     :ivar u: free coordinates (n, k).
     :ivar time: since the start, squared length.
     :ivar dt: length of the step that led here; 0 at the start.
     :ivar step: number of steps taken.
     :ivar reason: why the run ended here, a sentence; None where it goes on.
     :ivar stepper: name of the stepper that led here; empty at the start.
-    :ivar error: root mean square of what the step leaves out; None where the stepper does not say.
+    :ivar error: root mean square error of the step; None where the stepper does not estimate it.
     :ivar before: free coordinates (n, k) where the step began; None at the start.
     """
 
@@ -56,17 +56,17 @@ class State:
 
     @cached_property
     def area(self) -> float:
-        """Of the surface, squared length; measured when it is first asked for."""
+        """Area of the surface, squared length; computed on first use."""
         return self.flow.area(self.u)
 
     @cached_property
     def explicit(self) -> float:
-        """The longest explicit step that is stable here; measured when it is first asked for."""
+        """The longest stable explicit step at this state; computed on first use."""
         return Explicit().largest(self.flow, self.u)
 
     @cached_property
     def largest(self) -> float:
-        """Largest displacement of a vertex in this step, in the unit of u; measured when it is first asked for."""
+        """Largest displacement of a vertex in this step, in the unit of u; computed on first use."""
         if self.before is None:
             return 0.0
         return self.flow.size((1.0, self.u), (-1.0, self.before))[1]
@@ -91,7 +91,7 @@ class _Taken:
 
     @property
     def change(self) -> float:
-        """How far the samples went, root mean square."""
+        """Root mean square change since the start of the run."""
         return self._change
 
     @cached_property
@@ -115,14 +115,14 @@ def march(
 ) -> Iterator[State]:
     """Move from the start to the end, yielding the start and the state after each step; the last one has a reason.
 
-    The last step is cut to end at the time asked for, and where a stop is met within it, there, on the straight line between its
-    ends. A step that is no longer stable, because the surface has changed, is
-    shortened; with ``auto``, the implicit stepper takes over where that would take too many steps.
+    The last step is shortened to end at the requested time. Where a stop is met within a step, the run ends there, by linear
+    interpolation between the ends of the step. A step that is no longer stable, because the surface has changed, is shortened;
+    with ``auto``, the implicit stepper takes over where that would take too many steps.
 
     :param stepper: a stepper or its name; :class:`Explicit` by default.
     :param control: by default :class:`Embedded` for a stepper that knows its error, else :class:`FixedStep`.
-    :param recycle: the memory of a state is used again once the next one has been taken: for callers who ask each one at once.
-    :param limit: what no coordinate leaves.
+    :param recycle: reuse the memory of a state once the next one is computed, for callers who do not keep states.
+    :param limit: a constraint that is restored after every step.
     :raises InputError: for a dt that is not stable at the start.
     :raises NotConverged: when a solver fails, coordinates are no longer finite, or explicit steps have become hopelessly short.
     """
@@ -150,7 +150,7 @@ def march(
 
 
 def _longest(stepper: Stepper, state: State) -> float:
-    """The largest step that is stable; what explicit steps may be is asked once for each state."""
+    """The largest stable step; the bound of explicit steps is computed once for each state."""
     if isinstance(stepper, Embedding):
         return state.explicit * stepper.stretch
     return stepper.largest(state.flow, state.u)
@@ -166,18 +166,18 @@ def _stepped(
 ) -> tuple[State, Steps]:
     """The next state that is accepted, and the lengths of the steps after it.
 
-    :param limits: the longest step that is stable, and how far it is to the end or a mark.
+    :param limits: the longest stable step, and the time left to the end or the next mark.
     """
     flow, (longest, left) = old.flow, limits
     while True:
         dt = min(steps.length(longest), left)
         if isinstance(stepper, Embedding) and dt < left < 2 * dt:
-            dt = left / ceil(left / dt)  # two alike instead of one and a rest
+            dt = left / ceil(left / dt)  # two equal steps instead of a long and a short one
         if steps.asks_error and isinstance(stepper, Embedding):
             u, error = stepper.tried(flow, old.u, dt, old.explicit, old.step, workspace)
         else:
             u, error = stepper.step(flow, old.u, dt, old.step, workspace), None
-        # A finite error says that the coordinates are, too; they need not be looked at again.
+        # A finite error implies finite coordinates; they need not be checked again.
         sound = error is not None and np.isfinite(error)
         if not sound and not np.isfinite(flow.size((1.0, u), (-1.0, old.u), roughly=True)[0]):
             raise NotConverged(
@@ -196,7 +196,7 @@ def _stepped(
 
 
 def _stopped(old: State, new: State, until: Until) -> State:
-    """The new state, or where a stop was met before it; at the end of its time, what it did not come to is said."""
+    """The new state, or the state at which a stop was met before it; at the end of the time the reason names unmet stops."""
     course, reason = Course(new.flow, until.scale), until.reason(new.time, new.step)
     found = crossing(until.stops, course, (old.u, old.time), (new.u, new.time)) if until.stops else None
     if found is None:
@@ -210,7 +210,7 @@ def _stopped(old: State, new: State, until: Until) -> State:
 
 
 def _gone(new: State, stepper: Stepper) -> State:
-    """The new state, with the reason to end where implicit steps have shrunk a mesh to points, which none of them can move."""
+    """The new state; the run ends where implicit steps have shrunk a mesh to points, which no step can move."""
     flow = new.flow
     if new.reason is not None or not flow.slivers or not isinstance(stepper, SemiImplicit):
         return new
@@ -221,9 +221,9 @@ def _gone(new: State, stepper: Stepper) -> State:
 
 
 def _implicit_instead(changes: bool, state: State, longest: float) -> Stepper:
-    """The implicit stepper, where triangles have become so thin that explicit steps would not arrive.
+    """The implicit stepper, where triangles have become too thin for explicit steps to reach the end.
 
-    :raises NotConverged: when the caller asked for explicit steps by name.
+    :raises NotConverged: when the caller requested explicit steps by name.
     """
     if changes:
         return SemiImplicit()

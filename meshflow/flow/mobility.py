@@ -1,4 +1,4 @@
-"""Soft constraints: each vertex goes as fast as it is let."""
+"""Soft constraints: a factor on the rate of each vertex."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,14 +15,14 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Scaled", "Slowed", "slowed", "speed_of"]
 
-# The least speed that an implicit step knows: a vertex that is slower stays.
+# The smallest factor in an implicit step; slower vertices stay.
 SLOWEST = 1e-6
 
 
 def speed_of(given: Any, shape: tuple[int, ...]) -> Array:
-    """The speeds of a caller, float64.
+    """The mobility that a caller gives, as float64.
 
-    :param given: numbers between 0 (stays) and 1 (goes as it would), one per sample, or one for all.
+    :param given: numbers between 0 (stays) and 1 (moves freely), one per sample, or one for all.
     :param shape: of the samples: (h, w) or (n,).
     :raises InputError: for another shape, or a number outside.
     """
@@ -41,7 +41,7 @@ def speed_of(given: Any, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _SlowedSystem:
-    """A system whose masses are heavier."""
+    """A system with larger masses."""
 
     system: System
     speed: Array
@@ -52,7 +52,7 @@ class _SlowedSystem:
         return self.system.mass / self.speed
 
     def matrix(self, dt: float) -> Any:
-        """With the heavier masses."""
+        """The matrix with the larger masses."""
         return self.system.matrix(dt) + sparse.diags(self.mass - self.system.mass)
 
 
@@ -60,12 +60,12 @@ class Scaled(Around):
     """du/dt = s rate(u), s a factor for each vertex."""
 
     def factor(self, u: Array) -> Array:
-        """s (n, 1) at u, none of a size above 1."""
+        """s (n, 1) at u, of absolute value at most 1."""
         raise NotImplementedError
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """du/dt (n, k), or what the blend makes of it."""
-        # By the step of the inner flow, not by its rate: a round of facets is no multiple of one.
+        # The step of the inner flow is scaled, not its rate: a round of the normal filter is not a multiple of a rate.
         change = self.flow.rate(u, diagonal, blend.bare)
         if blend.keep != 0.0:
             change -= u if blend.keep == 1.0 else blend.keep * u
@@ -73,7 +73,7 @@ class Scaled(Around):
         return blend.of_change(u, change, out)
 
     def system(self, u: Array, diagonal: int = 0) -> System:
-        """Mass / |s| and stiffness; the sign of s is that of the rate, so that an implicit step is damped either way."""
+        """Mass / |s| and stiffness; the sign of s is in the rate, so that an implicit step is damped in both cases."""
         factor = np.abs(self.factor(u)[:, 0].astype(np.float64))
         return _SlowedSystem(self.flow.system(u, diagonal), np.maximum(factor, SLOWEST))
 
@@ -81,7 +81,7 @@ class Scaled(Around):
 class Slowed(Scaled):
     """du/dt = s rate(u), s in [0, 1] for each vertex: soft constraints [DMSB99]; hard ones where s is 0.
 
-    Of a filter it is the time that is multiplied, of facets the way of each round.
+    For a low-pass filter s multiplies the time, for the normal filter the displacement of each round.
 
     :param flow: an engine; where s is 0 its vertices are fixed.
     :param speed: s (n, 1).
@@ -92,7 +92,7 @@ class Slowed(Scaled):
         self.speed = speed.astype(flow.start().dtype)
 
     def factor(self, u: Array) -> Array:
-        """s (n, 1), whatever u."""
+        """s (n, 1), independent of u."""
         return self.speed
 
     def generator(self, u: Array, weights: Weights) -> Any:
@@ -104,8 +104,8 @@ class Slowed(Scaled):
 
 
 def slowed(flow: Flow, speed: Array | None) -> Flow:
-    """A flow whose vertices go as fast as they are let.
+    """A flow with the given mobility.
 
-    :param speed: s (n, 1), 0 to 1; None: all go freely.
+    :param speed: s (n, 1), 0 to 1; None: all vertices move freely.
     """
     return flow if speed is None else Slowed(flow, speed)

@@ -1,4 +1,4 @@
-"""Progress without printing: a callback, or a bar on stderr where somebody looks at it."""
+"""Progress: a callback, or a bar on stderr if that is a terminal."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from meshflow.errors import InputError
 
 __all__ = ["Progress", "reporting"]
 
-# Seconds before a bar appears: who waits less needs none.
+# Seconds before a bar appears.
 PATIENCE = 1.0
 
 Progress = Literal[True] | Callable[[float, float], object] | None
@@ -19,8 +19,8 @@ Progress = Literal[True] | Callable[[float, float], object] | None
 def reporting(progress: Progress, words: str) -> Iterator[Callable[[float], object]]:
     """A function that takes the share done, in [0, 1].
 
-    :param progress: None: nothing; True: a bar on stderr, where that is a terminal, for runs of over a second; a callable: called
-        as ``progress(done, total)``, total 1.0. What it raises ends the run.
+    :param progress: None: nothing. True: a bar on stderr, if that is a terminal, for runs longer than a second. A callable: it is
+        called as ``progress(done, total)``, with total 1.0; an exception that it raises ends the run.
     """
     if progress is None or progress is False:
         yield lambda share: None
@@ -35,7 +35,7 @@ def reporting(progress: Progress, words: str) -> Iterator[Callable[[float], obje
         task, begun = bar.add_task(words, total=1.0), monotonic()
 
         def report(share: float) -> None:
-            """Show the share that is done, once somebody has waited."""
+            """Show the share done, after the first second."""
             bar.update(task, completed=share)
             if monotonic() - begun > PATIENCE and not bar.finished:
                 bar.start()  # does nothing once it has begun

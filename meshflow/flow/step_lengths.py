@@ -1,4 +1,4 @@
-"""The lengths of the steps of one run, each from what the one before did."""
+"""The step lengths of a run, each computed from the step before."""
 
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -7,13 +7,13 @@ import numpy as np
 
 __all__ = ["AreaSteps", "ErrorSteps", "EvenSteps", "Steps", "Taken"]
 
-# Share of the time gone by that the next super-time step is at least: with it, a run is off by 0.005 to 0.02 sigma (with a half,
-# by 0.01 to 0.03, for a fifth fewer rates).
+# The next super-time step is at least this share of the elapsed time. A run then has an error of 0.005 to 0.02 sigma (with a
+# half, 0.01 to 0.03 for a fifth fewer rates).
 SURE = 0.25
 
 
 class Taken(Protocol):
-    """A step that was taken, as a control sees it; ways and areas are measured when they are asked for."""
+    """A step that was taken, for its control; change and areas are computed on use."""
 
     @property
     def dt(self) -> float:
@@ -22,12 +22,12 @@ class Taken(Protocol):
 
     @property
     def error(self) -> float | None:
-        """Root mean square of what it leaves out; None where the stepper does not say."""
+        """Root mean square error; None where the stepper does not estimate it."""
         ...
 
     @property
     def change(self) -> float:
-        """Root mean square of the way from the start of the run to its end."""
+        """Root mean square change from the start of the run to the end of the step."""
         ...
 
     def areas(self) -> tuple[float, float]:
@@ -36,23 +36,23 @@ class Taken(Protocol):
 
 
 class Steps(Protocol):
-    """The steps of one run: how long the next one is."""
+    """The steps of a run: determines the length of the next one."""
 
     @property
     def asks_error(self) -> bool:
-        """Whether it wants to know what each step leaves out."""
+        """Whether the error of each step is needed."""
         ...
 
     def length(self, limit: float) -> float:
-        """The next step, no longer than what is stable now."""
+        """The length of the next step, at most the stable limit."""
         ...
 
     def accepts(self, taken: Taken) -> bool:
-        """Whether a step is good enough to be kept; if not, :meth:`after` says how long the next trial is."""
+        """Whether a step is accepted; if not, :meth:`after` gives the length of the next attempt."""
         ...
 
     def after(self, taken: Taken) -> "Steps":
-        """The same after a step, kept or not."""
+        """The steps after this one, accepted or not."""
         ...
 
 
@@ -67,7 +67,7 @@ class EvenSteps:
     asks_error = False
 
     def length(self, limit: float) -> float:
-        """The next step, no longer than what is stable now."""
+        """The length of the next step, at most the stable limit."""
         return min(self.dt, limit)
 
     def accepts(self, taken: Taken) -> bool:
@@ -94,7 +94,7 @@ class AreaSteps:
     asks_error = False
 
     def length(self, limit: float) -> float:
-        """The next step, no longer than what is stable now."""
+        """The length of the next step, at most the stable limit."""
         return min(self.dt * self.share, limit)
 
     def accepts(self, taken: Taken) -> bool:
@@ -102,7 +102,7 @@ class AreaSteps:
         return True
 
     def after(self, taken: Taken) -> "AreaSteps":
-        """With the share that the loss of area says."""
+        """The steps with the share that follows from the loss of area."""
         before, area = taken.areas()
         loss = max(before - area, 0.0) / before * self.dt / taken.dt if before > 0 else 0.0
         return replace(self, share=float(np.clip(loss / self.target, 0.01, 1.0)))
@@ -112,10 +112,10 @@ class AreaSteps:
 class ErrorSteps:
     """Steps as long as their embedded error allows.
 
-    :ivar tolerance: error of a step, root mean square, as a share of the way from the start.
+    :ivar tolerance: error of a step, root mean square, as a share of the change since the start.
     :ivar dt: the next step, squared length.
-    :ivar least: none is shorter.
-    :ivar gone: the time gone by.
+    :ivar least: the shortest step.
+    :ivar gone: the elapsed time.
     """
 
     tolerance: float
@@ -125,16 +125,16 @@ class ErrorSteps:
     asks_error = True
 
     def length(self, limit: float) -> float:
-        """The next step, no longer than what is stable now."""
+        """The length of the next step, at most the stable limit."""
         return min(self.dt, limit)
 
     def accepts(self, taken: Taken) -> bool:
-        """A step of at most twice the error allowed, or one that may not be shorter."""
+        """Whether its error is at most twice the allowed one, or it may not be shorter."""
         excess = self._excess(taken)
         return excess <= 2.0 or (np.isfinite(excess) and taken.dt <= self._sure * (1.0 + 1e-9))
 
     def after(self, taken: Taken) -> "ErrorSteps":
-        """Longer or shorter by the root of the error over what is allowed, no more than twice as long."""
+        """The steps, scaled by the square root of allowed over actual error; at most twice as long."""
         excess = self._excess(taken)
         factor = 2.0 if excess == 0 else float(np.clip(0.9 / np.sqrt(excess), 0.3, 2.0))
         if np.isinf(excess):
@@ -144,11 +144,11 @@ class ErrorSteps:
 
     @property
     def _sure(self) -> float:
-        """The length that is taken whatever its error."""
+        """The length that is accepted whatever its error."""
         return max(self.least, SURE * self.gone)
 
     def _excess(self, taken: Taken) -> float:
-        """The error over what is allowed; where nothing has moved it is rounding, unless the step was not stable at all."""
+        """The error over the allowed one; where nothing has moved it is rounding, unless the step was unstable."""
         if not taken.error or (np.isfinite(taken.error) and taken.change == 0):
             return 0.0
         return taken.error / (self.tolerance * max(taken.change, np.finfo(float).tiny))

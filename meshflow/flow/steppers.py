@@ -1,4 +1,4 @@
-"""One step in time: explicit Euler, semi-implicit Euler, super-time-stepping."""
+"""Time steppers: explicit Euler, semi-implicit Euler, super-time-stepping."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
@@ -31,43 +31,43 @@ STEPPERS = ("auto", "explicit", "semi-implicit", "super-time")
 
 # An explicit run of more steps than this costs more than ten linear solves.
 MANY = 400
-# Explicit steps up to which nothing is won: super-time steps short enough to be as accurate take as many rates.
+# Up to this number of explicit steps, super-time steps of equal accuracy take as many rates.
 FEW = 48
-# How much more than at its start the bound may be at the end of a step: it is itself above the fastest decay by as much.
+# The factor by which the bound may grow during a step; the bound exceeds the fastest decay by as much.
 SLACK = 1.25
 
 
 class Stepper(Protocol):
-    """u after a step of dt."""
+    """Takes one step in time."""
 
     name: str
 
     @property
     def rates(self) -> int:
-        """How many rates the largest step takes."""
+        """The number of rates of the largest step."""
         ...
 
     def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after time dt.
 
-        :param diagonal: how many steps came before: that of its first rate.
-        :param workspace: arrays to write to, of this run; by default of this step alone.
+        :param diagonal: the number of steps before this one, which selects the diagonal of its first rate.
+        :param workspace: arrays of the run to write to; by default arrays for this step only.
         """
         ...
 
     def largest(self, flow: Flow, u: Array) -> float:
-        """The largest step that is stable at u; infinite where every step is."""
+        """The largest stable step at u; infinite where every step is stable."""
         ...
 
 
 @runtime_checkable
 class Embedding(Stepper, Protocol):
-    """A stepper that knows its error."""
+    """A stepper that estimates its error."""
 
     def tried(
         self, flow: Flow, u: Array, dt: float, explicit: float, diagonal: int = 0, workspace: Workspace | None = None
     ) -> tuple[Array, float]:
-        """A step, and the root mean square of what it leaves out.
+        """A step, and its root mean square error.
 
         :param explicit: the longest explicit step at u.
         """
@@ -76,19 +76,19 @@ class Embedding(Stepper, Protocol):
     def endured(self, dt: float, explicit: float, then: float) -> bool:
         """Whether a step of dt was stable to its end.
 
-        :param explicit: the longest explicit step where it began; ``then`` where it ended.
+        :param explicit: the longest explicit step at its start; ``then``: at its end.
         """
         ...
 
     @property
     def stretch(self) -> float:
-        """How many explicit steps its largest one is."""
+        """The length of its largest step, in explicit steps."""
         ...
 
 
 @dataclass(frozen=True)
 class Explicit:
-    """u + dt rate(u): first order, stable for dt <= 2 / bound (h^2 / 6 on a grid of spacing h, whatever its data)."""
+    """u + dt rate(u): first order, stable for dt <= 2 / bound (h^2 / 6 on a grid of spacing h, for any data)."""
 
     name = "explicit"
     rates = 1
@@ -107,10 +107,10 @@ class Explicit:
 class SuperTime:
     """Super-time-stepping, Runge-Kutta-Legendre (Meyer, Balsara, Aslam 2014): s rates reach s^2 / 2 explicit steps.
 
-    As many stages as the step needs, each the metric of its own; three arrays beside u, and for second order four.
+    A step has as many stages as it needs, each with its own metric. It uses three arrays besides u, four for second order.
 
     :param order: 1, or 2, whose stages reach half as far.
-    :param stages: the most that a step may have.
+    :param stages: the largest number of stages of a step.
     """
 
     order: Literal[1, 2] = 1
@@ -125,7 +125,7 @@ class SuperTime:
 
     @property
     def rates(self) -> int:
-        """The most stages."""
+        """The largest number of stages."""
         return self.stages
 
     def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
@@ -138,7 +138,7 @@ class SuperTime:
     def tried(
         self, flow: Flow, u: Array, dt: float, explicit: float, diagonal: int = 0, workspace: Workspace | None = None
     ) -> tuple[Array, float]:
-        """A step, and the root mean square of what it leaves out, to its own order."""
+        """A step, and its root mean square error, to the order of the step."""
         workspace, count = workspace or Workspace(flow), self._count(dt, explicit)
         last, before, *drift = self._stages(flow, u, dt, diagonal, count, workspace)
         of_last, of_before, of_start, of_rate = schedule(self.order, count).error
@@ -148,20 +148,20 @@ class SuperTime:
         return last, error
 
     def endured(self, dt: float, explicit: float, then: float) -> bool:
-        """Not where triangles have become so thin on the way that its stages were not stable."""
+        """False where triangles have become so thin during the step that its stages were unstable."""
         return SLACK * then * reach(self.order, self._count(dt, explicit)) >= dt
 
     @property
     def stretch(self) -> float:
-        """What the most stages reach."""
+        """The reach of the largest number of stages."""
         return reach(self.order, self.stages)
 
     def largest(self, flow: Flow, u: Array) -> float:
-        """What the most stages reach, of explicit steps as they are stable at u."""
+        """The reach of the largest number of stages, with explicit steps that are stable at u."""
         return Explicit().largest(flow, u) * self.stretch
 
     def _count(self, dt: float, explicit: float) -> int:
-        """Stages of a step, enough to compare the last with the one before."""
+        """The number of stages of a step, enough to compare the last two."""
         return max(self.order + 1, stages(self.order, dt / explicit))
 
     def _stages(
@@ -186,9 +186,9 @@ class SuperTime:
 
 @dataclass(frozen=True)
 class SemiImplicit:
-    """(M / s + dt L) (u+ - u) = dt (M / s) rate(u): metric of now, positions of the end [DMSB99]; stable for every dt.
+    """(M / s + dt L) (u+ - u) = dt (M / s) rate(u): current metric, positions at the end [DMSB99]; stable for every dt.
 
-    Solved for the change, so that what rests, rests to the last bit; corrections of the boundary are lagged in the rate.
+    It solves for the change, so that a surface at rest keeps every bit. Corrections at the boundary are lagged in the rate.
 
     :param solver: ``auto | direct | cg | multigrid``; on grids ``auto`` and ``cg`` need no matrix.
     :param tolerance: relative residual of the change.
@@ -215,7 +215,7 @@ class SemiImplicit:
         return np.add(u, change, out=workspace.take(), casting="same_kind")
 
     def largest(self, flow: Flow, u: Array) -> float:
-        """Infinite: every step lowers the Dirichlet energy of the present metric."""
+        """Infinite: every step lowers the Dirichlet energy of the current metric."""
         return np.inf
 
     def _solved(self, system: System, dt: float, rate: Array) -> Array:
@@ -227,14 +227,14 @@ class SemiImplicit:
                 if self.solver == "cg":
                     raise
         order, matrix = system.order if isinstance(system, Ordered) else None, system.matrix(dt)
-        del system  # the triangles, of which no more is needed
+        del system  # the triangles are no longer needed
         return solve(matrix, right, None, self.solver, self.tolerance, order)
 
 
 def stepper_word(word: Stepper | StepperName) -> Stepper | StepperName:
     """A stepper, or the name of one.
 
-    :raises InputError: for an unknown word, or what is neither.
+    :raises InputError: for an unknown name, or an object that is neither.
     """
     known = word in STEPPERS if isinstance(word, str) else isinstance(word, (Explicit, SuperTime, SemiImplicit))
     if not known and not hasattr(word, "step"):
@@ -243,10 +243,10 @@ def stepper_word(word: Stepper | StepperName) -> Stepper | StepperName:
 
 
 def stepper_for(word: Stepper | StepperName, flow: Flow, time: float | None) -> Stepper:
-    """The stepper of a name; ``auto`` takes the one that suits.
+    """The stepper of a name; ``auto`` chooses one.
 
-    Explicit steps where they are few, super-time-stepping where it saves some, and the semi-implicit stepper where slivers of a
-    mesh would make even those too many.
+    It chooses explicit steps where they are few, super-time-stepping where that saves rates, and the semi-implicit stepper where
+    slivers of a mesh would make even those too many.
 
     :raises InputError: for an unknown word.
     """

@@ -1,4 +1,4 @@
-"""When a run has come far enough: by what it has done to the surface, each by name, found to within a step."""
+"""Stops: criteria that end a run by what it has done to the surface. They are located within a step."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from meshflow.geometry.validation import Array, positive, whole
 
 __all__ = ["AreaLoss", "Course", "Displacement", "Residual", "Scale", "Steps", "Stop", "When", "crossing", "unmet"]
 
-# How finely the place of a stop within a step is sought, as a share of the step.
+# The tolerance for the place of a stop within a step, as a share of the step.
 FINELY = 1e-4
 
 
@@ -23,11 +23,11 @@ def _same(values: Array) -> Array:
 
 @dataclass(frozen=True)
 class Scale:
-    """What makes a caller's numbers those of a run.
+    """Converts between the numbers of the caller and those of a run.
 
-    :ivar sigma: the noise as the flow measures it, unit of u, of a sample with all its channels.
-    :ivar there: the share of the samples that are there and may move; the others are not counted.
-    :ivar seen: makes of u (n, k) the values as the caller knows them.
+    :ivar sigma: the noise of a sample with all its channels, in the unit of u.
+    :ivar there: the share of the samples that are not missing and may move; the others are not counted.
+    :ivar seen: converts u (n, k) to the values of the caller.
     """
 
     sigma: float = 0.0
@@ -37,27 +37,27 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A run that a stop looks at: the flow, and the scale of the caller's numbers."""
+    """What a stop needs to know of a run: the flow, and the scale of the caller's numbers."""
 
     flow: Flow
     scale: Scale
 
 
 class Stop(Protocol):
-    """Something that a run comes to."""
+    """A criterion that ends a run."""
 
     def excess(self, course: Course, u: Array, time: float) -> float:
-        """Above or at zero where u is there, below where it is not yet."""
+        """Zero or positive where u meets the criterion, negative before."""
         ...
 
     def words(self, course: Course, u: Array, time: float) -> str:
-        """What was asked for and how far u has come, as part of a sentence."""
+        """The criterion and the value at u, as part of a sentence."""
         ...
 
 
 @dataclass(frozen=True)
 class Steps:
-    """A number of steps; then nothing is searched for.
+    """Stop after a number of steps; the method is then not searched for.
 
     :param count: zero or more.
     """
@@ -70,7 +70,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Residual:
-    """The root mean square change has reached a share of the noise; at all of it the flow has smoothed too long.
+    """Stop when the root mean square change reaches a share of the noise; a share of 1 smooths too much.
 
     :param share: of sigma, above 0.
     """
@@ -81,10 +81,12 @@ class Residual:
 
     def __post_init__(self) -> None:
         if positive(self.share, "residual", "shares of sigma") > 1:
-            raise InputError(f"residual: a share of the noise up to 1 expected, got {self.share}; beyond it data goes")
+            raise InputError(
+                f"residual: a share of the noise up to 1 expected, got {self.share}; a larger one removes signal"
+            )
 
     def excess(self, course: Course, u: Array, time: float) -> float:
-        """Share of sigma that has gone, over what was asked for, minus 1."""
+        """The share of sigma that was removed, over the requested one, minus 1."""
         return self._gone(course, u) / self.share - 1.0
 
     def words(self, course: Course, u: Array, time: float) -> str:
@@ -99,7 +101,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class AreaLoss:
-    """The area has fallen by a share of what it was (El-Fallah and Ford; section 5.6).
+    """Stop when the area has decreased by a share of its initial value (El-Fallah and Ford; section 5.6).
 
     :param share: in (0, 1).
     """
@@ -111,7 +113,7 @@ class AreaLoss:
             raise InputError(f"area_loss: a share of the area between 0 and 1 expected, got {self.share}")
 
     def excess(self, course: Course, u: Array, time: float) -> float:
-        """Share that is lost, over what was asked for, minus 1."""
+        """The lost share, over the requested one, minus 1."""
         return self._lost(course.flow, u) / self.share - 1.0
 
     def words(self, course: Course, u: Array, time: float) -> str:
@@ -125,18 +127,18 @@ class AreaLoss:
 
 @dataclass(frozen=True)
 class Displacement:
-    """A sample has moved as far as this since the start.
+    """Stop when a sample has moved this far since the start.
 
     :param most: unit of the values (of a mesh: of its points), above 0.
     """
 
-    most: float = option(1.0, "Stop when a sample has moved as far as this.", "unit of the values", "displacement")
+    most: float = option(1.0, "Stop when a sample has moved this far.", "unit of the values", "displacement")
 
     def __post_init__(self) -> None:
         positive(self.most, "displacement")
 
     def excess(self, course: Course, u: Array, time: float) -> float:
-        """Greatest displacement over what was asked for, minus 1."""
+        """The largest displacement over the requested one, minus 1."""
         return self._moved(course.flow, u) / self.most - 1.0
 
     def words(self, course: Course, u: Array, time: float) -> str:
@@ -149,10 +151,10 @@ class Displacement:
 
 @dataclass(frozen=True)
 class When:
-    """A callable of the caller's says so.
+    """Stop when a callable of the caller says so.
 
-    :param asked: (values, time) to a truth value, or to a number that is zero where the run shall end and negative before; the
-        values (h, w), (h, w, k) or (n, k) are read-only.
+    :param asked: takes (values, time); returns a truth value, or a number that is zero where the run shall end and negative
+        before. The values (h, w), (h, w, k) or (n, k) are read-only.
     """
 
     asked: Callable[[Array, float], object]
@@ -179,10 +181,10 @@ class When:
 def crossing(
     stops: Sequence[Stop], course: Course, before: tuple[Array, float], after: tuple[Array, float]
 ) -> tuple[Array, float, str] | None:
-    """Where within a step the first stop is met: u on the straight line between its ends, the time, and which it was.
+    """Where within a step the first stop is met: u, interpolated linearly between the ends of the step, the time, and the stop.
 
     :param before: u and time at the beginning of the step; ``after``: at its end.
-    :returns: None where none is met.
+    :returns: None where no stop is met.
     """
     from scipy.optimize import root_scalar
 
@@ -194,7 +196,7 @@ def crossing(
         return old + np.asarray(share, old.dtype) * (new - old)
 
     def over(share: float, stop: Stop) -> float:
-        """How far a stop is exceeded at a share of the step."""
+        """By how much a stop is exceeded at a share of the step."""
         u = old if share == 0 else new if share == 1 else blend(share)
         return stop.excess(course, u, since + share * (until - since))
 
@@ -214,5 +216,5 @@ def crossing(
 
 
 def unmet(stops: Sequence[Stop], course: Course, u: Array, time: float) -> str:
-    """What a run that ends at its time did not come to, as the end of a sentence; empty where nothing was asked for."""
+    """The stops that a run did not reach in its time, as the end of a sentence; empty without stops."""
     return ", before " + " and ".join(stop.words(course, u, time) for stop in stops) if stops else ""

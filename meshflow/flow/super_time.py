@@ -1,6 +1,6 @@
 """The coefficients of super-time-stepping: Runge-Kutta-Legendre of first and second order (Meyer, Balsara, Aslam 2014).
 
-s stages of one rate each are stable over as many explicit steps as s^2 / 2 (first order) or s^2 / 4 (second).
+s stages of one rate each are stable over about s^2 / 2 explicit steps (first order) or s^2 / 4 (second order).
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ __all__ = ["Schedule", "reach", "schedule", "stages"]
 
 @dataclass(frozen=True)
 class Schedule:
-    """A step of s stages; dt is the length of the whole.
+    """A step of s stages; dt is the length of the whole step.
 
     :ivar order: 1 or 2.
     :ivar first: Y_1 = Y_0 + first dt L(Y_0).
@@ -31,13 +31,13 @@ class Schedule:
 
     @cached_property
     def error(self) -> tuple[float, float, float, float]:
-        """The weights of Y_s, Y_(s-1), Y_0 and dt L(Y_0) in what the step leaves out, to its own order; of one stage, zeros.
+        """The weights of Y_s, Y_(s-1), Y_0 and dt L(Y_0) in the error of the step, to its order; zeros for one stage.
 
-        It is seen by comparing Y_s with Y_(s-1), which is right to the same order at an earlier time.
+        The error is estimated by comparing Y_s with Y_(s-1), which has the same order at an earlier time.
 
         For y' = L y the stages are polynomials in z = dt L: Y_s = 1 + z (+ z^2 / 2) + c z^m and
-        Y_(s-1) = 1 + t z (+ (t z)^2 / 2) + d z^m. From both, Y_0 and dt L(Y_0) a multiple of z^m is left when the lower powers
-        are taken out.
+        Y_(s-1) = 1 + t z (+ (t z)^2 / 2) + d z^m. A combination of both with Y_0 and dt L(Y_0) that cancels the
+        lower powers leaves a multiple of z^m.
         """
         order = self.order
         if len(self.back) + 1 < order + 1:
@@ -57,12 +57,12 @@ class Schedule:
 
 
 def reach(order: int, s: int) -> float:
-    """How many explicit steps s stages reach."""
+    """The number of explicit steps that s stages reach."""
     return (s * s + s) / 2 if order == 1 else (s * s + s - 2) / 4
 
 
 def stages(order: int, steps: float) -> int:
-    """The fewest stages that reach so many explicit steps."""
+    """The smallest number of stages that reaches a number of explicit steps."""
     exact = (sqrt(1 + 8 * steps) - 1) / 2 if order == 1 else (sqrt(9 + 16 * steps) - 1) / 2
     return max(1 if order == 1 else 2, ceil(exact - 1e-9))
 

@@ -1,4 +1,4 @@
-"""Arrays that steps write to and give back: a run needs two or three, whatever its number of steps."""
+"""Arrays that steps write to and return for reuse: a run needs two or three, whatever its number of steps."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ __all__ = ["Workspace"]
 
 
 class Workspace:
-    """Arrays (n, k) in the number type and the layout of the states of a flow.
+    """Arrays (n, k) in the number type and the memory layout of the states of a flow.
 
-    A run makes one; its memory goes when the run does.
+    Each run makes one; its memory is freed with the run.
 
-    :param flow: whose states are written.
+    :param flow: the flow.
     """
 
     def __init__(self, flow: Flow) -> None:
@@ -21,9 +21,9 @@ class Workspace:
         self._free: list[Array] = []
 
     def take(self) -> Array:
-        """An array (n, k) to write to; what it holds means nothing."""
+        """An array (n, k) to write to, with undefined contents."""
         return self._free.pop() if self._free else np.empty_like(self._like)
 
     def give(self, *arrays: Array) -> None:
-        """Arrays that nobody needs any more: :meth:`take` hands them out again."""
+        """Return arrays that are no longer needed, for reuse by :meth:`take`."""
         self._free.extend(arrays)

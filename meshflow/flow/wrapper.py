@@ -1,4 +1,4 @@
-"""A flow around another one: what it does not change is that of the inner one."""
+"""A flow that wraps another flow and changes parts of it."""
 
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import Flow, System
@@ -8,7 +8,7 @@ __all__ = ["Around"]
 
 
 class Around:
-    """The contract of a flow, handed on.
+    """The contract of a flow, passed on to the inner flow.
 
     :param flow: an engine, or another flow around one.
     """
@@ -25,7 +25,7 @@ class Around:
         return self.flow.rate(u, diagonal, blend, out)
 
     def area(self, u: Array) -> float:
-        """Of the surface, squared length."""
+        """Area of the surface, squared length."""
         return self.flow.area(u)
 
     def bound(self, u: Array) -> float:
@@ -37,5 +37,5 @@ class Around:
         return self.flow.system(u, diagonal)
 
     def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
-        """Root mean square and greatest of a sum."""
+        """Root mean square and largest of a sum."""
         return self.flow.size(*terms, roughly=roughly)

@@ -1,1 +1,1 @@
-"""The edge: files and other people's objects. What comes in becomes a data object; a data object goes out as what came in."""
+"""Input and output: files, and objects of other libraries, are converted to data objects and back."""

@@ -1,4 +1,4 @@
-"""A file is written beside the old one and takes its place when it is whole; until then nothing has changed."""
+"""Atomic writing: a file is written beside the old one and replaces it only when it is complete."""
 
 import os
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from meshflow.errors import FormatError
 
 __all__ = ["beside", "must_be_free"]
 
-# What GDAL keeps beside a raster (statistics, overviews, mask) tells of the old file: it goes when that file goes.
+# Files that GDAL keeps beside a raster (statistics, overviews, mask) describe the old file and are removed with it.
 _SIDECARS = (".aux.xml", ".ovr", ".msk")
 
 
@@ -31,10 +31,10 @@ def must_be_free(path: Path, overwrite: bool) -> None:
 
 @contextmanager
 def beside(path: Path) -> Iterator[Path]:
-    """Give a temporary path in the folder of ``path``, with its extension; move what was written there onto ``path``.
+    """Give a temporary path in the folder of ``path``, with its extension; afterwards move the file written there to ``path``.
 
-    On any failure, an interruption by the user among them, the temporary file and its sidecars are removed and the old file
-    stays as it was. A symbolic link stays one: the file that it points to is replaced. Permissions are kept.
+    On any failure, including an interruption by the user, the temporary file and its sidecars are removed and the old file is
+    unchanged. A symbolic link stays a link: the file that it points to is replaced. Permissions are kept.
 
     :raises FormatError: for an OSError (no space, no permission), or when nothing was written.
     """
@@ -51,7 +51,7 @@ def beside(path: Path) -> Iterator[Path]:
     except OSError as cause:
         reason = cause.strerror or cause.__cause__ or cause
         raise FormatError(
-            f"{path} was not written ({reason}); what was there before is as it was. "
+            f"{path} was not written ({reason}); an existing file is unchanged. "
             "Make room, or name a folder where writing is allowed"
         ) from cause
     finally:

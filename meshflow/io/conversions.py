@@ -1,4 +1,4 @@
-"""A mesh into another format than its own, and a word on everything that the other format does not hold."""
+"""Converts a mesh to another format, with a note on everything that the other format does not hold."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["bare_scene", "save"]
 
-# What each format keeps of a trimesh.Trimesh, as its writer writes it.
+# What the writer of each format keeps of a trimesh.Trimesh.
 _HOLDS = {
     ".ply": {
         "vertex colours",
@@ -58,8 +58,8 @@ _HOLDS[".vtk"] = _HOLDS[".vtu"] = _HOLDS[".vtp"]
 def save(scene: trimesh.Scene, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
     """Write a scene at ``path``, which then becomes ``target``.
 
-    :returns: what is lost, in sentences.
-    :raises FormatError: when parts with and without texture or normals would get mixed up in one OBJ, or files beside it differ.
+    :returns: notes on what is lost.
+    :raises FormatError: when one OBJ would mix parts with and without texture, or existing files beside it differ.
     """
     suffix = target.suffix.lower()
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
@@ -92,7 +92,7 @@ def save(scene: trimesh.Scene, path: Path, target: Path, tags: Mapping[str, str]
 
 
 def bare_scene(data: Mesh) -> trimesh.Scene:
-    """A scene of a mesh that came from no mesh file, its channels as the vertex attribute ``channels``."""
+    """The scene of a mesh that was not read from a file, with its channels as the vertex attribute ``channels``."""
     channels: Any = {} if data.channels is None else {"channels": np.array(data.channels)}
     return trimesh.Scene(
         trimesh.Trimesh(np.array(data.points), np.array(data.faces), process=False, vertex_attributes=channels)
@@ -109,7 +109,7 @@ def _lost(meshes: list[Any], suffix: str) -> Iterator[str]:
     for mesh in meshes:
         material = getattr(mesh.visual, "material", None)
         image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-        blank = image is None or image.size == (2, 2)  # what trimesh puts in where there is no image
+        blank = image is None or image.size == (2, 2)  # the placeholder of trimesh where there is no image
         features = {
             "vertex colours": mesh.visual.kind == "vertex" or "color" in getattr(mesh.visual, "vertex_attributes", {}),
             "face colours": mesh.visual.kind == "face",
@@ -123,7 +123,7 @@ def _lost(meshes: list[Any], suffix: str) -> Iterator[str]:
             "parts": len(meshes) > 1,
         }
         there |= dict.fromkeys(name for name, is_there in features.items() if is_there)
-        # a mesh has one visual in trimesh: beside texture coordinates, only GLB gets its colours
+        # a mesh has one visual in trimesh: with texture coordinates, only GLB also gets vertex colours
         if features["texture coordinates"] and features["vertex colours"] and suffix != ".glb":
             yield f"{suffix[1:].upper()}: texture coordinates are written, the vertex colours beside them are not"
     lost = [name for name in there if name not in _HOLDS[suffix]]
@@ -140,7 +140,7 @@ def _rounded(meshes: list[trimesh.Trimesh], suffix: str) -> Iterator[str]:
 
 
 def _prepare_ply(mesh: trimesh.Trimesh) -> Iterator[str]:
-    """Names and types that the PLY writer of trimesh can write, in place of those of the mesh, which is a copy."""
+    """Replace names and types of attributes by those that the PLY writer of trimesh supports; the mesh is a copy."""
     for attributes in (mesh.vertex_attributes, mesh.face_attributes):
         for name in list(attributes):
             values = np.asarray(attributes.pop(name))
@@ -154,7 +154,7 @@ def _prepare_ply(mesh: trimesh.Trimesh) -> Iterator[str]:
 
 
 def _save_obj(scene: trimesh.Scene, meshes: list[trimesh.Trimesh], path: Path, target: Path) -> Iterator[str]:
-    """OBJ with its materials and images beside it; the writer of trimesh counts all corners by their vertices alone."""
+    """Write an OBJ with its materials and images beside it; trimesh indexes all corners by their vertices."""
     uv = {getattr(mesh.visual, "uv", None) is not None for mesh in meshes}
     if len(uv) > 1:
         raise FormatError(

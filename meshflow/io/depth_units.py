@@ -1,4 +1,4 @@
-"""Numbers of a depth camera as metres: units, codes for what is missing, and what is strange about them."""
+"""Stored depths in metres: units, codes for missing depths, and plausibility checks."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,22 +12,22 @@ from meshflow.surfaces.camera import Pinhole
 
 __all__ = ["LARGEST", "Metres", "default_units", "in_metres"]
 
-LARGEST = 65535  # missing, as 0 is: some cameras write the one, some the other
-# Median depths, metres, beyond which the unit is in doubt: no depth camera sees so near, or so far.
+LARGEST = 65535  # missing, as 0 is: cameras write one or the other
+# Median depths, metres, outside of which the unit is doubtful, because no depth camera measures them.
 NEAREST, FARTHEST = 0.03, 300.0
-# Fields of view in degrees below which the focal length is in doubt.
+# The field of view, degrees, below which the focal length is doubtful.
 NARROW = 1.0
-# So many different numbers are not all multiples of 8 by chance.
+# This many different numbers are not all multiples of 8 by chance.
 MANY = 16
 
 
 @dataclass(frozen=True, eq=False)
 class Metres:
-    """Depths as they were meant.
+    """Depths in metres.
 
     :param depth: (h, w), metres, float32 or float64.
     :param missing: (h, w).
-    :param units: per metre, of the numbers that came.
+    :param units: of the stored numbers, per metre.
     :param notes: sentences for the user.
     """
 
@@ -38,17 +38,17 @@ class Metres:
 
 
 def default_units(whole: bool) -> float:
-    """Units per metre where nobody says: millimetres in whole numbers, metres in floating point."""
+    """The default units per metre: millimetres for whole numbers, metres for floating point."""
     return 1000.0 if whole else 1.0
 
 
 def in_metres(raw: Array, calibration: Calibration, depth_scale: float | None, name: str) -> Metres:
-    """Depths (h, w) of whole numbers or floating point in metres; 0 is missing, and in whole numbers 65535 too.
+    """Convert stored depths (h, w) to metres; 0 is missing, and in whole numbers also 65535.
 
-    :param depth_scale: units per metre; by default what the camera says for whole numbers, or :func:`default_units`.
+    :param depth_scale: units per metre; by default that of the camera for whole numbers, else :func:`default_units`.
     :param name: of the image, for the messages.
     :raises NothingThere: when all are missing.
-    :raises FormatError: when the bits are turned as SUN RGB-D has them, and no ``depth_scale`` says that they are not.
+    :raises FormatError: when the bits are rotated as in SUN RGB-D, and no ``depth_scale`` is given.
     :raises InputError: for a ``depth_scale`` that is not positive.
     """
     whole = raw.dtype.kind in "iu"
@@ -67,12 +67,12 @@ def in_metres(raw: Array, calibration: Calibration, depth_scale: float | None, n
     if whole and depth_scale is None:
         _must_not_be_turned(raw[~missing], name)
     depth = (values / units).astype(values.dtype)
-    notes = () if units == 1.0 else (f"depths of {units:g} units per metre are taken, and told, in metres",)
+    notes = () if units == 1.0 else (f"depths of {units:g} units per metre are converted to, and reported in, metres",)
     return Metres(depth, missing, units, notes + _doubts(depth[~missing], missing.shape, calibration, units))
 
 
 def _nothing(raw: Array) -> str:
-    """Of numbers that are all missing, how many are which."""
+    """How many depths have which code, where all are missing."""
     counts = (("0", raw == 0), (str(LARGEST), raw == LARGEST), ("NaN or infinite", ~np.isfinite(raw)))
     reasons = " and ".join(f"{int(where.sum())} are {word}" for word, where in counts if where.any())
     return f"all its {raw.size} depths are missing, {reasons}"
@@ -95,7 +95,7 @@ def _must_not_be_turned(counts: Array, name: str) -> None:
 
 
 def _doubts(depth: Array, shape: tuple[int, ...], calibration: Calibration, units: float) -> tuple[str, ...]:
-    """What the user may have meant otherwise."""
+    """Notes on values that are probably in another unit."""
     notes: tuple[str, ...] = ()
     if 0 < depth.size < 3:
         notes += (f"only {depth.size} of {shape[0] * shape[1]} depths is there: no triangle, so nothing can move",)
@@ -118,7 +118,7 @@ def _doubts(depth: Array, shape: tuple[int, ...], calibration: Calibration, unit
 
 
 def _beside(camera: Pinhole, shape: tuple[int, ...]) -> tuple[str, ...]:
-    """A principal point on the edge of the image or beyond: a crop may have one, a camera of another size has."""
+    """A note on a principal point on or outside the edge of the image: a crop may have one, or the camera has another size."""
     places = ((camera.cx, shape[1], "cx", "wide"), (camera.cy, shape[0], "cy", "high"))
     off = [f"{name} = {c:g} of an image {n} pixels {way}" for c, n, name, way in places if not 0 < c < n - 1]
     if not off:

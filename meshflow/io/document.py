@@ -1,4 +1,4 @@
-"""What a file or an object becomes inside: its data, what must survive around them, and the way back."""
+"""Documents and imported objects: their data, what must be kept around it, and the conversion back."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -34,20 +34,20 @@ __all__ = [
     "samples_of",
 ]
 
-# A mesh of a file of several: its name, and its vertices in the data (rows).
+# One of several meshes of a file: its name, and its vertices in the data (rows).
 Section = tuple[str, Array]
 _KINDS: Mapping[type, Kind] = {HeightField: "terrain", Image: "image", RangeImage: "depth", Mesh: "mesh"}
 
 
 class Source:
-    """What a reader keeps of a file beside its data; each format has its own, which its writer understands.
+    """What a reader keeps of a file in addition to its data; each format has its own class for its writer.
 
-    What is here is what holds of files that are nothing but samples.
+    This base class is for files that contain only samples.
     """
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """The meshes of a file of several; empty where there is one thing."""
+        """The meshes of a file with several; empty for a file with one."""
         return ()
 
     @property
@@ -57,7 +57,7 @@ class Source:
 
     @property
     def ground_unit(self) -> str:
-        """The unit of the lengths between samples; empty where the file does not say it."""
+        """The unit of the lengths between samples; empty where the file does not define it."""
         return ""
 
     @property
@@ -72,18 +72,18 @@ class Source:
 
     @property
     def placed(self) -> bool:
-        """Whether the file says more than samples: a CRS, a transform, an alpha band."""
+        """Whether the file contains more than samples: a CRS, a transform, an alpha band."""
         return False
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
-        """One number per sample of the data, given as an array or by the name of one that the file holds.
+        """One number per sample of the data, given as an array or by the name of an array in the file.
 
-        :raises InputError: for a name, where the file holds no named arrays, or none of that name.
+        :raises InputError: for a name, where the file has no named arrays, or none of that name.
         """
         return as_given(given, word)
 
     def scene(self, data: Mesh) -> "trimesh.Scene | None":
-        """The file as a scene around another mesh of as many vertices; None for what is no mesh file."""
+        """The file as a scene with another mesh of equal size; None for files that are no meshes."""
         return None
 
 
@@ -92,28 +92,28 @@ class MeshSource(Source, ABC):
 
     @abstractmethod
     def writes(self, suffix: str) -> bool:
-        """Whether an extension, in lower case, is that of the format that it came in."""
+        """Whether an extension, in lower case, belongs to the format of the file."""
 
     @abstractmethod
     def scene(self, data: Mesh) -> "trimesh.Scene":
-        """The file as a scene around another mesh of as many vertices, for any other format."""
+        """The file as a scene with another mesh of equal size, for any other format."""
 
     @abstractmethod
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the file again at ``path``, which then becomes ``target``, around another mesh.
+        """Write the file with another mesh to ``path``, which is then moved to ``target``.
 
-        :returns: what the format could not hold, and what was written beside it.
+        :returns: notes on what the format does not hold, and on files written beside it.
         """
 
 
 @dataclass(frozen=True)
 class Document:
-    """What a file held.
+    """The contents of a file.
 
     :param data: the data, as a height field, image, range image or mesh.
-    :param path: where it came from.
-    :param source: everything that must survive around the data.
-    :param notes: what was done on the way in, sentences for the user.
+    :param path: of the file.
+    :param source: everything that must be kept around the data.
+    :param notes: what the reader did, sentences for the user.
     """
 
     data: Data
@@ -128,32 +128,32 @@ class Document:
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """The meshes of a file of several: name and vertices of the data (rows) of each; empty where there is one thing."""
+        """The meshes of a file with several: name and vertices in the data (rows) of each; empty for a file with one."""
         return self.source.sections
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
-        """One number per sample of the data: of a mesh also by the name of a vertex attribute of the file.
+        """One number per sample of the data; for a mesh also by the name of a vertex attribute of the file.
 
         :param given: an array, or a name.
         :param word: ``fixed | mask | mobility | data_weights | max_change``: what it is for.
-        :raises InputError: for a name that is not there, with those that there are.
+        :raises InputError: for a name that does not exist; the message lists those that do.
         """
         return self.source.samples(given, word)
 
     def holding(self, data: Data) -> "Document":
-        """The same document around other data of the same kind and size."""
+        """The same document with other data of the same kind and size."""
         return replace(self, data=data)
 
 
 @dataclass(frozen=True)
 class Imported:
-    """An object of somebody else's, taken in.
+    """An imported object of another library.
 
     :param data: its data, shared or copied, never changed.
-    :param to_object: data of the same kind and size becomes an object of the kind that came in; a new one.
-    :param notes: what was done on the way in, sentences for the user.
-    :param samples: what is given for an option of one number per sample, an array as the object stores its samples or the
-        name of one that it holds, becomes an array of the samples of the data.
+    :param to_object: converts data of the same kind and size to a new object of the original kind.
+    :param notes: what the import did, sentences for the user.
+    :param samples: converts an option of one number per sample, an array in the order of the object or the name of an array in
+        it, to an array in the order of the data.
     """
 
     data: Data
@@ -167,8 +167,8 @@ class Multipart:
     """Data of several parts that do not influence each other.
 
     :param parts: name and part; no name twice.
-    :param to_object: their data, in the same order, become an object of the kind that came in; a new one.
-    :param whole: one number per sample may come as one array for all of them; otherwise by name alone.
+    :param to_object: converts their data, in the same order, to a new object of the original kind.
+    :param whole: whether one number per sample may be given as one array for all parts; otherwise only by name.
     """
 
     parts: tuple[tuple[str, Imported], ...]
@@ -177,7 +177,7 @@ class Multipart:
 
 
 class Writing(TypedDict, total=False):
-    """The fields of :class:`WriteOptions` as keywords, but for the tags."""
+    """The fields of :class:`WriteOptions` as keywords, except for the tags."""
 
     dtype: str | None
     depth_scale: float | None
@@ -186,12 +186,12 @@ class Writing(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class WriteOptions:
-    """How a file is to be written; None: as it was read.
+    """How to write a file; None: as it was read.
 
-    :param tags: words about the run, kept in the file where the format has room for them.
-    :param dtype: of the samples of a raster or a picture; ``source``: that of the file.
+    :param tags: text about the run, kept in the file where the format supports it.
+    :param dtype: number type of the samples of a raster or a picture; ``source``: that of the file.
     :param depth_scale: units per metre of stored depths.
-    :param left: standard deviation of the noise that is still in the depths, metres, which rounding is compared with.
+    :param left: standard deviation of the noise left in the depths, metres, with which rounding is compared.
     """
 
     tags: Mapping[str, str] = field(default_factory=dict)
@@ -240,7 +240,7 @@ def kind_of(data: Data) -> Kind:
 def depths_of(document: Document) -> RangeImage:
     """The range image of a document.
 
-    :raises InputError: where it holds other data.
+    :raises InputError: where it contains other data.
     """
     if not isinstance(document.data, RangeImage):
         raise InputError(f"{document.path.name}: a range image expected, got a {type(document.data).__name__}")
@@ -260,7 +260,7 @@ def samples_of(document: Document) -> HeightField | Image | RangeImage:
 
 
 def distinct_names(parts: Iterable[tuple[str, Imported]]) -> tuple[tuple[str, Imported], ...]:
-    """Parts with a number behind each name that has been there before."""
+    """Parts with a number after each name that occurred before."""
     made: dict[str, Imported] = {}
     for name, part in parts:
         count, own = 1, name

@@ -1,4 +1,4 @@
-"""A range image as points, normals, a mesh: of trimesh, open3d or pyvista, with the colours of a picture of the same size."""
+"""Exports range images as points, normals and meshes of trimesh, open3d and pyvista, with the colours of a picture."""
 
 from dataclasses import dataclass
 from types import ModuleType
@@ -22,11 +22,11 @@ __all__ = ["to_mesh", "to_normals", "to_open3d", "to_points", "to_pyvista"]
 
 @dataclass(frozen=True, eq=False)
 class _Shell:
-    """What was seen.
+    """The surface that the camera sees.
 
     :param points: (h * w, 3), NaN where missing.
-    :param faces: (m, 3), turned towards the camera.
-    :param there: (h * w,), samples that are there.
+    :param faces: (m, 3), oriented towards the camera.
+    :param there: (h * w,), samples that are not missing.
     :param sights: (h * w, 3), unit vectors away from the camera.
     """
 
@@ -37,7 +37,7 @@ class _Shell:
 
     @property
     def normals(self) -> Array:
-        """(h * w, 3), the mean of the triangles around by area; where there is none, towards the camera."""
+        """(h * w, 3), area-weighted means of the triangles around; without triangles, towards the camera."""
         towards = -self.sights
         if len(self.faces) == 0:
             return towards
@@ -52,9 +52,9 @@ def to_points(image: RangeImage, colours: ArrayLike) -> tuple[Array, Array]: ...
 
 
 def to_points(image: RangeImage, colours: ArrayLike | None = None) -> Array | tuple[Array, Array]:
-    """The points (n, 3) of the samples that are there, row by row, in the frame of the camera.
+    """The points (n, 3) of the samples that are not missing, row by row, in the frame of the camera.
 
-    :param colours: as of :func:`to_mesh`.
+    :param colours: as in :func:`to_mesh`.
     :returns: the points, or with colours (points, colours), these (n, 3) in uint8.
     :raises InputError: for colours of another size or type.
     """
@@ -64,16 +64,16 @@ def to_points(image: RangeImage, colours: ArrayLike | None = None) -> Array | tu
 
 
 def to_normals(image: RangeImage) -> Array:
-    """Unit normals (n, 3) of :func:`to_points`, towards the camera; of triangles that no jump has left out."""
+    """Unit normals (n, 3) of :func:`to_points`, towards the camera, from triangles that do not cross a jump."""
     shell = _shell(image)
     return shell.normals[shell.there]
 
 
 def to_mesh(image: RangeImage, colours: ArrayLike | None = None) -> "trimesh.Trimesh":
-    """The triangles between the samples, but those across jumps, turned towards the camera; points of no triangle are left out.
+    """The triangles between samples that do not cross a jump, oriented towards the camera; isolated points are left out.
 
-    :param colours: (h, w, 3) or (h, w, 4), whole numbers of 8 or 16 bit or floating point from 0 to 1: the picture of the same
-        pixels.
+    :param colours: the picture of the same pixels, (h, w, 3) or (h, w, 4): whole numbers of 8 or 16 bit, or floating point from
+        0 to 1.
     :raises InputError: for colours of another size or type, or where there is no triangle.
     """
     import trimesh
@@ -89,11 +89,11 @@ def to_open3d(
     *,
     tensor: bool = False,
 ) -> Any:
-    """The same for open3d: a TriangleMesh as :func:`to_mesh`, or a PointCloud as :func:`to_points`; with normals.
+    """Export to open3d: a TriangleMesh as :func:`to_mesh`, or a PointCloud as :func:`to_points`, with normals.
 
     :param kind: ``mesh`` or ``points``.
-    :param tensor: of open3d's tensor classes (float32) instead of the legacy ones.
-    :raises InputError: as :func:`to_mesh`, or for another kind.
+    :param tensor: use the tensor classes of open3d (float32) instead of the legacy ones.
+    :raises InputError: as :func:`to_mesh`, and for another kind.
     """
     if kind not in ("mesh", "points"):
         raise InputError(f"kind: mesh or points expected, got {kind!r}")
@@ -124,7 +124,7 @@ def to_open3d(
 def to_pyvista(image: RangeImage, colours: ArrayLike | None = None) -> "pv.StructuredGrid":
     """A StructuredGrid of h x w points, with the array ``depth`` (and ``colours``); missing samples are hidden (ghosts).
 
-    (A structured grid cannot leave a triangle out: it bridges jumps, which :func:`to_mesh` does not.)
+    A structured grid cannot leave triangles out: unlike :func:`to_mesh`, it connects samples across jumps.
 
     :raises InputError: for colours of another size or type.
     """
@@ -134,7 +134,7 @@ def to_pyvista(image: RangeImage, colours: ArrayLike | None = None) -> "pv.Struc
     depth = np.where(missing, np.median(image.depth[~missing]), image.depth).astype(np.float64)
     points = image.points_at(depth)
     grid = pv.StructuredGrid(*(np.ascontiguousarray(points[..., axis]) for axis in range(3)))
-    order = np.arange(missing.size).reshape(missing.shape).ravel(order="F")  # VTK counts along the first axis first
+    order = np.arange(missing.size).reshape(missing.shape).ravel(order="F")  # in VTK the first axis runs fastest
     grid.point_data["depth"] = np.where(missing, np.nan, image.depth).ravel()[order]
     if paint is not None:
         grid.point_data["colours"] = paint[order]
@@ -145,7 +145,7 @@ def to_pyvista(image: RangeImage, colours: ArrayLike | None = None) -> "pv.Struc
 
 def _tensor(open3d: ModuleType, points: Array, faces: Array | None, normals: Array, paint: Array | None) -> Any:
     def tensor(array: Array, kind: type[np.generic] = np.float32) -> Any:
-        """A tensor of the array in another type."""
+        """The array as a tensor of a type."""
         return open3d.core.Tensor(np.ascontiguousarray(array, dtype=kind))
 
     if faces is None:

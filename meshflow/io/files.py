@@ -1,4 +1,4 @@
-"""Files in and out: which format reads, which one writes, and what must be asked before the work."""
+"""Reading and writing files: selects the format, and checks before the work that the result can be written."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ MESHES = frozenset({".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".vtp", ".v
 ARRAYS = frozenset({".npy", ".npz"})
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 TIFF = frozenset({".tif", ".tiff"})
-# What is advised where nothing holds the data.
+# The extensions suggested where a format does not hold the data.
 ROOM = {
     "mesh": tuple(sorted(MESHES - {".gltf", ".3mf"})),
     "depth": (".png", ".tif", ".npy", ".exr", ".ply"),
@@ -44,9 +44,9 @@ class Choosy(Protocol):
 class Entry:
     """A format in the registry.
 
-    :param load: imports it; nothing of other libraries is imported before one of its files comes in.
-    :param written: the extensions that it may write, in lower case.
-    :param claims: whether it reads a file: asked in the order of the registry, the first that says so reads it.
+    :param load: imports it; other libraries are imported only when one of its files is read.
+    :param written: the extensions that it can write, in lower case.
+    :param claims: whether it reads a file; the first format of the registry that claims a file reads it.
     """
 
     load: Callable[[], Format]
@@ -138,18 +138,18 @@ FORMATS = (
 
 
 def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
-    """Read whatever the file holds.
+    """Read a file.
 
-    A mesh by its extension, but a PLY with a range grid as a range image; ``.npy`` and ``.npz`` as arrays; a picture with a
-    camera as a depth image, without as an image; everything else as a raster that GDAL opens: one band is a terrain, several are
-    an image.
+    Meshes are recognized by their extension, except that a PLY with a range grid is a range image. ``.npy`` and ``.npz`` are
+    arrays. A picture is a depth image if a camera is given, else an image. Everything else is a raster that GDAL opens: one
+    band is a terrain, several bands are an image.
 
-    :param metadata: what the file does not say of itself (:class:`ReadOptions`): ``kind`` (``terrain | image | depth |
-        mesh``), where the guess would be wrong; of rasters and arrays ``band``, ``nodata``, ``spacing``; of depths
-        ``camera``, ``depth_scale`` (units per metre), ``measure``, ``time_unit``, ``jump``; of scans ``viewpoint``; of
+    :param metadata: what the file does not contain itself (:class:`ReadOptions`): ``kind`` (``terrain | image | depth |
+        mesh``), where the guess would be wrong; for rasters and arrays ``band``, ``nodata``, ``spacing``; for depths
+        ``camera``, ``depth_scale`` (units per metre), ``measure``, ``time_unit``, ``jump``; for scans ``viewpoint``; for
         meshes ``channels``, ``moves``.
-    :raises FormatError: when the file cannot be read; the message says why and what would be read.
-    :raises InputError: for an option that does not exist or does not apply to the file, with those that do.
+    :raises FormatError: when the file cannot be read; the message says why, and what can be read.
+    :raises InputError: for an option that does not exist or does not apply to the file; the message lists those that do.
     """
     if not isinstance(path, (str, PathLike)):
         raise InputError(
@@ -175,14 +175,14 @@ def write(
     tags: Mapping[str, str] | None = None,
     **options: Unpack[Writing],
 ) -> tuple[str, ...]:
-    """Write a document in the format that the extension names; beside the old file first, then in its place.
+    """Write a document in the format of the extension; an existing file is replaced only when the new one is complete.
 
     :param overwrite: replace a file that is there.
-    :param tags: words about the run, kept in the file where the format has room for them.
+    :param tags: text about the run, kept in the file where the format supports it.
     :param options: for the writer (:class:`WriteOptions`): ``dtype`` (rasters, pictures), ``depth_scale`` and ``left`` (depth
         images).
-    :returns: what the user should know (rounding, what the format could not hold).
-    :raises FormatError: when the format cannot hold the data, or a file is there and ``overwrite`` is not given.
+    :returns: notes for the user (rounding, what the format does not hold).
+    :raises FormatError: when the format cannot hold the data, or the file exists and ``overwrite`` is false.
     :raises InputError: for an option that does not apply to the format.
     """
     if not isinstance(document, Document):
@@ -202,7 +202,7 @@ def write(
 
 
 def writable(document: Document, path: str | Path, *, overwrite: bool = False, **options: Unpack[Writing]) -> Format:
-    """The format that would write a document to a path: to be asked before the work whose result goes there.
+    """The format that would write a document to a path; call it before the work whose result is written there.
 
     :param options: as those of :func:`write`.
     :raises FormatError: as :func:`write`.

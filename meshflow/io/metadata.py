@@ -1,4 +1,4 @@
-"""What data does not say of itself: the options of readers, which of them apply to what, and the names of arrays."""
+"""Metadata that data does not contain itself: options of readers, which of them apply, and names of arrays."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -33,16 +33,16 @@ __all__ = [
 Kind = Literal["terrain", "image", "depth", "mesh"]
 Jump = float | Literal["noise"] | None
 SpacingLike = float | Sequence[float | Array]
-# Options that hold one number per sample; each may be the name of an array that the data itself holds.
+# Options of one number per sample; each may be the name of an array in the data itself.
 PER_SAMPLE = ("fixed", "mask", "mobility", "data_weights", "max_change")
 MASKS = ("fixed", "mask")
-# The array of a name, and the names that there are.
+# The array of a name, and the existing names.
 Found = tuple[Array | None, Iterable[str]]
 
 
 @runtime_checkable
 class Intrinsics(Protocol):
-    """A camera as open3d has it (``open3d.camera.PinholeCameraIntrinsic``)."""
+    """A camera of open3d (``open3d.camera.PinholeCameraIntrinsic``)."""
 
     @property
     def intrinsic_matrix(self) -> ArrayLike:
@@ -85,24 +85,24 @@ class Metadata(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class ReadOptions:
-    """What the caller says of a file or an object that it does not say itself; None: not said.
+    """Metadata that the caller gives for a file or an object; None: not given.
 
     :param kind: ``terrain | image | depth | mesh``, where the guess would be wrong.
-    :param spacing: of samples on a grid, one number or (dx, dy) in the horizontal unit; dx may be one number per row.
+    :param spacing: for samples on a grid: one number or (dx, dy) in the horizontal unit; dx may be one number per row.
     :param missing: (h, w), samples that are missing.
     :param unit: the name of the unit of heights or depths, for reports and pictures.
-    :param channels: of a mesh (n, k), or the name of an attribute of its vertices, or ``"colors"``.
-    :param moves: of a mesh with channels, ``points | channels | all``.
-    :param camera: of depths: the camera itself, the name of a convention, or the path of a file
+    :param channels: for a mesh: (n, k), or the name of an attribute of its vertices, or ``"colors"``.
+    :param moves: for a mesh with channels: ``points | channels | all``.
+    :param camera: for depths: the camera itself, the name of a convention, or the path of a file
         (:func:`meshflow.read_camera`).
     :param depth_scale: units per metre of stored depths.
-    :param measure: of depths, ``depth`` along the optical axis or ``range`` along the ray.
-    :param time_unit: of depths, ``footprint | length | noise``, as :class:`meshflow.RangeImage` has it.
-    :param jump: of depths, where neighbours are cut, as :class:`meshflow.RangeImage` has it; None: nowhere.
-    :param viewpoint: (x, y, z), where the scanner of a PLY range grid stood.
-    :param band: of a raster, the one to read, from 1.
-    :param nodata: of a raster or an array file, the value that marks missing samples.
-    :param allow_remote: a file may name others outside its own folder, and in a network; otherwise it is refused.
+    :param measure: for depths: ``depth`` along the optical axis or ``range`` along the ray.
+    :param time_unit: for depths: ``footprint | length | noise``, as in :class:`meshflow.RangeImage`.
+    :param jump: for depths: where neighbours are not connected, as in :class:`meshflow.RangeImage`; None: nowhere.
+    :param viewpoint: (x, y, z), the position of the scanner of a PLY range grid.
+    :param band: for a raster: the one to read, from 1.
+    :param nodata: for a raster or an array file: the value that marks missing samples.
+    :param allow_remote: a file may refer to files outside its folder and in a network; otherwise it is refused.
     """
 
     kind: Kind | None = None
@@ -127,9 +127,9 @@ class ReadOptions:
 
     @classmethod
     def of(cls, metadata: Mapping[str, object]) -> "ReadOptions":
-        """The options of keywords.
+        """Make options of keywords.
 
-        :raises InputError: for a name that is no option, with the nearest that is one.
+        :raises InputError: for a name that is no option; the message suggests the nearest one.
         """
         names = [field.name for field in fields(cls)]
         for name in metadata:
@@ -160,7 +160,7 @@ class ReadOptions:
         return self.channels if isinstance(self.channels, str) else None
 
     def without(self, *names: str) -> "ReadOptions":
-        """The other options, those named as if they had not been given."""
+        """The options without those named."""
         defaults = {field.name: field.default for field in fields(self)}
         return replace(self, **{name: defaults[name] for name in names})
 
@@ -168,17 +168,17 @@ class ReadOptions:
         """Refuse the options that do not apply.
 
         :param what: the data, with its article.
-        :param takes: the names of those that do.
-        :raises InputError: naming those that do not, and those that do.
+        :param takes: the names of the options that apply.
+        :raises InputError: the message lists the options that do not apply, and those that do.
         """
         others = sorted(set(self.given) - set(takes))
         if others:
             raise InputError(f"{', '.join(others)}: no option of {what}, which takes {', '.join(takes) or 'none'}")
 
     def must_be_mesh(self, what: str, takes: Collection[str] = ("channels", "moves")) -> None:
-        """Refuse what does not apply to a mesh: other options, and another kind.
+        """Refuse options that do not apply to a mesh, and another kind.
 
-        :raises InputError: as :meth:`must_belong`, or for a ``kind`` that is not ``mesh``.
+        :raises InputError: as :meth:`must_belong`, and for a ``kind`` that is not ``mesh``.
         """
         self.must_belong(what, ("kind", *takes))
         if self.kind not in (None, "mesh"):
@@ -186,7 +186,7 @@ class ReadOptions:
 
 
 def as_given(given: ArrayLike | None, word: str) -> ArrayLike | None:
-    """What data without named arrays makes of an option that holds one number per sample: the array as it is.
+    """An option of one number per sample, for data without named arrays: the array itself.
 
     :raises InputError: for a name.
     """
@@ -200,10 +200,10 @@ def as_given(given: ArrayLike | None, word: str) -> ArrayLike | None:
 
 
 def looked_up(name: str, word: str, found: Found) -> Array:
-    """The numbers (n,) of a named array, of masks whether they are other than zero.
+    """The numbers (n,) of a named array; for masks, whether they are not zero.
 
-    :param found: the array (n,) of that name, None where there is none, and the names that there are.
-    :raises InputError: for a name that is not there, or an array that holds no number per sample.
+    :param found: the array (n,) of that name, or None, and the existing names.
+    :raises InputError: for a name that does not exist, or an array that is not one number per sample.
     """
     array, there = found
     if array is None:

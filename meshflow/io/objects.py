@@ -1,4 +1,4 @@
-"""Other people's objects in, the same kind of object out."""
+"""Imports objects of other libraries, and converts results back to the same kind of object."""
 
 from collections.abc import Callable
 from os import PathLike
@@ -17,14 +17,13 @@ __all__ = ["Imported", "from_object", "opened", "taken_in"]
 
 
 def from_object(data: object, metadata: Metadata | None = None) -> Imported:
-    """Recognise what data is.
+    """Recognize and import data.
 
-    numpy arrays (h, w) are height fields, (h, w, k) images; ``(points, faces)`` is a mesh; objects of xarray, trimesh,
-    pyvista, open3d and meshio as they are; a path is read, and what :func:`meshflow.read` gives is taken; the data objects of
-    meshflow pass.
+    numpy arrays (h, w) are height fields, arrays (h, w, k) images; ``(points, faces)`` is a mesh. Objects of xarray, trimesh,
+    pyvista, open3d and meshio, documents of :func:`meshflow.read`, and data objects of meshflow are accepted. A path is read.
 
-    :param metadata: what the object itself does not say (:class:`ReadOptions`).
-    :raises InputError: for what is none of these, or an option that does not exist or does not belong to it.
+    :param metadata: what the object does not contain itself (:class:`ReadOptions`).
+    :raises InputError: for any other object, and for an option that does not exist or does not apply.
     :raises FormatError: for a file that cannot be read.
     """
     return taken_in(data, ReadOptions.of({} if metadata is None else metadata))
@@ -49,7 +48,7 @@ def taken_in(data: object, options: ReadOptions) -> Imported:
 
 
 def opened(data: object, options: ReadOptions) -> tuple[object, ReadOptions]:
-    """The document of a path, read with the options, of which none is left; anything else as it is.
+    """The document of a path, read with the options, and no options; anything else is returned unchanged.
 
     :raises FormatError: for a file that cannot be read.
     """
@@ -65,9 +64,9 @@ def _from_document(document: Document, options: ReadOptions) -> Imported:
 
 
 def _adapter(data: object) -> Callable[[object, ReadOptions], Imported] | None:
-    """What knows the objects of the package that the class of the data, or one that it is derived from, is of.
+    """The adapter of the package that defines the class of the data, or one of its base classes.
 
-    Nothing of that package is imported before one of its objects has come in.
+    An adapter is imported only when an object of its package is given.
     """
     for kind in type(data).__mro__:  # a subclass of numpy.ndarray or trimesh.Trimesh is one of them
         match kind.__module__.partition(".")[0]:

@@ -1,4 +1,4 @@
-"""Files that name other files: they stay in their own folder."""
+"""Files that refer to other files may do so only within their own folder."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,11 +9,11 @@ __all__ = ["must_stay_inside"]
 
 
 def must_stay_inside(path: Path, names: Iterable[str], what: str, advice: str) -> None:
-    """Refuse a file that names others outside its own folder, in a network, or in a virtual file system.
+    """Refuse a file that refers to files outside its folder, in a network, or in a virtual file system.
 
-    :param names: of the files, as they are written in it.
-    :param what: it is, with its article.
-    :param advice: what to do where it is trusted.
+    :param names: the names of the other files, as written in it.
+    :param what: the kind of the file, with its article.
+    :param advice: what to do if the file is trusted.
     :raises FormatError: with the first such name.
     """
     folder = path.resolve().parent

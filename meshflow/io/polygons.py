@@ -1,10 +1,10 @@
-"""Polygons become triangles, a fan each: one of very many corners would be a vertex with as many neighbours."""
+"""Polygons are triangulated as fans; a polygon of very many corners would give a vertex with as many neighbours."""
 
 from meshflow.errors import FormatError
 
 __all__ = ["must_be_small"]
 
-# What is measured around a vertex takes the square of its neighbours.
+# Some quantities of a vertex take time in proportion to the square of its neighbours.
 _MOST_CORNERS = 4096
 
 

@@ -1,4 +1,4 @@
-"""From floating point back to whole numbers, and the value that marks what is missing."""
+"""Rounds floating point to whole numbers, and chooses the value that marks missing samples."""
 
 import numpy as np
 
@@ -12,10 +12,10 @@ DTYPES = ("uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
 
 
 def rounded(values: Array, gone: Array, dtype: np.dtype) -> tuple[Array, tuple[str, ...]]:
-    """A copy of the values in another dtype, integers rounded and clipped, and a note of what was clipped.
+    """A copy of the values in another dtype, rounded and clipped for integers, and a note on clipping.
 
     :param values: any shape, floating point.
-    :param gone: of the same shape: samples that do not count; where they do not fit they become 0 or the nearest that fits.
+    :param gone: of the same shape: missing samples; where they do not fit they become 0 or the nearest value that fits.
     :param dtype: of up to 32 bits if an integer.
     """
     if dtype.kind == "f":
@@ -29,12 +29,12 @@ def rounded(values: Array, gone: Array, dtype: np.dtype) -> tuple[Array, tuple[s
 
 
 def mark(samples: Array, frame: Frame, dtype: np.dtype) -> float | None:
-    """A value for missing samples that no other sample has: the file's own, else -9999, else an end of the range, or NaN.
+    """A value for missing samples that no other sample has: that of the file, else -9999, else an end of the range, or NaN.
 
-    None where the file declared no such value and nothing is missing, or an alpha band says what is (GDAL asks it of whole
-    numbers only).
+    None where the file declares no such value and nothing is missing, or where an alpha band marks missing samples (GDAL uses
+    it for whole numbers only).
 
-    :raises FormatError: when every value is taken.
+    :raises FormatError: when every value is used.
     """
     floating = dtype.kind == "f"
     if frame.nodata is None and (not frame.gone.any() or (frame.alpha is not None and not floating)):

@@ -1,4 +1,4 @@
-"""How far apart the samples of a raster are, in metres where its grid is in degrees."""
+"""The spacing of the samples of a raster, in metres where its grid is in degrees."""
 
 import re
 from typing import TYPE_CHECKING
@@ -45,12 +45,12 @@ _METRES = {
 def between_samples(crs: "CRS | None", transform: "Affine", shape: tuple[int, int]) -> tuple[Spacing, tuple[str, ...]]:
     """(dx, dy) of a grid of h x w samples, and notes for the user.
 
-    A projected or unknown CRS: the lengths of the two columns of the transform, in the linear unit of the CRS; a turned grid
-    is as good as an upright one. A geographic CRS: metres, one dx per row.
+    For a projected or unknown CRS: the lengths of the two columns of the transform, in the linear unit of the CRS; the grid may
+    be rotated. For a geographic CRS: metres, one dx per row.
 
     :param crs: a ``rasterio.crs.CRS`` or None.
-    :param transform: column, row to x, y, of corners of pixels.
-    :raises InputError: for a sheared grid, a turned one in degrees, or a latitude beyond the poles.
+    :param transform: from column, row to x, y of the corners of pixels.
+    :raises InputError: for a sheared grid, a rotated grid in degrees, or a latitude beyond the poles.
     """
     a, b, c, d, e, f = tuple(transform)[:6]
     dx, dy = float(np.hypot(a, d)), float(np.hypot(b, e))
@@ -137,7 +137,7 @@ def on_ellipsoid(
 
     dx_i = N(phi_i) cos(phi_i) dlon, one per row, with N = a / sqrt(1 - e^2 sin^2 phi) the radius of curvature in the prime
     vertical; dy = M dlat, one number, with M = a (1 - e^2) / (1 - e^2 sin^2 phi)^(3/2) of the meridian at the mean latitude
-    (on the Earth it changes by 1 % from equator to pole). a and e are those of the ellipsoid of the CRS, the Earth's or not.
+    (on the Earth it changes by 1 % from equator to pole). a and e are those of the ellipsoid of the CRS, which need not be the Earth.
 
     :param latitudes: (h,), of the centres of the rows, in any order.
     :param columns: of the grid, so that one around the Earth is told.
@@ -171,7 +171,7 @@ def on_ellipsoid(
 
 
 def height_unit(crs: "CRS | None", declared: str | None) -> str:
-    """The name of the unit of heights: what the band declares, else what a vertical CRS says, else ``""``."""
+    """The name of the unit of heights: declared by the band, else by a vertical CRS, else ``""``."""
     if declared or crs is None:
         return declared or ""
     vertical = re.search(r'VERTCRS\[.*?LENGTHUNIT\["([^"]+)"', crs.to_wkt(version="WKT2_2019"), re.DOTALL)
@@ -179,7 +179,7 @@ def height_unit(crs: "CRS | None", declared: str | None) -> str:
 
 
 def units_disagree(crs: "CRS | None", unit: str) -> tuple[str, ...]:
-    """A note where heights and grid are known to be in different units: slopes would be wrong by their ratio."""
+    """A note where heights and grid have different units, so that slopes are wrong by their ratio."""
     if crs is None:
         return ()
     name, across = linear_unit(crs)
@@ -193,8 +193,9 @@ def units_disagree(crs: "CRS | None", unit: str) -> tuple[str, ...]:
 
 
 def linear_unit(crs: "CRS") -> tuple[str, float]:
-    """The name of the unit of lengths on the ground and its metres: the metre where the grid is in degrees, as it is measured in
-    metres; ``("", 1.0)`` of a CRS that has none.
+    """The name of the horizontal unit and its length in metres.
+
+    It is the metre where the grid is in degrees, whose spacing is in metres; ``("", 1.0)`` where the CRS defines none.
     """
     if crs.is_geographic:
         return "metre", 1.0
@@ -202,7 +203,7 @@ def linear_unit(crs: "CRS") -> tuple[str, float]:
 
 
 def _ellipsoid(crs: "CRS") -> tuple[float, float]:
-    """Semi-major axis in metres and flattening (0 of a sphere)."""
+    """Semi-major axis in metres, and flattening (0 for a sphere)."""
     wkt = crs.to_wkt(version="WKT2_2019")
     found = re.search(r'ELLIPSOID\["[^"]*",\s*([\d.eE+-]+),\s*([\d.eE+-]+)', wkt)
     if found is None:

@@ -1,7 +1,7 @@
-"""Vertices that a format has split, joined for the flow and split again on the way out.
+"""Joins vertices that a format has split, for the flow, and splits them again in the result.
 
-STL stores every corner of every triangle; textured formats store a vertex once for each texture coordinate or normal that
-it carries. Moved one by one the copies would tear the surface open along these seams.
+STL stores every corner of every triangle; textured formats store a vertex once for each of its texture coordinates or normals.
+If the copies moved independently, the surface would tear open along these seams.
 """
 
 from collections.abc import Callable
@@ -18,19 +18,19 @@ from meshflow.surfaces.mesh import Mesh, Moves
 
 __all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
 
-# Names of parts that a sentence lists.
+# The most names of parts that a note lists.
 LISTED = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """A mesh as it is stored, the data object that it becomes, and the way back.
+    """A mesh as it is stored, the joined mesh for the flow, and the conversion back.
 
     :param points: (n, 3) as stored, copied.
     :param faces: (m, 3), of the stored points.
     :param channels: (n, k) as stored, or None.
-    :param first: (v,), the first stored vertex of each vertex of the data object.
-    :param home: (n,), the vertex of the data object to which each stored vertex belongs.
+    :param first: (v,), the first stored vertex of each joined vertex.
+    :param home: (n,), the joined vertex of each stored vertex.
     :param data: the :class:`Mesh` of v <= n vertices.
     """
 
@@ -51,10 +51,10 @@ class Skin:
         channels: ArrayLike | None = None,
         moves: Moves | None = None,
     ) -> "Skin":
-        """Take a mesh in.
+        """Join the vertices of a stored mesh.
 
-        :param split: join vertices at bit-identical positions; as (n,) whole numbers, those of equal number alone.
-        :param channels: (n,) or (n, k); of joined vertices the mean is taken.
+        :param split: join vertices at bit-identical positions; as (n,) whole numbers, only those of equal number.
+        :param channels: (n,) or (n, k); a joined vertex gets the mean.
         :raises InputError: as :class:`Mesh`.
         """
         points = np.array(points)
@@ -68,7 +68,7 @@ class Skin:
 
     @property
     def note(self) -> tuple[str, ...]:
-        """A sentence when vertices were joined."""
+        """A note when vertices were joined."""
         copies = len(self.home) - len(self.first)
         if not copies:
             return ()
@@ -78,11 +78,11 @@ class Skin:
         )
 
     def samples(self, given: ArrayLike | None, word: str, find: Callable[[str], Found]) -> ArrayLike | None:
-        """One number per vertex of the data object, from one per stored vertex; of joined vertices that which holds most.
+        """One number per joined vertex, from one per stored vertex; the most restrictive one of its copies.
 
-        :param given: an array (n, ...), or the name of one; anything else is handed on as it is.
+        :param given: an array (n, ...), or the name of one; anything else is returned unchanged.
         :param find: looks up a name.
-        :raises InputError: for a name that is not there, with those that there are.
+        :raises InputError: for a name that does not exist; the message lists those that do.
         """
         values = looked_up(given, word, find(given)) if isinstance(given, str) else np.asarray(given)
         if values.ndim == 0 or len(values) != len(self.home):
@@ -96,7 +96,7 @@ class Skin:
     def points_of(self, data: Mesh) -> Array:
         """Positions (n, 3) of the stored vertices, in the stored type.
 
-        :raises InputError: for a data object of another size.
+        :raises InputError: for a mesh of another size.
         """
         if not isinstance(data, Mesh) or data.points.shape != self.data.points.shape:
             raise InputError(
@@ -105,11 +105,11 @@ class Skin:
         return data.points[self.home].astype(self.points.dtype, copy=False)
 
     def has_moved(self, data: Mesh) -> bool:
-        """Whether any point of the data object is not where it was."""
+        """Whether any point has moved."""
         return not np.array_equal(self.data.points, data.points)
 
     def channels_of(self, data: Mesh) -> Array | None:
-        """Channels (n, k) of the stored vertices: what they were plus what changed; None where they did not change."""
+        """Channels (n, k) of the stored vertices, their old values plus the change; None where nothing changed."""
         before, after = self.data.channels, data.channels
         if self.channels is None or before is None or after is None or np.array_equal(before, after):
             return None
@@ -124,7 +124,7 @@ def joined(points: Array, groups: Array | None = None) -> tuple[Array, Array]:
     if not len(points):
         return _apart(0)
     rows = points if groups is None else np.column_stack([points, groups])
-    order = np.lexsort(rows.T)  # as numpy.unique of the rows, five times as fast
+    order = np.lexsort(rows.T)  # equal to numpy.unique of the rows, and five times as fast
     is_new = np.ones(len(rows), bool)
     is_new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
     first = np.minimum.reduceat(order, np.flatnonzero(is_new))
@@ -135,32 +135,32 @@ def joined(points: Array, groups: Array | None = None) -> tuple[Array, Array]:
 
 
 def is_soup(faces: Array, n: int) -> bool:
-    """Whether every corner of every triangle has a vertex of its own: nothing is connected to anything."""
+    """Whether every corner of every triangle is a separate vertex, so that no triangles are connected."""
     return len(faces) > 1 and faces.size == n and len(np.unique(faces)) == n
 
 
 def said_of(sections: tuple[Section, ...]) -> tuple[str, ...]:
-    """A sentence where there are several parts."""
+    """A note where there are several parts."""
     names = ", ".join(name for name, _ in sections[:LISTED])
     more = f" and {len(sections) - LISTED} more" if len(sections) > LISTED else ""
     return (f"{len(sections)} parts: {names}{more}",) if sections else ()
 
 
 def fitted(values: Array, kind: np.dtype) -> Array:
-    """Values in another type: whole numbers are rounded, and clipped to what the type holds."""
+    """Values in another type; for whole numbers they are rounded, and clipped to the range of the type."""
     if kind.kind in "iu":
         limits = np.iinfo(kind)
-        # the largest int64 has no float64 of its own: the next one below it has
+        # the largest int64 is no float64; take the next float64 below it
         top = np.nextafter(float(limits.max), 0) if kind.itemsize == 8 else limits.max
         return np.clip(np.rint(values), limits.min, top).astype(kind)
     return values.astype(kind)
 
 
 def normals_after(points: Array, faces: Array, before: Array, normals: Array) -> Array:
-    """Normals (n, 3) of moved vertices: edges that were hard stay hard, seams that were smooth stay smooth.
+    """Normals (n, 3) of moved vertices; hard edges stay hard, and smooth seams stay smooth.
 
-    Stored vertices share a normal where they shared position and normal before (normals to 1e-3). A vertex without area
-    around it keeps the normal that it had.
+    Stored vertices share a normal where they shared position and normal before (normals to 1e-3). A vertex without area around
+    it keeps its normal.
     """
     import trimesh
 
@@ -191,7 +191,7 @@ def _mean(values: Array, home: Array, count: int) -> Array:
 
 
 def _in_range(faces: Array, home: Array) -> Array:
-    """Faces of the joined vertices; faces that name no vertex are left for the gate of the data object to refuse."""
+    """Faces of the joined vertices; faces with an index out of range are refused."""
     faces = np.asarray(faces)
     if faces.size and (faces.min() < 0 or faces.max() >= len(home)):
         bad = faces.min() if faces.min() < 0 else faces.max()

@@ -1,1 +1,1 @@
-"""What was done, and why."""
+"""Results: what a run did, and why."""

@@ -1,4 +1,4 @@
-"""Things of several parts, each smoothed as if it were alone, and what was done to each of them."""
+"""Data of several parts, which are smoothed one by one, and the results of all parts."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -20,17 +20,17 @@ from meshflow.surfaces.multipart import as_one
 
 __all__ = ["Results", "one_by_one"]
 
-# Parts that a line tells of.
+# The most parts that a summary lists.
 LISTED = 12
 
 
 @dataclass(frozen=True, eq=False)
 class Results(Mapping[str, Result]):
-    """What became of a thing of several parts: a :class:`Result` of each, by its name; ``print`` it to read them all.
+    """The results of data of several parts: a :class:`Result` for each part, by its name. ``print`` shows them all.
 
-    :ivar data: what came back, of the kind that was given.
-    :ivar parts: the results, none of which has anything to do with another.
-    :ivar warnings: sentences on the whole; each part has its own.
+    :ivar data: the smoothed data, of the kind that was given.
+    :ivar parts: the results, independent of each other.
+    :ivar warnings: warnings about the whole; each part has its own.
     """
 
     data: Any
@@ -48,7 +48,7 @@ class Results(Mapping[str, Result]):
 
     @property
     def stopped_because(self) -> str:
-        """How many parts there are."""
+        """A sentence with the number of parts."""
         return f"{len(self)} parts, each smoothed as if it were alone"
 
     @property
@@ -60,7 +60,7 @@ class Results(Mapping[str, Result]):
 
     @property
     def tags(self) -> dict[str, str]:
-        """Parameters of each part, words to words: for the tags of files."""
+        """The parameters of each part as text, for the tags of files."""
         summary = {
             f"part {' '.join(name.split())}": "; ".join(f"{word} {value}" for word, value in one.tags.items())
             for name, one in self.items()
@@ -68,7 +68,7 @@ class Results(Mapping[str, Result]):
         return {"version": self.version, "parts": str(len(self)), **summary}
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it but the data, as JSON has it."""
+        """Everything but the data, in types of JSON."""
         summary = {name: one.to_dict() for name, one in self.items()}
         return {
             "version": self.version,
@@ -87,7 +87,7 @@ class Results(Mapping[str, Result]):
             lines.append(f"{name}: {one}")
         return "\n".join(lines + [f"  warning     {warning}" for warning in self.warnings])
 
-    # The same, as one run: what a report of it asks for, by properties (a cached one is none to a type checker).
+    # What a report reads of one run. These are properties because a type checker does not take a cached_property for one.
 
     @property
     def before(self) -> Data:
@@ -99,7 +99,7 @@ class Results(Mapping[str, Result]):
 
     @property
     def after(self) -> Data:
-        """The same after it was smoothed."""
+        """The same after smoothing."""
         return self._after
 
     @cached_property
@@ -112,18 +112,18 @@ class Results(Mapping[str, Result]):
 
     @property
     def removed(self) -> Array:
-        """What was there less what is there now, of all parts."""
+        """Before minus after, for all parts."""
         each = [one.removed for one in self.values()]
         return np.stack(each, axis=2) if isinstance(self.after, Image) else np.concatenate(each)
 
     @property
     def parameters(self) -> dict[str, Parameter]:
-        """Those of each part, its name before theirs."""
-        return {f"{name}: {word}": summary for name, one in self.items() for word, summary in one.parameters.items()}
+        """The parameters of all parts; names begin with the part."""
+        return {f"{name}: {word}": parameter for name, one in self.items() for word, parameter in one.parameters.items()}
 
     @property
     def version(self) -> str:
-        """Of meshflow."""
+        """The version of meshflow."""
         return release()
 
     noise = None
@@ -133,12 +133,13 @@ class Results(Mapping[str, Result]):
 
 
 def one_by_one(several: Multipart, constraints: Constraints, smoothed: Callable[[Imported], Result]) -> Results:
-    """Data of several parts, each as if it were alone.
+    """Smooth the parts of data one by one.
 
-    :param constraints: of the caller, before they are aligned with any part.
-    :param smoothed: what is done to a part.
-    :raises InputError: for an array of numbers per sample, whose parts nobody has said; and as ``smoothed``, the part named.
-    :raises NotConverged: likewise.
+    :param constraints: as the caller gave them, before they are aligned with any part.
+    :param smoothed: smooths one part.
+    :raises InputError: for an array of one number per sample, because it is not known which entries belong to which part; and
+        as ``smoothed``, with the name of the part.
+    :raises NotConverged: as ``smoothed``, with the name of the part.
     """
     for word in () if several.whole else constraints.arrays:
         raise InputError(f"{word}: of several parts the name of an array in each of them expected, got an array")

@@ -1,4 +1,4 @@
-"""What a run did, and why: everything that was chosen, with its unit and where it came from."""
+"""The result of a run: the data, and every parameter with its unit, origin and reason."""
 
 import json
 from collections.abc import Sequence
@@ -23,20 +23,20 @@ from meshflow.surfaces.range_image import RangeImage
 __all__ = ["History", "Result", "release"]
 
 
-# What a line says of the method, in this order.
+# The parameters that a summary names, in this order.
 SUMMED = (
     "method", "order", "weights", "gamma", "sharpness", "patch", "contrast", "crease_contrast", "crease_sharpness",
     "regularize", "feature_length", "normal_weight",
 )  # fmt: skip
-# What it does not say of range images, where these are the same for all.
+# Those left out for range images, where they are always the same.
 ALONG_RAYS = ("sharpness", "patch", "contrast")
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """A run in numbers, an array (m,) of each, from its start to its end.
+    """A run in numbers: arrays (m,) with one entry per state, from the start to the end.
 
-    :ivar time: squared length; ``dt`` of the steps that led there.
+    :ivar time: squared length; ``dt``: the length of the step that led to the state.
     :ivar area: of the surface in the space in which it is measured (values times the contrast), squared length.
     :ivar change: root mean square change since the start, unit of the values.
     :ivar largest: largest change of a sample since the start, likewise.
@@ -50,31 +50,31 @@ class History:
 
     @classmethod
     def joined(cls, parts: Sequence["History"]) -> "History":
-        """Histories one after the other; without any, an empty one."""
+        """Concatenate histories; without any, an empty history."""
         return cls(*(np.concatenate([np.empty(0), *(getattr(part, f.name) for part in parts)]) for f in fields(cls)))
 
     def __len__(self) -> int:
         return len(self.time)
 
     def to_list(self) -> list[dict[str, float]]:
-        """The states one by one, as JSON has them."""
+        """One dictionary per state, in types of JSON."""
         return [{f.name: float(getattr(self, f.name)[i]) for f in fields(self)} for i in range(len(self))]
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Smoothed data and how it came to be; ``print`` it to read it.
+    """Smoothed data and how it was made. ``print`` shows all parameters.
 
-    :ivar data: what came back, of the kind that was given.
-    :ivar after: the same as a data object of meshflow; ``before``: what it was made from.
-    :ivar start: the state before the first step, and ``end``: the last.
-    :ivar parameters: by name, each with its value, unit, origin and reason; numbers behave as numbers.
-    :ivar noise: what was found in the data.
-    :ivar candidates: of the search, the chosen one first; empty where nothing was searched for.
+    :ivar data: the smoothed data, of the kind that was given.
+    :ivar after: the smoothed data as a data object of meshflow; ``before``: the data object before smoothing.
+    :ivar start: the state before the first step; ``end``: the last state.
+    :ivar parameters: by name, each with its value, unit, origin and reason. Numeric parameters behave as numbers.
+    :ivar noise: the noise found in the data.
+    :ivar candidates: those of the search, the chosen one first; empty where nothing was searched for.
     :ivar history: the run, from start to end.
-    :ivar stopped_because: why it ended, a sentence.
+    :ivar stopped_because: why the run ended, as a sentence.
     :ivar warnings: sentences.
-    :ivar version: of meshflow.
+    :ivar version: the version of meshflow.
     """
 
     data: Any
@@ -92,18 +92,20 @@ class Result:
 
     @property
     def parts(self) -> dict[str, "Result"]:
-        """None: it is of one thing. Those of several are :class:`meshflow.Results`."""
+        """Empty, since the data has one part; the results of several parts are :class:`meshflow.Results`."""
         return {}
 
     @property
     def removed(self) -> Array:
-        """The method noise: what was there less what is there now, in the shape of the data; zero where samples are missing."""
+        """The method noise, before minus after, in the shape of the data; zero where samples are missing."""
         return self._removed
 
     @property
     def counted(self) -> Array:
-        """What was removed as the noise is counted: over the samples that are there; where the points of a mesh move, (n,), the
-        way along the normals of ``before``, as in pictures and in ``compare``: what only slides leaves the surface as it is.
+        """What was removed, measured as the noise is: over all samples that are not missing.
+
+        Where the points of a mesh move, it is the displacement (n,) along the normals of ``before``, as in pictures and in
+        ``compare``: sliding along the surface does not change it.
         """
         if isinstance(self.before, Mesh) and self._points:
             return np.einsum("ij,ij->i", self.removed, np.asarray(self.before.normals))
@@ -113,16 +115,20 @@ class Result:
 
     @property
     def left(self) -> float:
-        """The noise that is still in what came back, unit of the values, as far as it was white: the flow of a flat grid, the
-        heat equation of this time, leaves exp(-4 t) I0(4 t) of it, t in squared sample distances.
+        """The noise left in the smoothed data, in the unit of the values, if the noise was white.
+
+        On a flat grid the flow is the heat equation of this time, which leaves exp(-4 t) I0(4 t) of it, t in squared sample
+        distances.
         """
         step = 1.0 if self.parameters["time"].unit.startswith("pixel") else self.before.step
         return self.noise.sigma * float(i0e(4.0 * self.end.time / step**2))
 
     @property
     def correlation(self) -> float | None:
-        """How far what was removed is from white noise: the root mean square of its correlation with itself at the eight nearest
-        shifts of the grid, all channels together; 0 is white, 1 is all structure. None for meshes, or where nothing was removed.
+        """How much what was removed differs from white noise; None for meshes, and where nothing was removed.
+
+        It is the root mean square of the autocorrelation at the eight nearest shifts of the grid, all channels together: 0 for
+        white noise, 1 for structure alone.
         """
         return self._correlation
 
@@ -133,7 +139,7 @@ class Result:
             return one - two
         missing = np.zeros(one.shape[:2], bool) if self.before.missing is None else self.before.missing
         if isinstance(self.after, RangeImage) and self.after.missing is not None:
-            missing = missing | self.after.missing  # what was dropped was not smoothed
+            missing = missing | self.after.missing  # dropped samples were not smoothed
         gone = missing if one.ndim == 2 else missing[..., None]
         return np.subtract(one, two, where=~gone, out=np.zeros_like(one))
 
@@ -156,7 +162,7 @@ class Result:
 
     @property
     def tags(self) -> dict[str, str]:
-        """Parameters as they were used, words to words: for the tags of files."""
+        """The parameters as text, for the tags of files."""
         words = {"version": self.version}
         for name, parameter in self.parameters.items():
             value = parameter.value
@@ -166,7 +172,7 @@ class Result:
 
     @property
     def summary(self) -> str:
-        """A line: why it ended, what was chosen, what was removed."""
+        """One line: why the run ended, what was chosen, what was removed."""
         if self.end.step == 0:
             return self.stopped_because
         p = self.parameters
@@ -178,7 +184,7 @@ class Result:
         return f"{self.stopped_because}; {chosen}removed {self._along}rms {self._rms:.4g}{self._unit}{sigma}"
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it but the data, as JSON has it."""
+        """Everything but the data, in types of JSON."""
         parameters = {
             name: {"value": p.value, "unit": p.unit, "origin": p.origin, **({"why": p.why} if p.why else {})}
             for name, p in self.parameters.items()
@@ -213,13 +219,13 @@ class Result:
         return json.dumps(self.to_dict(), **options)
 
     def report(self, path: str | Path, *, title: str = "", overwrite: bool = False) -> Path:
-        """Write what was done and why: before, after, removed, parameters, risk.
+        """Write a report: before, after, removed, parameters and their reasons, risk.
 
         :param path: ``.html`` or ``.png``.
-        :param title: above it; by default the name of the file.
+        :param title: by default the name of the file.
         :param overwrite: replace a file that is there.
-        :returns: where it is.
-        :raises FormatError: for another extension, or a file that is there.
+        :returns: the path.
+        :raises FormatError: for another extension, or a file that exists.
         """
         from meshflow.view.report import report
 
@@ -245,23 +251,23 @@ class Result:
 
     @property
     def _unit(self) -> str:
-        """Of what is smoothed, behind a number; nothing where nobody has named it."""
+        """The unit of the smoothed values with a space before it; empty where it is not known."""
         unit = value_unit(self.before)
         return f" {unit}" if unit else ""
 
     @property
     def _rms(self) -> float:
-        """Root mean square of what was removed, over the samples that are there."""
+        """Root mean square of what was removed, over the samples that are not missing."""
         return float(np.sqrt(np.mean(self.counted**2)))
 
     @property
     def _along(self) -> str:
-        """Along what it is counted, where that is not the values themselves."""
+        """The direction in which the change is measured, where that is not the values themselves."""
         return "along the normals " if self.counted.ndim == 1 and self.removed.ndim == 2 and self._points else ""
 
     @property
     def _points(self) -> bool:
-        """Whether the points of a mesh in R^3 have moved, and nothing else."""
+        """Whether only the points of a mesh in R^3 have moved."""
         return isinstance(self.before, Mesh) and self.before.moves == "points" and self.before.normals is not None
 
 
@@ -270,7 +276,7 @@ def _short(value: float | str) -> str:
 
 
 def _in_numbers(candidate: Candidate, whole: bool) -> dict[str, Any]:
-    """A trial; the ``whole`` of its curve only of the one that was chosen, which are hundreds of numbers else."""
+    """A candidate in numbers; with its curve only where ``whole``, since all curves are hundreds of numbers."""
     return {
         **candidate.configuration.words,
         "time": candidate.least[0],
@@ -283,5 +289,5 @@ def release() -> str:
     """The version of this package."""
     try:
         return version("meshflow")
-    except PackageNotFoundError:  # run from a checkout that is not installed
+    except PackageNotFoundError:  # a checkout that is not installed
         return "unknown"

@@ -1,4 +1,4 @@
-"""A plan is run: engine, wrappers, stepper, stops; what came of it, and the states on the way."""
+"""Runs a plan: engine, wrappers, stepper, stops; returns the result, or the states of the flow."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -29,16 +29,16 @@ from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["run", "states"]
 
-# Samples without a triangle that are worth a word: more than so many, and more than this share.
+# A warning is given where more than this number, and this share, of the samples have no triangle.
 ALONE, ALONE_SHARE = 10, 1e-3
 
 
 def run(data: Data, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
-    """Smooth a data object as a caller asks; a new one comes back, with what was done and why.
+    """Smooth a data object as requested; returns a new data object in a result.
 
-    :param record: measure the surface after each step; where false the history holds the start and the end, and where None
-        nothing: for callers who want what comes back and no more, nor is a warning looked for.
-    :raises InputError: for what cannot be smoothed, or does not suit the data.
+    :param record: True: measure the surface after each step. False: the history holds the start and the end. None: the history
+        is empty and warnings are not looked for, for callers who need the smoothed data only.
+    :raises InputError: for data that cannot be smoothed, or options that do not suit the data.
     :raises NotConverged: when a solver or a run fails.
     """
     with request.compute.running():
@@ -75,17 +75,17 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
 
 
 def states(data: Data, request: Request, count: int, progress: Progress = None) -> Iterator[tuple[float, Data]]:
-    """States of the data on its way, and the times of each: the start, the end, and others between them.
+    """Times and states of a flow: the start, the end, and states between them.
 
-    Times grow with the square, so that the widths of the Gaussians that they equal on flat data grow evenly. It is the flow
-    itself: without the twicing that :func:`run` may end in.
+    Times grow quadratically, so that the widths of the Gaussians that they equal on flat data grow linearly. The states are those
+    of the flow itself, without the twicing that :func:`run` may apply at the end.
 
-    :param count: how many states, two or more; fewer come where the run has fewer steps.
+    :param count: the number of states, two or more; fewer are returned where the run has fewer steps.
     :raises InputError: as :func:`run`, and for a count below two or inverse depths.
     """
     whole(count, "count", 2)
     if request.domain == "disparity":
-        raise InputError("domain='disparity': only lengths are shown on their way; leave it out")
+        raise InputError("domain='disparity': states can be shown for domain='length' only; leave it out")
     on_the_way = _states(data, request, count, progress)
     while True:
         with request.compute.running():  # not while the caller has a state
@@ -108,10 +108,10 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
     shares = [(k / (count - 1)) ** 2 for k in range(1, count)]
     stepper, control = _stepping(flow, plan)
     limit = _hold(plan, flow)
-    if until.stops:  # when they will be met is known afterwards
+    if until.stops:  # the time at which they are met is known only after a run
         *_, end = march(flow, until, stepper, control, progress, recycle=True, limit=limit)
         until, time = Until(time=end.time), end.time
-    if plan.points is not None and plan.points.once and time is not None:  # each state is one step from the start
+    if plan.points is not None and plan.points.once and time is not None:  # each state is reached in one step from the start
         for mark in (share * time for share in shares):
             *_, state = march(flow, Until(time=mark), stepper, FixedStep(mark), limit=limit)
             yield state.time, plan.result(state.u)
@@ -125,7 +125,7 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
 
 
 def _engine(plan: Plan) -> Flow:
-    """What moves the data."""
+    """The engine that moves the data."""
     if not isinstance(plan.data, Mesh):
         return GridFlow(plan.data.gridded(plan.lift), plan.variant, plan.request.compute.threads)
     surface = plan.data.lifted(plan.lift)
@@ -142,7 +142,7 @@ def _steered(engine: Flow, plan: Plan) -> Flow:
 
 
 def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
-    """A word on samples that have no triangle, where they are more than a few."""
+    """A warning about samples that have no triangle, where they are more than a few."""
     if plan.idle is not None or not (isinstance(plan.data, RangeImage) or engine.grid.missing.any()):
         return ()
     lone, size = engine.grid.lone, int((~engine.grid.missing).sum())
@@ -153,7 +153,7 @@ def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
 
 
 def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tuple[State, State, History]:
-    """From the start to the end; the first state, the last, and what was measured."""
+    """Run from start to end; returns the first state, the last state, and the history."""
     begin = State(flow, flow.start(), reason=plan.idle)
     if plan.idle is not None:
         return begin, begin, History.joined(() if record is None else (_measured(begin, plan),))
@@ -181,7 +181,7 @@ def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tup
 
 
 def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | None]:
-    """How time is stepped, and what controls the steps."""
+    """The stepper, and the control of its steps."""
     compute, time = plan.request.compute, plan.until.time
     control: Control | None = compute.control or (None if compute.dt is None else FixedStep(compute.dt))
     stepper = _stepper(flow, plan)
@@ -192,7 +192,7 @@ def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | 
 
 
 def _stepper(flow: Flow, plan: Plan) -> Stepper | StepperName:
-    """The stepper that is asked for, or the one that keeps a range: super-time steps would overshoot."""
+    """The requested stepper; with clamped triangles one that keeps values in range, since super-time steps would overshoot."""
     compute = plan.request.compute
     once = plan.points is not None and plan.points.once
     if compute.triangles != "clamped" or compute.stepper != "auto" or once:
@@ -202,7 +202,7 @@ def _stepper(flow: Flow, plan: Plan) -> Stepper | StepperName:
 
 
 def _hold(plan: Plan, flow: Flow) -> Hold | None:
-    """What every step is held to."""
+    """The constraint that holds after every step."""
     limit = plan.limit(flow.start())
     if plan.preserve is None or not isinstance(plan.data, Mesh):
         return limit

@@ -1,4 +1,4 @@
-"""Pixel to ray, value to point, and back: the camera of a range image."""
+"""Cameras of range images: from pixels to rays, from values to points, and back."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -15,36 +15,36 @@ __all__ = ["Camera", "Measure", "Orthographic", "Pinhole", "known"]
 
 Measure = Literal["depth", "range"]
 
-# Fields of view beyond which the focal length is in another unit than pixels, degrees.
+# The widest field of view, degrees; beyond it the focal length is probably not in pixels.
 WIDEST = 150.0
-# The same to one side of the principal point, tan of 80 degrees: one in millimetres halves the field of view.
+# The same to one side of the principal point, as the tangent of 80 degrees.
 STEEPEST = 5.7
 
 
 @runtime_checkable
 class Camera(Protocol):
-    """What sees a range image: the line of each sample, p(u) = o + u d.
+    """The camera of a range image: the line of each sample, p(u) = o + u d.
 
-    :cvar usual: what its values are where nobody says: ``depth`` along the optical axis, or ``range`` along the ray.
+    :cvar usual: what its values are by default: ``depth`` along the optical axis, or ``range`` along the ray.
     """
 
     usual: ClassVar[Measure]
 
     @property
     def signed(self) -> bool:
-        """Whether its values count from places of their own, so that 0 and numbers below it are samples, too."""
+        """Whether each sample has its own origin, so that 0 and negative values are valid."""
         ...
 
     @property
     def summary(self) -> str:
-        """A few words for people."""
+        """A short description."""
         ...
 
     def check(self, shape: tuple[int, int], measure: Measure, missing: Array | None = None) -> None:
-        """Refuse an image that it cannot have seen.
+        """Refuse an image that does not fit the camera.
 
-        :param missing: (h, w), samples whose rays do not matter.
-        :raises InputError: for another size, or a measure that it does not have.
+        :param missing: (h, w), samples whose rays are not checked.
+        :raises InputError: for a size or a measure that does not fit.
         """
         ...
 
@@ -53,18 +53,18 @@ class Camera(Protocol):
         ...
 
     def footprint(self, u: Array, measure: Measure) -> Array:
-        """Width of each pixel on the surface at values u (h, w), across its ray; unit of u. NaN where u is."""
+        """Width of each pixel on the surface at values u (h, w), perpendicular to its ray, in the unit of u; NaN where u is."""
         ...
 
     def project(self, points: Array, shape: tuple[int, int] | None = None) -> Array:
-        """Pixel coordinates (n, 2), column and row, of points (n, 3); NaN where it sees none. The inverse of the lines.
+        """Pixel coordinates (n, 2), column and row, of points (n, 3); NaN for points that it does not see.
 
         :param shape: (h, w) of the image, which a spherical camera needs.
         """
         ...
 
     def thinned(self, step: int, shape: tuple[int, int]) -> "Camera":
-        """Of the image (h, w) of which every ``step``-th row and column is kept."""
+        """The camera of an image (h, w) of which every ``step``-th row and column is kept."""
         ...
 
 
@@ -72,15 +72,15 @@ class Camera(Protocol):
 class Pinhole:
     """A pinhole camera: x' = (u - cx) / fx, y' = (v - cy) / fy, the point of depth z is z (x', y', 1).
 
-    With a lens that distorts, (x', y') is the inverse of OpenCV's model there (:mod:`meshflow.surfaces.distortion`).
+    With lens distortion, (x', y') is the inverse of OpenCV's model (:mod:`meshflow.surfaces.distortion`).
 
     :param fx: focal lengths and principal point, in pixels; pixel centres have whole coordinates (u, v),
     :param fy: u to the right along a row, v downwards, as in OpenCV and Open3D.
     :param cx: horizontal principal point, pixels.
     :param cy: vertical principal point, pixels.
     :param distortion: k1, k2, p1, p2[, k3[, k4, k5, k6]] of OpenCV: 0, 4, 5 or 8 numbers.
-    :raises InputError: when a focal length is not positive, a principal point or a coefficient is not finite, or there is
-        another number of coefficients.
+    :raises InputError: when a focal length is not positive, a principal point or a coefficient is not finite, or the number
+        of coefficients is wrong.
     """
 
     fx: float
@@ -119,7 +119,7 @@ class Pinhole:
         return float(np.degrees(across)), float(np.degrees(down))
 
     def check(self, shape: tuple[int, int], measure: Measure, missing: Array | None = None) -> None:
-        """Refuse a focal length that is not in pixels, as its field of view tells."""
+        """Refuse a focal length that is not in pixels, judged by the field of view."""
         known(measure)
         sides = ((shape[1], self.cx, self.fx), (shape[0], self.cy, self.fy))
         for angle, (n, c, f), name in zip(self.view(shape), sides, ("fx", "fy"), strict=True):
@@ -130,7 +130,7 @@ class Pinhole:
                 )
 
     def rays(self, shape: tuple[int, int]) -> Array:
-        """Rays (h, w, 3) of all pixels, z = 1, so that depth along the axis times ray is the point."""
+        """Rays (h, w, 3) of all pixels with z = 1: depth times ray is the point."""
         rays = np.ones((*shape, 3))
         rays[..., 0], rays[..., 1] = self._spread(shape)
         return rays
@@ -146,13 +146,13 @@ class Pinhole:
         return Lines((still, still, still), directions)
 
     def footprint(self, u: Array, measure: Measure) -> Array:
-        """z / sqrt(fx fy): of a surface that faces the camera."""
+        """z / sqrt(fx fy), for a surface that faces the camera."""
         if measure == "range":
             u = u * self.lines(u.shape, measure).directions[2]
         return np.float64(1.0 / np.sqrt(self.fx * self.fy)) * u
 
     def project(self, points: Array, shape: tuple[int, int] | None = None) -> Array:
-        """Pixel coordinates (n, 2), lens and all; NaN for points that are not before the camera."""
+        """Pixel coordinates (n, 2) with lens distortion; NaN for points that are not in front of the camera."""
         points = np.asarray(points, dtype=np.float64)
         z = np.where(points[:, 2] > 0, points[:, 2], np.nan)
         x, y = points[:, 0] / z, points[:, 1] / z
@@ -161,11 +161,11 @@ class Pinhole:
         return np.stack([x * self.fx + self.cx, y * self.fy + self.cy], axis=-1)
 
     def thinned(self, step: int, shape: tuple[int, int]) -> "Pinhole":
-        """Of every ``step``-th row and column."""
+        """The camera of every ``step``-th row and column."""
         return replace(self, fx=self.fx / step, fy=self.fy / step, cx=self.cx / step, cy=self.cy / step)
 
     def _spread(self, shape: tuple[int, int]) -> tuple[Array, Array]:
-        """x' and y' of all pixels: (1, w) and (h, 1), or (h, w) both of a lens that distorts."""
+        """x' and y' of all pixels: (1, w) and (h, 1), or both (h, w) with distortion."""
         return _undistorted(self, (shape[0], shape[1])) if self.distortion else _ideal(self, shape)
 
 
@@ -174,7 +174,7 @@ def _ideal(camera: Pinhole, shape: tuple[int, int]) -> tuple[Array, Array]:
     return x[None, :], y[:, None]
 
 
-@lru_cache(maxsize=2)  # of the camera and the size alone, and asked for several times in one smoothing
+@lru_cache(maxsize=2)  # depends on the camera and the size only, and is used several times in a run
 def _undistorted(camera: Pinhole, shape: tuple[int, int]) -> tuple[Array, Array]:
     ideal, down = _ideal(camera, shape)
     x, y = undistorted(np.broadcast_to(ideal, shape), np.broadcast_to(down, shape), camera.distortion)
@@ -210,7 +210,7 @@ class Orthographic:
         return f"orthographic, {self.dx:g} x {self.dy:g} per pixel"
 
     def check(self, shape: tuple[int, int], measure: Measure, missing: Array | None = None) -> None:
-        """Any size will do; depth and range are the same."""
+        """Accepts any size; depth and range are the same."""
         known(measure)
 
     def lines(self, shape: tuple[int, int], measure: Measure) -> Lines:
@@ -228,14 +228,14 @@ class Orthographic:
         return np.asarray(points, dtype=np.float64)[:, :2] / (self.dx, self.dy)
 
     def thinned(self, step: int, shape: tuple[int, int]) -> "Orthographic":
-        """Of every ``step``-th row and column."""
+        """The camera of every ``step``-th row and column."""
         return Orthographic(self.dx * step, self.dy * step)
 
 
 def known(measure: Any) -> Measure:
-    """The word for what values are.
+    """Check the name of a measure.
 
-    :raises InputError: for another one.
+    :raises InputError: for an unknown one.
     """
     if measure not in ("depth", "range"):
         raise InputError(f"measure: depth (along the optical axis) or range (along the ray) expected, got {measure!r}")

@@ -1,4 +1,4 @@
-"""Where a range image shows two surfaces, one before the other: edges of its grid that no triangle may have."""
+"""Discontinuities of range images: edges of the grid that cross from one surface to another and are cut."""
 
 from dataclasses import dataclass
 
@@ -10,17 +10,17 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Cuts", "cuts_by_noise", "small_components"]
 
-# A surface that turns so far away from its ray is not seen as one: tan of 85 degrees.
+# The tangent of 85 degrees: a surface that is tilted more against its ray is treated as a jump.
 STEEPEST = 11.4
-# Two neighbours differ by noise alone by less than so many sigma, and from the slope beside them by less than so many.
+# By noise alone, neighbours differ by less than the first number of sigma, and from a continuation by less than the second.
 ALONE, BESIDE = 6.0, 15.0
-# What is no jump whatever the noise: a step of so many pixel footprints, 72 degrees.
+# A step below this number of pixel footprints (72 degrees) is never a jump.
 SMALL = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """Edges of a grid of samples (h, w) that no triangle has.
+    """Edges of a grid of samples (h, w) that are cut: no triangle contains them.
 
     :ivar right: (h, w - 1), edges along the rows; ``down``: (h - 1, w), along the columns.
     """
@@ -30,15 +30,15 @@ class Cuts:
 
 
 def cuts_by_noise(depth: Array, missing: Array, sigma: Array | float, footprint: Array) -> Cuts:
-    """Edges where depth jumps beyond what noise and slope explain, or the surface turns away from the ray.
+    """Cut edges where the depth jumps by more than noise and slope explain, or where the surface turns away from the ray.
 
-    An edge is cut where its ends differ by more than a slope of 85 degrees and 6 sigma make, or by more from what its
-    continuation on either side says than 3 footprints and 15 sigma: the slope of a crease is that of one of its sides, the slope
-    of a jump of none.
+    An edge is cut in two cases. Its ends differ by more than a slope of 85 degrees plus 6 sigma. Or the step differs from the
+    linear continuation of both sides by more than 3 footprints plus 15 sigma: at a crease the step continues one of the sides, at
+    a jump neither.
 
     :param depth: (h, w).
     :param missing: (h, w).
-    :param sigma: of the depths, a number or (h, w).
+    :param sigma: standard deviation of the depths, a number or (h, w).
     :param footprint: (h, w), the width of each pixel on the surface, unit of the depths.
     """
     z = np.where(missing, np.nan, depth)
@@ -54,17 +54,17 @@ def _cut(z: Array, sigma: Array, footprint: Array, axis: int) -> Array:
     width, noise = np.minimum(footprint[first], footprint[last]), np.maximum(sigma[first], sigma[last])
     step = np.diff(z, axis=axis)
     bend = np.abs(np.diff(step, axis=axis))
-    beside = np.full(step.shape, np.inf, step.dtype)  # from the continuation on the side that says less
+    beside = np.full(step.shape, np.inf, step.dtype)  # distance from the nearer of the two continuations
     np.fmin(beside[first], bend, out=beside[first])
     np.fmin(beside[last], bend, out=beside[last])
-    one = z.dtype.type  # a number of Python would do, but not of numpy 1
+    one = z.dtype.type  # numpy 1 would promote a Python number
     jumps = np.isfinite(beside) & (beside > np.maximum(one(SMALL) * width, one(BESIDE) * noise))
     jumps |= np.abs(step, out=step) > np.maximum(one(STEEPEST) * width, one(ALONE) * noise)
     return jumps
 
 
 def small_components(missing: Array, cuts: Cuts | None, least: int) -> Array:
-    """Samples (h, w) of pieces of fewer than ``least`` samples; pieces hang together by edges that are not cut."""
+    """Mask (h, w) of samples in components of fewer than ``least`` samples, connected by edges that are not cut."""
     h, w = missing.shape
     number = np.arange(h * w).reshape(h, w)
     across, along = ~(missing[:, :-1] | missing[:, 1:]), ~(missing[:-1] | missing[1:])

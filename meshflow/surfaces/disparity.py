@@ -13,19 +13,19 @@ __all__ = ["from_disparity", "in_disparity"]
 
 
 def in_disparity(image: RangeImage) -> HeightField:
-    """Inverse depths above the pixels, of a pinhole without distortion: there, too, planes are planes.
+    """Inverse depths of a pinhole without distortion, as a height field over the pixels; planes stay planes.
 
-    To take where the noise is that of a disparity: sigma of the depth grows with its square, that of the inverse depth is the
-    same everywhere, and so is the contrast that suits it.
+    It suits sensors that measure disparity: the noise of the depth grows with the square of the depth, while the noise of the
+    inverse depth, and hence the right contrast, is the same everywhere.
 
-    :returns: 1 / depth over pixels of width 1 (of height fx / fy), cut where the depth jumps.
-    :raises InputError: for another camera, or ranges: their planes are not planes there.
+    :returns: 1 / depth over pixels of width 1 (and height fx / fy), cut where the depth jumps.
+    :raises InputError: for another camera, or ranges, for which planes do not stay planes.
     """
     camera = image.camera
     if not isinstance(camera, Pinhole) or camera.distortion or image.measure != "depth":
         raise InputError(
-            f"domain='disparity': planes are planes in the inverse depth of a pinhole without distortion only, got "
-            f"{image.measure}s of {type(camera).__name__} ({camera.summary}); undistort the image, or leave the space out"
+            f"domain='disparity': depths of a pinhole without distortion expected, since only there planes stay planes; got "
+            f"{image.measure}s of {type(camera).__name__} ({camera.summary}); undistort the image, or leave the domain out"
         )
     missing = image.missing
     whole = np.where(missing, 1.0, image.depth)
@@ -36,15 +36,15 @@ def in_disparity(image: RangeImage) -> HeightField:
 
 
 def from_disparity(image: RangeImage, field: HeightField) -> RangeImage:
-    """The depths of inverse ones; where nothing moved, and where samples are missing, those of ``image``.
+    """Depths from inverse depths; unchanged and missing samples keep the depth of ``image``.
 
-    :raises InputError: where an inverse depth is zero or less: a depth beyond the horizon.
+    :raises InputError: where an inverse depth is zero or negative, which is no finite depth.
     """
     before = in_disparity(image)
     still = image.missing | (field.z == before.z)
     if (field.z[~still] <= 0).any():
         raise InputError(
-            f"domain='disparity': {int((field.z[~still] <= 0).sum())} inverse depths are no longer above zero; give a limit"
+            f"domain='disparity': {int((field.z[~still] <= 0).sum())} inverse depths are no longer above zero; give MaxChange"
         )
     return replace(
         image, depth=np.where(still, image.depth, 1.0 / np.where(still, 1.0, field.z)).astype(image.depth.dtype)

@@ -1,4 +1,4 @@
-"""The distortion of a lens, as OpenCV has it: from where a ray would meet the ideal image plane to where it does, and back.
+"""The lens distortion of OpenCV: from ideal to distorted image coordinates, and back.
 
 With r^2 = x^2 + y^2, radial = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6),
 
@@ -13,7 +13,7 @@ from meshflow.geometry.validation import Array, number
 __all__ = ["coefficients", "distorted", "undistorted"]
 
 COUNTS = (0, 4, 5, 8)
-# Newton from the distorted place itself doubles its digits; who needs more is beyond the fold of the lens.
+# Newton's method converges quadratically from the distorted place; a ray that needs more steps lies beyond the fold.
 CLOSE, MOST = 1e-12, 40
 
 
@@ -26,7 +26,7 @@ def coefficients(given: object) -> tuple[float, ...]:
     if len(values) not in COUNTS:
         raise InputError(
             f"distortion: 0, 4, 5 or 8 numbers k1, k2, p1, p2[, k3[, k4, k5, k6]] expected, got {len(values)}; "
-            "undistort the image first where its lens is of another model (fisheye, thin prism, tilted)"
+            "undistort the image first if its lens has another model (fisheye, thin prism, tilted)"
         )
     return tuple(number(value, "distortion") for value in values)
 
@@ -39,10 +39,10 @@ def distorted(x: Array, y: Array, lens: tuple[float, ...]) -> tuple[Array, Array
 def undistorted(x: Array, y: Array, lens: tuple[float, ...]) -> tuple[Array, Array]:
     """The rays (x', y', 1) that meet the image plane at x, y, in focal lengths: Newton's method, to 1e-12.
 
-    :raises InputError: where it finds none: the model folds back inside the image, so the coefficients are not of this image.
+    :raises InputError: where there is none: the model folds back inside the image, so the coefficients do not belong to it.
     """
     u, v = np.array(x, dtype=np.float64), np.array(y, dtype=np.float64)
-    with np.errstate(all="ignore"):  # what runs away is told below
+    with np.errstate(all="ignore"):  # divergence is reported below
         for _ in range(MOST):
             a, b, (aa, ab, ba, bb) = _mapped(u, v, lens)
             a, b, turned = x - a, y - b, aa * bb - ab * ba

@@ -1,4 +1,4 @@
-"""The free directions of the vertices of a surface: coordinate axes that all share, or a line for each."""
+"""The free directions of the vertices of a surface: coordinate axes shared by all, or one line for each."""
 
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -14,19 +14,19 @@ __all__ = ["ALL", "Axes", "Free", "Rays"]
 
 
 class Free(Protocol):
-    """Where each vertex may go, as a function of its free coordinates u (n, k), and what of a vector lies in that direction.
+    """The positions that each vertex may take, as a function of its free coordinates u (n, k).
 
-    u is in the unit of the data; what it is measured by has the unit of lengths.
+    u is in the unit of the data; measured coordinates are lengths.
 
-    :ivar now: u of the surface as it is; None where its points say it to the last bit.
-    :ivar per_vertex: every vertex has a direction of its own, and no common base lies under the triangles.
-    :ivar length2: squared length per squared unit of u (n,) of directions of their own; 1 where all share theirs.
-    :ivar directions: d (n, 3) where every vertex has its own; None where all share theirs.
+    :ivar now: u of the surface as it is; None where it follows exactly from the points.
+    :ivar per_vertex: every vertex has its own direction, and the triangles have no common base plane.
+    :ivar length2: squared length per squared unit of u (n,) where each vertex has its own direction; 1 where they share theirs.
+    :ivar directions: d (n, 3) where each vertex has its own; None where they share theirs.
     """
 
     @property
     def now(self) -> Array | None:
-        """u (n, k) where it is not rounded by being told by the points."""
+        """u (n, k), where computing it from the points would round it."""
         ...
 
     @property
@@ -45,9 +45,9 @@ class Free(Protocol):
         ...
 
     def checked(self, d: int) -> "Free":
-        """The same for points in R^d.
+        """The same directions, checked for points in R^d.
 
-        :raises InputError: where that has no meaning.
+        :raises InputError: where they do not fit.
         """
         ...
 
@@ -60,28 +60,29 @@ class Free(Protocol):
         ...
 
     def at(self, points: Array, u: Array) -> Array:
-        """Points (n, d) of which the free coordinates are u (n, k); the others are those of ``points``."""
+        """Points (n, d) with free coordinates u (n, k) and the other coordinates of ``points``."""
         ...
 
     def moved(self, u: Array) -> "Free":
-        """The same directions, of vertices that are at u (n, k) now."""
+        """The same directions for vertices at u (n, k)."""
         ...
 
     def measured(self, u: Array) -> Array:
-        """The coordinates (n, c) of the points at u by which triangles are measured beside their charts, a length each."""
+        """The coordinates (n, c) at u, as lengths, that measure triangles in addition to their charts."""
         ...
 
     def along(self, vectors: Array) -> Array:
-        """The parts (n, k) of vectors (n, c) along the directions, times length2: that times u is how far a vertex goes."""
+        """The components (n, k) of vectors (n, c) along the directions, times length2."""
         ...
 
     def share(self, vectors: Array) -> Array:
-        """Length (n,) of the part of each vector (n, c) that lies in the free directions."""
+        """Length (n,) of the component of each vector (n, c) in the free directions."""
         ...
 
     def seen(self, connectivity: Connectivity, x: Array, flat: Array) -> tuple[Array, float]:
-        """A third of the area (n,) of the triangles around each vertex, seen along its free directions, and the least share of
-        their true area that this counts as.
+        """A third of the area (n,) of the triangles around each vertex, projected along its free directions.
+
+        Also the least share of the true area that the projected area counts as.
 
         :param x: (n, c), as :meth:`measured` gives it.
         :param flat: (n,), the same of the charts of the triangles.
@@ -91,11 +92,11 @@ class Free(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """Every vertex moves along the same coordinate axes: z of a height field, the channels of an image, all of a mesh.
+    """All vertices move along the same coordinate axes: z of a height field, the channels of an image, all axes of a mesh.
 
     :param columns: the coordinates that are free, from 0 to d - 1; none: all of them.
     :param contrast: length per unit of u, one number or one per column (alpha of section 4.4).
-    :param now: u (n, k), where points divided by the contrast would round it.
+    :param now: u (n, k), where dividing the points by the contrast would round it.
     """
 
     columns: tuple[int, ...] = ()
@@ -106,9 +107,9 @@ class Axes:
     directions = None
 
     def checked(self, d: int) -> "Axes":
-        """The same for points in R^d; all axes by name.
+        """The same axes, checked for points in R^d; all of them named.
 
-        :raises InputError: for columns that are not different ones of 0 to d - 1, or all but one.
+        :raises InputError: for repeated columns, columns outside 0 to d - 1, or all columns but one.
         """
         if self is ALL:
             return Axes(tuple(range(d)))
@@ -139,7 +140,7 @@ class Axes:
         return self if self.now is None else replace(self, now=u)
 
     def measured(self, u: Array) -> Array:
-        """The contrast times u (n, k): charts hold the rest."""
+        """The contrast times u (n, k); the other coordinates are in the charts."""
         return np.ascontiguousarray(u if self.contrast == 1.0 else u * np.asarray(self.contrast))
 
     def along(self, vectors: Array) -> Array:
@@ -151,7 +152,7 @@ class Axes:
         return np.linalg.norm(vectors, axis=1)
 
     def seen(self, connectivity: Connectivity, x: Array, flat: Array) -> tuple[Array, float]:
-        """That of the charts."""
+        """The area of the charts."""
         return flat, 0.0
 
 
@@ -192,7 +193,7 @@ class Rays:
         return ()
 
     def coordinates(self, points: Array) -> Array:
-        """u (n, 1) of the places on the lines that are next to the points."""
+        """u (n, 1) of the nearest place on each line to its point."""
         return (np.einsum("ij,ij->i", points - self.origins, self.directions) / self.length2)[:, None]
 
     def at(self, points: Array, u: Array) -> Array:
@@ -212,10 +213,10 @@ class Rays:
         return np.einsum("ij,ij->i", vectors, self.directions)[:, None]
 
     def share(self, vectors: Array) -> Array:
-        """The part (n,) along each line."""
+        """The component (n,) along each line."""
         length = np.linalg.norm(self.directions, axis=1)
         return np.divide(np.abs(self.along(vectors)[:, 0]), length, out=np.zeros_like(length), where=length > 0)
 
     def seen(self, connectivity: Connectivity, x: Array, flat: Array) -> tuple[Array, float]:
-        """Across each line. A vertex seen exactly edge-on has no footprint at all; it must not divide by zero where gamma < 0."""
+        """The area across each line. A vertex seen edge-on has none, and must not divide by zero where gamma < 0."""
         return gather_seen(connectivity, x, self.directions) / 3.0, 1e-6

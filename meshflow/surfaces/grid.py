@@ -1,4 +1,4 @@
-"""Samples on a grid, each free along its channels or along its ray: what the data objects of a grid have in common."""
+"""Samples on a grid that move along their channels or rays: what data objects on grids share."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,12 +23,12 @@ __all__ = ["Lines", "Grid", "Lift", "Spacing", "held", "OnGrid"]
 
 @dataclass(frozen=True)
 class Lift:
-    """How a data object becomes a surface.
+    """How a data object is turned into a surface.
 
     :param contrast: alpha of section 4.4, which multiplies the free coordinates before the flow and divides them after it:
-        length of the surface per unit of the value. No unit where value and spacing share theirs.
+        length per unit of the value. It has no unit where value and spacing have the same.
     :param diagonals: of a grid's cells; ``alternate`` is as isotropic as ``both`` at half the cost.
-    :param boundary: ``neumann | plane-preserving | fixed``; by default what suits the data object.
+    :param boundary: ``neumann | plane-preserving | fixed``; by default the one of the data object.
     """
 
     contrast: float = 1.0
@@ -44,9 +44,9 @@ class Lines:
     """The line of each sample, p(u) = o + u d, in R^3.
 
     :param origins: the three coordinates of o, each an array that broadcasts to (h, w): (h or 1, w or 1).
-    :param directions: the three coordinates of d, likewise; none of length zero where a sample may move.
+    :param directions: the three coordinates of d, likewise; d is not zero where a sample may move.
     :param footprint: width of each sample's pixel on the surface at the start, zero where missing, of a shape that broadcasts
-        to (h, w): time is counted in its squares; None: in squared length.
+        to (h, w): the unit of time is its square. None: time is in squared length.
     """
 
     origins: tuple[Array, Array, Array]
@@ -55,12 +55,12 @@ class Lines:
 
     @property
     def time_factor(self) -> Array | None:
-        """Factor of time of each sample, squared footprints."""
+        """The factor on the time of each sample: its squared footprint."""
         return None if self.footprint is None else self.footprint**2
 
     @property
     def pitch(self) -> tuple[float, float] | None:
-        """Differences of x along the rows and of y along the columns where all lines are u (x, y, 1), evenly spaced, or None."""
+        """Steps of x along the rows and of y down the columns where the lines are u (x, y, 1), evenly spaced; else None."""
         x, y, z = self.directions
         if any(part.any() for part in self.origins) or (z != 1.0).any() or x.shape[0] != 1 or y.shape[1] != 1:
             return None
@@ -78,17 +78,17 @@ class Lines:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A grid of samples as an engine sees it. The data objects have checked it.
+    """A grid of samples for an engine; the data objects have checked it.
 
-    :param planes: (k, h, w), the free coordinates of each sample as they came: float32 or float64, anything where missing.
+    :param planes: (k, h, w), the free coordinates of each sample, float32 or float64; any number where missing.
     :param missing: (h, w).
     :param fixed: (h, w), samples that stay.
     :param spacing: (dx, dy), dx a number or one per row.
     :param contrast: length per unit of the planes, 1 along lines.
     :param diagonals: ``forward | backward | both | alternate``.
     :param boundary: ``neumann | plane-preserving | fixed``.
-    :param lines: the lines along which the samples move; None: straight up from their places on the grid.
-    :param jump: a triangle is left out where its planes differ by more than this share of the least; None: none is.
+    :param lines: the lines along which the samples move; None: they move vertically above the grid.
+    :param jump: a triangle is left out where its values differ by more than this share of the least; None: none is.
     :param cuts: edges that no triangle has.
     :raises InputError: for an unknown word for the diagonals or the boundary.
     """
@@ -116,14 +116,14 @@ class Grid:
 
     @cached_property
     def there(self) -> Array | None:
-        """Which triangles are there, :func:`triangles_there`; None: all."""
+        """The triangles that exist (:func:`triangles_there`); None: all."""
         if self.jump is None and self.cuts is None and not self.missing.any():
             return None
         return triangles_there(self.missing, self.planes[0], self.jump, self.cuts)
 
     @cached_property
     def lone(self) -> int:
-        """How many samples are there, could move, and have no triangle."""
+        """The number of samples that are present and may move, but have no triangle."""
         there = self.there
         if there is None:
             return 0
@@ -134,7 +134,7 @@ class Grid:
         return int((~(touched | self.missing | self.fixed)).sum())
 
     def surface(self) -> Surface:
-        """The same with explicit points and triangles, vertex r * w + c; free coordinates are contrast times the planes."""
+        """The grid as explicit points and triangles, vertex r * w + c; free coordinates are the planes times the contrast."""
         there = self.there
         if there is None:
             there = np.full((self.shape[0] - 1, self.shape[1] - 1), 15, np.uint8)
@@ -158,7 +158,7 @@ class Grid:
         )
 
     def _grid(self, u: Array) -> Array:
-        """Points (h * w, 2 + k) of the grid, u above it."""
+        """Points (h * w, 2 + k): the grid and u."""
         h, w = self.shape
         dx, dy = self.spacing
         row, column = np.mgrid[0:h, 0:w]
@@ -167,7 +167,7 @@ class Grid:
         return np.column_stack([x.ravel(), -(row * dy).ravel(), u])
 
     def _along(self, flat: Surface, lines: Lines, u: Array) -> Surface:
-        """Its samples moved onto their lines."""
+        """The surface with its samples moved onto their lines."""
         origins, directions = (
             np.stack([np.broadcast_to(part, self.shape).ravel() for part in parts], axis=-1).astype(np.float64)
             for parts in (lines.origins, lines.directions)
@@ -184,7 +184,7 @@ class Grid:
 def held(values: Array, u: Array, missing: Array) -> Array:
     """u (n, k) as values (h, w) or (h, w, k) in their number type; missing samples keep their bits.
 
-    Nothing is copied that need not be, but what is the caller's or must not be written to.
+    An array that belongs to the caller or is read-only is copied.
     """
     moved = np.ascontiguousarray(u.reshape(values.shape), dtype=values.dtype)
     if not moved.flags.writeable or np.may_share_memory(moved, values):

@@ -1,4 +1,4 @@
-"""Height fields: elevations on a grid, of which each sample may move along z."""
+"""Height fields: elevations on a grid. Each sample may move along z."""
 
 from dataclasses import dataclass, field, replace
 
@@ -14,15 +14,15 @@ __all__ = ["HeightField"]
 
 @dataclass(frozen=True, eq=False)
 class HeightField(OnGrid):
-    """Elevations on a grid; z alone is free.
+    """Elevations on a grid; only z is free.
 
     :param z: (h, w), row 0 in the north; NaN, infinite and masked samples are missing. Integers become floating point.
     :param spacing: one number or (dx, dy) in the horizontal unit, dx a number or one per row (degrees on an ellipsoid).
     :param missing: (h, w), further samples that are missing.
     :param fixed: (h, w), samples that stay.
     :param unit: the name of the unit of z, for reports and pictures.
-    :param cuts: edges of the grid that no triangle has: what is on one side of a fault does not touch what is on the other.
-    :raises InputError: for fewer than 2 x 2 samples, nothing but missing ones, or a spacing that is not positive.
+    :param cuts: edges of the grid that no triangle contains, for example across a fault.
+    :raises InputError: for fewer than 2 x 2 samples, no sample that is present, or a spacing that is not positive.
     """
 
     z: Array
@@ -49,14 +49,14 @@ class HeightField(OnGrid):
         return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
 
     def gridded(self, lift: Lift) -> Grid:
-        """The grid that a grid engine moves, z as it is; nothing is copied."""
+        """The grid for an engine; z is not copied."""
         grid = self.grid(self.z[None], self.missing, self.fixed, self.spacing, lift)
         return replace(grid, cuts=self.cuts)
 
     def lifted(self, lift: Lift) -> Surface:
-        """The surface (x, y, contrast z), of h * w vertices; missing ones have no triangle."""
+        """The surface (x, y, contrast z) of h * w vertices; missing samples have no triangles."""
         return self.gridded(lift).surface()
 
     def lowered(self, u: Array) -> "HeightField":
-        """A copy whose elevations are u (h * w, 1), in their unit; missing ones keep their bits."""
+        """A copy with elevations u (h * w, 1), in their unit; missing samples keep their bits."""
         return replace(self, z=held(self.z, u, self.missing))

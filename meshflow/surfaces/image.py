@@ -1,4 +1,4 @@
-"""Images: channels on a grid, of which each sample may move along its channels."""
+"""Images: channels on a grid. Each sample may move along its channels."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,7 +13,7 @@ __all__ = ["Image"]
 
 @dataclass(frozen=True, eq=False)
 class Image(OnGrid):
-    """Channels on a grid: grey, colour, a vector or tensor field; the channels are free, all together.
+    """Channels on a grid: grey values, colours, a vector or tensor field. All channels are free and coupled.
 
     :param values: (h, w) or (h, w, k); a sample with a channel that is NaN, infinite or masked is missing.
     :param spacing: one number or (dx, dy), pixels by default.
@@ -43,7 +43,7 @@ class Image(OnGrid):
         return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
 
     def gridded(self, lift: Lift) -> Grid:
-        """The grid that a grid engine moves, the channels as they are; nothing is copied."""
+        """The grid for an engine; the channels are not copied."""
         planes = self.values[None] if self.values.ndim == 2 else np.moveaxis(self.values, 2, 0)
         return self.grid(planes, self.missing, self.fixed, self.spacing, lift)
 
@@ -52,5 +52,5 @@ class Image(OnGrid):
         return self.gridded(lift).surface()
 
     def lowered(self, u: Array) -> "Image":
-        """A copy whose channels are u (h * w, k), in their unit; missing samples keep their bits."""
+        """A copy with channels u (h * w, k), in their unit; missing samples keep their bits."""
         return replace(self, values=held(self.values, u, self.missing))

@@ -1,4 +1,4 @@
-"""Triangle meshes: points, channels of their vertices, and what of these moves."""
+"""Triangle meshes: points, channels of the vertices, and which of them move."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -20,15 +20,15 @@ Moves = Literal["points", "channels", "all"]
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle mesh, its points or its channels or both free.
+    """A triangle mesh whose points, channels, or both are free.
 
     :param points: (n, d), d >= 2, finite.
-    :param faces: (m, 3), vertices 0 to n - 1. Degenerate triangles contribute nothing, isolated vertices stay.
+    :param faces: (m, 3), vertices 0 to n - 1. Degenerate triangles contribute nothing; isolated vertices stay.
     :param channels: (n, k) per vertex: colour, temperature, a vector.
-    :param moves: ``points`` (the channels ride along), ``channels`` (on a surface that stays), or ``all`` (coupled); by default
-        the channels where there are any, else the points.
+    :param moves: ``points`` (channels keep their values), ``channels`` (the points stay), or ``all`` (coupled). By default the
+        channels where there are any, else the points.
     :param fixed: (n,), vertices that stay.
-    :raises InputError: for an empty mesh, NaN or infinity, a face that names no vertex, or channels of another length.
+    :raises InputError: for an empty mesh, NaN or infinity, a face with an index out of range, or channels of another length.
     """
 
     points: Array
@@ -40,7 +40,7 @@ class Mesh:
 
     def __post_init__(self) -> None:
         points = real(self.points, "mesh points")
-        surface = Surface(points, (self.faces,), fixed=self.fixed)  # the gate of points, faces and fixed
+        surface = Surface(points, (self.faces,), fixed=self.fixed)  # checks points, faces and fixed
         if len(surface.triangulations[0]) == 0:
             raise InputError(
                 f"mesh: at least one triangle expected, got {len(points)} points and none; a point cloud has no surface"
@@ -76,7 +76,7 @@ class Mesh:
 
     @property
     def normals(self) -> Array | None:
-        """Unit normals (n, 3) of the vertices, the mean of their triangles by area; zero where there is none; None outside 3D."""
+        """Unit normals (n, 3) of the vertices, area-weighted means of their triangles; zero where undefined; None outside 3D."""
         if self.points.shape[1] != 3:
             return None
         return normals_at(self.points, self.faces)
@@ -105,7 +105,7 @@ class Mesh:
         return Axes(tuple(range(d + k)), (1.0,) * d + (contrast,) * k, np.column_stack([self.points, channels]))
 
     def lowered(self, u: Array) -> "Mesh":
-        """A copy with the points, the channels, or both of u (n, free coordinates), in their units."""
+        """A copy with the points, the channels, or both taken from u (n, free coordinates), in their units."""
         d = self.points.shape[1]
         points, channels = self.points, self.channels
         if self.moves != "channels":

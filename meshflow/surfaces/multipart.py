@@ -1,4 +1,4 @@
-"""Several data objects as one."""
+"""Joins several meshes into one."""
 
 from collections.abc import Sequence
 
@@ -26,9 +26,9 @@ def as_one(parts: Sequence[Data]) -> Data:
 
 
 def together(surfaces: Sequence[Data]) -> Mesh:
-    """Meshes as one, their vertices one after the other.
+    """Join meshes into one; their vertices follow each other.
 
-    :raises InputError: for other data objects, and meshes of which not the same moves.
+    :raises InputError: for data objects that are no meshes, and for meshes that differ in what moves.
     """
     meshes = [one for one in surfaces if isinstance(one, Mesh)]
     kinds = {

@@ -1,4 +1,4 @@
-"""The data object of what a camera or a scanner has seen: values along rays."""
+"""Range images: depths or ranges of a camera or a scanner, along rays."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,9 +17,9 @@ from meshflow.surfaces.surface import Boundary, Surface
 __all__ = ["TimeUnit", "RangeImage"]
 
 TimeUnit = Literal["footprint", "length", "noise"]
-# The share of the nearest depth that is a jump where nothing is known of the noise.
+# The share of the nearest depth that is a jump where the noise is not known.
 SHARE = 0.05
-# How far sigma / h of a sample may be from the median where time follows it: stable steps shorten with the greatest.
+# The largest factor between sigma / h of a sample and its median where time follows it; stable steps shorten with the largest.
 FASTEST = 6.0
 
 
@@ -27,29 +27,28 @@ FASTEST = 6.0
 class RangeImage:
     """Depths seen by a camera; each point may move along the ray of its pixel.
 
-    Time is counted in pixel footprints, if nothing else is said: the motion of a vertex is multiplied by h_i squared, h_i the
-    width of its pixel on the surface at the start (z_i / f of a pinhole), so that near and far are smoothed over the same
+    By default the unit of time is the squared pixel footprint: the rate of a vertex is multiplied by h_i squared, h_i the width
+    of its pixel on the surface at the start (z_i / f of a pinhole), so that near and far surfaces are smoothed over the same
     number of pixels.
 
-    :param depth: (h, w), in the unit that the result shall have (metres); 0, NaN, infinite and masked samples are missing.
-        (Of a scanner of which each sample has an origin of its own, 0 and what is below it are samples: :class:`Scanner`.)
-    :param camera: what saw it: :class:`Pinhole`, :class:`Orthographic`, :class:`Spherical` or :class:`Scanner`.
+    :param depth: (h, w), in the unit of the result (metres); 0, NaN, infinite and masked samples are missing. (For a
+        :class:`Scanner` with one origin per sample, 0 and negative values are valid.)
+    :param camera: :class:`Pinhole`, :class:`Orthographic`, :class:`Spherical` or :class:`Scanner`.
     :param missing: (h, w), further samples that are missing.
     :param fixed: (h, w), samples that stay.
-    :param jump: what is behind does not touch what is before it. ``noise``: a triangle is left out where its depths jump beyond
-        what noise and slope explain, or it turns away from the ray (:func:`.discontinuities.cuts_by_noise`); a number:
-        where they differ by more than this share of the nearest; None: nowhere. A share has no meaning where each sample has an
-        origin of its own.
-    :param sigma: the noise of the depths, a number or (h, w), in their unit; where it is not given the front door estimates it,
-        and without it ``noise`` is a share of 5 %.
-    :param measure: what the depths are, ``depth`` along the optical axis or ``range`` along the ray; by default what suits the
-        camera.
-    :param time_unit: time is counted in squares of each pixel's ``footprint``, or the same everywhere, in squared ``length``;
-        ``noise``: in squared footprints where sigma / h is the median, and in proportion to it elsewhere, so that all noise goes
-        alike.
-    :param unit: the name of the unit of the depths, for reports and pictures; that of depths that a file holds is m.
-    :raises InputError: for a camera that cannot have seen it, negative depths, fewer than 2 x 2 samples, or
-        nothing but missing ones.
+    :param jump: where neighbouring samples belong to different surfaces and are not connected. ``noise``: a triangle is left out
+        where its depths jump by more than noise and slope explain, or where it turns away from the ray
+        (:func:`.discontinuities.cuts_by_noise`). A number: where depths differ by more than this share of the nearest; not
+        defined where each sample has its own origin. None: nowhere.
+    :param sigma: the standard deviation of the noise of the depths, a number or (h, w), in their unit. Where it is not given,
+        :func:`meshflow.smooth` estimates it; without it, ``jump="noise"`` means a share of 5 %.
+    :param measure: what the depths are, ``depth`` along the optical axis or ``range`` along the ray; by default the usual one of
+        the camera.
+    :param time_unit: ``footprint``: time is in squared footprints of each pixel; ``length``: in squared length, the same
+        everywhere; ``noise``: in squared footprints where sigma / h is the median and in proportion to it elsewhere, so that
+        noise is removed evenly.
+    :param unit: the name of the unit of the depths, for reports and pictures; m for depths from a file.
+    :raises InputError: for a camera that does not fit, negative depths, fewer than 2 x 2 samples, or no sample that is present.
     """
 
     depth: Array
@@ -98,9 +97,9 @@ class RangeImage:
         return brief(self, self.depth, self.missing, self.camera.summary)
 
     def gridded(self, lift: Lift) -> Grid:
-        """The grid that a grid engine moves, the depths as they are; nothing is copied.
+        """The grid for an engine; the depths are not copied.
 
-        :raises InputError: for a contrast other than 1: along rays through one point it scales the scene and nothing else.
+        :raises InputError: for a contrast other than 1, which would only scale the scene.
         """
         if lift.contrast != 1.0:
             raise InputError(
@@ -122,18 +121,18 @@ class RangeImage:
 
     @property
     def counted(self) -> Measure:
-        """What the depths are: as given, or as suits the camera."""
+        """The measure of the depths: the given one, or the usual one of the camera."""
         return self.measure or self.camera.usual
 
     @property
     def cuts(self) -> Cuts | None:
-        """Edges where the depth jumps, by its noise; None where that is not known or not asked for."""
+        """Edges cut where the depth jumps, judged by its noise; None where the noise is not known or not used."""
         if self.jump != "noise" or self.sigma is None:
             return None
         return cuts_by_noise(self.along, self.missing, self.sigma, self.footprint)
 
     def cleared(self, least: int) -> "RangeImage":
-        """A copy without pieces of fewer than ``least`` samples: they are missing there, and their depth is zero."""
+        """A copy without components of fewer than ``least`` samples, which become missing with depth zero."""
         cuts, shape = self.cuts, self.depth.shape
         if cuts is None and self.jump is not None:
             near = np.where(self.missing, np.nan, self.depth)
@@ -146,21 +145,21 @@ class RangeImage:
         gone = small_components(self.missing, cuts, least)
         if (gone | self.missing).all():
             raise InputError(
-                f"min_component: all {shape[1]} x {shape[0]} pixels lie in pieces of fewer than {least} samples"
+                f"min_component: all {shape[1]} x {shape[0]} pixels lie in components of fewer than {least} samples"
             )
         nothing = np.nan if self.camera.signed else 0.0
         return replace(self, depth=np.where(gone, nothing, self.depth), missing=self.missing | gone)
 
     @property
     def step(self) -> float:
-        """h: 1 where time is counted in pixel footprints, else their median, a length."""
+        """h: 1 where the unit of time is the pixel footprint; else the median footprint, a length."""
         if self.time_unit != "length":
             return 1.0
         return float(np.median(self.footprint[~self.missing]))
 
     @property
     def stride(self) -> Array | None:
-        """What time is counted in squares of, (h, w); None: the same everywhere, in the unit of the depths."""
+        """The length (h, w) whose square is the unit of time; None: the unit of the depths, everywhere."""
         if self.time_unit == "length":
             return None
         footprint = self.footprint
@@ -172,9 +171,9 @@ class RangeImage:
 
     @property
     def along(self) -> Array:
-        """The coordinate (h, w) of each point along its own ray, as its values count it; NaN where missing.
+        """The coordinate (h, w) of each point along its ray; NaN where missing.
 
-        What the values are themselves, where they count from one place; from places of their own it is told by the points.
+        It is the value itself where all rays have one origin; with one origin per sample it is computed from the points.
         """
         if not self.camera.signed:
             return np.where(self.missing, np.nan, self.depth)
@@ -183,11 +182,11 @@ class RangeImage:
 
     @property
     def cloud(self) -> Array:
-        """The points (h, w, 3) that were seen, NaN where missing."""
+        """The points (h, w, 3), NaN where missing."""
         return np.where(self.missing[..., None], np.nan, self.points_at(self.depth.astype(np.float64)))
 
     def points_at(self, depth: Array) -> Array:
-        """The points (h, w, 3) of other depths (h, w) along the same rays."""
+        """The points (h, w, 3) at given depths (h, w) along the same rays."""
         return self.lines.at(depth)
 
     @property
@@ -197,21 +196,21 @@ class RangeImage:
 
     @cached_property
     def footprint(self) -> Array:
-        """The width of each pixel on the surface (h, w), across its ray, unit of the depths; zero where missing."""
+        """The width (h, w) of each pixel on the surface, across its ray, in the unit of the depths; zero where missing."""
         there = np.where(self.missing, np.nan, self.depth).astype(np.float64)
         footprint = np.nan_to_num(self.camera.footprint(there, self.counted), nan=0.0)
-        footprint.flags.writeable = False  # kept: asked for several times in one smoothing
+        footprint.flags.writeable = False  # cached: used several times in a run
         return footprint
 
     def lifted(self, lift: Lift) -> Surface:
-        """The surface of the points that were seen, each free along its ray.
+        """The surface of the points, each free along its ray.
 
         :raises InputError: for a contrast other than 1.
         """
         return self.gridded(lift).surface()
 
     def lowered(self, u: Array) -> "RangeImage":
-        """A copy whose depths are u (h * w, 1); missing ones keep their bits."""
+        """A copy with depths u (h * w, 1); missing samples keep their bits."""
         return replace(self, depth=held(self.depth, u, self.missing))
 
 

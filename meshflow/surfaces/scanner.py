@@ -1,4 +1,4 @@
-"""What sees along rays of its own: the sweep of a lidar, and a scanner of any rays whatever."""
+"""Scanners: the regular sweep of a lidar, and arbitrary rays."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -22,7 +22,7 @@ class Spherical:
     :param elevation: e of the centres of the first and the last row, degrees, or one number for each row; it falls or rises
         from row to row.
     :raises InputError: for angles that are not finite, elevations beyond 90 degrees or out of order, or a sweep of more than
-        a turn.
+        360 degrees.
     """
 
     azimuth: tuple[float, float]
@@ -66,7 +66,7 @@ class Spherical:
         return f"spherical, azimuth {first:g} to {last:g}, elevation {self.elevation[0]:g} to {self.elevation[-1]:g} degrees"
 
     def check(self, shape: tuple[int, int], measure: Measure, missing: Array | None = None) -> None:
-        """Refuse another number of rows than elevations, and depth along an axis that there is not."""
+        """Refuse a number of rows that differs from that of elevations, and depths, since there is no optical axis."""
         if known(measure) != "range":
             raise InputError("measure='depth': a spherical camera has no optical axis, range expected; leave it out")
         if len(self.elevation) not in (2, shape[0]):
@@ -81,7 +81,7 @@ class Spherical:
         return Lines((still, still, still), (np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)))
 
     def footprint(self, u: Array, measure: Measure) -> Array:
-        """u sqrt(cos e da de), da and de the steps of the angles there."""
+        """u sqrt(cos e da de), where da and de are the steps of the angles."""
         a, e = self._angles((u.shape[0], u.shape[1]))
         da = abs(self.azimuth[1] - self.azimuth[0]) / (u.shape[1] - 1)
         return u * np.sqrt(np.radians(da) * np.abs(np.gradient(e, axis=0)) * np.cos(e))
@@ -89,7 +89,7 @@ class Spherical:
     def project(self, points: Array, shape: tuple[int, int] | None = None) -> Array:
         """Pixel coordinates (n, 2), NaN outside the sweep.
 
-        :param shape: (h, w) of the image: the sweep alone does not tell how many columns there are.
+        :param shape: (h, w) of the image, since the sweep does not define the number of columns.
         :raises InputError: without the shape.
         """
         if shape is None:
@@ -111,7 +111,7 @@ class Spherical:
         return np.stack([column, row], axis=-1)
 
     def thinned(self, step: int, shape: tuple[int, int]) -> "Spherical":
-        """Of every ``step``-th row and column."""
+        """The camera of every ``step``-th row and column."""
         a, e = (np.degrees(angle).ravel()[::step] for angle in self._angles(shape))
         return Spherical((float(a[0]), float(a[-1])), tuple(map(float, e)))
 
@@ -124,13 +124,13 @@ class Spherical:
 
 @dataclass(frozen=True, eq=False)
 class Scanner:
-    """Any rays: the point of value u is o + u d.
+    """Arbitrary rays: the point of value u is o + u d.
 
-    With one origin for all, values are ranges, and 0 marks a missing one. With an origin for each sample they count from there
-    and may be 0 or less: missing is then what is NaN or named.
+    With one origin for all rays, values are ranges, and 0 marks a missing one. With one origin per sample, values are relative to
+    it and may be 0 or negative; samples are then missing where they are NaN or marked.
 
-    :param directions: (h, w, 3), d, of any length; of ``range`` they are taken with length 1, of ``depth`` with z = 1. NaN or
-        zero where a sample is missing.
+    :param directions: d, (h, w, 3), of any length: they are scaled to length 1 for ``range``, and to z = 1 for ``depth``. NaN
+        or zero where a sample is missing.
     :param origins: o, (3,) or (h, w, 3).
     :raises InputError: for other shapes, or when no ray is finite and longer than zero.
     """
@@ -156,7 +156,7 @@ class Scanner:
             )
 
     def __eq__(self, other: object) -> bool:
-        """The same lines, to the rounding of files that hold them in single precision."""
+        """Whether the lines are the same, up to the rounding of files in single precision."""
         if not isinstance(other, Scanner) or self.directions.shape != other.directions.shape:
             return NotImplemented if not isinstance(other, Scanner) else False
         mine, theirs = (np.broadcast_to(x.origins, x.directions.shape) for x in (self, other))
@@ -172,12 +172,12 @@ class Scanner:
 
     @property
     def signed(self) -> bool:
-        """Whether each sample has an origin of its own."""
+        """Whether each sample has its own origin."""
         return np.ndim(self.origins) == 3
 
     @property
     def summary(self) -> str:
-        """How many rays, and from where."""
+        """The number of rays, and their origin."""
         h, w, _ = self.directions.shape
         whence = "origins of their own" if self.signed else "from ({:g}, {:g}, {:g})".format(*np.asarray(self.origins))
         return f"scanner, {h} x {w} rays {whence}"
@@ -190,7 +190,7 @@ class Scanner:
         return lost | ~np.isfinite(self.origins).all(axis=2) if self.signed else lost
 
     def check(self, shape: tuple[int, int], measure: Measure, missing: Array | None = None) -> None:
-        """Refuse another size, and rays that are zero or not finite where a sample is."""
+        """Refuse another size, and rays that are zero or not finite where a sample is present."""
         d = self.directions
         if d.shape[:2] != tuple(shape):
             raise InputError(
@@ -207,7 +207,7 @@ class Scanner:
             raise InputError("measure='depth': rays with z above zero expected, got others; give measure='range'")
 
     def lines(self, shape: tuple[int, int], measure: Measure) -> Lines:
-        """The lines; where there is no ray, a point."""
+        """The lines; a point where there is no ray."""
         lost = self._lost[..., None]
         d = np.where(lost, 1.0, self.directions)
         d = np.where(lost, 0.0, d / (np.linalg.norm(d, axis=2, keepdims=True) if measure == "range" else d[..., 2:]))
@@ -215,9 +215,9 @@ class Scanner:
         return Lines(_parts(o), _parts(d))
 
     def footprint(self, u: Array, measure: Measure) -> Array:
-        """From one origin: the mean angle to the rays beside, times u; else how far the points beside are, across the ray.
+        """With one origin: u times the mean angle to the neighbouring rays. Else the distance of the neighbouring points.
 
-        (The geometric mean of both along rows and along columns; the median where nothing is beside.)
+        It is the geometric mean along rows and along columns; where there are no neighbours, the median of the image.
         """
         lines = self.lines((u.shape[0], u.shape[1]), measure)
         d = np.where(self._lost[..., None], np.nan, np.stack(np.broadcast_arrays(*lines.directions), axis=-1))
@@ -228,9 +228,9 @@ class Scanner:
         return _filled(_beside(unit, unit), u) * np.linalg.norm(d, axis=2) * u
 
     def project(self, points: Array, shape: tuple[int, int] | None = None) -> Array:
-        """Pixel coordinates (n, 2): of the nearest ray, and on to the point as the rays beside differ from it.
+        """Pixel coordinates (n, 2): those of the nearest ray, extrapolated linearly with its neighbouring rays.
 
-        :raises InputError: when rays have neither their origin nor their direction in common.
+        :raises InputError: when the rays share neither an origin nor a direction.
         """
         from scipy.spatial import KDTree
 
@@ -261,13 +261,13 @@ class Scanner:
         return found
 
     def thinned(self, step: int, shape: tuple[int, int]) -> "Scanner":
-        """Of every ``step``-th row and column."""
+        """The camera of every ``step``-th row and column."""
         o: Any = self.origins
         return Scanner(self.directions[::step, ::step], o[::step, ::step] if self.signed else o)
 
 
 def _few(angles: tuple[float, ...]) -> str:
-    """Some of them, and how many there are."""
+    """Some of the angles, and their number."""
     more = f", ... ({len(angles)} numbers)" if len(angles) > 4 else ""
     return f"{', '.join(f'{angle:g}' for angle in angles[:4])}{more}"
 
@@ -277,14 +277,14 @@ def _parts(vectors: Array) -> tuple[Array, Array, Array]:
 
 
 def _slope(places: Array, axis: int) -> Array:
-    """Differences (h, w, 3) per sample along an axis, central where both sides are there, NaN where none is."""
+    """Differences (h, w, 3) per sample along an axis: central where both neighbours exist, NaN where none does."""
     step = np.diff(places, axis=axis)
     none = np.full_like(np.take(places, [0], axis=axis), np.nan)
     return _mean(np.concatenate([none, step], axis=axis), np.concatenate([step, none], axis=axis))
 
 
 def _beside(places: Array, unit: Array) -> Array:
-    """How far the places (h, w, 3) beside are, across the unit rays: the geometric mean along rows and columns, (h, w)."""
+    """Distance (h, w) of neighbouring points (h, w, 3) across the unit rays, the geometric mean along rows and columns."""
     widths = []
     for axis in (0, 1):
         step = np.diff(places, axis=axis)
@@ -295,12 +295,12 @@ def _beside(places: Array, unit: Array) -> Array:
 
 
 def _mean(one: Array, other: Array) -> Array:
-    """The mean of what is there of two."""
+    """The mean of the values that are not NaN."""
     return np.where(np.isnan(one), other, np.where(np.isnan(other), one, (one + other) / 2))
 
 
 def _filled(widths: Array, u: Array) -> Array:
-    """With the median where nothing is beside; NaN where u is."""
+    """The widths, with the median where there are no neighbours; NaN where u is NaN."""
     known = widths[np.isfinite(widths)]
     median = np.median(known) if known.size else 1.0
     return np.where(np.isnan(u), np.nan, np.where(np.isnan(widths), median, widths))

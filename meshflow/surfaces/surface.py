@@ -1,4 +1,4 @@
-"""A triangulated surface in R^d of which each vertex may move along some free directions."""
+"""A triangulated surface in R^d whose vertices may move along free directions."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -16,9 +16,9 @@ BOUNDARIES = ("neumann", "plane-preserving", "fixed")
 
 
 def known_boundary(boundary: str) -> None:
-    """Refuse an unknown word.
+    """Check the name of a boundary condition.
 
-    :raises InputError: for one.
+    :raises InputError: for an unknown one.
     """
     if boundary not in BOUNDARIES:
         raise InputError(f"boundary: neumann, plane-preserving or fixed expected, got {boundary!r}")
@@ -26,19 +26,19 @@ def known_boundary(boundary: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Points, triangles, and where each point may go.
+    """Points, triangles, and the free directions of each point.
 
     :param points: (n, d), finite; d >= 2. The unit is the data's.
     :param triangulations: of the same points, each (m, 3): one for a mesh, two for the diagonals of a grid.
     :param free: :class:`Axes` or :class:`Rays`; by default all axes (full curvature flow).
     :param fixed: vertices (n,) that stay; by default none.
-    :param boundary: ``neumann``: nothing but the variational boundary; ``plane-preserving``: the pull of the boundary's conormal
-        is taken out, so that tilted planes rest; ``fixed``: boundary vertices stay.
+    :param boundary: ``neumann``: the variational boundary condition; ``plane-preserving``: the pull of the boundary's conormal is
+        removed, so that tilted planes do not move; ``fixed``: boundary vertices stay.
     :param alternate: take the triangulations in turn, one per rate evaluation, instead of all together.
-    :param time_factor: (n,), of each vertex (pixel footprint squared of a range image); None: 1 for all.
-    :param charts: for each triangulation (m, 3, c), the coordinates that are not free of each triangle's corners in a chart of
-        its own, where no common plane holds them (spacing per row on an ellipsoid); taken from ``points`` by default.
-    :raises InputError: when shapes disagree, points are not finite, or a face names a vertex that is not there.
+    :param time_factor: (n,), factor on the rate of each vertex (the squared pixel footprint of a range image); None: 1 for all.
+    :param charts: for each triangulation (m, 3, c), the coordinates of corners that are not free, in a chart of each triangle,
+        where there is no common plane (spacing per row on an ellipsoid). By default taken from ``points``.
+    :raises InputError: when shapes disagree, points are not finite, or a face has an index out of range.
     """
 
     points: Array
@@ -72,13 +72,13 @@ class Surface:
 
     @property
     def start(self) -> Array:
-        """The free coordinates now, (n, k), unit of the data."""
+        """The current free coordinates (n, k), in the unit of the data."""
         now = self.free.now
         return self.free.coordinates(self.points) if now is None else np.array(now, dtype=np.float64)
 
     @property
     def corners(self) -> tuple[Array, ...]:
-        """For each triangulation (m, 3, c), its corners in the coordinates that stay; c is 0 where none do."""
+        """For each triangulation, the fixed coordinates (m, 3, c) of its corners; c is 0 where there are none."""
         staying = list(self.free.staying(self.points.shape[1]))
         return self.charts or tuple(self.points[:, staying][faces] for faces in self.triangulations)
 

@@ -1,4 +1,4 @@
-"""Grids to triangles: two diagonals of a cell, and what is left where samples are missing."""
+"""Triangulates grids: the diagonals of the cells, and the triangles that exist where samples are missing."""
 
 from typing import Literal
 
@@ -33,12 +33,12 @@ TOUCHES = tuple(
     (r, c, sum(1 << bit for bit, corners in enumerate(_CORNERS) if (r, c) in corners)) for r in (0, 1) for c in (0, 1)
 )
 
-# Rows of cells looked at together: what is held in between stays small beside the grid.
+# Rows of cells handled at once, which keeps temporary arrays small.
 _ROWS = 256
 
 
 def triangulations(diagonals: Diagonals) -> tuple[int, ...]:
-    """Which triangulations a word names: 0 forward, 1 backward.
+    """The triangulations that a word stands for: 0 forward, 1 backward.
 
     :raises InputError: for an unknown word.
     """
@@ -50,11 +50,11 @@ def triangulations(diagonals: Diagonals) -> tuple[int, ...]:
 def triangles_there(
     missing: Array, depth: Array | None = None, jump: float | None = None, cuts: Cuts | None = None
 ) -> Array:
-    """Which triangles of each cell (h - 1, w - 1) are there, one bit each: 1, 2 forward, upper and lower; 4, 8 backward.
+    """Bits of the triangles that exist in each cell (h - 1, w - 1): 1, 2 forward, upper and lower; 4, 8 backward.
 
-    :param missing: (h, w), where there is no sample; a triangle with a missing corner is left out.
-    :param depth: (h, w), and ``jump``: a triangle whose depths differ by more than this share of the nearest is left out, too.
-    :param cuts: a triangle with a leg that is cut is left out, too.
+    :param missing: (h, w), missing samples; a triangle with a missing corner is left out.
+    :param depth: (h, w), and ``jump``: a triangle whose depths differ by more than this share of the nearest is also left out.
+    :param cuts: a triangle with a cut leg is also left out.
     """
     h, w = missing.shape
     there = np.zeros((h - 1, w - 1), np.uint8)
@@ -62,7 +62,7 @@ def triangles_there(
         last = min(first + _ROWS, h - 1)
         windows = {
             (r, c): (slice(first + r, last + r), slice(c, w - 1 + c)) for r in (0, 1) for c in (0, 1)
-        }  # where the corners of these cells stand
+        }  # the corners of these cells
         for bit, corners in enumerate(_CORNERS):
             whole = ~np.logical_or.reduce([missing[windows[corner]] for corner in corners])
             if depth is not None and jump is not None:
@@ -102,8 +102,8 @@ def _triangles(there: Array, bit: int) -> Array:
 def charts_of_rows(faces: Array, width: int, dx: Array, dy: float) -> Array:
     """Corners (m, 3, 2) of grid triangles in a plane of their own: legs dx of their row and dy.
 
-    On an ellipsoid the width of a sample changes from row to row; no plane holds such a grid. Each triangle has one leg in
-    a row, whose spacing it takes.
+    On an ellipsoid the width of a sample changes from row to row, so the grid does not fit in a plane. Each triangle takes the
+    spacing of the row in which one of its legs lies.
 
     :param faces: (m, 3) of :func:`grid_triangulations`: the first corner holds the right angle.
     :param dx: (h,), the spacing within each row; dy the spacing between rows.

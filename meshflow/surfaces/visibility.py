@@ -1,4 +1,4 @@
-"""Lines of sight: rays cast at triangles, and the pixels in which points are seen, through any camera."""
+"""Lines of sight of any camera: rays cast at triangles, and the pixels at which points are seen."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,22 +13,22 @@ from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Sight", "met"]
 
-# How far outside of a triangle, in shares of it, a ray still meets it: rays run exactly through vertices and along edges.
+# How far outside a triangle, as a share of it, a ray still hits it, since rays run exactly through vertices and along edges.
 EDGE = 1e-7
-# How far, in shares of a triangle of about a pixel, a surface may have drawn back from the middle of a pixel that still sees it:
-# a vertex of a silhouette stands right there, and rounding alone would hide it. What is further behind by NEARER gives way.
+# How far, as a share of a triangle of about one pixel, a surface may be away from the centre of a pixel that still sees it. A
+# vertex of a silhouette lies exactly there, and rounding alone would hide it. A surface nearer by the share NEARER wins.
 SLACK, NEARER = 0.05, 0.01
-# Newton steps for the pixel of a point; through a pinhole the equations are bilinear and two or three are enough.
+# Newton steps for the pixel of a point. For a pinhole the equations are bilinear, and two or three steps are enough.
 NEWTON = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """The line of each pixel, p(u) = o + u d: u is what the camera calls depth.
+    """The line of each pixel, p(u) = o + u d, where u is the depth of the camera.
 
     :param origins: o, (h, w, 3), or what broadcasts to it.
     :param directions: d, (h, w, 3), none of length zero.
-    :raises InputError: for directions of another shape, fewer than 2 x 2 of them, or one that is zero or not finite.
+    :raises InputError: for directions of another shape, fewer than 2 x 2 of them, or directions that are zero or not finite.
     """
 
     origins: Array
@@ -74,17 +74,17 @@ class Sight:
         return self.origins + depth[..., None] * self.directions
 
     def tilt(self, normals: Array) -> Array:
-        """Angle (h, w), degrees, between the line of sight and the normal (h, w, 3) of what is seen, 0 to 90."""
+        """Angle (h, w), 0 to 90 degrees, between the line of sight and the normal (h, w, 3) of the surface."""
         facing = np.abs(np.einsum("...i,...i->...", normals, self.directions))
         return np.degrees(np.arccos(np.clip(facing / np.linalg.norm(self.directions, axis=2), 0.0, 1.0)))
 
     def pixels(self, points: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Where points (n, 3) are seen: (n, 2) column and row, fractions of a pixel and all, and their depths (n,).
+        """Where points (n, 3) are seen: column and row (n, 2), with fractions of a pixel, and depths (n,).
 
-        The lines around that of a pixel are continued linearly, which is exact for a pinhole: p = o + u d + a (o_c + u d_c) +
+        The lines near that of a pixel are extrapolated linearly, which is exact for a pinhole: p = o + u d + a (o_c + u d_c) +
         b (o_r + u d_r), indices c and r the differences from column to column and row to row, by Newton's method.
 
-        :param near: (n,), the number r * w + c of a pixel close to which each is seen; by default that of its own number.
+        :param near: (n,), the index r * w + c of a pixel near which each point is seen; by default the index of the point.
         """
         own = np.arange(len(points)) if near is None else near
         o, d, oc, dc, orow, drow = (part.reshape(-1, 3)[own] for part in self._around)
@@ -106,10 +106,10 @@ class Sight:
         return o, d, np.gradient(o, axis=1), np.gradient(d, axis=1), np.gradient(o, axis=0), np.gradient(d, axis=0)
 
     def rendered(self, points: Array, faces: Array) -> Array:
-        """Depths (h, w) of a moved surface of which vertex r * w + c belongs to pixel (r, c); NaN where no triangle is seen.
+        """Depths (h, w) of a moved surface whose vertex r * w + c belongs to pixel (r, c); NaN where no triangle is seen.
 
-        Each triangle is cast at by the pixels within the rectangle in which its corners are seen. A pixel still sees a surface
-        whose edge has moved away by no more than 0.05 pixels.
+        Rays are cast at each triangle from the pixels of the bounding rectangle of its corners. A pixel still sees a surface
+        whose edge is at most 0.05 pixels away.
 
         :param points: (h * w, 3).
         :param faces: (m, 3).
@@ -150,12 +150,12 @@ def _solved(one: Array, two: Array, three: Array, right: Array) -> Array:
 
 
 def met(origins: Array, directions: Array, corners: Array, edge: float = 0.0) -> Array:
-    """The factor (n,) by which each ray meets its triangle (Möller and Trumbore 1997); infinite where it does not.
+    """The factor (n,) at which each ray hits its triangle (Möller and Trumbore 1997); infinite where it does not.
 
     :param origins: (n, 3).
     :param directions: (n, 3).
     :param corners: (n, 3, 3).
-    :param edge: how far beyond its edges a triangle still counts, in shares of it.
+    :param edge: how far outside its edges a triangle is still hit, as a share of it.
     """
     a, b, c = np.moveaxis(corners, 1, 0)
     one, two, start = b - a, c - a, origins - a

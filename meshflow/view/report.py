@@ -26,7 +26,7 @@ _HEAD = ("parameter", "value", "unit", "origin", "why")
 _WIDTH, _GAP, _LINE, _CHART, _BAR = 16.0, 0.4, 0.22, 2.6, 0.15
 _COLUMNS = (0.0, 1.6, 3.6, 6.4, 7.8)
 _STYLE = """
-geometry { font: 15px/1.45 system-ui, sans-serif; color: #26282b; background: #fff; margin: 1.5rem auto; max-width: 1500px;
+body { font: 15px/1.45 system-ui, sans-serif; color: #26282b; background: #fff; margin: 1.5rem auto; max-width: 1500px;
   padding: 0 1rem; }
 h1 { font-size: 1.5rem; margin: 0 0 .2rem; } h2 { font-size: 1.1rem; margin: 1.6rem 0 .5rem; }
 .row { display: grid; gap: 1rem; align-items: start; }

@@ -128,7 +128,7 @@ class Served(Player):
             layout.footer.hide()
             with layout.toolbar:
                 v.VSpacer()
-                html.Span("{{ summary }}", id="summary", classes="text-geometry-2 mr-4")
+                html.Span("{{ summary }}", id="summary", classes="text-body-2 mr-4")
                 with v.VBtnToggle(v_model=("colouring",), density="compact", mandatory=True):
                     for name in COLOURINGS:
                         v.VBtn(name, value=name, size="small", id=f"show_{name}")
@@ -158,11 +158,11 @@ class Served(Player):
         with html.Div(classes="pa-3"):
             html.Img(src=("curves",), id="curves", alt="area, and what was removed, over time", style="width:100%")
             v.VProgressLinear(model_value=("busy",), v_show=("busy > 0",), height=6, color="primary", id="busy")
-            html.Div("{{ message }}", classes="text-error text-geometry-2", id="message")
+            html.Div("{{ message }}", classes="text-error text-body-2", id="message")
             self._server.ui.controls(layout)
             v.VBtn("save this state", click=self._write, size="small", classes="mt-4", id="save")
-            html.Div("{{ saved }}", classes="text-geometry-2 mt-1", id="saved")
-            html.Div("the command that makes it:", classes="text-geometry-2 mt-3")
+            html.Div("{{ saved }}", classes="text-body-2 mt-1", id="saved")
+            html.Div("the command that makes it:", classes="text-body-2 mt-3")
             html.Pre("{{ command }}", id="command", style="white-space:pre-wrap;word-break:break-all;font-size:11px")
 
     def _show_controls(self) -> None:
@@ -181,7 +181,7 @@ class Served(Player):
             place.clear()
             for control in controls:
                 name, model = control["name"], (f"control_{control['name']}",)
-                html.Div(f"{control['label']}: {{{{ {self._shown(control)} }}}}", classes="text-geometry-2 mt-2")
+                html.Div(f"{control['label']}: {{{{ {self._shown(control)} }}}}", classes="text-body-2 mt-2")
                 if "items" in control:
                     v.VSelect(v_model=model, items=(control["items"],), density="compact", hide_details=True, id=name)
                     continue

@@ -1,1 +1,1 @@
-"""The same rate on explicit triangles and on the samples of a grid."""
+"""Engines: the same rate on explicit triangles and on the samples of a grid."""

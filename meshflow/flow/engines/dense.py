@@ -1,4 +1,4 @@
-"""What engines on explicit triangles share: coordinates are one array, and memory is not the limit."""
+"""The base of engines on explicit triangles, whose coordinates are one array."""
 
 import numpy as np
 
@@ -9,18 +9,18 @@ __all__ = ["Dense"]
 
 
 class Dense:
-    """The part of the contract that asks for nothing but the coordinates.
+    """The parts of the contract that need the coordinates only.
 
-    :ivar surface: where the points were.
+    :ivar surface: the surface at the start.
     """
 
     surface: Surface
 
     def start(self) -> Array:
-        """Free coordinates (n, k) of the surface as it came."""
+        """Free coordinates (n, k) of the surface at the start."""
         return self.surface.start
 
     def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
-        """The sum of c a over ``terms``, (n, k): root mean square of the vertices, and the greatest length."""
+        """The sum of c a over ``terms``, (n, k): root mean square over the vertices, and largest length."""
         squares = np.square(sum(c * a for c, a in terms)).sum(axis=1)
         return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max(initial=0.0)))

@@ -1,4 +1,4 @@
-"""How the triangles of a surface are measured while it moves: as they are, as Delaunay's, with weights held or clamped."""
+"""Metrics: how triangles are measured while the surface moves: as given, intrinsic Delaunay, conformal, or clamped."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -29,12 +29,12 @@ __all__ = ["Clamped", "Conformal", "Delaunay", "Given", "Measured", "Metric", "N
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Triangles of a surface at one moment, its own or others of the same surface.
+    """Measured triangles of a surface in one state; its own triangles, or others of the same surface.
 
     :ivar connectivity: of the triangles.
-    :ivar cot: (m, 3), cotangents, of which masses and indicators are made.
+    :ivar cot: (m, 3), cotangents, from which masses and indicators are computed.
     :ivar area: (m,).
-    :ivar weights: (m, 3), by which neighbours draw each other: the cotangents, if nothing else is said.
+    :ivar weights: (m, 3), the weights of the edges; by default the cotangents.
     """
 
     connectivity: Connectivity
@@ -44,41 +44,40 @@ class Measured:
 
     @classmethod
     def by(cls, connectivity: Connectivity, cot: Array, area: Array) -> "Measured":
-        """With the cotangents as weights."""
+        """Triangles with the cotangents as weights."""
         return cls(connectivity, cot, area, cot)
 
 
 class Metric(Protocol):
-    """How triangles are measured at one moment; asked at every rate.
+    """Measures triangles in one state; evaluated at every rate.
 
-    :ivar thinnest: explicit steps on triangles of which no cotangent is above this are those of the triangles as they are; 0:
-        they are others.
-    :ivar keeps_range: no weight is below zero: an explicit step can be bounded so that no coordinate leaves its range.
+    :ivar thinnest: where no cotangent is above this, explicit steps are those of the given triangles; 0: never.
+    :ivar keeps_range: no weight is negative, so that explicit steps can be bounded to keep every coordinate in its range.
     """
 
     @property
     def thinnest(self) -> float:
-        """The greatest cotangent up to which triangles are taken as they are."""
+        """The largest cotangent up to which the given triangles are used."""
         ...
 
     @property
     def keeps_range(self) -> bool:
-        """Whether no weight is below zero."""
+        """Whether no weight is negative."""
         ...
 
     def settled(self, surface: Surface, triangulation: Triangulation, mass: MassKind) -> "Metric":
-        """The same for a surface at its start; :class:`Given` where it has no meaning.
+        """The metric for a surface at its start; :class:`Given` where it is not defined.
 
         :raises InputError: where it contradicts the boundary or the mass.
         """
         ...
 
     def measured(self, triangulation: Triangulation, x: Array, sharpness: float) -> Measured:
-        """The triangles when the coordinates beside their charts are x (n, c)."""
+        """The triangles, measured by their charts and coordinates x (n, c)."""
         ...
 
     def area(self, triangulation: Triangulation, x: Array, sharpness: float) -> float:
-        """Of the surface, squared length."""
+        """Area of the surface, squared length."""
         ...
 
 
@@ -88,13 +87,13 @@ def _as_they_are(triangulation: Triangulation, x: Array, sharpness: float) -> Me
 
 
 class Given:
-    """Triangles as they are."""
+    """The given triangles."""
 
     thinnest = np.inf
     keeps_range = False
 
     def settled(self, surface: Surface, triangulation: Triangulation, mass: MassKind) -> "Metric":
-        """The same: it has meaning everywhere."""
+        """The metric itself, which is always defined."""
         return self
 
     def measured(self, triangulation: Triangulation, x: Array, sharpness: float) -> Measured:
@@ -108,11 +107,11 @@ class Given:
 
 @dataclass(frozen=True)
 class Delaunay:
-    """Those of the intrinsic Delaunay triangulation of the same surface, where all coordinates are free.
+    """The intrinsic Delaunay triangulation of the same surface, where all coordinates are free.
 
-    Sides of all but flat ones are made longer by a hair, so that no weight is below zero and no system singular.
+    The edges of nearly flat triangles are lengthened slightly, so that no weight is negative and no system is singular.
 
-    :param always: not only where thin triangles ask for it.
+    :param always: also where no triangle is thin.
     """
 
     always: bool = True
@@ -120,20 +119,20 @@ class Delaunay:
 
     @property
     def thinnest(self) -> float:
-        """None are taken as they are, or all but thin ones."""
+        """0 where the Delaunay triangulation is always used, else the threshold for thin triangles."""
         return 0.0 if self.always else THIN
 
     def settled(self, surface: Surface, triangulation: Triangulation, mass: MassKind) -> "Metric":
-        """The same where all coordinates are free."""
+        """The metric itself where all coordinates are free."""
         return self if surface.is_free and not surface.alternate else Given()
 
     def measured(self, triangulation: Triangulation, x: Array, sharpness: float) -> Measured:
-        """The triangles of Delaunay, or as they are where none is thin."""
+        """The Delaunay triangles, or the given ones where none is thin."""
         given = _as_they_are(triangulation, x, sharpness)
         return given if not self.always and not is_thin(given.cot) else self.unfolded(triangulation, x)
 
     def unfolded(self, triangulation: Triangulation, x: Array) -> Measured:
-        """The triangles of Delaunay, by the lengths of their sides."""
+        """The Delaunay triangles, by the lengths of their edges."""
         faces = triangulation.connectivity.faces
         flipped, lengths = delaunay(faces, mollified(side_lengths(x, faces)))
         return Measured.by(connect((flipped,), triangulation.connectivity.size), *length_cotangents(lengths))
@@ -145,11 +144,11 @@ class Delaunay:
 
 @dataclass(frozen=True, eq=False)
 class Clamped:
-    """Weights below zero are zero, so that no coordinate leaves its range (the maximum principle).
+    """Negative weights are set to zero, so that no coordinate leaves its range (maximum principle).
 
-    It is not the gradient of the area. With the Neumann boundary, or a fixed one.
+    The flow is then not the gradient of the area. It needs a Neumann or fixed boundary.
 
-    :param pairs: corners (e,) and (e,) opposite to the edges of two triangles; found when it is settled.
+    :param pairs: corners (e,) and (e,) opposite to the edges of two triangles; found by :meth:`settled`.
     """
 
     pairs: tuple[Array, Array] = field(default=(np.zeros(0, np.int64), np.zeros(0, np.int64)), repr=False)
@@ -159,7 +158,7 @@ class Clamped:
     def settled(self, surface: Surface, triangulation: Triangulation, mass: MassKind) -> "Metric":
         """With the pairs of the triangles.
 
-        :raises InputError: with a plane-preserving boundary or Voronoi mass, which have weights below zero of their own.
+        :raises InputError: with a plane-preserving boundary or Voronoi mass, which have negative weights themselves.
         """
         if surface.boundary == "plane-preserving":
             raise InputError(
@@ -172,23 +171,23 @@ class Clamped:
         return Clamped(shared_sides(triangulation.connectivity.faces))
 
     def measured(self, triangulation: Triangulation, x: Array, sharpness: float) -> Measured:
-        """The triangles as they are, with clamped cotangents."""
+        """The given triangles with clamped cotangents."""
         given = _as_they_are(triangulation, x, sharpness)
         return Measured.by(given.connectivity, clamped(given.cot, *self.pairs), given.area)
 
     def area(self, triangulation: Triangulation, x: Array, sharpness: float) -> float:
-        """That of the triangles as they are."""
+        """The area of the given triangles."""
         return float(_as_they_are(triangulation, x, sharpness).area.sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Conformal:
-    """The stiffness stays that of the start, the mass is that of now (Kazhdan, Solomon, Ben-Chen 2012).
+    """The stiffness of the start with the current mass (Kazhdan, Solomon, Ben-Chen 2012).
 
-    No neck pinches off, and what is like a sphere becomes one. Where all coordinates are free.
+    Necks do not pinch off, and surfaces of genus zero become spheres. For surfaces whose coordinates are all free.
 
-    :param inner: how the start is measured: as it is, or clamped.
-    :param first: (m, 3), the cotangents of the start; found when it is settled.
+    :param inner: how the start is measured: as given, or clamped.
+    :param first: (m, 3), the cotangents of the start; found by :meth:`settled`.
     """
 
     inner: Metric
@@ -197,34 +196,34 @@ class Conformal:
 
     @property
     def keeps_range(self) -> bool:
-        """That of the start."""
+        """Whether the metric of the start keeps the range."""
         return self.inner.keeps_range
 
     def settled(self, surface: Surface, triangulation: Triangulation, mass: MassKind) -> "Metric":
-        """With the cotangents of the surface where all coordinates are free."""
+        """The metric with the cotangents of the surface, where all coordinates are free."""
         if not surface.is_free or surface.alternate:
             return Given()
         inner = self.inner.settled(surface, triangulation, mass)
         return Conformal(inner, inner.measured(triangulation, surface.points, 1.0).cot)
 
     def measured(self, triangulation: Triangulation, x: Array, sharpness: float) -> Measured:
-        """The areas of now with the cotangents of the start."""
+        """The current areas with the cotangents of the start."""
         area = _as_they_are(triangulation, x, sharpness).area
         return Measured.by(triangulation.connectivity, self.first, area)
 
     def area(self, triangulation: Triangulation, x: Array, sharpness: float) -> float:
-        """That of now."""
+        """The current area."""
         return float(_as_they_are(triangulation, x, sharpness).area.sum())
 
 
 @dataclass(frozen=True)
 class NormalChannels:
-    """Triangles are measured in (x, width n), n the vertex normals of now, and move in x alone.
+    """Triangles are measured in (x, width n), n the current vertex normals, and move in x only.
 
-    What turns counts as far away, so faces become flat and creases stay. Points in R^3, all coordinates free.
+    Points with different normals are far apart, so that faces become flat and creases stay. For points in R^3, all free.
 
-    :param width: a length: what is curved more than its inverse is a feature.
-    :param inner: how triangles are measured in that space: as they are, or as Delaunay's.
+    :param width: a length; a curvature above its inverse is a feature.
+    :param inner: how triangles are measured in that space: as given, or intrinsic Delaunay.
     """
 
     width: float
@@ -233,28 +232,28 @@ class NormalChannels:
 
     @property
     def keeps_range(self) -> bool:
-        """As the inner one."""
+        """Whether the inner metric keeps the range."""
         return self.inner.keeps_range
 
     def __post_init__(self) -> None:
         positive(self.width, "contrast")
 
     def settled(self, surface: Surface, triangulation: Triangulation, mass: MassKind) -> "Metric":
-        """The same where all coordinates are free."""
+        """The metric itself where all coordinates are free."""
         if not surface.is_free or surface.alternate:
             return Given()
         return NormalChannels(self.width, self.inner.settled(surface, triangulation, mass))
 
     def measured(self, triangulation: Triangulation, x: Array, sharpness: float) -> Measured:
-        """The triangles in the wider space."""
+        """The triangles in the space of points and normals."""
         wide = np.column_stack([x, self.width * normals_at(x, triangulation.connectivity.faces)])
         return self.inner.measured(triangulation, wide, sharpness)
 
     def area(self, triangulation: Triangulation, x: Array, sharpness: float) -> float:
-        """That of the surface itself, without its normals."""
+        """The area of the surface itself, without normals."""
         return operator.total_area(x, triangulation.connectivity.faces)
 
 
 def metric_of(triangles: Triangles) -> Metric:
-    """The metric of a word: ``given``, ``delaunay``, ``auto`` (Delaunay's where thin ones ask for it) or ``clamped``."""
+    """The metric of a name: ``given``, ``delaunay``, ``auto`` (Delaunay where triangles are thin) or ``clamped``."""
     return {"given": Given(), "delaunay": Delaunay(), "auto": Delaunay(always=False), "clamped": Clamped()}[triangles]

@@ -1,4 +1,4 @@
-"""Triangles of a flow: what of them stays whatever moves."""
+"""Triangles of a flow, with the quantities that do not change."""
 
 from dataclasses import dataclass
 
@@ -14,10 +14,10 @@ __all__ = ["Triangulation", "triangulations_of"]
 
 @dataclass(frozen=True, eq=False)
 class Triangulation:
-    """One set of triangles and what of it never changes.
+    """A set of triangles and the quantities that do not change.
 
-    :ivar connectivity: who touches whom.
-    :ivar charts: (m, 3, c), corners in the coordinates that stay; c is 0 where all are free.
+    :ivar connectivity: which vertices and triangles touch.
+    :ivar charts: (m, 3, c), corners in the coordinates that are not free; c is 0 where all are free.
     :ivar forms: (m, 4), the quadratic forms of the charts; None where all are free.
     :ivar flat: (n,), a third of the area of the charts around each vertex.
     """
@@ -29,7 +29,7 @@ class Triangulation:
 
     @classmethod
     def of(cls, faces: tuple[Array, ...], charts: Array, n: int) -> "Triangulation":
-        """Triangulations together, (m, 3) each, of n vertices; charts (m, 3, c), corners in the coordinates that stay."""
+        """Join triangulations, (m, 3) each, of n vertices; charts (m, 3, c): corners in the coordinates that are not free."""
         connectivity = connect(faces, n)
         if charts.shape[2] == 0:
             return cls(connectivity, charts, None, np.zeros(n))
@@ -39,7 +39,7 @@ class Triangulation:
         return cls(connectivity, charts, forms, flat)
 
     def chart_gradient(self, cot: Array, linear: bool) -> Array:
-        """The area gradient (n,), its length, in the coordinates that stay.
+        """The length (n,) of the area gradient in the coordinates that are not free.
 
         :param linear: without the pull of the border.
         """
@@ -50,7 +50,7 @@ class Triangulation:
 
 
 def triangulations_of(surface: Surface) -> tuple[Triangulation, ...]:
-    """Those of a surface that are taken in turn; one of all its triangles where they are not."""
+    """The triangulations of a surface that alternate; where they do not, one of all its triangles."""
     n = len(surface.points)
     if surface.alternate:
         pairs = zip(surface.triangulations, surface.corners, strict=True)

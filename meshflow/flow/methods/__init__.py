@@ -1,4 +1,4 @@
-"""The methods, one in a file: each with its equation and its own options."""
+"""The methods, one per file, each with its equation and its options."""
 
 from collections.abc import Callable
 
@@ -26,7 +26,7 @@ from meshflow.geometry.options import refused
 __all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", "words_for"]
 
 Method = HeightMethod | PointMethod
-# Those that move values above a base (heights, channels, depths), and those that move the points of a mesh.
+# Methods for values above a base (heights, channels, depths), and methods for the points of a mesh.
 HEIGHT_METHODS: tuple[type[HeightMethod], ...] = (
     Beltrami, GraphFlow, MeanCurvatureDiffusion, TotalVariation, PeronaMalik, GemanMcClure, Heat, Patches,
 )  # fmt: skip
@@ -39,9 +39,9 @@ METHODS: dict[str, Callable[[], Method]] = {
 
 
 def method_of(given: "str | Method") -> Method:
-    """A method: of a word, its class with its defaults.
+    """The method itself, or the class of a name with its defaults.
 
-    :raises InputError: for an unknown word, and for what is no method.
+    :raises InputError: for an unknown name, and for an object that is no method.
     """
     if isinstance(given, (HeightMethod, PointMethod)):
         return given
@@ -51,9 +51,9 @@ def method_of(given: "str | Method") -> Method:
         raise refused(given, tuple(METHODS), "method")
     if isinstance(given, type):
         raise InputError(f"method: a method expected, got the class {given.__name__}; give {given.__name__}()")
-    raise InputError(f"method: a word or a method, as PeronaMalik(sharpness=2), expected, got {given!r}")
+    raise InputError(f"method: a name or a method such as PeronaMalik(sharpness=2) expected, got {given!r}")
 
 
 def words_for(points: bool) -> tuple[str, ...]:
-    """The words of the methods that suit points of a mesh, or else values above a base."""
+    """The names of the methods for points of a mesh, or else of those for values above a base."""
     return ("search", "quick", *(found.word for found in (POINT_METHODS if points else HEIGHT_METHODS)))

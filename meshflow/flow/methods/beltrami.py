@@ -1,4 +1,4 @@
-"""The methods of the family of W^q: by its exponents, and those that have names."""
+"""The methods of the W^q family: by exponents, and its named members."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -23,11 +23,11 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class HeightMethod:
-    """A method for values above a base: heights, channels, depths. What is None is found from the data.
+    """A method for values above a base: heights, channels, depths. Options that are None are estimated from the data.
 
-    :ivar word: what the command calls it.
+    :ivar word: its name on the command line.
     :ivar gamma: exponent of the edge indicator, see :class:`Variant`; ``sharpness`` and ``patch`` likewise.
-    :ivar contrasts: what a search tries, in sample distances over the noise.
+    :ivar contrasts: those that a search tries, in sample distances divided by the noise.
     """
 
     word: ClassVar[str] = ""
@@ -39,7 +39,7 @@ class HeightMethod:
         "length per unit",
     )
     twicing: float | None = option(
-        None, "Weight w of twicing, 0 to 1: u(t) + w (u(t) - u(2 t)) gives back what the method took from the data."
+        None, "Weight w of twicing, 0 to 1: u(t) + w (u(t) - u(2 t)) restores signal that the method removed."
     )
     indicator: Indicator = option("metric", "How edges are recognized where gamma is not 0.")
     mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
@@ -53,23 +53,23 @@ class HeightMethod:
 
     @property
     def exponents(self) -> dict[str, float]:
-        """gamma, sharpness and patch, those that differ from the paper's (0, 1, 0)."""
+        """Those of gamma, sharpness and patch that differ from the paper's (0, 1, 0)."""
         return {}
 
     @property
     def ruled(self) -> bool:
-        """Whether the contrast is taken by rule, and not searched for, where the time is given."""
+        """Whether a given time makes the contrast follow a rule instead of a search."""
         return self.contrast is not None
 
     @property
     def variant(self) -> Variant:
-        """The exponents, the edge indicator and the mass, as engines take them."""
+        """The exponents, the edge indicator and the mass, for the engines."""
         return Variant(indicator=self.indicator, mass=self.mass, **self.exponents)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Beltrami(HeightMethod):
-    """The family dX/dt = -(edge indicator)^gamma P B, by its exponents; with its defaults Beltrami flow (14)."""
+    """The family dX/dt = -(edge indicator)^gamma P B by its exponents; Beltrami flow (14) by default."""
 
     word: ClassVar[str] = "beltrami"
     contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
@@ -80,7 +80,9 @@ class Beltrami(HeightMethod):
         "-2: graph flow.",
     )
     sharpness: float = option(1.0, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
-    patch: float = option(0.0, "Width of the patches in whose space lengths are measured; grids only.", "samples")
+    patch: float = option(
+        0.0, "Width of the patches; lengths are measured in the space of patches. Grids only.", "samples"
+    )
 
     @property
     def exponents(self) -> dict[str, float]:
@@ -89,13 +91,13 @@ class Beltrami(HeightMethod):
 
     @property
     def ruled(self) -> bool:
-        """Also where the caller chooses exponents of their own."""
+        """As in the base class, and also where the caller gives exponents."""
         return self.contrast is not None or (self.gamma, self.sharpness, self.patch) != (0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GraphFlow(HeightMethod):
-    """The motion of the shape under mean curvature flow, values moving alone (8), (9): gamma = -2."""
+    """The motion of the graph under mean curvature flow, in which only the values move (8), (9): gamma = -2."""
 
     word: ClassVar[str] = "graph"
     contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0)
@@ -108,7 +110,7 @@ class GraphFlow(HeightMethod):
 
 @dataclass(frozen=True, kw_only=True)
 class MeanCurvatureDiffusion(HeightMethod):
-    """Mean curvature diffusion [FEF98]: gamma = -1, so that the mean of the values is conserved."""
+    """Mean curvature diffusion [FEF98]: gamma = -1. The mean of the values is conserved."""
 
     word: ClassVar[str] = "mean-curvature"
 
@@ -120,7 +122,7 @@ class MeanCurvatureDiffusion(HeightMethod):
 
 @dataclass(frozen=True, kw_only=True)
 class TotalVariation(HeightMethod):
-    """Mean curvature diffusion at a high contrast, near the flow of total variation [ROF92]."""
+    """Mean curvature diffusion at high contrast, close to the flow of total variation [ROF92]."""
 
     word: ClassVar[str] = "total-variation"
     contrasts: ClassVar[tuple[float, ...]] = (8.0, 16.0)
@@ -133,7 +135,7 @@ class TotalVariation(HeightMethod):
 
 @dataclass(frozen=True, kw_only=True)
 class PeronaMalik(HeightMethod):
-    """Perona and Malik's diffusion on triangles (1): flux grad / W^q, gamma = -1."""
+    """The diffusion of Perona and Malik on triangles (1): flux grad / W^q, gamma = -1."""
 
     word: ClassVar[str] = "perona-malik"
     contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0)
@@ -161,7 +163,7 @@ class GemanMcClure(HeightMethod):
 
 @dataclass(frozen=True, kw_only=True)
 class Heat(HeightMethod):
-    """Beltrami flow at a contrast so low that it is all but the heat equation."""
+    """Beltrami flow at a contrast so low that it is nearly the heat equation."""
 
     word: ClassVar[str] = "heat"
     contrasts: ClassVar[tuple[float, ...]] = (0.05,)
@@ -169,11 +171,13 @@ class Heat(HeightMethod):
 
 @dataclass(frozen=True, kw_only=True)
 class Patches(HeightMethod):
-    """Beltrami flow with lengths measured in the space of patches: every sample carries its neighbourhood. Grids only."""
+    """Beltrami flow with lengths measured between patches, the neighbourhoods of the samples. Grids only."""
 
     word: ClassVar[str] = "patches"
 
-    patch: float = option(0.7, "Width of the patches in whose space lengths are measured; grids only.", "samples")
+    patch: float = option(
+        0.7, "Width of the patches; lengths are measured in the space of patches. Grids only.", "samples"
+    )
 
     @property
     def exponents(self) -> dict[str, float]:

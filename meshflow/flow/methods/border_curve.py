@@ -1,4 +1,4 @@
-"""The border of a mesh as a curve in space: it moves by its own curvature, whatever the surface does inside."""
+"""The border of a mesh as a curve in space, which moves by its own curvature, independently of the interior."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,13 +16,13 @@ from meshflow.surfaces.surface import Surface
 
 __all__ = ["Bordered"]
 
-# The least length of an edge of the border, of the mean: below it, two vertices are one.
+# The shortest border edge, as a share of the mean; shorter ones count as this long.
 SHORT = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class _BorderedSystem:
-    """A system with that of the border beside it: what either holds of the other is lagged."""
+    """The systems of the interior and of the border; the coupling between them is lagged."""
 
     system: System
     at: Array
@@ -31,7 +31,7 @@ class _BorderedSystem:
 
     @property
     def mass(self) -> Array:
-        """M (n,) of what moves inside, half the lengths around of what moves along the border."""
+        """M (n,) of vertices in the interior; half the length of the adjacent edges on the border."""
         mass = self.system.mass.copy()
         mass[self.at] = self.own
         return mass
@@ -42,13 +42,13 @@ class _BorderedSystem:
 
 
 class Bordered(Around):
-    """Inside the flow as it is, and the vertices of the border by the curvature vector of the curve that they lie on.
+    """A flow in the interior; the border vertices move by the curvature vector of the border curve.
 
-    The curve shortening flow, dx/dt = d2x/ds2 by lengths of the edges: what is straight rests however irregularly it is sampled,
-    a circle shrinks as sqrt(r^2 - 2 t), corners become round. A vertex where other than two edges of the border meet (a bow tie,
-    the end of an edge of three triangles) stays: there is no curve.
+    It is the curve shortening flow dx/dt = d2x/ds2 with s by edge lengths. Straight borders do not move, however irregularly they
+    are sampled; a circle shrinks as sqrt(r^2 - 2 t); corners become round. A vertex where not exactly two border edges meet (a
+    bow tie, the end of an edge of three triangles) stays, because no curve is defined there.
 
-    :param flow: an engine that holds the border.
+    :param flow: an engine that keeps the border fixed.
     :param surface: of that engine, all coordinates free.
     """
 
@@ -68,7 +68,7 @@ class Bordered(Around):
         return to
 
     def bound(self, u: Array) -> float:
-        """That of the flow, and of the curve by Gershgorin's circles."""
+        """The bound of the flow, and that of the curve by Gershgorin's theorem."""
         stiffness, mass = self._curve(u)
         diagonal = stiffness.diagonal()[self._at]
         return max(self.flow.bound(u), 2.0 * float(np.max(diagonal / mass[self._at], initial=0.0)))
@@ -80,13 +80,13 @@ class Bordered(Around):
         return _BorderedSystem(self.flow.system(u, diagonal), self._at, mass[self._at], keep @ stiffness @ keep)
 
     def generator(self, u: Array, weights: Weights) -> Any:
-        """A (n, n) of both; along the border always by lengths."""
+        """A (n, n) of both; the border is always weighted by lengths."""
         stiffness, mass = self._curve(u)
         scale = np.divide(1.0, mass, out=np.zeros_like(mass), where=self._moves)
         return sparse.csr_matrix(generator_of(self.flow, u, weights) + sparse.diags(scale) @ stiffness)
 
     def _curve(self, u: Array) -> tuple[Any, Array]:
-        """Stiffness (n, n) of the edges of the border, 1 / length, and the mass (n,), half the lengths around a vertex."""
+        """Stiffness (n, n) of the border edges, 1 / length, and mass (n,), half the length of the edges at a vertex."""
         n, (i, j) = len(u), self._edges.T
         lengths = np.linalg.norm(u[i] - u[j], axis=1)
         lengths = np.maximum(lengths, max(SHORT * float(lengths.mean()) if len(lengths) else 0.0, np.finfo(float).tiny))
@@ -96,6 +96,6 @@ class Bordered(Around):
         return stiffness, 0.5 * (np.bincount(i, lengths, n) + np.bincount(j, lengths, n))
 
     def _drawn(self, u: Array) -> Array:
-        """The curvature vectors of the border where it moves."""
+        """The curvature vectors of the border vertices that move."""
         stiffness, mass = self._curve(u)
         return -(stiffness @ u)[self._at] / mass[self._at, None]

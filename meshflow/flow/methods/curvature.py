@@ -1,4 +1,4 @@
-"""Mean curvature flow of a mesh, and the same with the stiffness of the start."""
+"""Mean curvature flow of a mesh, and its conformalized variant."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -20,7 +20,7 @@ __all__ = ["ConformalFlow", "CurvatureFlow", "bordered"]
 
 @dataclass(frozen=True, kw_only=True)
 class CurvatureFlow(PointMethod):
-    """Mean curvature flow [DMSB99], dx/dt = -M^-1 L x: it smooths, and shrinks what it smooths."""
+    """Mean curvature flow [DMSB99], dx/dt = -M^-1 L x. It shrinks the mesh."""
 
     word: ClassVar[str] = "curvature"
 
@@ -32,29 +32,29 @@ class CurvatureFlow(PointMethod):
 
     @property
     def variant(self) -> Variant:
-        """The mass, as engines take it."""
+        """The variant of the flow, for the engines."""
         return Variant(mass=self.mass)
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
-        """What moves the points (n, 3) of a surface."""
+        """The engine that moves the points (n, 3) of a surface."""
         inside = replace(surface, boundary="fixed") if setting.curve else surface
         return bordered(MeshFlow(inside, self.variant, metric_of(setting.triangles)), inside, setting)
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
     ) -> Stepper | StepperName:
-        """As asked; nothing is preferred."""
+        """The requested stepper."""
         return asked if self.along == "all" else AlongNormals(stepper_for(asked, flow, time), faces)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConformalFlow(CurvatureFlow):
-    """Mean curvature flow with the stiffness of the start (Kazhdan, Solomon, Ben-Chen 2012): for large times."""
+    """Conformalized mean curvature flow (Kazhdan, Solomon, Ben-Chen 2012), with the stiffness of the start; for large times."""
 
     word: ClassVar[str] = "conformal"
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
-        """What moves the points (n, 3) of a surface."""
+        """The engine that moves the points (n, 3) of a surface."""
         inside = replace(surface, boundary="fixed") if setting.curve else surface
         metric = Conformal(Clamped() if setting.triangles == "clamped" else Given())
         return bordered(MeshFlow(inside, self.variant, metric), inside, setting)
@@ -62,10 +62,10 @@ class ConformalFlow(CurvatureFlow):
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
     ) -> Stepper | StepperName:
-        """Implicit where nothing is asked for."""
+        """The requested stepper; semi-implicit by default."""
         return PointMethod.stepper(self, asked, flow, time, faces)
 
 
 def bordered(flow: Flow, inside: Surface, setting: PointSetting) -> Flow:
-    """A flow whose border moves as a curve, where that is asked for."""
+    """The flow, with a border that moves as a curve where that is requested."""
     return Bordered(flow, inside) if setting.curve else flow

@@ -27,10 +27,10 @@ class Fairing(PointMethod):
     once: ClassVar[bool] = True
 
     order: int | None = option(
-        None, "1 is implicit fairing, 2 the bi-Laplacian, 20 all but an ideal low-pass. Fixed choice: 2."
+        None, "1 is implicit fairing, 2 the bi-Laplacian, 20 nearly an ideal low-pass. Fixed choice: 2."
     )
     weights: Weights | None = option(
-        None, "cotangent keeps the sampling, uniform evens it too. Fixed choice: cotangent."
+        None, "cotangent keeps the sampling, uniform also makes it even. Fixed choice: cotangent."
     )
 
     def __post_init__(self) -> None:
@@ -38,15 +38,15 @@ class Fairing(PointMethod):
         self.low_pass()
 
     def filled(self) -> "Fairing":
-        """With the fixed choice for what is open."""
+        """The method with the fixed choice for options that are None."""
         return replace(self, order=self.order or 2, weights=self.weights or "cotangent")
 
     def low_pass(self) -> LowPass:
-        """The filter, with the fixed choice for what is open."""
+        """The filter, with the fixed choice for options that are None."""
         return LowPass(2 if self.order is None else self.order, "cotangent" if self.weights is None else self.weights)
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
-        """What moves the points (n, 3) of a surface."""
+        """The engine that moves the points (n, 3) of a surface."""
         inside = replace(surface, boundary="fixed") if setting.curve else surface
         return bordered(MeshFlow(inside, Variant(), metric_of(setting.triangles)), inside, setting)
 
@@ -60,6 +60,6 @@ class Fairing(PointMethod):
         return self.along_which(self.own_stepper(asked, self.low_pass()), faces)
 
     def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
-        """The coordinates (n, 3) at each of the times, each filtered from the start."""
+        """The coordinates (n, 3) at each time, each filtered from the start."""
         for count, time in enumerate(times):
             yield self.low_pass().step(flow, start, time, count)

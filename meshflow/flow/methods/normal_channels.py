@@ -1,4 +1,4 @@
-"""Curvature flow with lengths measured in (x, weight n): faces are smoothed, creases stay."""
+"""Curvature flow with lengths measured in (x, weight n): it smooths faces and keeps creases."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -18,7 +18,7 @@ __all__ = ["NormalChannels"]
 
 @dataclass(frozen=True, kw_only=True)
 class NormalChannels(PointMethod):
-    """Mean curvature flow of the surface (x, normal_weight n), of which the points x move (DESIGN, section 2)."""
+    """Mean curvature flow of the surface (x, normal_weight n), in which only the points x move. It keeps creases."""
 
     word: ClassVar[str] = "normal-channels"
 
@@ -31,7 +31,7 @@ class NormalChannels(PointMethod):
             positive(self.normal_weight, "normal_weight")
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
-        """What moves the points (n, 3) of a surface."""
+        """The engine that moves the points (n, 3) of a surface."""
         self.must_hold_border(setting)
         return MeshFlow(
             surface, Variant(mass=self.mass), Lengths(self.normal_weight or 1.0, metric_of(setting.triangles))

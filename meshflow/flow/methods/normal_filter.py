@@ -1,4 +1,4 @@
-"""Features kept: the normals of the triangles flow, and the points follow them."""
+"""The normal filter: the normals of the triangles are smoothed, and the points are fitted to them."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -22,28 +22,28 @@ from meshflow.surfaces.surface import Surface
 
 __all__ = ["ROUND", "NormalFilterFlow", "NormalFilter"]
 
-# One round, in squared edges: normals spread in steps of SWEEP, then points follow them in FOLLOWED sweeps. A round is long, so
-# that the normals of noisy triangles settle before any point has moved.
+# One round, in squared edges: the normals diffuse in steps of SWEEP, then the points follow in FOLLOWED sweeps. A round is long,
+# so that the normals of noisy triangles settle before any point moves.
 ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
 
 
 @dataclass(frozen=True, kw_only=True)
 class NormalFilter(PointMethod):
-    """The normals of the triangles flow, creases kept, and the points follow them. What is None is found from the data."""
+    """The normals of the triangles diffuse but for creases, and the points follow. Options that are None are estimated."""
 
     word: ClassVar[str] = "normal-filter"
 
     crease_contrast: float | None = option(
-        None, "A difference of unit normals times this is a crease where it is above 1. Fixed choice: 2."
+        None, "Neighbouring unit normals whose difference times this is above 1 form a crease. Fixed choice: 2."
     )
     crease_sharpness: float | None = option(
         None,
-        "q of the flux of normals, (1 + |contrast dn|²)^(-q/2) dn: 2 is Perona and Malik, 8 all but cuts. Fixed choice: 8.",
+        "q of the flux of normals, (1 + |contrast dn|²)^(-q/2) dn: 2 is Perona and Malik, 8 nearly a cutoff. Fixed choice: 8.",
     )
     regularize: float | None = option(
         None,
-        "How far the sampling is evened first, by a bi-Laplacian filter with uniform weights. For noise in all directions; it "
-        "moves points along the surface. Fixed choice: 0.",
+        "Time of a bi-Laplacian filter with uniform weights that makes the sampling even at the start. For noise in all "
+        "directions; it moves points along the surface. Fixed choice: 0.",
         "squared length",
     )
 
@@ -56,7 +56,7 @@ class NormalFilter(PointMethod):
             raise InputError(f"regularize: a squared length, zero or more, expected, got {self.regularize}")
 
     def filled(self) -> "NormalFilter":
-        """With the fixed choice for what is open."""
+        """The method with the fixed choice for options that are None."""
         return replace(
             self,
             crease_contrast=2.0 if self.crease_contrast is None else float(self.crease_contrast),
@@ -65,19 +65,19 @@ class NormalFilter(PointMethod):
         )
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
-        """What moves the points.
+        """The engine that moves the points (n, 3).
 
         :raises InputError: for clamped triangles, and a border that moves as a curve.
         """
         if setting.triangles == "clamped":
-            raise InputError("triangles='clamped': normals flow between facets, without cotangents; leave it out")
+            raise InputError("triangles='clamped': the normal filter uses no cotangents; leave it out")
         self.must_hold_border(setting)
         return NormalFilterFlow(surface, self)
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
     ) -> Stepper | StepperName:
-        """Rounds of its own.
+        """Explicit rounds.
 
         :raises InputError: for another stepper by name.
         """
@@ -85,10 +85,10 @@ class NormalFilter(PointMethod):
 
 
 class NormalFilterFlow(Dense):
-    """A flow of the contract: normals of triangles diffuse for a time, edges kept; the points are moved to fit them.
+    """The normal filter as a flow: the normals of triangles diffuse for a time but for creases, and the points are fitted.
 
-    Planes rest, points move along normals alone (but for ``regularize``), volume and creases stay; what is smooth is found
-    where the normals agree. Flow of normals as [Tasdizen et al. 2002], on the triangles themselves.
+    Planes do not move. Points move along normals only (except for ``regularize``). Volume and creases are kept. The flow of
+    normals is that of [Tasdizen et al. 2002], on the triangles themselves.
 
     :param surface: in R^3, all coordinates free.
     :raises InputError: for another surface.
@@ -98,7 +98,7 @@ class NormalFilterFlow(Dense):
 
     def __init__(self, surface: Surface, how: NormalFilter | None = None) -> None:
         if not surface.is_free or surface.points.shape[1] != 3:
-            raise InputError("normal-filter: normals of triangles are kept where the points of a mesh in R^3 move")
+            raise InputError("normal-filter: a mesh in R^3 whose points move expected")
         self.surface, self.how = surface, (how or NormalFilter()).filled()
         self.connectivity = connect(surface.triangulations, len(surface.points))
         faces = self.connectivity.faces
@@ -109,7 +109,7 @@ class NormalFilterFlow(Dense):
             self.held |= self.connectivity.rim
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
-        """The mean rate of a round; with a blend that keeps u, normals flow for its dt and the points follow once."""
+        """The mean rate of a round; with a blend that keeps u, the normals diffuse for its dt and the points follow once."""
         round = blend.dt if blend.keep != 0.0 else ROUND * self.step**2
         change = self._moved(u, round, diagonal == 0) - u
         if blend.keep == 0.0:
@@ -121,7 +121,7 @@ class NormalFilterFlow(Dense):
         how = self.how
         if first and (how.regularize or 0.0) > 0:
             even = umbrella_generator(self.connectivity, self.step, ~self.held, curve=True)
-            x = filtered(even, x, how.regularize or 0.0, 2)  # what is held stays: its rows are zero
+            x = filtered(even, x, how.regularize or 0.0, 2)  # fixed vertices stay, since their rows are zero
         faces = self.connectivity.faces
         normals, areas = facets.measured(x, faces)
         weights = facets.conductances(x, faces, self._across)
@@ -136,12 +136,12 @@ class NormalFilterFlow(Dense):
         return operator.total_area(u, self.connectivity.faces)
 
     def bound(self, u: Array) -> float:
-        """What makes an explicit step one round."""
+        """The bound that makes one explicit step one round."""
         return 2.0 / (ROUND * self.step**2)
 
     def system(self, u: Array, diagonal: int = 0) -> System:
-        """None.
+        """Not available.
 
-        :raises InputError: always: the motion of normals has no matrix.
+        :raises InputError: always, because the flow of normals has no matrix.
         """
-        raise InputError("normal-filter: normals flow in explicit rounds; leave the stepper out")
+        raise InputError("normal-filter: it is computed in explicit rounds; leave the stepper out")

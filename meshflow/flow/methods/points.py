@@ -1,4 +1,4 @@
-"""What the methods share that move the points of a mesh, all three coordinates free."""
+"""The base of the methods that move the points of a mesh, with all three coordinates free."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -21,10 +21,10 @@ Along = Literal["all", "normals"]
 
 @dataclass(frozen=True)
 class PointSetting:
-    """What a method of points is told beside its own options.
+    """Settings of a method of points in addition to its options.
 
-    :ivar triangles: whose cotangents are taken.
-    :ivar curve: the border moves as a curve in space.
+    :ivar triangles: the triangles whose cotangents are used.
+    :ivar curve: whether the border moves as a curve in space.
     """
 
     triangles: Triangles = "auto"
@@ -35,14 +35,14 @@ class PointSetting:
 class PointMethod:
     """A method that moves the points of a mesh.
 
-    :ivar word: what the command calls it.
-    :ivar once: it reaches its time in one step.
+    :ivar word: its name on the command line.
+    :ivar once: whether it reaches its time in one step.
     """
 
     word: ClassVar[str] = ""
     once: ClassVar[bool] = False
 
-    along: Along = option("all", "Points move in all directions, or along their normals alone.")
+    along: Along = option("all", "Points move in all directions, or only along their normals.")
 
     def __post_init__(self) -> None:
         if self.along not in ("all", "normals"):
@@ -50,23 +50,23 @@ class PointMethod:
 
     @property
     def words(self) -> dict[str, Any]:
-        """Names of options to numbers and words, in reading order; those that are open are left out."""
+        """The options by name, in reading order; those that are None are left out."""
         own = [f.name for f in fields(self) if f.name not in ("along", "mass")]
         chosen = {name: getattr(self, name) for name in own}
         return {"method": self.word, **{name: value for name, value in chosen.items() if value is not None}}
 
     def filled(self) -> "PointMethod":
-        """With the fixed choice for what is open."""
+        """The method with the fixed choice for options that are None."""
         return self
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
-        """What moves the points (n, 3) of a surface."""
+        """The engine that moves the points (n, 3) of a surface."""
         raise NotImplementedError
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array
     ) -> Stepper | StepperName:
-        """The stepper, of a caller who may have asked for one: an implicit one, since metrics are stiff.
+        """The requested stepper; by default an implicit one, because the metrics are stiff.
 
         :param faces: (m, 3), for motion along normals.
         """
@@ -74,7 +74,7 @@ class PointMethod:
         return asked if self.along == "all" else AlongNormals(stepper_for(asked, flow, time), faces)
 
     def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
-        """The coordinates (n, 3) at each of the times, squared length, one by one."""
+        """The coordinates (n, 3) at each of the times, squared length."""
         u, since = start, 0.0
         for count, time in enumerate(times):
             u = flow.rate(u, count, euler(time - since))
@@ -84,7 +84,7 @@ class PointMethod:
     def must_hold_border(self, setting: PointSetting) -> None:
         """Refuse a border that moves as a curve.
 
-        :raises InputError: where it is asked for.
+        :raises InputError: where it is requested.
         """
         if setting.curve:
             raise InputError(
@@ -93,14 +93,14 @@ class PointMethod:
             )
 
     def own_stepper(self, asked: Stepper | StepperName, own: Stepper) -> Stepper:
-        """A stepper of the method's own.
+        """The stepper of the method.
 
-        :raises InputError: where another one is asked for by name.
+        :raises InputError: where another one is requested by name.
         """
         if isinstance(asked, str) and asked not in ("auto", own.name):
-            raise InputError(f"stepper: {self.word} steps in its own way, got {asked!r}; leave it out")
+            raise InputError(f"stepper: method {self.word} has its own, got {asked!r}; leave it out")
         return own if isinstance(asked, str) else asked
 
     def along_which(self, stepper: Stepper, faces: Array) -> Stepper:
-        """The stepper, held to the normals where that is asked for."""
+        """The stepper, restricted to motion along normals where that is requested."""
         return stepper if self.along == "all" else AlongNormals(stepper, faces)

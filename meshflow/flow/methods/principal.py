@@ -1,4 +1,4 @@
-"""Mean curvature flow that leaves edges and corners: along the directions in which the surface is bent little."""
+"""Mean curvature flow along the directions of small curvature, which keeps edges and corners."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -26,9 +26,9 @@ __all__ = ["AlongCurvature", "Principal", "PrincipalFlow"]
 
 @dataclass(frozen=True)
 class AlongCurvature:
-    """Neighbours draw each other as div(D grad), D of the principal curvatures and directions (:func:`directed`).
+    """The metric of div(D grad), with D from the principal curvatures and directions (:func:`directed`).
 
-    :param feature_length: 1 / T: what is curved more than its inverse is a feature.
+    :param feature_length: 1 / T, a length: a curvature above its inverse is a feature.
     """
 
     feature_length: float
@@ -44,7 +44,7 @@ class AlongCurvature:
         :raises InputError: for a surface that is not in R^3, or whose points do not move.
         """
         if not surface.is_free or surface.alternate or surface.points.shape[1] != 3:
-            raise InputError("principal: directions of curvature are measured where the points of a mesh in R^3 move")
+            raise InputError("principal: a mesh in R^3 whose points move expected")
         return self
 
     def measured(self, triangulation: Triangulation, x: Array, sharpness: float) -> Measured:
@@ -59,19 +59,20 @@ class AlongCurvature:
 
 
 class Principal(Around):
-    """dx/dt = n n . div(D grad x), D of the principal curvatures and directions (:func:`directed`): the future work of Desbrun et
-    al. 2000, after Meyer et al. 2002, section 6, and Clarenz, Diewald, Rumpf 2000.
+    """dx/dt = n n . div(D grad x), with D from the principal curvatures and directions (:func:`directed`).
 
-    Flat parts lose their noise, an edge and a cylinder lose it along themselves, a corner stays. Meyer et al. multiply the whole
-    speed of a vertex by a ratio of the curvatures of its ring, w = k_min / k_H. There the noise of a vertex decides its own
-    weight: with noise of 0.03 edges on a cylinder of curvature 2 the ring says k_2 = -3.7 to 1.5 where 0 is true, so that the
-    least curvature is that of either direction, or of neither (a corner), and what alternates along the axis is not drawn back:
-    the error of the normals grew from 3.9 to 4.6 degrees. The sign of w was right (what is bent to the other side along an edge
-    moves outwards): with w held above 0 it stayed at 3.6. So curvatures are measured over two rings here, and choose directions
-    instead of speeds: along these the positions diffuse as they are.
+    It carries out the future work of Desbrun et al. 2000, after Meyer et al. 2002, section 6, and Clarenz, Diewald, Rumpf 2000.
+
+    Noise is removed from flat parts, and along edges and cylinders; corners stay. Meyer et al. multiply the rate of a vertex by a
+    ratio of the curvatures of its ring, w = k_min / k_H. The noise of a vertex then decides its own weight. With noise of 0.03
+    edges on a cylinder of curvature 2, the ring gives k_2 = -3.7 to 1.5 where the true value is 0, so that the smallest curvature
+    may belong to either direction, or to neither (a corner), and noise that alternates along the axis is not removed: the error
+    of the normals grew from 3.9 to 4.6 degrees. The sign of w was right (a vertex that is bent to the other side along an edge
+    moves outwards): with w kept above 0 the error was 3.6. Here curvatures are therefore measured over two rings, and determine
+    directions instead of speeds; along these directions the positions diffuse.
 
     :param surface: in R^3, all coordinates free.
-    :param feature_length: 1 / T, a length: what is curved more than its inverse is a feature.
+    :param feature_length: 1 / T, a length: a curvature above its inverse is a feature.
     :raises InputError: for another surface.
     """
 
@@ -80,19 +81,19 @@ class Principal(Around):
         self._faces = surface.triangulations[0]
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
-        """du/dt (n, 3), along the normals: what D, as it varies, pushes across the surface is no motion of the shape."""
+        """du/dt (n, 3) along the normals; the tangential part, which comes from the variation of D, does not move the shape."""
         rate, normals = self.flow.rate(u, diagonal), normals_at(u, self._faces)
         return blend.of_rate(u, np.einsum("ij,ij->i", rate, normals)[:, None] * normals, out)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PrincipalFlow(PointMethod):
-    """Mean curvature flow along the directions in which the surface is bent little (:class:`Principal`)."""
+    """Mean curvature flow along the directions of small curvature; it keeps edges and corners (:class:`Principal`)."""
 
     word: ClassVar[str] = "principal"
 
     feature_length: float | None = option(
-        None, "What is curved more than one over this is a feature and is kept. Default: from the noise.", "length"
+        None, "Curvatures above the inverse of this are features and are kept. Default: from the noise.", "length"
     )
     mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
 
@@ -102,7 +103,7 @@ class PrincipalFlow(PointMethod):
             positive(self.feature_length, "feature_length")
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
-        """What moves the points (n, 3) of a surface.
+        """The engine that moves the points (n, 3) of a surface.
 
         :raises InputError: for other triangles than the given ones.
         """

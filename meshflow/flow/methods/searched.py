@@ -1,4 +1,4 @@
-"""No method by name: the one of least estimated risk, or one fixed choice for all data."""
+"""The method with the least estimated risk, or one fixed choice for all data."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,11 +12,11 @@ __all__ = ["Quick", "Search"]
 
 @dataclass(frozen=True, kw_only=True)
 class Search(HeightMethod):
-    """The method of least estimated risk, of those that suit the data; options that are given here are held."""
+    """The method with the least estimated risk, among those that suit the data; options given here are kept."""
 
     word: ClassVar[str] = "search"
 
-    along: Along = option("all", "Points move in all directions, or along their normals alone.")
+    along: Along = option("all", "Points move in all directions, or only along their normals.")
 
 
 @dataclass(frozen=True, kw_only=True)

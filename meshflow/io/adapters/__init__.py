@@ -1,1 +1,1 @@
-"""Objects of other libraries, one library in a file."""
+"""Adapters for objects of other libraries, one library per file."""

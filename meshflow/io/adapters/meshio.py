@@ -1,4 +1,4 @@
-"""meshio.Mesh in, a new one out: triangles and quadrilaterals move, all its blocks, data and sets stay."""
+"""Imports meshio.Mesh: triangles and quadrilaterals move; all blocks, data and sets are kept."""
 
 from functools import partial
 from typing import TYPE_CHECKING, cast
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
 
 __all__ = ["from_object"]
 
-# Blocks that are no surface and have no inside: they follow their points.
+# Blocks of lower dimension, which follow their points.
 _FOLLOW = ("vertex", "line")
 _NORMALS = ("Normals", "normals")
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
-    """Take a meshio.Mesh in; what comes back is a new one, whose cells are as they were.
+    """Import a meshio.Mesh; results are new ones with the same cells.
 
-    Triangles, and quadrilaterals as two of them each, span the surface; vertices and lines follow their points. Normals among the
-    point data are recomputed.
+    The surface consists of the triangles, and of quadrilaterals as two triangles each; vertices and lines follow their points.
+    Normals in the point data are recomputed.
 
-    :param options: ``channels`` (n, k), or the name of point data, which returns to where it was; ``moves``.
-    :raises InputError: for a cloud, solid or curved cells, with the way out, an unknown name, or an option that does not belong.
+    :param options: ``channels`` (n, k), or the name of point data, which is then updated; ``moves``.
+    :raises InputError: for a point cloud, solid or curved cells, an unknown name, or an option that does not apply.
     """
     options.must_be_mesh("a meshio mesh")
     mesh = _mesh(data).copy()
@@ -53,9 +53,9 @@ def _mesh(data: object) -> "meshio.Mesh":
 
 
 def _triangles(mesh: "meshio.Mesh") -> tuple[Array, int]:
-    """Triangles (m, 3) of all blocks that are a surface, and how many quadrilaterals are among them.
+    """Triangles (m, 3) of all surface blocks, and the number of quadrilaterals among them.
 
-    :raises InputError: for blocks that are neither a surface nor follow one.
+    :raises InputError: for blocks of solid, curved or many-sided cells.
     """
     faces, quads = [np.zeros((0, 3), np.int64)], 0
     for block in mesh.cells:

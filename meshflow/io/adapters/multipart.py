@@ -1,4 +1,4 @@
-"""Things of several parts, each smoothed by itself: scenes of trimesh, blocks of pyvista, files of several meshes."""
+"""Data of several parts: scenes of trimesh, blocks of pyvista, files of several meshes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,9 +26,9 @@ __all__ = ["multipart"]
 def multipart(data: object, options: ReadOptions) -> Multipart | None:
     """The parts of a ``trimesh.Scene``, a ``pyvista.MultiBlock`` or a :class:`Document` of several; None for anything else.
 
-    Of a scene the primitives of one glTF mesh are one part, and each is smoothed where its first node puts it.
+    In a scene the primitives of one glTF mesh form one part, and each part is smoothed in the frame of its first node.
 
-    :raises InputError: for a part that is no surface, named, or a scene without one.
+    :raises InputError: for a part that is no surface, and for a scene without surfaces.
     """
     if isinstance(data, Document):
         return _bands(data, options) if data.source.bands else _sections(data, options)
@@ -61,9 +61,9 @@ def _multi_block(data: object, options: ReadOptions) -> Multipart | None:
 
 
 def _sections(document: Document, options: ReadOptions) -> Multipart | None:
-    """The meshes of a file; None where there is one, or none.
+    """The meshes of a file; None for a file with fewer than two.
 
-    :raises InputError: as :func:`from_object`, for options that a file says itself.
+    :raises InputError: as :func:`from_object`, for options that belong to reading.
     """
     if len(document.sections) < 2:
         return None
@@ -73,7 +73,7 @@ def _sections(document: Document, options: ReadOptions) -> Multipart | None:
     document = document.holding(data)
 
     def to_object(surfaces: Sequence[Data]) -> Document:
-        """The document around the smoothed parts."""
+        """The document with the smoothed parts."""
         meshes = [one for one in surfaces if isinstance(one, Mesh)]
         points = np.array(data.points, dtype=np.result_type(*(one.points for one in meshes)))
         channels = None
@@ -112,7 +112,7 @@ def _bands(document: Document, options: ReadOptions) -> Multipart | None:
 
 
 def _section(document: Document, data: Mesh, rows: Array) -> Imported:
-    """Some of the vertices of a file with the triangles between them, in the same order."""
+    """The mesh of some vertices of a file and the triangles between them, in the same order."""
     at = np.full(len(data.points), -1)
     at[rows] = np.arange(len(rows))
     faces = at[data.faces]

@@ -1,4 +1,4 @@
-"""open3d triangle meshes in, new ones out: the legacy class and the tensor class."""
+"""Imports triangle meshes of open3d: the legacy class and the tensor class."""
 
 from functools import partial
 from typing import TYPE_CHECKING, cast
@@ -20,12 +20,12 @@ __all__ = ["from_object"]
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
-    """Take a TriangleMesh in, legacy or tensor; what comes back is a new one of the same class, attributes and all.
+    """Import a TriangleMesh, legacy or tensor; results are new ones of the same class with all attributes.
 
-    Vertex and triangle normals are recomputed where there are some. Depth images go to :mod:`meshflow.io.adapters.open3d_images`.
+    Existing vertex and triangle normals are recomputed. Depth images go to :mod:`meshflow.io.adapters.open3d_images`.
 
-    :param options: ``channels`` (n, k), or ``"colors"``, of a tensor mesh also the name of a vertex attribute; ``moves``.
-    :raises InputError: for a point cloud or another geometry, an unknown name, or an option that does not belong.
+    :param options: ``channels`` (n, k), or ``"colors"``, for a tensor mesh also the name of a vertex attribute; ``moves``.
+    :raises InputError: for a point cloud or another geometry, an unknown name, or an option that does not apply.
     """
     if images.is_image(data):
         return images.from_object(data, options)
@@ -81,7 +81,7 @@ class _Legacy:
         return _Legacy(self.mesh)
 
     def names(self) -> list[str]:
-        """The vertex attributes that are there."""
+        """The existing vertex attributes."""
         return [name for name, home in self._HOMES.items() if len(getattr(self.mesh, home))]
 
     def faces(self) -> Array:
@@ -95,7 +95,7 @@ class _Legacy:
         return np.array(getattr(self.mesh, self._HOMES[name])).reshape(-1, 3)
 
     def found(self, name: str) -> Found:
-        """None: the class knows no other attributes than those three."""
+        """None, because the class has no other attributes."""
         return None, ()
 
     def put(self, name: str, values: Array) -> None:
@@ -104,7 +104,7 @@ class _Legacy:
         setattr(self.mesh, self._HOMES[name], utility.Vector3dVector(values))
 
     def renew_triangle_normals(self) -> None:
-        """Compute the normals of triangles again, if there are some."""
+        """Recompute the normals of triangles, if there are any."""
         if self.mesh.has_triangle_normals():
             self.mesh.compute_triangle_normals()
 
@@ -113,9 +113,7 @@ class _Tensor:
     """open3d.t.geometry.TriangleMesh, any attributes in any type."""
 
     def __init__(self, mesh: "open3d.t.geometry.TriangleMesh") -> None:
-        self.mesh = (
-            mesh.clone()
-        )  # copy.deepcopy shares the memory of all attributes; clone() leaves the material behind
+        self.mesh = mesh.clone()  # copy.deepcopy shares the memory of all attributes; clone() drops the material
         if mesh.has_valid_material():
             self.mesh.material = mesh.material
             for name, image in mesh.material.texture_maps.items():
@@ -126,7 +124,7 @@ class _Tensor:
         return _Tensor(self.mesh)
 
     def names(self) -> list[str]:
-        """The vertex attributes that are there."""
+        """The existing vertex attributes."""
         return [name for name, _ in self.mesh.vertex.items()]
 
     def faces(self) -> Array:
@@ -141,7 +139,7 @@ class _Tensor:
         return self.mesh.vertex[name].cpu().numpy().copy()
 
     def found(self, name: str) -> Found:
-        """A vertex attribute, or None, and the names of those that there are."""
+        """A vertex attribute or None, and the existing names."""
         there = [word for word in self.names() if word not in ("positions", "normals")]
         return (self.array(name) if name in there else None), there
 
@@ -151,7 +149,7 @@ class _Tensor:
         self.mesh.vertex[name] = core.Tensor(np.ascontiguousarray(values), device=self.mesh.device)
 
     def renew_triangle_normals(self) -> None:
-        """Compute the normals of triangles again, if there are some."""
+        """Recompute the normals of triangles, if there are any."""
         if "normals" in self.mesh.triangle:
             self.mesh.compute_triangle_normals()
 

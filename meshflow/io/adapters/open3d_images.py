@@ -1,4 +1,4 @@
-"""open3d depth images in, new ones out: Image and RGBDImage, the legacy classes and the tensor classes."""
+"""Imports depth images of open3d: Image and RGBDImage, legacy and tensor classes."""
 
 from functools import partial
 from typing import Any
@@ -24,22 +24,22 @@ def is_image(data: object) -> bool:
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
-    """Take a depth image in; what comes back is a new one of the same class in float32, in the units that came.
+    """Import a depth image; results are new ones of the same class in float32, in the original units.
 
-    Of an RGBDImage the depth moves, the colours are copied.
+    In an RGBDImage the depth moves and the colours are copied.
 
-    :param options: ``camera``, what :func:`meshflow.io.formats.cameras.calibration_for` takes, an open3d
-        ``PinholeCameraIntrinsic`` among it; ``depth_scale``, units per metre, by default what the camera says or 1000 for whole
-        numbers, and 1 for floating point (the depth of an RGBDImage that open3d made is in metres); ``missing``,
-        ``jump``, ``measure``, ``time_unit`` as of :class:`RangeImage`.
-    :raises InputError: without a camera, for one of another size, for an image that holds no depths, or an option that does not
-        belong.
+    :param options: ``camera``, as in :func:`meshflow.io.formats.cameras.calibration_for`, or a ``PinholeCameraIntrinsic``;
+        ``depth_scale``, units per metre, by default that of the camera or 1000 for whole numbers, and 1 for floating point (the
+        depth of an RGBDImage that open3d made is in metres); ``missing``, ``jump``, ``measure``, ``time_unit`` as in
+        :class:`RangeImage`.
+    :raises InputError: without a camera, for a camera of another size, for an image without depths, or an option that does not
+        apply.
     """
     name = f"open3d {type(data).__name__}"
     options.must_belong(f"an {name}", ("kind", "camera", "depth_scale", "missing", "jump", "measure", "time_unit"))
     if options.kind not in (None, "depth"):
         raise InputError(
-            f"kind={options.kind!r}: an {name} is taken as depths; give numpy.asarray(image) for anydata else"
+            f"kind={options.kind!r}: an {name} is taken as depths; give numpy.asarray(image) for anything else"
         )
     raw = _raw(data)
     if raw.ndim != 2 or raw.dtype not in (np.uint16, np.float32, np.float64):
@@ -73,7 +73,7 @@ def _raw(data: Any) -> Array:
 
 def _to_object(data: Any, raw: Array, start: Array, units: float, image: RangeImage) -> Any:
     open3d = need("open3d", "scan")
-    still = np.asarray(image.missing) | (image.depth == start)  # these keep the numbers that they had
+    still = np.asarray(image.missing) | (image.depth == start)  # these keep their stored numbers
     values = np.where(still, raw, image.depth * np.float64(units)).astype(np.float32)
     if isinstance(data, open3d.geometry.Image):
         return open3d.geometry.Image(values)

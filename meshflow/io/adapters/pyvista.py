@@ -1,4 +1,4 @@
-"""pyvista objects in, new ones out: PolyData here, grids in :mod:`meshflow.io.adapters.pyvista_grids`."""
+"""Imports objects of pyvista: PolyData here, grids in :mod:`meshflow.io.adapters.pyvista_grids`."""
 
 from functools import partial
 
@@ -15,7 +15,7 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["from_object"]
 
-# What is refused, and the way out of it.
+# Classes that are refused, and what to do instead.
 _ELSEWHERE = {
     "UnstructuredGrid": "take its surface: .extract_surface().triangulate()",
     "RectilinearGrid": "make it a .cast_to_structured_grid()",
@@ -26,13 +26,13 @@ _ELSEWHERE = {
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
-    """Take a PolyData, a flat ImageData or a terrain (StructuredGrid) in; what comes back is a new one, arrays and all.
+    """Import a PolyData, a flat ImageData or a terrain (StructuredGrid); results are new ones with all arrays.
 
     Polygons and strips are triangulated. Arrays keep their types; normals are recomputed.
 
-    :param options: of PolyData ``channels`` ((n, k), the name of a point array, or ``"colors"``), ``moves``;
-        of grids ``kind`` (``terrain | image``), ``spacing``, ``channels`` (the name of an array).
-    :raises InputError: for other kinds of data sets, with the way out, and for options that do not belong.
+    :param options: for PolyData ``channels`` ((n, k), the name of a point array, or ``"colors"``), ``moves``;
+        for grids ``kind`` (``terrain | image``), ``spacing``, ``channels`` (the name of an array).
+    :raises InputError: for other data sets, with what to do instead, and for options that do not apply.
     """
     if isinstance(data, pyvista.PolyData):
         return _from_polydata(data, options)
@@ -66,7 +66,7 @@ def _from_polydata(data: pyvista.PolyData, options: ReadOptions) -> Imported:
 
 
 def _triangles(data: pyvista.PolyData) -> tuple[pyvista.PolyData, tuple[str, ...]]:
-    """A deep copy whose polygons are triangles, and what had to be done."""
+    """A deep copy whose polygons are triangles, and notes."""
     if not data.GetNumberOfPolys() and not data.n_strips:
         raise InputError(
             f"PolyData: polygons expected, got {data.n_points} points, {data.n_lines} lines and none; a cloud has "
@@ -84,15 +84,14 @@ def _triangles(data: pyvista.PolyData) -> tuple[pyvista.PolyData, tuple[str, ...
 
 
 def _triangulated(data: pyvista.PolyData) -> pyvista.PolyData:
-    """A deep copy with triangles for polygons and strips, each with the cell data of what it is a part of.
+    """A deep copy with triangles instead of polygons and strips; each triangle has the cell data of its polygon or strip.
 
-    The polygons go through VTK alone: where there are lines and vertex cells beside them, its filter leaves the cell data of
-    these uninitialised.
+    The filter of VTK gets the polygons only: with lines and vertex cells beside them, it leaves their cell data uninitialized.
     """
     polygons = pyvista.PolyData(np.array(data.points))
     polygons.verts = np.zeros(0, int)
     polygons.faces, polygons.strips = np.array(data.faces), np.array(data.strips)
-    first = data.n_verts + data.n_lines  # VTK counts cells in this order: vertices, lines, polygons, strips
+    first = data.n_verts + data.n_lines  # the order of cells in VTK: vertices, lines, polygons, strips
     polygons.cell_data["came from"] = np.arange(first, data.n_cells)
     triangles = polygons.triangulate()
     source = np.concatenate([np.arange(first), triangles.cell_data["came from"]])
@@ -134,13 +133,13 @@ def _to_object(poly: pyvista.PolyData, faces: Array, skin: Skin, name: str | Non
         _renew_normals(new, faces, skin.points)
     values = skin.channels_of(data)
     if name is not None and values is not None:
-        array = new.point_data[name]  # in place: the copy keeps which array is active
+        array = new.point_data[name]  # in place, so that the active array stays active
         array.reshape(len(array), -1)[:, : values.shape[1]] = fitted(values, array.dtype)
     return new
 
 
 def _renew_normals(poly: pyvista.PolyData, faces: Array, before: Array) -> None:
-    """Normals of points and of cells anew, where the object has them."""
+    """Recompute normals of points and cells, where the object has them."""
     name = _normals_name(poly.point_data)
     if name is not None:
         normals = poly.point_data[name]

@@ -1,4 +1,4 @@
-"""Blocks of pyvista, each a part."""
+"""Imports blocks of pyvista as parts."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ __all__ = ["from_blocks"]
 
 
 def from_blocks(blocks: pyvista.MultiBlock, options: ReadOptions) -> Multipart:
-    """The blocks, those within blocks too; empty ones stay."""
+    """The blocks, including nested ones; empty blocks are kept."""
     parts: list[tuple[str, Imported]] = []
     inner: list[tuple[int, Multipart]] = []
     for i, block in enumerate(blocks):
@@ -35,7 +35,7 @@ def from_blocks(blocks: pyvista.MultiBlock, options: ReadOptions) -> Multipart:
         raise InputError("pyvista.MultiBlock: at least one block with a surface expected, got none")
 
     def to_object(surfaces: Sequence[Data]) -> pyvista.MultiBlock:
-        """The blocks around the smoothed parts."""
+        """The blocks with the smoothed parts."""
         new, start = blocks.copy(deep=True), 0
         for i, found in inner:
             stop = start + len(found.parts)

@@ -1,4 +1,4 @@
-"""Grids of pyvista that are terrains or images: flat ImageData, StructuredGrid of one layer."""
+"""Grids of pyvista that are terrains or images: flat ImageData, and StructuredGrid with one layer."""
 
 from functools import partial
 
@@ -16,15 +16,15 @@ from meshflow.surfaces.image import Image
 
 __all__ = ["from_image_data", "from_structured_grid"]
 
-# Steps between the points of a terrain may differ by this share of a step: float32 holds UTM metres to about 0.03 m.
+# Steps between points of a terrain may differ by this share, since float32 holds UTM metres to about 0.03 m.
 _UNEVEN = 2e-3
 
 
 def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
-    """Take a flat ImageData in: its active scalars (or the array that ``channels`` names) are what moves.
+    """Import a flat ImageData; its active scalars, or the array that ``channels`` names, move.
 
-    One component is a height field (with ``kind="image"`` an image), several are an image. Integers come back as floating
-    point, so that noimage is rounded; but colours (uint8, 3 or 4 components) as what they were.
+    One component is a height field (with ``kind="image"`` an image), several are an image. Integers are returned as floating
+    point, so that nothing is rounded; colours (uint8, 3 or 4 components) keep their type.
 
     :param options: ``kind`` (``terrain | image``), ``channels``, ``spacing``.
     :raises InputError: for a volume, no array, or options that do not belong.
@@ -61,10 +61,10 @@ def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
 
 
 def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> Imported:
-    """Take a StructuredGrid of one layer in: z above evenly spaced x and y moves.
+    """Import a StructuredGrid with one layer; z moves above evenly spaced x and y.
 
     :param options: ``spacing``.
-    :raises InputError: for several layers, or x and y that are not evenly spaced along the axes; the message has the way out.
+    :raises InputError: for several layers, or x and y that are not evenly spaced along the axes; the message says what to do.
     """
     options.must_belong("a StructuredGrid, of which z moves", ("kind", "spacing"))
     if options.kind not in (None, "terrain"):

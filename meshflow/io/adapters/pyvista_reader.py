@@ -1,8 +1,8 @@
 """``pyvista.read`` of a PLY file, found by the entry point ``pyvista.readers.override``.
 
-What VTK reads whole is left to VTK. Its reader ends the process (SIGSEGV, vtk 9.4 to 9.7) where an element stands before the
-vertices or a whole number has 64 bits, rounds positions of double precision to single, and drops every property that it has no
-name for: such files are read by trimesh, into the arrays that VTK would have made and one for each other property.
+Files that VTK reads completely are left to VTK. Its reader ends the process (SIGSEGV, vtk 9.4 to 9.7) where an element precedes
+the vertices or an integer has 64 bits; it rounds positions of double precision to single, and drops properties whose names it
+does not know. Such files are read by trimesh, into the arrays that VTK would have made and one for each other property.
 """
 
 import re
@@ -30,7 +30,7 @@ def read_ply(path: str) -> Any:
     :returns: a ``pyvista.PolyData``: polygons (of a cloud one vertex cell per point), positions in the precision that is
         stored, ``RGB`` or ``RGBA`` (uint8), ``Normals``, ``TCoords`` (n, 2), and the other properties of vertices and faces
         under their own names.
-    :raises FormatError: when VTK cannot read it and neither can trimesh: cut off, or polygons mixed in binary.
+    :raises FormatError: when neither VTK nor trimesh can read it: it is cut off, or mixes polygons in binary.
     """
     import pyvista
 
@@ -52,7 +52,7 @@ def read_ply(path: str) -> Any:
 
 
 def _beyond_vtk(path: Path) -> Iterator[tuple[str, bool]]:
-    """What VTK would lose of the file, and whether its process would end of it."""
+    """What VTK would lose of the file, and whether it would end the process."""
     with path.open("rb") as file:
         lines = []
         for line in file:
@@ -98,7 +98,7 @@ def _polydata(elements: Elements, path: Path) -> Any:
 
 
 def _cells(elements: Elements, path: Path) -> Array | None:
-    """The polygons as pyvista has them, each behind its length; None of a cloud."""
+    """The polygons as in pyvista, each preceded by its length; None for a point cloud."""
     face = elements.get("face")
     if face is None or not face["length"]:
         return None
@@ -112,7 +112,7 @@ def _cells(elements: Elements, path: Path) -> Array | None:
 
 
 def _fill(data: Any, elements: Elements, element: str) -> None:
-    """Colours as VTK names them, and every other property that is a number."""
+    """Add colours under the names of VTK, and every other numeric property."""
     kinds = elements[element]["properties"]
     for names in (("red", "green", "blue", "alpha"), ("red", "green", "blue")):
         if all(name in kinds for name in names):

@@ -1,4 +1,4 @@
-"""trimesh.Trimesh in, a new trimesh.Trimesh out."""
+"""Imports trimesh.Trimesh; results are new ones."""
 
 from functools import partial
 
@@ -17,11 +17,11 @@ __all__ = ["attribute_of", "carries", "channel_of", "from_object", "stored_norma
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
-    """Take a Trimesh in; what comes back is a new one with colours, attributes, texture and metadata of the first.
+    """Import a Trimesh; results are new ones with its colours, attributes, texture and metadata.
 
-    :param options: ``channels`` (n, k), or the name of a vertex attribute, or ``"colors"``: a named one returns to where it was;
+    :param options: ``channels`` (n, k), or the name of a vertex attribute, or ``"colors"``: a named one is then updated;
         ``moves``.
-    :raises InputError: for a Scene or a PointCloud, an unknown name, or an option that does not belong.
+    :raises InputError: for a Scene or a PointCloud, an unknown name, or an option that does not apply.
     """
     options.must_be_mesh("a trimesh mesh")
     read = _trimesh(data)
@@ -35,27 +35,27 @@ def from_object(data: object, options: ReadOptions) -> Imported:
 
 
 def carries(mesh: trimesh.Trimesh) -> bool:
-    """Whether the mesh has vertices that are split: it carries texture coordinates, or is a soup of triangles.
+    """Whether the mesh has split vertices: it has texture coordinates, or its triangles are not connected.
 
-    (Normals do not count here: trimesh makes them whenever somebody looks.)
+    Normals do not count, because trimesh computes them on access.
     """
     return getattr(mesh.visual, "uv", None) is not None or is_soup(np.asarray(mesh.faces), len(mesh.vertices))
 
 
 def stored_normals(mesh: trimesh.Trimesh) -> Array | None:
-    """Vertex normals (n, 3) if the mesh has them now; the exporters of trimesh ask its cache in the same way."""
+    """Vertex normals (n, 3) if they are in the cache of the mesh, which the exporters of trimesh also look at."""
     return np.array(mesh.vertex_normals) if "vertex_normals" in mesh._cache.cache else None
 
 
 def attribute_of(mesh: trimesh.Trimesh, name: str) -> Found:
-    """A vertex attribute, or None, and the names of those that there are."""
+    """A vertex attribute or None, and the existing names."""
     return mesh.vertex_attributes.get(name), mesh.vertex_attributes
 
 
 def channel_of(mesh: trimesh.Trimesh, name: str) -> Array:
     """A vertex attribute by its name, or the colours (n, 3) as ``"colors"``.
 
-    :raises InputError: when the mesh has no such attribute; the message names those that it has.
+    :raises InputError: when the mesh has no such attribute; the message lists the existing ones.
     """
     if name == "colors":
         colors = _colors(mesh)
@@ -72,11 +72,11 @@ def channel_of(mesh: trimesh.Trimesh, name: str) -> Array:
 def with_changes(
     mesh: trimesh.Trimesh, points: Array | None, normals: Array | None, name: str | None, values: Array | None
 ) -> trimesh.Trimesh:
-    """A copy with other positions, and other values of a named channel; whatever else it has is copied.
+    """A copy with other positions and other values of a named channel.
 
-    :param points: (n, 3), or None where they stay.
-    :param normals: those that the mesh had, recomputed if the points are given.
-    :param values: (n, k) of the channel ``name``; colours are rounded and clipped, alpha stays.
+    :param points: (n, 3), or None where they do not change.
+    :param normals: those of the mesh, recomputed if points are given.
+    :param values: (n, k) of the channel ``name``; colours are rounded and clipped, alpha is kept.
     """
     new = mesh.copy()
     if points is not None:
@@ -99,7 +99,7 @@ def with_changes(
 
 
 def _colors(mesh: trimesh.Trimesh) -> Array | None:
-    """Vertex colours, wherever trimesh keeps them: in the visual, or beside the texture coordinates."""
+    """Vertex colours, from the visual or from the attributes beside texture coordinates."""
     visual = mesh.visual
     if isinstance(visual, TextureVisuals):
         return visual.vertex_attributes.get("color")
@@ -114,7 +114,7 @@ def _to_object(
 
 
 def _trimesh(data: object) -> trimesh.Trimesh:
-    """The mesh, or a word on what came instead."""
+    """Check that an object is a Trimesh."""
     if isinstance(data, trimesh.Scene):
         raise InputError(
             f"trimesh.Scene of {len(data.geometry)} parts: one trimesh.Trimesh expected here; meshflow.smooth takes scenes "

@@ -1,4 +1,4 @@
-"""xarray.DataArray in, xarray.DataArray out: dimensions, coordinates, attributes and CRS kept."""
+"""Imports xarray.DataArray; results keep dimensions, coordinates, attributes and CRS."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ __all__ = ["from_object"]
 
 _CHANNELS = ("band", "bands", "channel", "channels", "rgb")
 _NAMES = (("y", "x"), ("lat", "lon"), ("latitude", "longitude"))
-# How the file was packed. Left in place, rioxarray would write smoothed heights as integers again, and silently.
+# How the file was packed. If it were kept, rioxarray would silently write smoothed heights as integers.
 _PACKING = (
     "dtype",
     "rasterio_dtype",
@@ -40,7 +40,7 @@ _NODATA = -9999.0
 
 @dataclass(frozen=True)
 class _Layout:
-    """Which dimension of an array is what: ``leading`` ones have one entry each."""
+    """The roles of the dimensions; ``leading`` ones have one entry each."""
 
     y: Hashable
     x: Hashable
@@ -54,17 +54,17 @@ class _Layout:
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
-    """Take in a DataArray: a height field over its last two dimensions, or an image of its bands.
+    """Import a DataArray: a height field over its last two dimensions, or an image of its bands.
 
-    Rows and columns are what rioxarray calls x and y, else dimensions named y and x, lat and lon, latitude and longitude, else
+    Rows and columns are the y and x of rioxarray, else dimensions named y and x, lat and lon, latitude and longitude, else
     the last two. A dimension named band, channel or rgb holds the channels of an image; any other must have one entry. The
-    spacing is that of the coordinates, in metres by row where they are degrees. NaN and the declared nodata are missing.
+    spacing is that of the coordinates; for degrees it is in metres and per row. NaN and declared nodata are missing.
 
-    What comes back is a new DataArray of float32 or float64, with a nodata value in its encoding, so that ``to_raster``
-    and ``to_netcdf`` neither quantise it nor forget what is missing.
+    Results are new DataArrays of float32 or float64, with a nodata value in the encoding, so that ``to_raster`` and
+    ``to_netcdf`` neither quantize them nor lose missing samples.
 
     :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``.
-    :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or a strange option.
+    :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or other options.
     """
     array = _data_array(data)
     options.must_belong("a DataArray", ("kind", "spacing", "missing"))
@@ -115,7 +115,7 @@ def _unscaled(array: "DataArray") -> tuple[str, ...]:
     if (scale, offset) == (1, 0):
         return ()
     return (
-        f"scale_factor {scale:g} and add_offset {offset:g} stand in the attributes and were not applied; "
+        f"scale_factor {scale:g} and add_offset {offset:g} are in the attributes and were not applied; "
         "open with mask_and_scale=True to smooth true values",
     )
 
@@ -141,12 +141,12 @@ def _plane(array: "DataArray") -> tuple[Hashable, Hashable]:
         try:
             return array.rio.y_dim, array.rio.x_dim
         except rioxarray.exceptions.MissingSpatialDimensionError:
-            pass  # none of its names: perhaps one of ours
+            pass  # not named as rioxarray expects: try the names below
     return next((pair for pair in _NAMES if set(pair) <= set(array.dims)), (array.dims[-2], array.dims[-1]))
 
 
 def _rioxarray() -> ModuleType | None:
-    """Registers ``.rio``, which knows more conventions than this file; what is here works without."""
+    """Import rioxarray if it is installed; it registers ``.rio``, which knows more conventions than this module."""
     try:
         import rioxarray
         import rioxarray.exceptions
@@ -188,7 +188,7 @@ def _wgs84() -> "CRS":
 
 
 def _regular(coordinate: "DataArray") -> float:
-    """The distance of neighbours along a coordinate, ascending or descending, of which every step is the same within 1e-3."""
+    """The step of a coordinate, ascending or descending, whose steps are equal within 1e-3."""
     along = np.asarray(coordinate)
     name = coordinate.name
     if along.dtype.kind not in "fiu" or along.size < 2:
@@ -206,7 +206,7 @@ def _regular(coordinate: "DataArray") -> float:
 
 
 def _gone(array: "DataArray", values: Array) -> Array:
-    """(h, w): not finite, or the nodata value that an array opened without masking says in its attributes."""
+    """Missing samples (h, w): not finite, or the nodata value in the attributes of an array opened without masking."""
     declared = array.attrs.get("_FillValue", array.attrs.get("nodata"))
     gone: Array = np.logical_not(np.isfinite(values))
     if declared is not None:

@@ -1,4 +1,4 @@
-"""Arrays of numpy, in memory and in .npy and .npz files."""
+"""numpy arrays, in memory and in .npy and .npz files."""
 
 import struct
 import zlib
@@ -41,7 +41,7 @@ READS: tuple[str, ...] = (
     "unit",
 )
 WRITES: tuple[str, ...] = ()
-# What numpy raises on a file that is not what it claims to be; it allocates what a header promises.
+# What numpy raises for invalid files; it allocates as much as a header claims.
 _BROKEN = (
     OSError,
     ValueError,
@@ -58,7 +58,7 @@ _BROKEN = (
     zlib.error,
 )
 _KEYS = ("z", "values", "depth", "data")
-# What each kind of array takes, and what it is called.
+# The options of each kind of array, and its name.
 _TAKES: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
     "terrain": ("an array of heights", ("spacing", "missing", "unit")),
     "image": ("an array of channels", ("spacing", "missing")),
@@ -71,7 +71,7 @@ _TAKES: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Stored(Source):
-    """What a file of arrays held besides the data.
+    """What a file of arrays contains besides the data.
 
     :param dtype: of the array as it was stored.
     :param key: its name in an .npz.
@@ -89,14 +89,15 @@ class Stored(Source):
 
 
 def read(path: Path, options: ReadOptions) -> Document:
-    """Read an array: (h, w) is a terrain, (h, w, k) an image, with a camera (h, w) are depths, whole numbers as in a PNG.
+    """Read an array: (h, w) is a terrain, (h, w, k) an image; with a camera, (h, w) are depths.
 
-    An ``.npz`` holds one array, or one of the name z, values, depth or data; or ``points`` and ``faces``: a mesh.
+    Depths in whole numbers are interpreted as in a PNG. An ``.npz`` contains one array, or one named z, values, depth or data, or
+    ``points`` and ``faces`` of a mesh.
 
     :param options: ``nodata``, a value that marks missing samples, as NaN always does; ``depth_scale``, units per metre of
-        depths, as of :func:`meshflow.io.formats.depth_images.read`; ``channels`` of a mesh are those of the file.
+        depths, as in :func:`meshflow.io.formats.depth_images.read`; ``channels`` of a mesh are those of the file.
     :raises FormatError: for a file that numpy cannot read, Python objects, or several arrays of other names.
-    :raises InputError: for an array that is no data, or an option that does not belong to it.
+    :raises InputError: for an array that is no data, or an option that does not apply.
     """
     arrays = _load(path)
     if {"points", "faces"} <= arrays.keys() and options.kind in (None, "mesh"):
@@ -122,18 +123,18 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def can_write(document: Document, suffix: str) -> bool:
-    """Whether it is no mesh, or goes into an ``.npz``."""
+    """Whether the document can be written: meshes only as ``.npz``."""
     return suffix == ".npz" or (suffix == ".npy" and not isinstance(document.data, Mesh))
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write the values of the data, floating point, as ``.npy`` or ``.npz``; a mesh as points and faces (``.npz``).
 
-    What was missing in a raster or a picture is NaN (0 in a depth image); in an array it stays as it was. The other arrays of
-    an ``.npz`` that was read are written again.
+    Missing samples of a raster or a picture become NaN (0 for a depth image); those of an array are unchanged. The other arrays
+    of an ``.npz`` that was read are written again.
 
-    :param options: there is no room for tags.
-    :returns: notes: what the array could not hold.
+    :param options: tags cannot be stored.
+    :returns: notes on what the array does not hold.
     :raises FormatError: when the file cannot be written.
     """
     source = document.source if isinstance(document.source, Stored) else Stored("")
@@ -158,15 +159,15 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
-    """Take in an array, a masked array, or ``(points, faces)``.
+    """Import an array, a masked array, or ``(points, faces)``.
 
-    (h, w) is a height field, (h, w, k) an image; with a camera (h, w) are depths. What comes back is a new array in native byte
-    order, masked with the same mask if a masked one came in, of floating point: integers come out as float32 or float64, since
-    rounding would undo the smoothing. Of a mesh ``(points, faces)`` come back, with ``channels`` behind if they came in.
+    (h, w) is a height field, (h, w, k) an image; with a camera, (h, w) are depths. The result is a new array of floating point in
+    native byte order, with the mask of a masked array. Integers become float32 or float64, because rounding would undo the
+    smoothing. For a mesh the result is ``(points, faces)``, followed by ``channels`` if they were given.
 
     :param options: ``kind``; ``spacing``, ``missing`` of grids, ``unit`` of heights; ``camera``, ``missing``,
         ``jump``, ``measure``, ``time_unit``, ``unit`` of depths; ``channels``, ``moves`` of meshes.
-    :raises InputError: for anything else, or an option that does not belong.
+    :raises InputError: for anything else, or an option that does not apply.
     """
     if isinstance(data, (tuple, list)):
         if len(data) != 2 or [np.ndim(part) for part in data] != [2, 2]:
@@ -238,7 +239,7 @@ def _values(data: HeightField | Image | RangeImage) -> Array:
 
 
 def _like(data: Array, values: Array) -> Array:
-    """A new array, masked as the one that came in."""
+    """A new array with the mask of the original."""
     if not isinstance(data, np.ma.MaskedArray):
         return np.array(values)
     return np.ma.MaskedArray(np.array(values), mask=np.ma.getmask(data), copy=True)

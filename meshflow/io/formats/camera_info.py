@@ -1,6 +1,6 @@
-"""The camera_info YAML of ROS, in and out: as camera_calibration writes it, and as ``ros2 topic echo`` prints it.
+"""Reads and writes the camera_info YAML of ROS, as written by camera_calibration and printed by ``ros2 topic echo``.
 
-Only what such a file holds is understood, mappings of numbers, words and lists: no YAML library is asked for.
+The parser understands the contents of such files only: mappings of numbers, words and lists. It needs no YAML library.
 """
 
 import re
@@ -20,7 +20,7 @@ def said_in(text: str, name: str) -> dict[str, Any]:
     """A camera_info file as the keys of a plain JSON: fx, fy, cx, cy, distortion, width, height.
 
     :param name: of the file, for the messages.
-    :raises FormatError: for what is no camera_info, is not calibrated, or has a lens of another model.
+    :raises FormatError: for a file that is no camera_info, a camera that is not calibrated, or another lens model.
     """
     said = {key.lower(): value for key, value in _parsed(text, name).items()}
     matrix = _numbers(said.get("camera_matrix", said.get("k")), 9, "camera_matrix (K)", name)
@@ -40,7 +40,7 @@ def said_in(text: str, name: str) -> dict[str, Any]:
             f"camera {name}: distortion_model plumb_bob or rational_polynomial expected, got {model!r}; undistort the image "
             "first (cv2.fisheye.initUndistortRectifyMap for equidistant lenses) and give its new K"
         )
-    while len(lens) > 8 and lens[-1] == 0:  # thin prism and tilt, unused
+    while len(lens) > 8 and lens[-1] == 0:  # thin prism and tilt, not used
         lens = lens[:-1]
     lens = (*lens, *(0.0,) * (8 - len(lens))) if 5 < len(lens) < 8 else lens
     size = {
@@ -77,7 +77,7 @@ def words_for(camera: Pinhole, shape: tuple[int, int]) -> str:
 
 
 def _parsed(text: str, name: str) -> dict[str, Any]:
-    """Keys and values of the first level; a matrix is its ``data``, whatever else is nested is left out."""
+    """Keys and values of the first level; a matrix is its ``data``, other nested values are ignored."""
     found: dict[str, Any] = {}
     key, inner, opened = "", "", ""
     for number, line in enumerate(text.splitlines(), start=1):
@@ -112,7 +112,7 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
 
 
 def _scalar(word: str) -> Any:
-    """A number where it is one, else the word."""
+    """A number if possible, else the word."""
     for kind in (int, float):
         try:
             return kind(word)

@@ -1,4 +1,4 @@
-"""The camera of a depth image: an object, the file that holds one, or the name of a convention."""
+"""The camera of a depth image: an object, a file, or the name of a convention."""
 
 import json
 import zlib
@@ -22,16 +22,16 @@ from meshflow.surfaces.scanner import Scanner, Spherical
 __all__ = ["CONVENTIONS", "Calibration", "calibration_for", "camera_for", "read_camera", "write_camera"]
 
 
-# What numpy and zlib raise on an .npz that is broken inside.
+# What numpy and zlib raise for a damaged .npz.
 _ZIPPED = (EOFError, MemoryError, SyntaxError, TokenError, zlib.error)
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A camera, and what its file or its convention says beside.
+    """A camera, and further facts from its file or convention.
 
-    :param shape: (h, w) of its images, where that is known.
-    :param units: of whole numbers of its depth images, per metre, where that is known.
+    :param shape: (h, w) of its images, if known.
+    :param units: of whole numbers in its depth images, per metre, if known.
     """
 
     camera: Camera
@@ -43,7 +43,7 @@ def _of_vga(fx: float, fy: float, cx: float, cy: float, units: float, *lens: flo
     return Calibration(Pinhole(fx, fy, cx, cy, lens), (480, 640), units)
 
 
-# As their makers publish them: cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats (colour cameras, which the depth images
+# As published: cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats (colour cameras, which the depth images
 # are registered to; they recommend plain ``tum``), and 7-Scenes of Microsoft Research. In all of them 0 is missing, in 7-Scenes
 # 65535.
 CONVENTIONS: Mapping[str, Calibration] = {
@@ -58,17 +58,17 @@ CONVENTIONS: Mapping[str, Calibration] = {
 
 
 def camera_for(camera: CameraLike | None, shape: tuple[int, int], name: str) -> Camera:
-    """The camera of an image of h x w pixels: :func:`calibration_for`, without what is said beside."""
+    """The camera of :func:`calibration_for`, for an image of h x w pixels."""
     return calibration_for(camera, shape, name).camera
 
 
 def calibration_for(camera: CameraLike | None, shape: tuple[int, int], name: str) -> Calibration:
-    """The camera of an image of h x w pixels, from what a caller gives for it.
+    """The camera and further facts for an image of h x w pixels.
 
-    :param camera: itself, or what :func:`read_camera` reads.
+    :param camera: a camera, or anything that :func:`read_camera` reads.
     :param name: of the image, for the messages.
     :raises InputError: without a camera, or for a camera of an image of another size.
-    :raises FormatError: when the file cannot be read or lacks something.
+    :raises FormatError: when the file cannot be read or is incomplete.
     """
     if isinstance(camera, Camera):
         return Calibration(camera)
@@ -97,8 +97,8 @@ def read_camera(source: str | Path) -> Camera:
     * YAML: the camera_info of ROS, K and D (of images that are not rectified; of those that are, give P as JSON).
     * ``.npz``: ``directions`` and ``origins`` of a :class:`Scanner`.
 
-    :raises InputError: for something else than a name or a path.
-    :raises FormatError: when the file cannot be read or lacks something.
+    :raises InputError: for an argument that is no name and no path.
+    :raises FormatError: when the file cannot be read or is incomplete.
     """
     return _calibration(source, (480, 640)).camera
 
@@ -110,7 +110,7 @@ def write_camera(
 
     :param shape: (h, w) of its images; ROS needs it.
     :param overwrite: replace a file that is there.
-    :raises FormatError: when the format has no room for the camera, or a file is there and ``overwrite`` is not given.
+    :raises FormatError: when the format does not hold the camera, or the file exists and ``overwrite`` is false.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -144,7 +144,7 @@ def write_camera(
 
 
 def _calibration(source: object, shape: tuple[int, int]) -> Calibration:
-    """What a name, a file, or a camera of open3d says."""
+    """The calibration of a name, a file, or a camera of open3d."""
     if isinstance(source, Intrinsics):
         k = np.asarray(source.intrinsic_matrix)
         return Calibration(Pinhole(k[0, 0], k[1, 1], k[0, 2], k[1, 2]), (source.height, source.width))
@@ -211,11 +211,11 @@ def _camera(said: Mapping[str, Any], path: Path) -> Camera:
 
 
 def _focal(matrix: object, path: Path) -> tuple[float, float, float, float]:
-    """fx, fy, cx, cy of nine numbers column by column, as Open3D writes them, or of three rows of three, as people do."""
+    """fx, fy, cx, cy from nine numbers column by column, as Open3D writes them, or from three rows of three."""
     nested = isinstance(matrix, list) and len(matrix) == 3 and all(isinstance(row, list) for row in matrix)
     numbers = np.array(matrix, dtype=np.float64)
     if numbers.shape == ((3, 3) if nested else (9,)):
-        # Three lists are rows if the last of them is 0, 0, 1; columns look so only where cx and cy are 0, which no camera has.
+        # Three lists are rows if the last one is 0, 0, 1. Columns look so only where cx and cy are 0, which no camera has.
         k = numbers if nested else numbers.reshape(3, 3).T
         if (k[2] == (0, 0, 1)).all() and k[0, 1] == 0 and k[1, 0] == 0:
             return float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])
@@ -226,7 +226,7 @@ def _focal(matrix: object, path: Path) -> tuple[float, float, float, float]:
 
 
 def _named(said: Mapping[str, Any]) -> tuple[float, ...]:
-    """Coefficients of a lens that stand under their names."""
+    """Distortion coefficients given by their names."""
     names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
     lens = [float(said.get(name, 0.0)) for name in names]
     return tuple(lens[: 8 if any(lens[5:]) else 5]) if any(lens) else ()

@@ -1,4 +1,4 @@
-"""Depth images: whole numbers in a PNG, metres in a TIFF; a camera tells what they see."""
+"""Depth images with a camera: whole numbers in a PNG, metres in a TIFF."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,17 +21,17 @@ NAME: str = "a depth image"
 READS: tuple[str, ...] = ("kind", "camera", "depth_scale", "measure", "time_unit", "jump")
 WRITES: tuple[str, ...] = ("depth_scale", "left")
 
-# An error of rounding of this share of the noise beside it adds an eighth to that.
+# A rounding error of this share of the noise increases the noise by an eighth.
 ADDS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Depths(Framed):
-    """What a depth image held besides metres; the frame is that of its one band.
+    """What a depth image contains besides metres; the frame is that of its only band.
 
     :param scale: units per metre.
     :param whole: whether it holds whole numbers.
-    :param raw: (h, w), the numbers as stored, of which the missing ones are written again.
+    :param raw: (h, w), the numbers as stored; those of missing samples are written again.
     """
 
     scale: float
@@ -45,10 +45,10 @@ def read(path: Path, options: ReadOptions) -> Document:
     0 is missing, and in whole numbers 65535 too.
 
     :param options: ``camera``, a :class:`Pinhole` or another one, the name of a convention, or the path of a file: what
-        :func:`meshflow.io.formats.cameras.read_camera` reads. ``depth_scale``, units per metre: by default what the camera
-        says, 1000 for other whole numbers (millimetres), and 1 for floating point. ``measure``, by default what suits the
-        camera. ``time_unit`` and ``jump`` as of :class:`RangeImage`.
-    :raises FormatError: when the file cannot be read, or holds no depths of 16 bit or floating point, or turned ones.
+        :func:`meshflow.io.formats.cameras.read_camera` reads. ``depth_scale``, units per metre: by default that of the
+        camera, else 1000 for whole numbers (millimetres) and 1 for floating point. ``measure``, by default the usual one of the
+        camera. ``time_unit`` and ``jump`` as in :class:`RangeImage`.
+    :raises FormatError: when the file cannot be read, has no depths of 16 bit or floating point, or has rotated bits.
     :raises InputError: without a camera, or with one of an image of another size.
     """
     if options.kind not in (None, "depth"):
@@ -78,20 +78,20 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def can_write(document: Document, suffix: str) -> bool:
-    """Whether it is a range image and goes into a PNG or a TIFF."""
+    """Whether it is a range image and the file a PNG or a TIFF."""
     return isinstance(document.data, RangeImage) and suffix in (".png", ".tif", ".tiff")
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write depths: ``.png`` rounded to whole numbers of 16 bit, ``.tif`` exactly, as metres with nodata 0.
 
-    Missing samples come out as they came in, 0 or 65535 or NaN, or as 0 where the format is another.
+    Missing samples keep their stored number (0, 65535 or NaN), or become 0 in another format.
 
-    :param options: ``depth_scale``, units per metre of the file: by default as it was read, 1000 in a PNG and 1 in a TIFF where
-        it was not. ``left``, standard deviation of the noise that is still in the depths, metres, which rounding is compared
-        with; None: not known, then rounding is compared with what has changed since they were read.
-    :returns: notes of what rounding costs, in millimetres, where that is half a millimetre or more, or much of what was gained.
-    :raises FormatError: when the file cannot be written, or 0 would be a sample.
+    :param options: ``depth_scale``, units per metre of the file: by default that of the file that was read, else 1000
+        in a PNG and 1 in a TIFF. ``left``, standard deviation of the noise left in the depths, metres, with which rounding is
+        compared; None: not known, then rounding is compared with the change since the file was read.
+    :returns: notes on the rounding error in millimetres, where it is half a millimetre or more, or large beside the noise.
+    :raises FormatError: when the file cannot be written, or 0 would be a valid depth.
     """
     about = document.source if isinstance(document.source, Depths) else None
     data, left = depths_of(document), options.left
@@ -124,12 +124,12 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
 
 
 def _missing_as_read(raw: Array, depth: Array) -> Array:
-    """What is written where samples are missing: what was there, but 0 where it was a depth and has been dropped."""
+    """The numbers written for missing samples: those that were read, but 0 where a depth was dropped."""
     return np.where((depth == 0) & (raw < LARGEST), 0, raw)
 
 
 def _cost(counts: Array, scale: float, changed: float | None, left: float | None) -> tuple[str, ...]:
-    """What whole numbers cost; ``changed`` is the rms change since the file was read, ``left`` the noise, both in their steps."""
+    """Notes on rounding; ``changed`` is the rms change since the file was read, ``left`` the noise, in units of the file."""
     notes: tuple[str, ...] = ()
     error = 1 / np.sqrt(12.0)
     if left is not None and (changed is None or changed > 1e-3) and error > ADDS * left:

@@ -1,4 +1,4 @@
-"""Depth images as renderers write them: OpenEXR, floating point, the depth in the channel Z."""
+"""Depth images of renderers: OpenEXR, floating point, with the depth in the channel Z."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ NAME: str = "an EXR"
 READS: tuple[str, ...] = ("kind", "camera", "depth_scale", "measure", "time_unit", "jump")
 WRITES: tuple[str, ...] = ("depth_scale",)
 
-# What renderers write where a ray meets nothing (Blender 1e10), unit of the file.
+# The least value that means that a ray meets nothing (Blender writes 1e10), in the unit of the file.
 NOTHING = 1e9
-# Of the header: what the channels and the way that they are stored say by themselves.
+# Attributes of the header that follow from the channels and their storage.
 _OF_STORAGE = frozenset({"channels", "chunkCount", "tiles", "type", "version", "name"})
 
 
 @dataclass(frozen=True, eq=False)
 class Layers(Source):
-    """What an EXR held besides the depths.
+    """What an EXR contains besides the depths.
 
     :param header: its attributes.
-    :param others: all channels by name, that of the depths, ``name``, as it was read.
+    :param others: all channels by name, including the depths, ``name``, as they were read.
     :param scale: units per metre.
     """
 
@@ -43,11 +43,11 @@ class Layers(Source):
 
 
 def read(path: Path, options: ReadOptions) -> Document:
-    """Read the depths of an EXR, in metres: of its channel Z, of Y, of the one whose last part is Z, or of its only one.
+    """Read the depths of an EXR in metres, from its channel Z, Y, the one whose last part is Z, or its only channel.
 
-    0, NaN, infinity and 1e9 and more, a ray that meets nothing, are missing.
+    0, NaN, infinity, and values of 1e9 and more (rays that meet nothing) are missing.
 
-    :param options: as of :func:`meshflow.io.formats.depth_images.read`.
+    :param options: as in :func:`meshflow.io.formats.depth_images.read`.
     :raises MissingPackage: without OpenEXR.
     :raises FormatError: when the file cannot be read, or has no such channel.
     :raises InputError: without a camera, or with one of an image of another size.
@@ -78,18 +78,18 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def can_write(document: Document, suffix: str) -> bool:
-    """Whether it is a range image and goes into an EXR."""
+    """Whether it is a range image and the file an EXR."""
     return isinstance(document.data, RangeImage) and suffix == ".exr"
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
-    """Write depths in float32; of an EXR that was read with all its other channels and attributes.
+    """Write depths in float32; an EXR that was read keeps its other channels and attributes.
 
-    Missing samples come out as they came in, or as 0 where they came from another format.
+    Missing samples keep their stored value, or become 0 if they came from another format.
 
-    :param options: tags are kept as attributes; ``depth_scale``, units per metre of the file: by default as it was read, else 1.
+    :param options: tags are kept as attributes; ``depth_scale``, units per metre, by default as in the file that was read, else 1.
     :raises MissingPackage: without OpenEXR.
-    :raises FormatError: where 0 would be a sample, or the file cannot be written.
+    :raises FormatError: where 0 would be a valid depth, or the file cannot be written.
     """
     exr, data = need("OpenEXR", "exr"), depths_of(document)
     if data.camera.signed:
@@ -102,7 +102,7 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     raw = about.others.get(about.name)
     gone = np.zeros(data.depth.shape, np.float32) if raw is None else raw
     missing = np.asarray(data.missing)
-    if raw is not None:  # what was there and has been dropped is written as missing
+    if raw is not None:  # samples that were dropped are written as missing
         gone = np.where(missing & (data.depth == 0) & (raw > 0) & (raw < NOTHING), 0, raw)
     z = np.where(missing, gone, data.depth * np.float64(scale)).astype(np.float32)
     header = {key: value for key, value in about.header.items() if key not in _OF_STORAGE}

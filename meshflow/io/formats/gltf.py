@@ -1,4 +1,4 @@
-"""What the header of a GLB or a glTF says: the files that it names, and what does not pass through trimesh."""
+"""The header of a GLB or a glTF: the files that it refers to, and contents that trimesh does not keep."""
 
 import json
 import struct
@@ -32,7 +32,7 @@ def _header(path: Path) -> Any:
 
 
 def named(path: Path) -> Iterator[str]:
-    """The files that it names, as they are written and as they are meant."""
+    """The names of the files that it refers to, as written and decoded."""
     header = _header(path)
     for kind in ("buffers", "images"):
         for one in header.get(kind, ()):
@@ -43,9 +43,9 @@ def named(path: Path) -> Iterator[str]:
 
 
 def lost(path: Path) -> Iterator[str]:
-    """What of it does not pass through trimesh, in a sentence.
+    """A note on contents that trimesh does not keep.
 
-    :raises FormatError: for geometry in a compression that trimesh would read as zeros.
+    :raises FormatError: for compressed geometry, which trimesh would read as zeros.
     """
     header = _header(path)
     packed = _PACKED & set(header.get("extensionsRequired", ()))

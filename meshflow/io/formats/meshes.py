@@ -1,7 +1,7 @@
 """Mesh files: PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM.
 
-A file of its own format is rewritten as sparingly as the format allows: of PLY, OBJ and OFF the very bytes are kept but
-for positions, normals and the channel that moved; the others go through the library that reads them.
+A file that is written in its own format changes as little as possible: PLY, OBJ and OFF keep all bytes except positions, normals
+and the channel that moved; the other formats are written by the library that reads them.
 """
 
 import struct
@@ -21,7 +21,7 @@ READS: tuple[str, ...] = ("kind", "channels", "moves", "allow_remote")
 WRITES: tuple[str, ...] = ()
 _WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtu", ".vtk", ".vtm")
 
-# What the readers raise on a file that is not what it claims to be; they share no class of their own.
+# What the readers raise for invalid files; they have no common exception.
 _BROKEN = (
     ArithmeticError,
     AssertionError,
@@ -42,7 +42,7 @@ _BROKEN = (
 
 
 def _ply(path: Path, options: ReadOptions) -> Document:
-    """Never VTK for .ply: its reader ends the process (SIGSEGV) on 64-bit integers and on elements before the vertices."""
+    """Read a PLY; not by VTK, whose reader ends the process (SIGSEGV) on 64-bit integers and elements before the vertices."""
     from meshflow.io.formats import ply
 
     return ply.read(path, options)
@@ -97,9 +97,8 @@ def read(path: Path, options: ReadOptions) -> Document:
     """Read a mesh file.
 
     :param options: ``channels``, the name of a vertex attribute in the file, or ``"colors"``: it becomes the channels of the
-        mesh, and goes back to where it came from; ``moves``, ``points | channels | all``: by default the channels where
-        they are named.
-    :raises FormatError: for a broken file, one without triangles, and a file with NaN; the message names the file.
+        mesh and is updated in the result; ``moves``, ``points | channels | all``: by default the channels where they are named.
+    :raises FormatError: for a damaged file, a file without triangles, or with NaN; the message names the file.
     """
     if options.kind not in (None, "mesh"):
         raise FormatError(f"{path.name}: a mesh file holds a mesh; kind={options.kind!r} was asked for, leave it out")
@@ -123,20 +122,20 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def can_write(document: Document, suffix: str) -> bool:
-    """Whether it is a mesh; formats that are only read are refused by :func:`write`, by name."""
+    """Whether it is a mesh; :func:`write` refuses formats that can only be read."""
     return isinstance(document.data, Mesh)
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
-    """Write a mesh in the format of the extension: its own, or another one.
+    """Write a mesh in the format of the extension.
 
-    :param options: tags are kept as comments (PLY, OBJ, OFF) or field data (VTP, VTU, VTK); others have no room.
-    :returns: what the format could not hold.
-    :raises FormatError: for a format that is only read, or cannot hold the mesh; nothing is then written.
+    :param options: tags are kept as comments (PLY, OBJ, OFF) or field data (VTP, VTU, VTK); other formats do not hold them.
+    :returns: notes on what the format does not hold.
+    :raises FormatError: for a format that can only be read, or cannot hold the mesh; nothing is then written.
     """
     tags = {
         name.removeprefix("meshflow:"): word for name, word in options.tags.items()
-    }  # the formats put it before each
+    }  # the formats add it before each
     suffix = path.suffix.lower()
     if suffix not in _WRITTEN:
         raise FormatError(

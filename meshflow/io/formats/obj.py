@@ -1,7 +1,7 @@
-"""OBJ: only its lines of positions, colours and normals are rewritten; groups, materials, polygons and texture stay.
+"""OBJ: only the lines of positions, colours and normals are rewritten; groups, materials, polygons and texture are kept.
 
-The readers at hand renumber vertices along texture seams and drop groups; an OBJ has no seams of its own, since a corner
-names position, texture and normal apart. So the few lines that matter are read here.
+Other readers renumber vertices along texture seams and drop groups. An OBJ has no seams itself, since each corner refers to
+position, texture and normal separately. Therefore the relevant lines are parsed here.
 """
 
 import io
@@ -34,11 +34,11 @@ __all__ = ["Obj", "read"]
 class Obj(MeshSource):
     """An OBJ file that was read.
 
-    :param lines: its text, Latin-1, so that every byte has a character.
+    :param lines: its text in Latin-1, in which every byte is a character.
     :param rows: the lines of the positions (n,).
     :param normal_rows: the lines of the normals.
     :param corners: (m, 3), the normal of each corner of each triangle, -1 for none.
-    :param parts: names, and vertices of the mesh, of its objects or groups; empty where there is one.
+    :param parts: names and vertices of its objects or groups; empty where there is only one.
     """
 
     path: Path
@@ -51,7 +51,7 @@ class Obj(MeshSource):
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """Its objects, or its groups where it is one object."""
+        """Its objects, or its groups if it has one object."""
         return self.parts
 
     def writes(self, suffix: str) -> bool:
@@ -59,11 +59,11 @@ class Obj(MeshSource):
         return suffix == ".obj"
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
-        """An array of one number per vertex; an OBJ has no attributes to name one by."""
+        """An array of one number per vertex; an OBJ has no named attributes."""
         return self.skin.samples(given, word, lambda name: (None, ()))
 
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the same file around another data object; its materials and images are copied next to it."""
+        """Write the same file with another mesh; its materials and images are copied next to it."""
         path.write_bytes(self._encoded(data, tags))
         return tuple(self._companions(target))
 
@@ -91,7 +91,7 @@ class Obj(MeshSource):
         return "\n".join([*comments, *lines]).encode("latin-1", "replace")
 
     def _renew_normals(self, lines: list[str], points: Array) -> None:
-        """A stored normal becomes that of all triangles whose corners name it, weighted by area: hard edges stay hard."""
+        """Recompute each stored normal from all triangles whose corners refer to it, weighted by area; hard edges stay hard."""
         a, b, c = (points[self.skin.faces[:, k]] for k in range(3))
         total = np.zeros((len(self.normal_rows), 3))
         named = self.corners >= 0
@@ -103,7 +103,7 @@ class Obj(MeshSource):
             lines[self.normal_rows[i]] = rewritten(lines[self.normal_rows[i]], 1, total[i] / length[i])
 
     def _companions(self, target: Path) -> Iterator[str]:
-        """Copy material files and images to where the new file looks for them; say what could not be."""
+        """Copy material files and images to where the new file looks for them; notes on those that could not be copied."""
         if target.parent.resolve() == self.path.parent.resolve():
             return
         words = [line.split(None, 1) for line in self.lines if line.startswith("mtllib ")]
@@ -159,13 +159,13 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def _linked(names: list[str], polygons: list[list[int]], home: Array) -> tuple[Section, ...]:
-    """What is called by one name, or by several that share a vertex: name and vertices of each, in order of appearance.
+    """Sections: polygons of one name, or of several names that share vertices; name and vertices, in order of appearance.
 
-    :param home: (n,), the vertex for each of those that the polygons name.
+    :param home: (n,), the joined vertex of each stored vertex.
     """
     labels = {name: k for k, name in enumerate(dict.fromkeys(names))}
     own = np.repeat([labels[name] for name in names], [len(polygon) for polygon in polygons])
-    # A vertex that is not there is refused by the gate of the data object, which comes later.
+    # An index out of range is refused later, when the mesh is made.
     vertices = home.take(np.concatenate([np.asarray(polygon) for polygon in polygons]), mode="clip")
     shape = (len(labels), int(home.max(initial=0)) + 1)
     used = sparse.csr_matrix((np.ones(len(own), np.int32), (own, vertices)), shape=shape)
@@ -186,7 +186,7 @@ def _numbered(objects: tuple[Section, ...], n: int) -> Array:
 
 
 def rewritten(line: str, at: int, values: Array) -> str:
-    """A line of words with other numbers from a word on; each number is read back exactly."""
+    """A line with numbers replaced from a word on; each number is read back exactly."""
     words = line.split()
     words[at : at + len(values)] = [repr(float(value)) for value in values]
     return " ".join(words) + ("\r" if line.endswith("\r") else "")
@@ -195,8 +195,9 @@ def rewritten(line: str, at: int, values: Array) -> str:
 def _parsed(
     path: Path, lines: list[str]
 ) -> tuple[list[int], list[int], list[list[int]], list[list[int]], dict[str, list[str]]]:
-    """Lines of positions and of normals; of each polygon the vertices, the normals or -1, and the names of its object (``o``) and
-    of its group (``g``), empty before the first.
+    """Lines of positions and of normals, and for each polygon its vertices, normals or -1, object (``o``) and group (``g``).
+
+    The names of object and group are empty before the first.
     """
     now: dict[str, str] = {"o": "", "g": ""}
     names: dict[str, list[str]] = {"o": [], "g": []}
@@ -236,13 +237,13 @@ def _parsed(
 
 
 def _index(word: str, count: int) -> int:
-    """OBJ counts from one; negative numbers count back from what stands above."""
+    """The index of a word: OBJ counts from one; negative numbers count back from the current line."""
     number = int(word)
     return number - 1 if number > 0 else count + number if number else -1
 
 
 def _copied(name: str, source: Path, target: Path) -> Iterator[str]:
-    """Copy a companion file under the same name; never over another file."""
+    """Copy a companion file under the same name; an existing file is never replaced."""
     parts = PurePosixPath(name.replace("\\", "/"))
     here, there = source / parts, target / parts
     if parts.is_absolute() or ".." in parts.parts:
@@ -250,7 +251,7 @@ def _copied(name: str, source: Path, target: Path) -> Iterator[str]:
     elif not here.is_file():
         yield f"{name}, which the OBJ names, is not beside it"
     elif there.exists() and there.read_bytes() != here.read_bytes():
-        yield f"{there} is there and differs from the one beside {source.name}; it is left as it is"
+        yield f"{there} exists and differs from the one beside {source.name}; it is left unchanged"
     elif not there.exists():
         there.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(here, there)

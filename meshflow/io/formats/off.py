@@ -1,4 +1,4 @@
-"""OFF: faces read by trimesh; only the lines of positions are rewritten, so polygons and colours stay."""
+"""OFF: faces are read by trimesh; only the lines of positions are rewritten, so that polygons and colours are kept."""
 
 import io
 import re
@@ -40,11 +40,11 @@ class Off(MeshSource):
         return suffix == ".off"
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
-        """An array of one number per vertex; an OFF file has no attributes to name one by."""
+        """An array of one number per vertex; an OFF file has no named attributes."""
         return self.skin.samples(given, word, lambda name: (None, ()))
 
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the same file around another data object; tags become comments at its end."""
+        """Write the same file with another mesh; tags become comments at its end."""
         path.write_bytes(self._encoded(data, tags))
         return ()
 
@@ -66,8 +66,8 @@ class Off(MeshSource):
 def read(path: Path, options: ReadOptions) -> Document:
     """Read an OFF file.
 
-    :raises FormatError: when it is cut off or no OFF.
-    :raises InputError: for channels, which OFF has not, or whatever the data object refuses.
+    :raises FormatError: when it is cut off or not an OFF.
+    :raises InputError: for channels, which OFF does not have, or whatever the data object refuses.
     """
     if options.channels is not None:
         raise InputError(f"channels={options.channels!r}: an OFF file has no vertex attributes that are read")
@@ -77,7 +77,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     header = lines[filled[0]].split("#")[0].split() if filled else []
     if not header or not re.fullmatch("(ST)?C?N?OFF", header[0]):
         raise FormatError(f"{path.name}: the word OFF expected in the first line, got {' '.join(header)[:40]!r}")
-    # the counts stand behind the word OFF, or on a line of their own
+    # the counts follow the word OFF, or are on the next line
     counts, first = (header[1:], 1) if len(header) > 1 else (lines[filled[1]].split() if len(filled) > 1 else [], 2)
     if len(counts) < 2 or not all(count.isdecimal() for count in counts[:2]):
         raise FormatError(

@@ -1,4 +1,4 @@
-"""Pictures: PNG, JPEG, BMP, WebP and TIFF of 8 and 16 bit, grey or colour, with or without alpha."""
+"""Pictures: PNG, JPEG, BMP, WebP and TIFF with 8 or 16 bit, grey or colour, with or without alpha."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +23,7 @@ NAME: str = "a picture"
 READS: tuple[str, ...] = ("kind",)
 WRITES: tuple[str, ...] = ("dtype",)
 
-# What each driver holds without a change: types of samples, numbers of colours, and whether there is room for alpha.
+# What each driver stores unchanged: types of samples, numbers of colours, and whether it has alpha.
 _ROOM = {
     ".png": ("PNG", ("uint8", "uint16"), (1, 3), True),
     ".jpg": ("JPEG", ("uint8",), (1, 3), False),
@@ -48,7 +48,7 @@ class Picture(Framed):
 def read(path: Path, options: ReadOptions) -> Document:
     """Read a picture, values as stored: 0 to 255, or 0 to 65535.
 
-    A palette is expanded. Alpha is carried along untouched; samples that are fully transparent are missing.
+    A palette is expanded. Alpha is kept unchanged; fully transparent samples are missing.
 
     :param options: ``kind``: ``image``, or ``terrain`` for a grey picture whose values are heights.
     :raises FormatError: when the file cannot be read.
@@ -74,7 +74,7 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def can_write(document: Document, suffix: str) -> bool:
-    """Whether it is an image, of no raster that has a place on the ground: that is for :mod:`.rasters`."""
+    """Whether it is an image without georeference; :mod:`.rasters` writes the others."""
     return isinstance(document.data, Image) and suffix in _ROOM and not isinstance(document.source, Raster)
 
 
@@ -104,12 +104,12 @@ def _stored(frame: Frame, options: WriteOptions) -> str:
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
-    """Write a picture; rounded and clipped to the type of the one that was read.
+    """Write a picture, rounded and clipped to the type of the one that was read.
 
-    :param options: tags are kept in TIFF, the other formats have no room for them; ``dtype``, ``uint8`` or ``uint16``, or
-        ``float32`` (TIFF only), in place of that type.
-    :returns: notes: what was clipped, alpha that did not fit.
-    :raises FormatError: when the format holds no such picture, or the file cannot be written.
+    :param options: tags are kept in TIFF only; ``dtype``: ``uint8``, ``uint16``, or ``float32`` (TIFF only), instead of that
+        type.
+    :returns: notes on clipped samples, and on lost alpha.
+    :raises FormatError: when the format does not hold the picture, or the file cannot be written.
     """
     must_fit(document, path, options)
     values, frame = merged(document.source, samples_of(document))
@@ -128,7 +128,7 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
 
 
 def _expanded(values: Array, frame: Frame, palette: Array) -> tuple[Array, Frame]:
-    """Colours (1 or 3, h, w) for the indices of a palette, and the alpha that it may hold."""
+    """Colours (1 or 3, h, w) for the indices of a palette, and its alpha, if any."""
     picture = palette[values[0].astype(int)]
     grey = bool((picture[..., :1] == picture[..., 1:3]).all())
     alpha = picture[..., 3]
@@ -145,7 +145,7 @@ def _expanded(values: Array, frame: Frame, palette: Array) -> tuple[Array, Frame
 
 
 def _coloured(frame: Frame, count: int) -> Frame:
-    """The frame with the colours of a picture named, where the file did not."""
+    """The frame with named colours, where the file does not name them."""
     if frame.colours or count not in (1, 3):
         return frame
     rgb = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)

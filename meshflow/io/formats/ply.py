@@ -1,7 +1,6 @@
-"""PLY: read by trimesh, written again as the same bytes but for what moved.
+"""PLY: read by trimesh, and written with the same bytes except for what moved.
 
-So every property keeps its type and order, custom scalars, other elements (a camera, a range grid) and comments stay, and
-polygons stay polygons.
+Every property keeps its type and order; custom scalars, other elements (a camera, a range grid), comments and polygons are kept.
 """
 
 import io
@@ -30,7 +29,7 @@ __all__ = ["KNOWN", "TEXTURE", "Ply", "elements_of", "has", "read", "stacked", "
 
 
 class Element(TypedDict):
-    """An element as trimesh reads it: how many, the types of its properties by name, and the columns of numbers by name."""
+    """An element as trimesh reads it: its count, the types of its properties by name, and the columns by name."""
 
     length: int
     properties: Mapping[str, str]
@@ -47,7 +46,7 @@ KNOWN = {"x", "y", "z", "nx", "ny", "nz", *COLORS, "alpha", *(name for pair in T
 class Ply(MeshSource):
     """A PLY file that was read.
 
-    :param header: its bytes up to and with ``end_header``.
+    :param header: its bytes up to and including ``end_header``.
     :param body: the bytes after it.
     :param elements: as trimesh has read them: name -> length, properties, data.
     :param names: the vertex properties of the channels.
@@ -73,13 +72,13 @@ class Ply(MeshSource):
         return (values_of(self.elements, "vertex", name) if name in there else None), there
 
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the same file around another data object."""
+        """Write the same file with another mesh."""
         path.write_bytes(self._encoded(data, tags))
         return ()
 
     def scene(self, data: Mesh) -> trimesh.Scene:
         """The mesh with its texture as a scene of one part; custom scalars are vertex attributes."""
-        # texture coordinates of the faces split vertices along seams; those of the vertices must not make it renumber them
+        # texture coordinates of faces split vertices along seams; those of vertices must not renumber them
         seams = "texcoord" in self.elements["face"]["properties"]
         scene: Any = trimesh.load_scene(
             io.BytesIO(self._encoded(data, {})),
@@ -105,7 +104,7 @@ class Ply(MeshSource):
         return scene
 
     def _encoded(self, data: Mesh, tags: Mapping[str, str]) -> bytes:
-        """The file, with other columns of its vertices where they changed."""
+        """The file with new vertex columns where they changed."""
         columns: dict[str, Array] = {}
         points = self.skin.points_of(data)
         if self.skin.has_moved(data):
@@ -186,7 +185,7 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def elements_of(path: Path) -> Elements:
-    """All that is in a PLY file of a mesh or a cloud: name of an element -> length, properties, data.
+    """All elements of a PLY file of a mesh or a point cloud: name -> length, properties, data.
 
     :raises FormatError: when it is cut off, mixes polygons in binary, or has no vertices.
     """
@@ -198,10 +197,10 @@ def elements_of(path: Path) -> Elements:
 
 
 def _loaded(path: Path, content: bytes) -> Any:
-    """What trimesh makes of the file, vertices as they are stored."""
+    """The file as trimesh reads it, with vertices as stored."""
     header, _, body = content.partition(b"end_header")
     must_hold(path, header, len(body))
-    with warnings.catch_warnings():  # older numpy stops at a word that is no number, and only warns
+    with warnings.catch_warnings():  # older numpy stops at a word that is no number, with a warning only
         warnings.filterwarnings("error", message="string or file could not be read", category=DeprecationWarning)
         try:
             scene = trimesh.load_scene(
@@ -220,7 +219,7 @@ def _loaded(path: Path, content: bytes) -> Any:
 
 
 def _must_be_whole(path: Path, elements: Elements) -> None:
-    """trimesh stops quietly at the end of an ASCII file, and takes the size of all lists of a binary one from the first."""
+    """Refuse files that trimesh reads wrongly: ASCII files that are cut off, and binary lists of different lengths."""
     for name, element in elements.items():
         data, length = element.get("data"), element["length"]
         columns = data.values() if isinstance(data, dict) else [data]
@@ -236,7 +235,7 @@ def _must_be_whole(path: Path, elements: Elements) -> None:
 
 
 def _named(elements: Elements, channels: str | None) -> tuple[str, ...]:
-    """The vertex properties that a name of channels stands for."""
+    """The vertex properties of a name of channels."""
     if channels is None:
         return ()
     names = COLORS if channels == "colors" else (channels,)
@@ -269,7 +268,7 @@ def stacked(elements: Elements, names: tuple[str, ...]) -> Array:
 
 
 def _places(vertex: Element) -> dict[str, int]:
-    """The word of an ASCII line at which each property of a vertex stands."""
+    """The index of the word of each vertex property in an ASCII line."""
     places, at = {}, 0
     for name, kind in vertex["properties"].items():
         places[name] = at
@@ -279,7 +278,7 @@ def _places(vertex: Element) -> dict[str, int]:
 
 
 def _corners(elements: Elements) -> int:
-    """Of the largest polygon."""
+    """The number of corners of the largest polygon."""
     for name in elements["face"]["properties"]:
         if re.fullmatch("vertex_ind(ex|ices)", name):
             column = elements["face"]["data"][name]
@@ -300,7 +299,7 @@ def _polygons(elements: Elements, triangles: int) -> tuple[str, ...]:
 
 
 def _tagged(header: bytes, tags: Mapping[str, str]) -> bytes:
-    """The header with tags as comments behind its second line, the format."""
+    """The header with tags as comments after its second line, the format."""
     first, kind, rest = header.split(b"\n", 2)
     comments = [f"comment meshflow:{name} {' '.join(str(word).split())}".encode() for name, word in tags.items()]
     return b"\n".join([first, kind, *comments, rest])

@@ -1,7 +1,7 @@
-"""A PLY file as it lies: the columns of its vertices, the range grid behind them, and the same bytes again around new points.
+"""The layout of a PLY file with a range grid, which is written with the same bytes around new points.
 
-Read here, not by trimesh (which takes the length of all lists of a binary element from its first, and a range grid has 0 or 1)
-nor by VTK (which an element before the vertices kills).
+It is read here and not by trimesh, which takes the length of all lists of a binary element from the first (in a range grid it is
+0 or 1), nor by VTK, which crashes on an element before the vertices.
 """
 
 import re
@@ -50,7 +50,7 @@ class Element:
         return any(" " in kind for _, kind in self.columns)
 
     def dtype(self, order: str) -> np.dtype[np.void]:
-        """Of one of it, in a binary file without lists."""
+        """The type of one entry in a binary file without lists."""
         return np.dtype([(name, order + kind) for name, kind in self.columns])
 
 
@@ -58,10 +58,10 @@ class Element:
 class PlyBytes:
     """A PLY file.
 
-    :param header: its bytes up to and with ``end_header``; ``before``, ``between``, ``after`` those of its body before the
-        vertices, of these, and behind.
-    :param order: of the bytes, ``<`` or ``>``, empty for ASCII.
-    :param info: the words of ``obj_info`` and comments, by their first.
+    :param header: its bytes up to and including ``end_header``; ``before``, ``between``, ``after``: the bytes of the body before
+        the vertices, of the vertices, and after them.
+    :param order: byte order, ``<`` or ``>``, empty for ASCII.
+    :param info: the text of ``obj_info`` and comments, by the first word.
     :param vertices: as they are stored, a structured array.
     :param camera: properties of the element ``camera``, if there is one.
     :param grid: (cells,), the vertex of each cell of the element ``range_grid``, -1 where there is none; None without one.
@@ -83,7 +83,7 @@ class PlyBytes:
         return np.stack([self.vertices[axis] for axis in "xyz"], axis=-1).astype(np.float64)
 
     def holding(self, points: Array, tags: Mapping[str, str]) -> bytes:
-        """The file with other points (n, 3); those that did not move keep their bits."""
+        """The file with new points (n, 3); points that did not move keep their bits."""
         new = self.vertices.copy()
         for axis, column in zip("xyz", points.T, strict=True):
             moved = column != self.vertices[axis].astype(np.float64)
@@ -109,10 +109,10 @@ def has_grid(path: Path) -> bool:
 
 
 def must_hold(path: Path, header: bytes, body: int) -> None:
-    """Refuse a header that promises more than the file can hold, before anything is made of it.
+    """Refuse a header that claims more than the file can contain, before memory is allocated.
 
     :param header: the bytes of the header.
-    :param body: how many bytes stand behind it; each element needs one at least.
+    :param body: the number of bytes after it; each element needs at least one.
     :raises FormatError: with the element and both numbers.
     """
     for name, count in re.findall(rb"(?m)^[ \t]*element[ \t]+(\S+)[ \t]+(\S+)", header):
@@ -126,7 +126,7 @@ def must_hold(path: Path, header: bytes, body: int) -> None:
 def loaded(path: Path) -> PlyBytes:
     """Read a PLY file.
 
-    :raises FormatError: for what is no PLY, is cut off, has no vertices with x, y, z, or lists before them.
+    :raises FormatError: for a file that is no PLY, is cut off, has no vertices with x, y, z, or has lists before them.
     """
     content = path.read_bytes()
     end = re.search(rb"end_header[ \t]*\r?\n", content)
@@ -211,7 +211,7 @@ def _binary(body: bytes, at: int, element: Element, order: str) -> tuple[Array, 
 
 
 def _line_ends(body: bytes, at: int, count: int) -> int:
-    """Where ``count`` lines from ``at`` end."""
+    """The end of ``count`` lines from ``at``."""
     for _ in range(count):
         at = body.find(b"\n", at) + 1 or len(body)
     return at
