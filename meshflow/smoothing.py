@@ -199,7 +199,7 @@ def _smoothed(imported: Imported, request: Request, progress: Progress, record: 
 
 
 def must_exist(words: Iterable[str], method: Method | str | None = None) -> None:
-    """Refuse keywords that :func:`smooth` does not know, with the nearest one that there is.
+    """Refuse keywords that :func:`smooth` does not have, and suggest the nearest one.
 
     :param method: that is named beside them: a hint names its own option first.
     :raises InputError: naming them.
@@ -226,7 +226,7 @@ def must_exist(words: Iterable[str], method: Method | str | None = None) -> None
 
 
 def _method_options(method: Method | str | None) -> dict[str, type[Method]]:
-    """The options of all methods, each with the named method where that has it, or else the first that does."""
+    """The options of all methods, each with the named method if it has the option, else the first method that has it."""
     found: dict[str, type[Method]] = {}
     named = () if method is None else (type(method_of(method)),)
     for kind in (*named, *HEIGHT_METHODS, Search, *POINT_METHODS):

@@ -38,7 +38,7 @@ PRESERVED: dict[str, Constraint] = {
 
 
 def asked(given: Given, per_sample: Callable[[str, str], Any], suiting: tuple[str, ...] = tuple(METHODS)) -> Request:
-    """The request of what was given; the flags of a flow are taken out of it.
+    """Make the request; the flags of a flow are removed from ``given``.
 
     :param per_sample: makes the numbers of a flag that holds one for each sample: of its name and what was given.
     :param suiting: the words of the methods that suit the data.

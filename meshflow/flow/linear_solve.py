@@ -102,7 +102,7 @@ def _direct(matrix: Sparse, right: Array, guess: Array | None, tolerance: float)
     try:
         factor = splu(scaled.tocsc(), permc_spec="MMD_AT_PLUS_A", options=symmetric)
     except RuntimeError:  # SuperLU raises it for a singular matrix
-        # Where free triangles have shrunk to segments or points, the mass is lost in the rounding of the stiffness. Its value does
+        # Where free triangles have shrunk to segments or points, mass is lost in the rounding of the stiffness. Its value does
         # not matter there, since they shrink to a point at once; the residual shows whether they did.
         mass = ROUNDING * scipy.sparse.identity(len(half))
         try:

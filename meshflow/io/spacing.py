@@ -137,7 +137,7 @@ def on_ellipsoid(
 
     dx_i = N(phi_i) cos(phi_i) dlon, one per row, with N = a / sqrt(1 - e^2 sin^2 phi) the radius of curvature in the prime
     vertical; dy = M dlat, one number, with M = a (1 - e^2) / (1 - e^2 sin^2 phi)^(3/2) of the meridian at the mean latitude
-    (on the Earth it changes by 1 % from equator to pole). a and e are those of the ellipsoid of the CRS, which need not be the Earth.
+    (on the Earth it changes by 1 % from equator to pole). a and e are those of the ellipsoid of the CRS, on any planet.
 
     :param latitudes: (h,), of the centres of the rows, in any order.
     :param columns: of the grid, so that one around the Earth is told.

@@ -119,7 +119,9 @@ class Results(Mapping[str, Result]):
     @property
     def parameters(self) -> dict[str, Parameter]:
         """The parameters of all parts; names begin with the part."""
-        return {f"{name}: {word}": parameter for name, one in self.items() for word, parameter in one.parameters.items()}
+        return {
+            f"{name}: {word}": parameter for name, one in self.items() for word, parameter in one.parameters.items()
+        }
 
     @property
     def version(self) -> str:

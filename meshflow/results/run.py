@@ -111,7 +111,9 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
     if until.stops:  # the time at which they are met is known only after a run
         *_, end = march(flow, until, stepper, control, progress, recycle=True, limit=limit)
         until, time = Until(time=end.time), end.time
-    if plan.points is not None and plan.points.once and time is not None:  # each state is reached in one step from the start
+    if (
+        plan.points is not None and plan.points.once and time is not None
+    ):  # each state is reached in one step from the start
         for mark in (share * time for share in shares):
             *_, state = march(flow, Until(time=mark), stepper, FixedStep(mark), limit=limit)
             yield state.time, plan.result(state.u)

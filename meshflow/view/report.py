@@ -111,12 +111,12 @@ def _page(findings: Findings) -> str:
     return "\n".join([
         f"<!DOCTYPE html>\n<html lang='en'>\n<head><meta charset='utf-8'><title>{title}</title>",
         "<meta name='viewport' content='width=device-width, initial-scale=1'>",
-        f"<style>{_STYLE}</style></head>\n<geometry>\n<h1>{title}</h1>",
+        f"<style>{_STYLE}</style></head>\n<body>\n<h1>{title}</h1>",
         *rows, notes,
         f"<h2>How it went</h2>\n<table>{facts}</table>",
         f"<div class='row of{len(findings.charts)}' style='margin-top: 1rem'>{charts}</div>",
         f"<h2>Parameters</h2>\n<div class='wide'><table class='all'><thead><tr>{head}</tr></thead>",
-        f"<tbody>{table}</tbody></table></div>\n</geometry>\n</html>\n",
+        f"<tbody>{table}</tbody></table></div>\n</body>\n</html>\n",
     ])  # fmt: skip
 
 

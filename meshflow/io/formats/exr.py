@@ -87,7 +87,7 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
 
     Missing samples keep their stored value, or become 0 if they came from another format.
 
-    :param options: tags are kept as attributes; ``depth_scale``, units per metre, by default as in the file that was read, else 1.
+    :param options: tags are kept as attributes; ``depth_scale``, units per metre, by default as in the file read, else 1.
     :raises MissingPackage: without OpenEXR.
     :raises FormatError: where 0 would be a valid depth, or the file cannot be written.
     """
