@@ -35,7 +35,7 @@ def test_of_meshes_that_differ_in_their_colours_alone_the_colours_are_compared()
     pair = paired(coloured(), coloured(darker()), None)
     np.testing.assert_allclose(pair.removed.values, 20.0 * UPPER)
     assert pair.removed.what == "mean of colours, before − after"
-    assert pair.notes == ("before and after are equal in their points; colours differ, and are what is compared",)
+    assert pair.notes == ("before and after are equal in their points; colours differ, and are compared",)
     assert isinstance(pair.before, Mesh)
     assert isinstance(pair.after, Mesh)
     np.testing.assert_array_equal(pair.before.channels, COLOURS[:, :3])
@@ -53,7 +53,7 @@ def test_of_meshes_that_differ_in_a_scalar_alone_that_is_compared_in_one_scale()
     heat = np.linspace(0.0, 5.0, len(BALL.points))
     pair = paired(coloured(heat=heat, flow=heat), coloured(heat=heat + 1.0, flow=2 * heat), None)
     np.testing.assert_allclose(pair.removed.values, -1.0)
-    assert pair.notes[-1].endswith("heat differ, and are what is compared; so do flow")
+    assert pair.notes[-1].endswith("heat differ, and are compared; so do flow")
     assert [(scale.low, scale.high) for scale in pair.worn] == [(0.0, 6.0)] * 2
 
 

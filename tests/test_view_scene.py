@@ -312,7 +312,7 @@ def test_what_cannot_be_drawn_is_refused_and_no_window_is_left(tmp_path):
         plotter(ROUGH, FLAT)
     with pytest.raises(MissingPackage, match="MESHFLOW_RENDERING"):
         show(ROUGH, tmp_path / "a.png", seen="side")
-    with pytest.raises(InputError, match="of two things, got one"):
+    with pytest.raises(InputError, match="two surfaces expected, got one"):
         plotter(ROUGH, quantity="removed")
     with pytest.raises(InputError, match="one of them at a time"):
         show(ROUGH, tmp_path / "a.png", scalars=ROUGH.z, quantity="curvature")

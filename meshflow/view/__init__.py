@@ -1,6 +1,6 @@
 """Pictures: of data, of data before and after, of what was removed, and of a comparison of flows.
 
-**Write a picture, or open a window**: :func:`compare` before and after, :func:`show` one thing, :func:`flows`.
+**Write a picture, or open a window**: :func:`compare` before and after, :func:`show` data, :func:`flows`.
 
 **In a notebook**: :func:`plotter`. **What colours stand for**: :func:`measured`. **Whether VTK can draw here**:
 :func:`rendering`.

@@ -1,4 +1,4 @@
-"""Data as it is to be drawn: of files and objects, and meshes in their own colours where that is asked."""
+"""Prepares data for drawing: from files and objects, and meshes with their own colours on request."""
 
 from typing import Any
 
@@ -23,16 +23,16 @@ _OF_COLOUR = (
     "rgba",
     "Normals",
     "TCoords",
-)  # read as colours, or no quantity on the surface
+)  # read as colours, or not attributes of the surface
 
 
 def taken(data: object, own_colours: bool = False) -> tuple[Data, tuple[str, ...]]:
-    """The data of an object or a file as a height field, image, range image or mesh, and notes on what was done.
+    """The data of an object or a file as a height field, image, range image or mesh, and notes.
 
-    :param data: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognises.
-    :param own_colours: of a mesh, with the colours (n, 3) of its vertices, or of its texture at them, as channels that ride
-        along, as the texture itself does.
-    :raises InputError: where colours are asked for and there are none.
+    :param data: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognizes.
+    :param own_colours: for a mesh: add the colours (n, 3) of its vertices, or of its texture at the vertices, as channels, and
+        the texture itself.
+    :raises InputError: where colours are requested and there are none.
     """
     if isinstance(data, Document):
         surface, notes = data.data, data.notes
@@ -55,9 +55,9 @@ def taken(data: object, own_colours: bool = False) -> tuple[Data, tuple[str, ...
 def carried(data: object, surface: Mesh) -> dict[str, Array]:
     """The vertex attributes of a mesh by name: arrays (n, k), one row for each vertex.
 
-    :param data: what the data object came from, as :func:`taken` has it.
-    :returns: ``colours`` first, 0 to 255, those of the vertices or of a texture at them; then other vertex attributes of
-        numbers. Empty for what carries nothing.
+    :param data: the original of the mesh, as for :func:`taken`.
+    :returns: ``colours`` first, 0 to 255, of the vertices or of a texture at the vertices; then other numeric vertex attributes.
+        Empty without attributes.
     """
     mesh = _as_trimesh(data, surface)
     if isinstance(data, Mesh) or (mesh is None and isinstance(data, (Document, tuple, list))):
@@ -83,17 +83,17 @@ def carried(data: object, surface: Mesh) -> dict[str, Array]:
 
 
 def _column(data: object, name: str, surface: Mesh) -> Array | None:
-    """A point array (n, k) of an object that is no trimesh; None where it cannot be a channel (text, a wrong length)."""
+    """A point array (n, k) of an object that is no trimesh; None where it cannot be a channel (text, wrong length)."""
     try:
         channels = from_object(data, {"channels": name, "moves": "channels"}).data
-    except InputError:  # an array that cannot move does not ride along as one
+    except InputError:  # an array that cannot be a channel is not compared
         return None
     found = channels.channels if isinstance(channels, Mesh) else None
     return None if found is None or len(found) != len(surface.points) else found.astype(np.float64)
 
 
 def _as_trimesh(data: object, surface: Mesh) -> Any:
-    """The thing as a trimesh.Trimesh, where it is one or was read from a file; else None."""
+    """The data as a trimesh.Trimesh, where it is one or was read from a file; else None."""
     if isinstance(data, Document):
         scene = data.source.scene(surface) if isinstance(surface, Mesh) else None
         return None if scene is None else scene.to_mesh()
@@ -110,14 +110,14 @@ def flowing_together(data: object) -> tuple[str, ...]:
 
 
 def _colours(data: object, surface: Mesh) -> Array | None:
-    """The colours (n, 3), 0 to 255, of the vertices of a data object; None where the thing has none."""
+    """The colours (n, 3), 0 to 255, of the vertices; None where there are none."""
     if isinstance(data, Mesh):
         return None
     mesh = _as_trimesh(data, surface)
     if mesh is None and not isinstance(data, Document):
         try:
             found = from_object(data, {"channels": "colors", "moves": "points"}).data
-        except InputError:  # it has none; the caller says so
+        except InputError:  # it has none; the caller reports it
             return None
         if not isinstance(found, Mesh) or found.channels is None:
             return None
@@ -131,7 +131,7 @@ def _colours(data: object, surface: Mesh) -> Array | None:
 
 
 def _nearest(points: ArrayLike, data: Mesh) -> Array:
-    """For each vertex of a mesh the index of the nearest of these points: textures split vertices, and places identify them."""
+    """The index of the nearest of these points for each vertex; textures split vertices, which positions identify."""
     from scipy.spatial import KDTree
 
     _, nearest = KDTree(np.asarray(points, dtype=np.float64)).query(data.points[:, :3])
@@ -139,7 +139,7 @@ def _nearest(points: ArrayLike, data: Mesh) -> Array:
 
 
 def _worn(mesh: Any) -> tuple[Array, Array] | None:
-    """Places (k, 3) and colours (k, 3) of a trimesh.Trimesh."""
+    """Positions (k, 3) and colours (k, 3) of a trimesh.Trimesh."""
     visual = mesh.visual
     if not visual.defined:
         return None

@@ -13,12 +13,12 @@ __all__ = ["AttributeChange", "attribute_change"]
 
 @dataclass(frozen=True, eq=False)
 class AttributeChange:
-    """A vertex attribute in which two meshes differ that are otherwise equal.
+    """A vertex attribute that differs between two meshes with identical geometry.
 
-    :ivar name: of it.
+    :ivar name: of the attribute.
     :ivar before: (n, k).
     :ivar after: (n, k).
-    :ivar others: names of those that differ, too.
+    :ivar others: names of other attributes that differ.
     """
 
     name: str
@@ -28,9 +28,9 @@ class AttributeChange:
 
     @property
     def removed(self) -> tuple[Array, str]:
-        """Before minus after (n,), the mean of the columns, and what it is called.
+        """Before minus after (n,), the mean over the columns, and its name.
 
-        Where the means are equal, as of red and blue, and the columns are not: the length of the difference, which has no sign.
+        Where the means are equal but the columns differ, as for red and blue, it is the length of the difference, without sign.
         """
         lost = self.before - self.after
         if lost.shape[1] > 1 and not np.nanmax(np.abs(lost.mean(axis=1)), initial=0.0) > 0:
@@ -45,9 +45,9 @@ class AttributeChange:
 
     @property
     def reported(self) -> str:
-        """What is compared, as a sentence."""
+        """A sentence on what is compared."""
         more = f"; so do {', '.join(self.others)}" if self.others else ""
-        return f"before and after are equal in their points; {self.name} differ, and are what is compared{more}"
+        return f"before and after are equal in their points; {self.name} differ, and are compared{more}"
 
     def worn(self, mesh: Mesh, values: Array) -> Mesh:
         """The mesh with this attribute as the channels that move."""
@@ -55,10 +55,10 @@ class AttributeChange:
 
 
 def attribute_change(before: object, after: object, one: Mesh, other: Mesh) -> AttributeChange | None:
-    """The attribute in which two meshes of the same points differ, colours first; None where they differ in none.
+    """The attribute in which two meshes with the same points differ, colours first; None where no attribute differs.
 
-    :param before: what ``one`` came from, as :func:`meshflow.view.appearance.taken` has it.
-    :param after: what ``other`` came from.
+    :param before: the original of ``one``, as for :func:`meshflow.view.appearance.taken`.
+    :param after: the original of ``other``.
     """
     if one.moves != "points" or other.moves != "points" or one.points.shape != other.points.shape:
         return None

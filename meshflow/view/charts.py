@@ -1,4 +1,4 @@
-"""The charts of a report: what was removed, the course of a run, the curves of its search. By matplotlib, without pyplot."""
+"""The charts of a report: what was removed, the course of a run, the curves of its search; by matplotlib without pyplot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,11 +24,11 @@ _BINS = 61
 
 @dataclass(frozen=True)
 class Chart:
-    """A diagram that has yet to be drawn.
+    """A diagram that is not drawn yet.
 
-    :ivar title: above it.
-    :ivar words: what it shows, for who cannot see it.
-    :ivar draw: onto axes that are empty.
+    :ivar title: above the diagram.
+    :ivar words: a description for screen readers.
+    :ivar draw: draws it on empty axes.
     """
 
     title: str
@@ -41,7 +41,7 @@ class Curve:
     """An expected error over time.
 
     :ivar times: growing from zero.
-    :ivar values: one for each.
+    :ivar values: one per time.
     """
 
     times: tuple[float, ...]
@@ -49,15 +49,15 @@ class Curve:
 
 
 def labelled(what: str, unit: str) -> str:
-    """What is counted, with its unit."""
+    """A quantity with its unit."""
     return f"{what} [{unit}]" if unit else what
 
 
 def histogram(values: Array, sigma: float, unit: str) -> Chart:
     """The histogram of what was removed, with the normal curve of the estimated noise.
 
-    :param values: any shape, finite ones are counted; not all zero.
-    :param sigma: 0: no curve.
+    :param values: any shape; only finite values count; not all zero.
+    :param sigma: of the noise; 0: no curve.
     """
     values = values[np.isfinite(values)].astype(np.float64)
     largest = float(np.abs(values).max())
@@ -89,9 +89,9 @@ def course(
 ) -> Chart:
     """Numbers over the time of a run.
 
-    What goes back in time at its end, as twicing does, is the result beside the run: a mark of its own.
+    A last state with an earlier time, as twicing gives, is the result and is marked separately.
 
-    :param lines: names and numbers, one for each of ``times``.
+    :param lines: names, and numbers for each of ``times``.
     :param units: of the time and of the numbers.
     :param sigma: a level to compare with, and its name.
     """
@@ -118,9 +118,9 @@ def course(
 
 
 def risks(curves: tuple[Curve, ...], time: float, units: tuple[str, str]) -> Chart:
-    """The curves of a search, the chosen one first and strong; time from zero on, then as its logarithm.
+    """The curves of a search, the chosen one first and emphasized; the axis of time is linear near zero, then logarithmic.
 
-    :param time: that was chosen.
+    :param time: the chosen one.
     """
     first = min((curve.times[1] for curve in curves if len(curve.times) > 1), default=1.0)
     end = max(curve.times[-1] for curve in curves)
@@ -140,11 +140,11 @@ def risks(curves: tuple[Curve, ...], time: float, units: tuple[str, str]) -> Cha
         _legend(axes, "best")
         _labelled_below(axes, labelled("time", units[0]))
 
-    return Chart("what the search expected", f"expected errors of {len(curves)} variants over time", draw)
+    return Chart("what the search expected", f"expected errors of {len(curves)} candidates over time", draw)
 
 
 def bar(axes: "Axes", scale: Scale) -> None:
-    """A horizontal colour bar with its numbers, what it shows, and why it ends where it does."""
+    """A horizontal colour bar with its numbers, its label, and the reason for its ends."""
     axes.imshow(
         np.linspace(0, 1, 256)[None, :], aspect="auto", cmap=scale.colour_map, extent=(scale.low, scale.high, 0, 1)
     )
@@ -153,7 +153,7 @@ def bar(axes: "Axes", scale: Scale) -> None:
 
 
 def blank(width: float, height: float) -> "Figure":
-    """An empty figure, inches, with a canvas of its own."""
+    """An empty figure, inches, with its own canvas."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -163,14 +163,14 @@ def blank(width: float, height: float) -> "Figure":
 
 
 def png(figure: "Figure", sharp: float = 2.0) -> bytes:
-    """A figure as the bytes of a PNG, ``sharp`` times as many pixels as it is large."""
+    """A figure as the bytes of a PNG with ``sharp`` times its nominal resolution."""
     file = BytesIO()
     figure.savefig(file, format="png", dpi=DPI * sharp)
     return file.getvalue()
 
 
 def _ticks(first: float, end: float) -> list[float]:
-    """Zero and round times (1 or 3 times a power of ten) that keep their distance."""
+    """Zero and round times (1 or 3 times a power of ten) with enough distance between them."""
     powers = range(int(np.floor(np.log10(first))), int(np.ceil(np.log10(end))) + 1)
     width, ticks = np.log1p(end / first), [0.0]
     for time in (digit * 10.0**power for power in powers for digit in (1, 3)):
@@ -184,7 +184,7 @@ def _legend(axes: "Axes", where: Any) -> None:
 
 
 def _labelled_below(axes: "Axes", below: str) -> None:
-    """The label below, numbers small and few, a pale frame."""
+    """Style the axes: a label below, few small numbers, a pale frame."""
     from matplotlib.ticker import MaxNLocator
 
     plain = axes.get_xscale() == "linear"

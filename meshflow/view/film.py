@@ -1,4 +1,4 @@
-"""Films of a surface while it is smoothed: one look, one frame, one colour scale, and the time in each picture."""
+"""Films of a surface while it is smoothed, with one look, one frame and one colour scale, and the time in each picture."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -22,13 +22,13 @@ from meshflow.view.scene import Removed
 
 __all__ = ["Reel", "filmable", "filmed"]
 
-_SAMPLES = 600  # of a grid, a side: as many as a frame has pixels
+_SAMPLES = 600  # per side of a grid, about the pixels of a frame
 _PAUSE = 1.5  # seconds for which the last frame stays
 
 
 @dataclass(frozen=True, eq=False)
 class _Keyframe:
-    """A state, thinned for the screen; its numbers are those of all of the data."""
+    """A state, thinned for the screen; its numbers are computed from all data."""
 
     time: float
     data: Data
@@ -39,7 +39,7 @@ def filmable(path: str | Path, overwrite: bool) -> Path:
     """Check that a film can be written to a path, before anything is computed.
 
     :param overwrite: replace a file that is there.
-    :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
+    :raises FormatError: for another extension, a folder that does not exist, or a file that exists and must not be replaced.
     """
     return writable(path, FILMS, overwrite)
 
@@ -49,8 +49,8 @@ class Reel:
     """How a film runs.
 
     :param rate: frames per second.
-    :param turn: degrees by which the viewer walks around the surface meanwhile; 0: the camera stands still.
-    :param time_unit: written behind the time.
+    :param turn: degrees by which the camera moves around the surface during the film; 0: it does not move.
+    :param time_unit: written after the time.
     """
 
     rate: float = 12.0
@@ -66,17 +66,17 @@ def filmed(
     quantity: Quantity | Removed | None = None,
     overwrite: bool = False,
 ) -> Pictured:
-    """Draw states of data one after the other. Colours, light and frame are the same in all of them.
+    """Draw states of data as the frames of a film. Colours, light and view are the same in all frames.
 
     :param states: times and data of one kind and size, the start first.
     :param path: ``.mp4`` (needs ``meshflow[film]``) or ``.gif``.
     :param look: as in :func:`meshflow.view.show`.
     :param reel: frames per second, and how the camera moves.
-    :param quantity: what colour stands for: ``removed`` so far, or a quantity; None: the surface as it is.
+    :param quantity: what colour shows: ``removed`` so far, or a quantity; None: the plain surface.
     :param overwrite: replace a file that is there.
-    :raises InputError: for no state, nothing to draw, or options that make no sense.
-    :raises FormatError: for a path that cannot be written, or must not.
-    :raises MissingPackage: for ``.mp4`` where ffmpeg is not installed, and where only VTK would do and it cannot draw.
+    :raises InputError: for no state, nothing to draw, or invalid options.
+    :raises FormatError: for a path that cannot or must not be written.
+    :raises MissingPackage: for ``.mp4`` without ffmpeg, and where VTK is needed and cannot draw.
     """
     target = filmable(path, overwrite)
     with Frames(target, reel.rate) as frames:
@@ -106,7 +106,7 @@ def _keyframes(
     quantity: Quantity | Removed | None,
     turn: float,
 ) -> tuple[list[_Keyframe], Renderer]:
-    """All states, measured and thinned as they come, and how they are drawn."""
+    """All states, measured and thinned one by one, and the renderer."""
     keyframes: list[_Keyframe] = []
     renderer: Renderer | None = None
     first: Data | None = None
@@ -116,7 +116,7 @@ def _keyframes(
             seen = raised(data, look.seen)
             if turn and (look.renderer == "hillshade" or not np.isfinite(turn)):
                 raise InputError(
-                    f"turn: degrees, of what VTK draws in space, expected; got {turn} with renderer={look.renderer!r}"
+                    f"turn: degrees expected, and a renderer in space (VTK); got {turn} with renderer={look.renderer!r}"
                 )
             chosen = replace(look, renderer="pyvista") if turn else look
             renderer = renderer_for((seen,), chosen, window=False, most=_SAMPLES)
@@ -144,7 +144,7 @@ def _geometry(data: Data, renderer: Renderer) -> Geometry:
 
 
 def _framed(geometries: list[Geometry], turn: float) -> list[Geometry]:
-    """The geometries in one frame, turned from the first to the last."""
+    """The geometries in one frame, rotated from the first to the last."""
     view, many = geometries[0].view, max(len(geometries) - 1, 1)
     if not turn:
         view = view.framing(*(geometry.points for geometry in geometries))

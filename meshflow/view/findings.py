@@ -1,4 +1,4 @@
-"""What a report of a run shows: pictures, charts and tables. Their layout is in report.py."""
+"""The contents of a report: pictures, charts and tables. Their layout is in report.py."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ _WIDE, _TALLEST = 720, 900  # pixels of a panel that VTK draws
 
 
 class Named(Protocol):
-    """A parameter: a value, its unit, where it came from, and why it is so."""
+    """A parameter: value, unit, origin and reason."""
 
     @property
     def value(self) -> float | str:
@@ -34,7 +34,7 @@ class Named(Protocol):
 
     @property
     def unit(self) -> str:
-        """Of a number."""
+        """The unit of a number."""
         ...
 
     @property
@@ -49,12 +49,11 @@ class Named(Protocol):
 
 
 class Run(Protocol):
-    """What is asked of a result: :class:`meshflow.results.result.Result` is one, and this room does not know that one.
+    """What a report needs of a result, such as :class:`meshflow.results.result.Result`, which this package does not import.
 
-    ``noise`` has sigma, channels, quantum and how, or is None; of ``candidates``, the chosen one first, times and risks are
-    taken, of ``history`` the arrays time, area, change and largest; ``parts`` are runs by name, and mostly empty;
-    ``removed`` is an array, ``correlation`` a number or None (both cached
-    properties there, which to a type checker are no properties).
+    ``noise`` has sigma, channels, quantum and how, or is None. ``candidates``, the chosen one first, have times and risks.
+    ``history`` has the arrays time, area, change and largest. ``parts`` are runs by name, usually none. ``removed`` is an array,
+    ``correlation`` a number or None.
     """
 
     @property
@@ -74,12 +73,12 @@ class Run(Protocol):
 
     @property
     def noise(self) -> Any:
-        """What was found in the data."""
+        """The noise found in the data."""
         ...
 
     @property
     def candidates(self) -> Sequence[Any]:
-        """Of the search, the chosen one first."""
+        """The candidates of the search, the chosen one first."""
         ...
 
     @property
@@ -94,7 +93,7 @@ class Run(Protocol):
 
     @property
     def correlation(self) -> Any:
-        """Of what was removed with itself; None where it is not known."""
+        """The autocorrelation of what was removed; None where it is not known."""
         ...
 
     @property
@@ -109,12 +108,12 @@ class Run(Protocol):
 
     @property
     def version(self) -> str:
-        """Of meshflow."""
+        """The version of meshflow."""
         ...
 
     @property
     def parts(self) -> Mapping[str, "Run"]:
-        """Runs by name, of which this is the whole."""
+        """The runs of the parts, by name."""
         ...
 
 
@@ -122,9 +121,9 @@ class Run(Protocol):
 class Panel:
     """A picture.
 
-    :ivar label: above it.
+    :ivar label: above the picture.
     :ivar picture: (h, w, 3) in uint8.
-    :ivar pixel: height over width of a pixel of it.
+    :ivar pixel: height over width of a pixel.
     """
 
     label: str
@@ -140,14 +139,14 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What is shown.
+    """The contents of a report.
 
     :ivar panels: before, after, removed; none where they cannot be drawn.
-    :ivar scale: of what was removed.
+    :ivar scale: colours of what was removed.
     :ivar foot: a line below the panels.
-    :ivar facts: names and sentences, warnings among them.
-    :ivar table: of the parameters: name, value, unit, origin, why.
-    :ivar notes: what was done on the way to the pictures, or why there are none, sentences.
+    :ivar facts: names and sentences, including warnings.
+    :ivar table: the parameters: name, value, unit, origin, reason.
+    :ivar notes: sentences on the pictures, or why there are none.
     """
 
     title: str
@@ -161,7 +160,7 @@ class Findings:
 
 
 def found(run: Run, title: str) -> Findings:
-    """All that a report of this run shows."""
+    """The contents of the report of a run."""
     unit = run.before.unit if isinstance(run.before, (HeightField, RangeImage)) else ""
     before, channel = _shown(run.before)
     pair = paired(before, _shown(run.after)[0], unit)
@@ -182,7 +181,7 @@ def found(run: Run, title: str) -> Findings:
 
 
 def _name(data: Data, changed: bool) -> str:
-    """What was smoothed, in a few words."""
+    """A short description of what was smoothed."""
     done = "smoothed" if changed else "unchanged"
     if isinstance(data, Mesh):
         return f"Mesh of {len(data.points)} points and {len(data.faces)} triangles, {done}"
@@ -196,14 +195,14 @@ def _channels(data: Data) -> int:
 
 
 def _shown(data: Data) -> tuple[Data, str | None]:
-    """What of a data object can be shown: of channels that are no colours the first, and then its name."""
+    """What can be shown of a data object; for channels that are no colours the first channel, and its name."""
     if isinstance(data, Image) and _channels(data) not in (1, 3, 4):
         return replace(data, values=data.values[..., 0]), "channel 1"
     return data, None
 
 
 def _panels(pair: Pair, scale: Scale) -> tuple[tuple[Panel, ...], str, tuple[str, ...]]:
-    """Before, after and removed, drawn; what to say below; and notes. Grids sample by sample, from above or from their camera."""
+    """Pictures of before, after and removed, the line below, and notes. Grids are drawn sample by sample, from the front."""
     look = Look(renderer=None if isinstance(pair.before, Mesh) else "hillshade")
     try:
         renderer = renderer_for((pair.before, pair.after), look, window=False)
@@ -222,7 +221,7 @@ def _panels(pair: Pair, scale: Scale) -> tuple[tuple[Panel, ...], str, tuple[str
 
 
 def _charts(run: Run, pair: Pair, unit: str) -> tuple[Chart, ...]:
-    """Histogram, area, change, and the curves of the search; each where there is something to show."""
+    """Histogram, area, change, and the curves of the search, as far as they exist."""
     sigma = 0.0 if run.noise is None else float(run.noise.sigma)
     charts, samples = [], _samples(run, pair)
     if samples.any():
@@ -232,7 +231,7 @@ def _charts(run: Run, pair: Pair, unit: str) -> tuple[Chart, ...]:
     if len(went) > 1:
         times, areas, changes, largest = went.time, went.area, went.change, went.largest
         charts.append(course("area", {"area": areas}, times, (time, "squared length")))
-        # A change is counted over all channels of a sample together, the noise over each.
+        # The change is that of all channels of a sample together, the noise that of each channel.
         k = samples.shape[-1] if samples.ndim == 2 else 1
         level = (sigma * np.sqrt(k), f"σ{f' √{k}' if k > 1 else ''} = {sigma * np.sqrt(k):.4g}")
         charts.append(course("change", {"rms": changes, "largest": largest}, times, (time, unit), level))
@@ -243,19 +242,19 @@ def _charts(run: Run, pair: Pair, unit: str) -> tuple[Chart, ...]:
 
 
 def _samples(run: Run, pair: Pair) -> Array:
-    """What was removed, as the noise is counted: (n,), or (n, k) of channels; along the normals where points of a mesh move."""
+    """What was removed, measured as the noise: (n,), or (n, k) for channels; along the normals where points of a mesh move."""
     if isinstance(run.before, Mesh):
         return pair.removed.values if _moved(run.before) else run.removed
     return run.removed[~run.before.missing]
 
 
 def _moved(data: Data) -> bool:
-    """Whether it is the points of a mesh that were moved, and nothing else."""
+    """Whether only the points of a mesh were moved."""
     return isinstance(data, Mesh) and data.moves == "points"
 
 
 def _facts(run: Run, pair: Pair, unit: str) -> tuple[tuple[str, str], ...]:
-    """Why it ended, what noise was found, what was removed, what to beware of."""
+    """Why the run ended, the noise, what was removed, warnings."""
     after = f" {unit}" if unit else ""
     there = _samples(run, pair)
     rms, most = float(np.sqrt(np.mean(there**2))), float(np.abs(there).max())

@@ -1,4 +1,4 @@
-"""Pictures one after the other: animated GIF and PNG by Pillow, films by imageio and ffmpeg."""
+"""Writes sequences of pictures: animated GIF and PNG by Pillow, films by imageio and ffmpeg."""
 
 from pathlib import Path
 from types import TracebackType
@@ -13,17 +13,17 @@ from meshflow.io.atomic_write import beside
 __all__ = ["ANIMATED", "FILMS", "Frames"]
 
 ANIMATED, FILMS = (".gif", ".png"), (".mp4", ".gif")
-_WHITE = 246  # what is as bright is white in a GIF: Pillow looks for the nearest colour in coarse steps
+_WHITE = 246  # brighter colours become white in a GIF, since Pillow searches colours in coarse steps
 _QUALITY = 7  # of imageio, 0 to 10
 
 
 class Frames:
-    """A file of frames. It replaces an old file only when it is complete; after an error nothing is left behind.
+    """A file of frames. It replaces an old file only when it is complete; after an error no file is left.
 
     :param path: ``.gif``; ``.png``, animated; or ``.mp4`` (H.264; needs ``meshflow[film]``).
     :param rate: frames per second.
     :raises MissingPackage: for a film where imageio-ffmpeg is not installed.
-    :raises InputError: for a rate that cannot be.
+    :raises InputError: for an invalid rate.
     """
 
     def __init__(self, path: Path, rate: float) -> None:
@@ -42,7 +42,7 @@ class Frames:
         return self
 
     def add(self, picture: Array) -> None:
-        """One more frame, (h, w, 3) in uint8, all of one size."""
+        """Add a frame, (h, w, 3) in uint8; all have the same size."""
         if self.path.suffix.lower() == ".mp4":
             even = np.ascontiguousarray(picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2])
             self._filming().append_data(even)
@@ -63,7 +63,7 @@ class Frames:
                 first.save(self._draft, format=self.path.suffix[1:].upper(), **options)
             except OSError as cause:
                 kind, error, trace = type(cause), cause, cause.__traceback__
-        self._beside.__exit__(kind, error, trace)  # makes a FormatError of it
+        self._beside.__exit__(kind, error, trace)  # turns it into a FormatError
 
     def _filming(self) -> Any:
         """The pipe to ffmpeg, opened with the first frame."""
@@ -77,7 +77,7 @@ class Frames:
 
 
 def _in_few_colours(pictures: list[Any]) -> list[Any]:
-    """Pictures with one common palette, so that what does not change does not flicker; white stays white."""
+    """Pictures with a common palette, so that constant parts do not flicker; white stays white."""
     from PIL import Image
 
     first = pictures[0]

@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 
 __all__ = ["SAMPLES", "Geometry", "as_shown", "drawable", "geometry_of", "raised", "thinned"]
 
-SAMPLES = 1000  # a side: more than a panel has pixels
-_RELIEF = 0.15  # height of a relief over its width where the exaggeration is ours to choose
-_FORWARD = Lift(diagonals="forward")  # a surface is drawn with one diagonal per cell, or each cell would be there twice
+SAMPLES = 1000  # per side: more than a panel has pixels
+_RELIEF = 0.15  # height of a relief over its width, for the automatic exaggeration
+_FORWARD = Lift(diagonals="forward")  # one diagonal per cell, so that each cell is drawn once
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Triangles in space, and from where they are seen.
+    """Triangles in space, and their view.
 
-    :param points: (n, 3), those that triangles use.
+    :param points: (n, 3), those used by triangles.
     :param faces: (m, 3).
     :param samples: (n,), the index of each point among the samples or vertices of the data object.
-    :param view: where it is seen from.
-    :param colours: (n, 3) of its own, uint8, where it has some.
-    :param triangles: (m,), the index of each triangle among those of the data object; None: they are the same.
-    :param texture: of its triangles, where it wears one; its colours are then those of the texture at the points.
+    :param view: the position of the viewer.
+    :param colours: (n, 3), its own colours in uint8, if any.
+    :param triangles: (m,), the index of each triangle in the data object; None: they are the same.
+    :param texture: of its triangles, if any; its colours are then those of the texture at the points.
     """
 
     points: Array
@@ -52,17 +52,17 @@ class Geometry:
 
     @property
     def corners(self) -> Array:
-        """(3 m, 3), the corners of the triangles one after the other, as a texture with seams needs them."""
+        """The corners (3 m, 3) of the triangles in order, as a texture with seams needs them."""
         return self.points[self.faces].reshape(-1, 3)
 
     def polydata(self) -> "pv.PolyData":
-        """The same for VTK: no normals, so that it is shaded flat and noise shows."""
+        """The geometry for VTK, without normals, so that shading is flat and noise is visible."""
         import pyvista as pv
 
         return pv.PolyData.from_regular_faces(np.ascontiguousarray(self.points, dtype=np.float64), self.faces)
 
     def textured(self, texture: Texture) -> "pv.PolyData":
-        """The same with texture coordinates, each corner a point of its own."""
+        """The geometry with texture coordinates; each corner is a separate point."""
         import pyvista as pv
 
         corners = np.ascontiguousarray(self.corners, dtype=np.float64)
@@ -72,10 +72,10 @@ class Geometry:
 
 
 def drawable(data: Data, look: Look, most: int = SAMPLES) -> tuple[int, float, tuple[str, ...]]:
-    """The thinning and the exaggeration that all panels share, and notes on both.
+    """The thinning and the exaggeration of all panels, and notes on both.
 
-    :param most: samples of a side that are drawn.
-    :raises InputError: for an exaggeration of what has no heights, an axis of what is no mesh.
+    :param most: the largest number of samples per side that are drawn.
+    :raises InputError: for an exaggeration of data without heights, and ``up`` of data that is no mesh.
     """
     if look.exaggeration is not None and not isinstance(data, HeightField):
         raise InputError(f"exaggeration: of height fields only, this is a {type(data).__name__}; leave it out")
@@ -99,10 +99,10 @@ def geometry_of(
     exaggeration: float = 1.0,
     shown: Callable[[Array], Array] | None = None,
 ) -> Geometry:
-    """The triangles of data, their colours, and from where they are seen.
+    """The triangles of data, their colours, and their view.
 
-    :param look: of it the side, the axis that is up, and whether channels of a mesh are its colours; images that are seen from
-        the side are :func:`raised` before.
+    :param look: its side, its axis that is up, and whether channels of a mesh are its colours; images that are seen from the
+        side are :func:`raised` before.
     :param step: take every ``step``-th sample of a grid.
     :param exaggeration: factor on the heights of a height field.
     :param shown: for an image, its channels as colours: :func:`as_shown`.
@@ -136,7 +136,7 @@ def geometry_of(
 
 
 def raised(data: Data, seen: Seen | None) -> Data:
-    """Data to be seen from the side: an image as the heights of its brightness (mean of the channels); other data unchanged."""
+    """Data for a view from the side: an image as heights of its brightness (the mean of the channels); other data unchanged."""
     if seen != "side" or not isinstance(data, Image):
         return data
     values = data.values if data.values.ndim == 2 else data.values.mean(axis=2)
@@ -144,15 +144,15 @@ def raised(data: Data, seen: Seen | None) -> Data:
 
 
 def _thinning(data: Data, most: int) -> int:
-    """The step between samples that are drawn, so that a side has no more than a screen can show; 1 for a mesh."""
+    """The step between drawn samples, so that a side has at most ``most``; 1 for a mesh."""
     return 1 if isinstance(data, Mesh) else -(-max(data.missing.shape) // most)
 
 
 def as_shown(*images: Image) -> Callable[[Array], Array]:
     """A function from channels (..., k) to colours (..., 3) in uint8, the same for all these images.
 
-    Three and four channels are red, green, blue; of any other number the mean is shown. Ranges from 0 to 1, 255 or
-    65535 are recognised; any other runs from black to white.
+    Three and four channels are red, green, blue; for any other number the mean is shown. Ranges from 0 to 1, 255 or
+    65535 are recognized; any other range runs from black to white.
     """
     values = np.concatenate([image.values[~image.missing].ravel() for image in images])
     low, high = (float(v) for v in np.percentile(values, (1, 99)))
@@ -173,7 +173,7 @@ def as_shown(*images: Image) -> Callable[[Array], Array]:
 
 
 def thinned(data: Data, step: int) -> Data:
-    """Every ``step``-th sample of a grid, in the same place; a mesh as it is."""
+    """Every ``step``-th sample of a grid, in the same place; a mesh unchanged."""
     if step == 1 or isinstance(data, Mesh):
         return data
     every = (slice(None, None, step),) * 2
@@ -191,10 +191,10 @@ def thinned(data: Data, step: int) -> Data:
 
 
 def _thinned_cuts(cuts: Cuts, step: int) -> Cuts:
-    """Edges between every ``step``-th sample: cut where one of those that they stand for is."""
+    """Edges between every ``step``-th sample; cut where any of the edges in between is cut."""
 
     def of_rows(edges: Array) -> Array:
-        """Edges along rows: cut where one of the edges that it stands for is."""
+        """Edges along rows; cut where any of the edges in between is cut."""
         edges = edges[::step]
         count = edges.shape[1] // step
         return np.logical_or.reduce(edges[:, : count * step].reshape(len(edges), count, step), axis=2)
@@ -203,7 +203,7 @@ def _thinned_cuts(cuts: Cuts, step: int) -> Cuts:
 
 
 def _exaggeration(field: HeightField) -> float:
-    """A round factor (1, 2 or 5 times a power of ten) that makes a relief a seventh as high as wide."""
+    """A round factor (1, 2 or 5 times a power of ten) that makes the relief about a seventh as high as wide."""
     low, high = np.percentile(field.z[~field.missing], (1, 99))
     h, w = field.z.shape
     width = np.sqrt(h * field.spacing[1] * w * np.mean(field.spacing[0]))
@@ -225,17 +225,17 @@ def _flat(image: Image, step: int, shown: Callable[[Array], Array]) -> tuple[Arr
 
 
 def _three(points: Array) -> Array:
-    """Points (n, d) in space: a third coordinate where there are two, the first three where there are more."""
+    """Points (n, d) in space: a third coordinate is added to two; of more than three the first three are taken."""
     flat = points[:, :3].astype(np.float64)
     return flat if flat.shape[1] == 3 else np.column_stack([flat, np.zeros(len(flat))])
 
 
 def _mesh_colours(mesh: Mesh, own: bool) -> Array | None:
-    """Channels as colours where they move or are asked for, and are red, green, blue from 0 to 255, opacity left out."""
+    """Channels as colours, without opacity, where they move or are requested, and are red, green, blue from 0 to 255."""
     if (mesh.moves == "points" and not own) or mesh.channels is None or mesh.channels.shape[1] not in (3, 4):
         return None
     low, high = np.percentile(mesh.channels, (1, 99))
-    if not own and (low < -25 or not 1 < high <= 280):  # noise may reach beyond what a byte holds
+    if not own and (low < -25 or not 1 < high <= 280):  # noise may exceed the range of a byte
         return None
     bright = mesh.channels[:, :3] * (255.0 if own and high <= 1 else 1.0)
     return np.clip(np.round(bright), 0, 255).astype(np.uint8)

@@ -20,7 +20,7 @@ _AMBIENT = 0.18
 def shaded(geometry: Geometry, shape: tuple[int, int], look: Look) -> Array:
     """Hillshade (h, w), NaN where there is no triangle.
 
-    Lambert's law for one triangle of each cell, as it lies, without averaging: noise is to be seen, not to be hidden.
+    Lambert's law for one triangle of each cell, without averaging, so that noise is visible.
 
     :param geometry: of a grid; its faces start at the right angle and turn counter-clockwise for the viewer.
     :param shape: (h, w) of that grid.
@@ -32,7 +32,7 @@ def shaded(geometry: Geometry, shape: tuple[int, int], look: Look) -> Array:
     shade = np.full(shape, np.nan)
     corners = geometry.samples[geometry.faces]
     lower = corners[:, 1] < corners[:, 0]
-    for kind in (lower, ~lower):  # the last one counts: the triangle to the lower right, where there is one
+    for kind in (lower, ~lower):  # the triangle to the lower right wins, where it exists
         for corner in (2, 1, 0):
             shade.ravel()[corners[kind, corner]] = light[kind]
     return shade
@@ -41,7 +41,7 @@ def shaded(geometry: Geometry, shape: tuple[int, int], look: Look) -> Array:
 def pictured(geometry: Geometry, shape: tuple[int, int], look: Look) -> Array:
     """A relief as colours (h, w, 3) in uint8; missing samples in a neutral blue grey.
 
-    The ground, where it is level, is equally bright whatever the altitude of the light.
+    Level ground has the same brightness for any altitude of the light.
     """
     shade = shaded(geometry, shape, look) * (0.62 / max(look.light[2], 0.3))
     bright = (_AMBIENT + (1 - _AMBIENT) * np.clip(shade, 0.0, 1.0))[..., None]
@@ -49,9 +49,9 @@ def pictured(geometry: Geometry, shape: tuple[int, int], look: Look) -> Array:
 
 
 def imaged(image: Image, step: int, shown: Callable[[Array], Array]) -> Array:
-    """An image as it is (h, w, 3) in uint8; missing samples as in :func:`pictured`.
+    """An image as a picture (h, w, 3) in uint8; missing samples as in :func:`pictured`.
 
-    :param step: every which sample is taken.
+    :param step: take every ``step``-th sample.
     :param shown: its channels as colours: :func:`meshflow.view.geometry.as_shown`.
     """
     values = image.values if image.values.ndim == 3 else image.values[..., None]

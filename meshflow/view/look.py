@@ -1,4 +1,4 @@
-"""The look of a picture: its light, its size, its arrangement, and the position of the viewer."""
+"""The look of a picture: light, size, arrangement, and position of the viewer."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Literal, TypedDict, Unpack, get_args
@@ -31,7 +31,7 @@ Seen = Literal["front", "side"]
 RendererName = Literal["pyvista", "hillshade"]
 Arrange = Literal["beside", "wipe", "blink"]
 OF_PAIRS = ("arrange", "at", "labels")
-"""Options that only two things have."""
+"""Options for two surfaces only."""
 
 
 class Looks(TypedDict, total=False):
@@ -56,29 +56,29 @@ class Looks(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Look:
-    """How data is to be shown.
+    """How data is shown.
 
     :param exaggeration: factor on the heights of a height field; None: one that makes the relief visible.
-    :param azimuth: degrees from which the light comes, clockwise from north; of a mesh or a range image, which have no
-        north, from the top of the picture.
-    :param altitude: degrees of the light above the ground, or above the plane of the picture, 0 to 90.
-    :param up: the axis of a mesh that is up; None: guessed from its shape.
+    :param azimuth: direction of the light, degrees clockwise from north; for meshes and range images, which have no north,
+        from the top of the picture.
+    :param altitude: height of the light above the ground, or above the plane of the picture, 0 to 90 degrees.
+    :param up: the axis of a mesh that points up; None: guessed from its shape.
     :param size: of the picture or window, pixels.
     :param title: a line above it.
-    :param seen: ``front``: as a map, as an image, through its camera; ``side``: as a surface, seen aslant, brightness of an
-        image as its height (the paper's Figure 10). By default terrains from the side, all else from the front.
-    :param colours: the name of a colour map of matplotlib for what is shown as colour; by default one that is two-sided
-        about 0, or perceptually uniform.
-    :param own_colours: meshes in the colours of their vertices, or in their texture, instead of stone.
-    :param renderer: ``pyvista`` (VTK, in space) or ``hillshade`` (a grid from above or from its camera, without OpenGL); by
-        default VTK where it can draw, and images always as images.
+    :param seen: ``front``: as a map, as an image, through its camera; ``side``: as a surface seen obliquely, with the brightness
+        of an image as its height (Figure 10 of the paper). By default terrains from the side, all else from the front.
+    :param colours: the name of a colour map of matplotlib for quantities; by default a diverging one about 0, or a
+        perceptually uniform one.
+    :param own_colours: draw meshes in the colours of their vertices, or with their texture, instead of a stone colour.
+    :param renderer: ``pyvista`` (VTK, in space) or ``hillshade`` (a grid from above or from its camera, without OpenGL). By
+        default VTK where it can draw; images are always drawn as images.
     :param contrast: length per unit of the values, for the quantity ``edges``.
-    :param unit: of what was removed, or of the scalars; by default the one that the data names.
-    :param arrange: before and after ``beside`` each other; ``wipe``: one view, before to the left of a divider (that a window
-        lets you drag) and after to its right; ``blink``: one after the other (in a window at the space bar).
-    :param at: where the divider stands, a share of the width from the left.
-    :param labels: what the two are, where they are not before and after.
-    :raises InputError: for a value that cannot be, or a colour map that is not there; the message says what is expected.
+    :param unit: of what was removed, or of the scalars; by default the one of the data.
+    :param arrange: ``beside``: before and after side by side; ``wipe``: one view, before to the left of a divider (which can be
+        dragged in a window) and after to its right; ``blink``: one after the other (in a window with the space bar).
+    :param at: the position of the divider, a share of the width from the left.
+    :param labels: labels of the two surfaces, if they are not before and after.
+    :raises InputError: for an invalid value, or an unknown colour map; the message says what is expected.
     """
 
     exaggeration: float | None = None
@@ -128,10 +128,10 @@ class Look:
 
 
 def looking(without: tuple[str, ...] = (), **options: Unpack[Looks]) -> Look:
-    """The look of these options.
+    """Make a look of options.
 
-    :param without: options that have no meaning for what is drawn, and are refused.
-    :raises InputError: as :class:`Look`, and for an option that there is not.
+    :param without: options that do not apply to what is drawn, and are refused.
+    :raises InputError: as :class:`Look`, and for an unknown option.
     """
     there = [field.name for field in fields(Look) if field.name not in without]
     strange = sorted(set(options) - set(there))
@@ -142,14 +142,14 @@ def looking(without: tuple[str, ...] = (), **options: Unpack[Looks]) -> Look:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """From where a surface is seen, and the axes of its light.
+    """The position of the viewer, and the axes of the light.
 
     :param toward: unit vector from the geometry to the viewer.
-    :param up: unit vector that is up in the picture, at a right angle to it.
-    :param ground: (3, 3), rows east, north and up of the light; of what has no north, the axes of the picture.
-    :param pinhole: seen from the origin in perspective, as by a camera, instead of from far away.
-    :param frame: what the picture shows: lower left and upper right corner in the plane of :meth:`flat`.
-    :param axis: unit vector about which the viewer walks around the geometry; None: ``up``.
+    :param up: unit vector that points up in the picture, perpendicular to it.
+    :param ground: (3, 3), rows east, north and up of the light; without a north, the axes of the picture.
+    :param pinhole: seen in perspective from the origin, as by a camera, instead of from infinity.
+    :param frame: the visible part: lower left and upper right corner in the plane of :meth:`flat`.
+    :param axis: unit vector about which the viewer moves around the geometry; None: ``up``.
     """
 
     toward: Array
@@ -165,7 +165,7 @@ class View:
         return np.cross(self.up, self.toward)
 
     def flat(self, points: Array) -> Array:
-        """Points (n, 3) as (n, 2) on the plane of the picture, to the right and up; of a pinhole at distance 1."""
+        """Points (n, 3) as (n, 2) on the plane of the picture, right and up; for a pinhole at distance 1."""
         flat = points @ np.stack([self.right, self.up], axis=1)
         return flat / -(points @ self.toward)[:, None] if self.pinhole else flat
 
@@ -176,13 +176,13 @@ class View:
         return right - left, high - low
 
     def framing(self, *point_sets: Array) -> "View":
-        """The same view of just these points, each array (n, 3)."""
+        """The same view, framed to these points, each array (n, 3)."""
         corners = np.array([corner for points in point_sets for corner in self._corners(points)])
         (left, low), (right, high) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
         return replace(self, frame=((left, low), (right, high)))
 
     def turned(self, degrees: float) -> "View":
-        """The view after walking around the surface, counter-clockwise as seen from above; always without perspective."""
+        """The view after moving around the surface counter-clockwise, as seen from above; without perspective."""
         axis, angle = self.up if self.axis is None else self.axis, np.radians(degrees)
 
         def around(vector: Array) -> Array:
@@ -198,34 +198,34 @@ class View:
 
 
 def picture_view() -> View:
-    """Straight onto a sheet: x to the right, y up."""
+    """The view of a picture: x to the right, y up."""
     return View(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.eye(3))
 
 
 def terrain_view() -> View:
-    """From the south-south-west, half from above, north away from the viewer; the light knows its north."""
+    """The view of a terrain from the south-south-west and above; north points away from the viewer."""
     turn, lift = np.radians((196.0, 48.0))
     toward = (float(np.sin(turn) * np.cos(lift)), float(np.cos(turn) * np.cos(lift)), float(np.sin(lift)))
     return View(*_picture(toward, (0.0, 0.0, 1.0)), np.eye(3), axis=np.array([0.0, 0.0, 1.0]))
 
 
 def side_view() -> View:
-    """What a camera saw, from beside it and above: y down, z forward, the light as the camera has it."""
+    """The view of a range image from beside and above its camera: y down, z forward, the light as for the camera."""
     toward, up = _picture((0.64, -0.45, -0.62), (0.0, -1.0, 0.0))
     return View(toward, up, camera_view().ground, axis=np.array([0.0, -1.0, 0.0]))
 
 
 def camera_view() -> View:
-    """From the position of the camera: y down, z forward."""
+    """The view from the camera: y down, z forward."""
     toward, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0])
     return View(toward, up, np.stack([np.cross(up, toward), up, toward]), pinhole=True)
 
 
 def mesh_view(points: Array, up: Up | None, seen: Seen | None = None) -> View:
-    """From its broader side, a little turned and from above; a flat mesh from its front; from the side a quarter turn on.
+    """The view of a mesh: its broader side, slightly rotated and from above; a flat mesh from its front.
 
-    Where nobody says what is up, it is z, as in surveying and printing; or y, as in most scans, where z is the least
-    extent, as the depth of a bust is, and yet no thin one, as the relief of a terrain is.
+    From the side, it is rotated by 90 degrees. By default z is up, as in surveying and printing; or y, as in most scans, where z
+    is the smallest extent (as the depth of a bust) but not a thin one (as the relief of a terrain).
     """
     x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
     axis = (0.0, 0.0, 1.0)
@@ -241,7 +241,7 @@ def mesh_view(points: Array, up: Up | None, seen: Seen | None = None) -> View:
 
 
 def _picture(toward: tuple[float, float, float], up: tuple[float, float, float]) -> tuple[Array, Array]:
-    """Two directions as unit vectors at a right angle."""
+    """Two directions as perpendicular unit vectors."""
     towards = np.asarray(toward, dtype=np.float64) / np.linalg.norm(toward)
     upright = np.asarray(up, dtype=np.float64) - np.dot(up, towards) * towards
     return towards, upright / np.linalg.norm(upright)

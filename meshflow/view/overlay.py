@@ -1,4 +1,4 @@
-"""Two surfaces in one view of a window, with a divider to drag between them, or one at a time."""
+"""Two surfaces in one view of a window, with a divider between them, or one at a time."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -12,23 +12,23 @@ if TYPE_CHECKING:
 __all__ = ["Actors", "Overlay"]
 
 Actors = tuple[Any, ...]
-"""A geometry of VTK; and a coarse one, where it is heavy."""
+"""An actor of VTK, and a coarse one if it has very many triangles."""
 
 _KEY = "space"
 
 
 class Overlay:
-    """Before on the left of a divider and after on its right; the space bar shows the one, the other, and both again.
+    """Before to the left of a divider and after to its right; the space bar shows one, the other, and both again.
 
-    Each actor is clipped by a plane that holds the lines of sight through the divider, so it is a line on the screen whatever the
-    camera does, and nothing is drawn twice.
+    Each actor is clipped by the plane of the lines of sight through the divider. The divider is therefore a line on the screen
+    for any camera, and nothing is drawn twice.
 
     :param plotter: a window of one view.
-    :param before: actors: the geometry; and, where it is heavy, the coarse one in its place while the window is turned.
+    :param before: actors: the geometry, and, if it has very many triangles, a coarse one that is shown during interaction.
     :param after: likewise.
-    :param turning: knows which of the two is to be drawn.
-    :param at: where the divider stands, a share of the width.
-    :param wipes: start with the divider; else with ``before`` alone.
+    :param turning: says which of the two is drawn.
+    :param at: the position of the divider, a share of the width.
+    :param wipes: start with the divider; else with ``before`` only.
     """
 
     def __init__(
@@ -55,17 +55,17 @@ class Overlay:
         return ("before: left,  after: right", "before", "after")[self.mode]
 
     def slide(self, at: float) -> None:
-        """The divider moved to a share of the width."""
+        """Move the divider to a share of the width."""
         self.at = float(at)
 
     def swap(self) -> None:
-        """The next of before, after, and both with the divider."""
+        """Show the next of before, after, and both with the divider."""
         self.mode = (self.mode + 1) % 3
         self.label.input = self.words
         self.plotter.render()
 
     def _follow(self, *_: Any) -> None:
-        """Have the planes hold the lines of sight, and the actors be seen or not, just before they are drawn."""
+        """Update the clipping planes and the visibility of the actors before they are drawn."""
         at = (self.at, 1.0, 0.0)[self.mode]
         for actors, seen in zip(self.sides, (at > 0.0, at < 1.0), strict=True):
             drawn = actors[0 if self.turning.fine else -1]

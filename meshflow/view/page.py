@@ -1,4 +1,4 @@
-"""The page: panels, labels, the scale of what was removed, laid out in whole pixels by matplotlib (Agg, no pyplot)."""
+"""The page of a picture: panels, labels and the colour scale, laid out in whole pixels by matplotlib (Agg, no pyplot)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ __all__ = ["Box", "Foot", "Layout", "compared_page", "layout", "pixels", "single
 _DPI = 100.0
 _INK = "#26282b"
 _FAINT = "#6b7075"
-_PEAK = 0.25  # share of the values in one bin, beyond which a histogram counts by powers of ten; of a normal one it has 0.035
-_NONE = 0.7  # where a logarithmic axis of counts begins: one is seen
+_PEAK = 0.25  # share of the values in one bin above which the histogram is logarithmic; a normal one has 0.035
+_NONE = 0.7  # the start of a logarithmic axis of counts, so that a count of one is visible
 
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangle of the page, pixels, from its lower left corner."""
+    """A rectangle of the page in pixels, from its lower left corner."""
 
     left: int
     bottom: int
@@ -50,13 +50,13 @@ class Foot:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where everything goes.
+    """The layout of a page.
 
-    :param panels: before, after, removed; or the one thing shown.
+    :param panels: before, after, removed; or a single one.
     :param scale: colour bar and histogram.
-    :param unit: pixels of a page of 1600 x 1200: what all lengths and letters are counted in.
+    :param unit: the size of a pixel of a page of 1600 x 1200, which scales all lengths and letters.
     :param header: pixels above the panels' labels, for the title.
-    :param title: above all.
+    :param title: at the top.
     """
 
     page: tuple[int, int]
@@ -68,13 +68,13 @@ class Layout:
 
 
 def layout(look: Look, aspect: float, panels: int = 3, labelled: bool = False, scaled: bool = True) -> Layout:
-    """The arrangement that suits panels of this aspect (width over height).
+    """The layout for panels of an aspect (width over height).
 
-    Three panels: before | after over removed | scale; or all in one row over the scale, if they are larger so. One or two
-    stand over the scale.
+    Three panels are arranged as before | after over removed | scale, or in one row over the scale if they are larger then. One or
+    two panels are placed above the scale.
 
-    :param labelled: one panel has its label, too; several always have.
-    :param scaled: there is room for a scale below one panel; below several there always is.
+    :param labelled: a single panel has a label; several always have.
+    :param scaled: leave room for a scale below a single panel; below several there always is.
     """
     width, height = look.size
     unit = min(width / 1600, height / 1200)
@@ -112,12 +112,12 @@ def compared_page(
     foot: Foot,
     pixel: float = 1.0,
 ) -> "Figure":
-    """Panels side by side, with the scale of what is counted.
+    """Panels side by side, with the colour scale.
 
     :param panels: labels, and pictures (h, w, 3) in uint8, of any size.
-    :param counted: names and scales whose values the histogram counts; the colours are those of the last.
-    :param foot: below all.
-    :param pixel: height over width of a pixel of theirs.
+    :param counted: names and scales whose values the histogram shows; the colours are those of the last.
+    :param foot: the line at the bottom.
+    :param pixel: height over width of a pixel.
     """
     figure = _blank(arrangement, foot)
     for box, (label, picture) in zip(arrangement.panels, panels, strict=True):
@@ -134,12 +134,12 @@ def single_page(
     pixel: float = 1.0,
     labels: tuple[tuple[float, str], ...] = (),
 ) -> "Figure":
-    """One picture, with the scale of its colours where they stand for values.
+    """One picture, with a colour scale where its colours show values.
 
     :param picture: (h, w, 3) in uint8, of any size.
-    :param foot: below all.
+    :param foot: the line at the bottom.
     :param pixel: height over width of a pixel of the picture.
-    :param labels: above it, each with its place, a share of the width.
+    :param labels: above the picture, each with its position, a share of the width.
     """
     figure = _blank(arrangement, foot)
     box, unit = arrangement.panels[0], arrangement.unit
@@ -197,7 +197,7 @@ def _blank(arrangement: Layout, foot: Foot) -> "Figure":
 
 
 def _draw_scale_bar(figure: "Figure", arrangement: Layout, scale_bar: ScaleBar) -> None:
-    """The scale bar in the lower right corner, its length before it, and the arrow to the north before that."""
+    """The scale bar in the lower right corner, with its length and the north arrow to its left."""
     from matplotlib.lines import Line2D
 
     (width, height), unit = arrangement.page, arrangement.unit
@@ -254,7 +254,7 @@ def _label(figure: "Figure", arrangement: Layout, box: Box, share: float, label:
 
 
 def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[str, Scale]]) -> None:
-    """The histogram of the values, above the colour bar, which is also its axis; of two, the first is a line."""
+    """The histogram of the values above the colour bar, which is its axis; of two, the first is a line."""
     scale = counted[-1][1]
     box, unit = arrangement.scale, arrangement.unit
     left, width = box.left + round(0.1 * box.width), round(0.8 * box.width)
@@ -274,7 +274,7 @@ def _histogram(figure: "Figure", arrangement: Layout, counted: Sequence[tuple[st
         words.append(f"{name}: {_statistics(values, part.unit)}" if name else _statistics(values, part.unit))
     axes.set_xlim(scale.low, scale.high)
     axes.set_ylim(0, top * 1.04)
-    if peaked:  # one bin would stand alone on what looks like nothing
+    if peaked:  # with linear counts only one bin would be visible
         axes.set_yscale("log")
         axes.set_ylim(_NONE, top**1.04)
         _beside(axes, arrangement, "counts, logarithmic")
@@ -311,7 +311,7 @@ def _beside(axes: "Axes", arrangement: Layout, words: str) -> None:
 
 
 def _ends(axes: "Axes", arrangement: Layout, scale: Scale, bar: int) -> None:
-    """Why the colours of a bar end where they do, below its label."""
+    """The reason for the ends of a colour bar, below its label."""
     axes.text(
         0.5,
         -88 * arrangement.unit / bar,

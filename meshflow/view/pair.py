@@ -24,11 +24,11 @@ class Pair:
     """Data before and after, on the same samples.
 
     :param before: a data object.
-    :param after: one of the same kind and size.
-    :param removed: before minus after, here and in every picture, report and number of this package: positive where
-        something was taken away; of a mesh inwards along the normals of ``before``. Its colours are symmetric about 0.
+    :param after: a data object of the same kind and size.
+    :param removed: before minus after, as in every picture, report and number of this package: positive where something was
+        removed; for a mesh the motion inwards along the normals of ``before``. Its colours are symmetric about 0.
     :param notes: sentences for the user.
-    :param worn: of meshes that differ in a scalar alone: its colours before and after.
+    :param worn: for meshes that differ only in a scalar: its colours before and after.
     """
 
     before: Data
@@ -39,14 +39,14 @@ class Pair:
 
 
 def paired(before: object, after: object, unit: str | None, own_colours: bool = False) -> Pair:
-    """Pair two objects that :func:`meshflow.view.appearance.taken` recognises.
+    """Pair two objects that :func:`meshflow.view.appearance.taken` recognizes.
 
-    A grid that comes after is shown with the spacing or the camera of the one before. Of meshes whose points are equal, and
-    whose colours or other vertex attributes are not, these are what is compared, and the notes say so.
+    The second grid is shown with the spacing or the camera of the first. For meshes with equal points and different colours or
+    other vertex attributes, these attributes are compared, and a note says so.
 
-    :param unit: of what changes; by default the unit that the data object names.
-    :param own_colours: meshes come in the colours of their own.
-    :raises InputError: for things of different kind, size or triangles.
+    :param unit: of what changes; by default that of the data object.
+    :param own_colours: show meshes in their own colours.
+    :raises InputError: for data of different kind, size or triangles.
     """
     (one, first), (other, second) = taken(before, own_colours), taken(after, own_colours)
     if type(one) is not type(other) and not (isinstance(one, Mesh) and isinstance(other, Mesh)):
@@ -56,7 +56,7 @@ def paired(before: object, after: object, unit: str | None, own_colours: bool = 
     notes, worn = (*first, *second), None
     if isinstance(one, Mesh) and isinstance(other, Mesh) and (change := attribute_change(before, after, one, other)):
         (values, what), notes = change.removed, (*notes, change.reported)
-        if change.before.shape[1] in (3, 4):  # colours, or drawn as if they were, where bytes would hold them
+        if change.before.shape[1] in (3, 4):  # colours, or drawn as colours where they are in the range of bytes
             one, other = change.worn(one, change.before), change.worn(other, change.after)
         elif change.before.shape[1] == 1:
             worn = together(*(ranging(column[:, 0], change.name, "") for column in (change.before, change.after)))
@@ -68,16 +68,16 @@ def paired(before: object, after: object, unit: str | None, own_colours: bool = 
         unit = one.unit if isinstance(one, (HeightField, RangeImage)) else ""
     there = values[np.isfinite(values)]
     if there.size == 0:
-        raise InputError("before and after have no sample in common: one is missing wherever the other is there")
+        raise InputError("before and after have no sample in common: wherever one is present, the other is missing")
     scale = symmetric(values, what, unit, "nothing was removed")
     equal = () if there.any() else ("before and after are equal",)
     return Pair(one, other, scale, tuple(dict.fromkeys((*notes, *equal))), worn)
 
 
 def _removed(before: Data, after: Data) -> tuple[Array, str]:
-    """Before minus after, NaN where either is missing, and what it is called."""
+    """Before minus after, NaN where either is missing, and its name."""
     if isinstance(before, Mesh) or isinstance(after, Mesh):
-        return _removed_of_mesh(cast(Mesh, before), cast(Mesh, after))  # they are of one kind
+        return _removed_of_mesh(cast(Mesh, before), cast(Mesh, after))  # both are of one kind
     columns = [_column(data) for data in (before, after)]
     shapes = [
         data.values.shape if isinstance(data, Image) else column.shape
@@ -92,7 +92,7 @@ def _removed(before: Data, after: Data) -> tuple[Array, str]:
 
 
 def _column(data: HeightField | Image | RangeImage) -> Array:
-    """The one number per sample (h, w) that is compared, NaN where missing."""
+    """The number per sample (h, w) that is compared, NaN where missing."""
     if isinstance(data, Image):
         return _grey(data)
     values = data.z if isinstance(data, HeightField) else data.depth
@@ -107,7 +107,7 @@ def _grey(image: Image) -> Array:
 
 
 def _removed_of_mesh(before: Mesh, after: Mesh) -> tuple[Array, str]:
-    """Motion inwards along the normals of ``before``; where channels alone move, the mean of what they lost."""
+    """Motion inwards along the normals of ``before``; where only channels move, the mean of their decrease."""
     if before.points.shape != after.points.shape:
         raise InputError(f"before has points {before.points.shape}, after {after.points.shape}: the same expected")
     if not np.array_equal(before.faces, after.faces):

@@ -1,4 +1,4 @@
-"""The picture of a comparison of flows: each surface as its camera sees it, and one silhouette close up."""
+"""The picture of a comparison of flows: each surface from its camera, and a close-up of a silhouette."""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -22,20 +22,20 @@ __all__ = ["Seen", "flows"]
 _STONE, _GROUND, _INK, _FAINT = np.array([0.92, 0.89, 0.84]), "#ccd6e0", "#26282b", "#6b7075"
 _TRUE, _MOVED = "#1f78b4", "#b2182b"
 _DPI, _WIDE = 100.0, 16.0
-# Columns of panels; inches for their labels; share of the image that is shown close up.
+# Columns of panels; inches for their labels; share of the image in the close-up.
 _COLUMNS, _LABEL, _CLOSE = 3, 0.55, 0.16
 _AMBIENT = 0.15
 _ALTITUDE = 40.0
-# Options of a look that have no meaning here.
+# Options of a look that do not apply here.
 _NO_LIGHT = tuple(field.name for field in fields(Look) if field.name not in ("title", "azimuth", "altitude"))
 
 
 class Seen(Protocol):
-    """A surface as its camera sees it."""
+    """A surface as seen by its camera."""
 
     @property
     def label(self) -> str:
-        """What it is."""
+        """Its name."""
         ...
 
     @property
@@ -45,7 +45,7 @@ class Seen(Protocol):
 
     @property
     def pixels(self) -> Array:
-        """(n, 2), column and row in which each vertex is seen."""
+        """(n, 2), column and row at which each vertex is seen."""
         ...
 
     @property
@@ -65,7 +65,7 @@ class Seen(Protocol):
 
     @property
     def rim(self) -> Array:
-        """(k, 2), edges on one side of which there is no triangle."""
+        """(k, 2), edges with a triangle on one side only."""
         ...
 
 
@@ -77,18 +77,18 @@ def flows(
     overwrite: bool = False,
     **look: Unpack[Looks],
 ) -> Pictured:
-    """Draw surfaces side by side, shaded flat in one light, and below each row the same place of each close up.
+    """Draw surfaces side by side, flat shaded in the same light, and below each a close-up of the same place.
 
-    The close-up shows the rim of each surface in red, and that of the first one, before it moved, in blue.
+    The close-up shows the rim of each surface in red, and the rim before smoothing in blue.
 
-    :param panels: as :meth:`meshflow.evaluate.FlowComparison.panels` gives them, the first one before it moved.
+    :param panels: those of :meth:`meshflow.evaluate.FlowComparison.panels`, the first one before smoothing.
     :param path: the picture to write (.png, .jpg, .tif).
-    :param close_up: column and row of its middle; by default where the rims have moved farthest.
+    :param close_up: column and row of its centre; by default where the rims moved most.
     :param overwrite: replace a file that is there.
     :param look: ``title``, ``azimuth`` and ``altitude`` of :class:`meshflow.view.Look`; by default a light 40 degrees high.
     :raises InputError: for no panel, or one without a triangle.
-    :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that is there and is not
-        to be replaced.
+    :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that exists and must not
+        be replaced.
     """
     target = writable(path, overwrite=overwrite)
     if len(panels) == 0 or any(len(panel.faces) == 0 for panel in panels):
@@ -114,7 +114,7 @@ def _window(panels: Sequence[Seen], at: tuple[float, float] | None) -> tuple[flo
 
 
 def _busiest(panels: Sequence[Seen], low: Array, high: Array, half: Array) -> Array:
-    """The middle of the window, between low and high, in which the rims have moved most."""
+    """The centre of the window, between low and high, in which the rims moved most."""
     first = panels[0]
     rim = np.unique(first.rim)
     places = first.pixels[rim]
@@ -123,7 +123,7 @@ def _busiest(panels: Sequence[Seen], low: Array, high: Array, half: Array) -> Ar
     inside = ((places >= low) & (places <= high)).all(axis=1)
     if not inside.any():
         return (low + high) / 2
-    # Of a few hundred places, so that the sums over their windows stay small.
+    # At most a few hundred places, so that the sums over their windows stay small.
     candidates = places[inside][:: max(1, int(inside.sum()) // 400)]
     near = (np.abs(candidates[:, None] - places[None]) <= half).all(axis=2)
     return candidates[(near @ np.asarray(moved, dtype=np.float64)).argmax()]
@@ -162,7 +162,7 @@ def _drawn(panels: Sequence[Seen], look: Look, window: tuple[float, float, float
     figure.text(
         gap / _WIDE,
         foot / 2 / height,
-        "close up: the rim of each surface in red, where it was before in blue; nothing is seen where it is grey blue",
+        "close-up: the rim of each surface in red, before smoothing in blue; grey blue: no surface",
         fontsize=11,
         color=_FAINT,
         va="center",
@@ -171,7 +171,7 @@ def _drawn(panels: Sequence[Seen], look: Look, window: tuple[float, float, float
 
 
 def _surface(axes: "Axes", panel: Seen, look: Look, window: tuple[float, float, float, float]) -> None:
-    """The triangles within a window, the farthest first, each of one shade."""
+    """The triangles in a window, the farthest first, flat shaded."""
     from matplotlib.collections import PolyCollection
 
     left, right, bottom, top = window
@@ -196,13 +196,13 @@ def _surface(axes: "Axes", panel: Seen, look: Look, window: tuple[float, float, 
 
 
 def _shades(corners: Array, seen: Array, look: Look) -> Array:
-    """Colours (m, 3) of triangles (m, 3, 3) in the light of the look, both of their sides alike."""
+    """Colours (m, 3) of triangles (m, 3, 3) in the light of the look, the same for both sides."""
     a, b, c = np.moveaxis(corners, 1, 0)
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
     one, two = seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0]
-    # A triangle that runs clockwise down the rows of the picture shows its back.
+    # A triangle that is clockwise in the picture (rows downwards) shows its back.
     normals *= -np.sign(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])[:, None]
     east, north, up = look.light
     light = np.clip(normals @ np.array([east, -north, -up]), 0.0, 1.0)
@@ -211,13 +211,13 @@ def _shades(corners: Array, seen: Array, look: Look) -> Array:
 
 
 def _frame(axes: "Axes", window: tuple[float, float, float, float]) -> None:
-    """Where the close-up is."""
+    """The frame of the close-up."""
     left, right, bottom, top = window
     axes.plot([left, right, right, left, left], [top, top, bottom, bottom, top], color=_MOVED, linewidth=1.2)
 
 
 def _rims(axes: "Axes", before: Seen, panel: Seen, window: tuple[float, float, float, float]) -> None:
-    """The rim of a surface over that before."""
+    """The rim of a surface over the rim before smoothing."""
     from matplotlib.collections import LineCollection
 
     wide = abs(window[1] - window[0])

@@ -1,4 +1,4 @@
-"""The public functions that draw: compare data before and after, show data; as a picture, in a window, or in a notebook."""
+"""The public drawing functions: compare data before and after, show data; as a picture, in a window, or in a notebook."""
 
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -32,11 +32,11 @@ _DIVIDER = np.array([38, 40, 43], np.uint8)
 
 @dataclass(frozen=True)
 class Pictured:
-    """The picture that was made. A notebook shows it.
+    """A picture that was made; notebooks display it.
 
-    :param path: the picture; None: it was a window.
+    :param path: of the picture; None: it was a window.
     :param renderer: ``pyvista``: drawn in space by VTK; ``hillshade``: seen from above, without OpenGL.
-    :param notes: what was done on the way, sentences for the user.
+    :param notes: sentences for the user.
     """
 
     path: Path | None
@@ -44,7 +44,7 @@ class Pictured:
     notes: tuple[str, ...] = ()
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str | bytes]:
-        """The picture, as notebooks ask for it."""
+        """The picture for notebooks."""
         kinds = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif"}
         kind = None if self.path is None else kinds.get(self.path.suffix.lower())
         if kind is None or self.path is None:
@@ -63,25 +63,24 @@ def compare(
 ) -> Pictured:
     """Show data before and after in the same light, and what was removed.
 
-    Surfaces are shaded flat, triangle by triangle, so that noise shows. Removed is before minus after: of height,
-    of depth, or of the mean of the channels; of a mesh the motion inwards along the normals of ``before``. Its colours
-    are symmetric about 0 and end at the 99th percentile of its size. Numbers are those of all of the data. What is drawn of
-    grids is thinned to 1000 samples a side, and the picture says so.
+    Surfaces are flat shaded, so that noise is visible. Removed is before minus after: of the height, the depth, or the mean of
+    the channels; for a mesh the motion inwards along the normals of ``before``. Its colours are symmetric about 0 and end at the 99th
+    percentile of its absolute value. Numbers are computed from all data. Grids are thinned to 1000 samples per side for drawing,
+    which the picture states.
 
     :param before: a height field, image, range image or mesh, a :class:`meshflow.Document`, or any object that
         :func:`meshflow.smooth` takes.
     :param after: the same kind of data on the same samples.
-    :param path: the picture to write (.png, .jpg, .tif; to blink .gif or .png); None: a window.
-    :param quantity: ``removed``; or before and after in the colours of their ``curvature``, ``edges``, ``triangles`` or
-        ``samples`` (:func:`meshflow.view.measured`), one scale for both.
+    :param path: the picture to write (.png, .jpg, .tif; for ``blink`` .gif or .png); None: a window.
+    :param quantity: ``removed``; or before and after coloured by ``curvature``, ``edges``, ``triangles`` or
+        ``samples`` (:func:`meshflow.view.measured`), with one scale for both.
     :param overwrite: replace a file that is there.
-    :param look: the options of :class:`meshflow.view.Look` by name: how the two are arranged, light, exaggeration, side, size,
-        title, colours, renderer.
-    :raises InputError: for two things that cannot be compared, nothing to draw, options that make no sense, or a window
-        where there is no display.
-    :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that is there and is not
-        to be replaced.
-    :raises MissingPackage: for a mesh, or a window, where VTK cannot draw.
+    :param look: the options of :class:`meshflow.view.Look` by name: arrangement, light, exaggeration, side, size, title, colours,
+        renderer.
+    :raises InputError: for data that cannot be compared, nothing to draw, invalid options, or a window without a display.
+    :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that exists and must not
+        be replaced.
+    :raises MissingPackage: for a mesh or a window, where VTK cannot draw.
     """
     seen = looking(**look)
     target = _target(path, ANIMATED if seen.arrange == "blink" else _FORMATS, overwrite)
@@ -108,13 +107,13 @@ def show(
 
     :param data: as ``before`` of :func:`compare`.
     :param path: the picture to write (.png, .jpg, .tif); None: a window.
-    :param scalars: a number for each sample (h, w) or vertex (n,), shown as colour.
-    :param quantity: instead: ``curvature``, ``edges``, ``triangles`` or ``samples``, with its unit and its scale
+    :param scalars: one number per sample (h, w) or vertex (n,), shown as colour.
+    :param quantity: or a quantity: ``curvature``, ``edges``, ``triangles`` or ``samples``, with unit and scale
         (:func:`meshflow.view.measured`).
     :param overwrite: replace a file that is there.
-    :param look: the options of :class:`meshflow.view.Look` by name, but those of two things.
+    :param look: the options of :class:`meshflow.view.Look` by name, except those for two surfaces.
 
-    What is raised: as in :func:`compare`.
+    It raises the same errors as :func:`compare`.
     """
     seen, target = looking(OF_PAIRS, **look), _target(path, _FORMATS, overwrite)
     scene = of_one(data, seen, quantity, scalars, target is None)
@@ -135,13 +134,13 @@ def plotter(
     off_screen: bool | None = None,
     **look: Unpack[Looks],
 ) -> "pv.Plotter":
-    """What :func:`compare`, or :func:`show` of one thing, would open as a window: a ``pyvista.Plotter``, not yet shown.
+    """The window of :func:`compare`, or of :func:`show` for one surface, as a ``pyvista.Plotter`` that is not shown yet.
 
-    For notebooks, where its ``show()`` draws a picture, or a view that turns where ``trame`` is installed
-    (``show(jupyter_backend="trame")``), and for whoever wants to add to it. No display is needed to make it; close it in the end.
+    It is for notebooks, where ``show()`` draws a picture, or an interactive view with ``trame``
+    (``show(jupyter_backend="trame")``), and for adding further actors. It needs no display. Close it at the end.
 
     :param before: as in :func:`compare`.
-    :param after: None: one thing is shown.
+    :param after: None: one surface is shown.
     :param quantity: as in :func:`compare`, or :func:`show`.
     :param off_screen: draw without a window; None: as pyvista decides.
     :param look: the options of :class:`meshflow.view.Look` by name; VTK draws it.
@@ -152,7 +151,7 @@ def plotter(
     seen = replace(looking(without, **look), renderer="pyvista")
     if after is None:
         if quantity == "removed":
-            raise InputError("quantity='removed': of two things, got one; give after, or another quantity")
+            raise InputError("quantity='removed': two surfaces expected, got one; give after, or another quantity")
         scene = of_one(before, seen, quantity, window=True)
     else:
         scene = of_two(before, after, seen, quantity or "removed", window=True)
@@ -162,10 +161,10 @@ def plotter(
 def writable(path: str | Path, formats: tuple[str, ...] = _FORMATS, overwrite: bool = False) -> Path:
     """Check that a picture can be written to a path, before anything is drawn.
 
-    :param path: a file in a folder that is there.
-    :param formats: extensions that are accepted.
+    :param path: a file in an existing folder.
+    :param formats: accepted extensions.
     :param overwrite: replace a file that is there.
-    :raises FormatError: for a path that cannot be written, or must not.
+    :raises FormatError: for a path that cannot or must not be written.
     """
     target = Path(path)
     if target.suffix.lower() not in formats:
@@ -182,7 +181,7 @@ def writable(path: str | Path, formats: tuple[str, ...] = _FORMATS, overwrite: b
 def _target(path: str | Path | None, formats: tuple[str, ...], overwrite: bool) -> Path | None:
     """A path to write to, or None for a window that can be opened.
 
-    :raises InputError: for a window where there is no display.
+    :raises InputError: for a window without a display.
     """
     if path is not None:
         return writable(path, formats, overwrite)
@@ -212,7 +211,7 @@ def _plotted(scene: Scene, off_screen: bool | None) -> "pv.Plotter":
 
 
 def _beside(scene: Scene) -> "Figure":
-    """All panels, with a histogram of what is counted."""
+    """All panels, with a histogram."""
     plan = page.layout(scene.look, scene.aspect, len(scene.shown))
     drawn = [(one.label, scene.picture(k, plan.panels[k].size)) for k, one in enumerate(scene.shown)]
     return page.compared_page(plan, drawn, scene.counted, scene.foot(plan.panels[0].size, plan.unit), scene.pixel)
@@ -244,6 +243,6 @@ def _single(scene: Scene, plan: page.Layout, picture: Array, labels: tuple[tuple
 
 
 def _save(figure: "Figure", target: Path) -> None:
-    """Write a page as a picture: beside the old one first, then in its place."""
+    """Write a page as a picture; an existing file is replaced only when it is complete."""
     with beside(target) as draft:
         figure.savefig(draft, format=target.suffix[1:].lower(), dpi=figure.dpi)

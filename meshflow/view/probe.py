@@ -1,4 +1,4 @@
-"""Whether VTK can draw on this machine: tried once, in a child process, since VTK may end a process in which it cannot draw."""
+"""Tests once, in a child process, whether VTK can draw on this machine, since VTK may crash where it cannot."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ __all__ = ["Rendering", "displayed", "rendering"]
 _CHOICE = "VTK_DEFAULT_OPENGL_WINDOW"
 _SWITCH = "MESHFLOW_RENDERING"
 _MEND = "on Debian or Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri libx11-6"
-_PATIENCE = 180.0  # seconds; the first import of VTK from a cold disk is slow, a driver that hangs is slower
+_PATIENCE = 180.0  # seconds; the first import of VTK from a cold disk is slow
 _CHILD = """
 import pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=(32, 32))
@@ -27,8 +27,8 @@ class Rendering:
     """Whether VTK can draw here.
 
     :param works: a child process drew a picture.
-    :param window: the class of window that did it, to be set as ``VTK_DEFAULT_OPENGL_WINDOW``; None: VTK chooses.
-    :param why: a sentence for people; where it does not work, with what would mend it.
+    :param window: the window class that worked, for ``VTK_DEFAULT_OPENGL_WINDOW``; None: VTK chooses.
+    :param why: a sentence for the user; where it does not work, it says what to do.
     """
 
     works: bool
@@ -36,15 +36,15 @@ class Rendering:
     why: str
 
     def prepare(self) -> None:
-        """Have this process use the window that worked. To be called before a plotter is made."""
+        """Make this process use the window that worked; call it before a plotter is made."""
         if self.window is not None:
             os.environ[_CHOICE] = self.window
 
 
 def rendering() -> Rendering:
-    """Whether VTK can draw here; the first call takes a few seconds, later ones nothing.
+    """Whether VTK can draw here; the first call takes a few seconds, later calls are cached.
 
-    ``MESHFLOW_RENDERING=off`` in the environment says no without asking.
+    With ``MESHFLOW_RENDERING=off`` in the environment the answer is no, without a test.
     """
     if os.environ.get(_SWITCH, "").lower() == "off":
         return Rendering(False, None, f"drawing with VTK is switched off by {_SWITCH}=off in the environment; unset it")
@@ -52,13 +52,13 @@ def rendering() -> Rendering:
 
 
 def displayed() -> bool:
-    """Whether a window can be opened: on Linux and the like VTK needs an X server."""
+    """Whether a window can be opened; on Linux VTK needs an X server."""
     return sys.platform in ("win32", "darwin") or bool(os.environ.get("DISPLAY"))
 
 
 @cache
 def _probed() -> Rendering:
-    """Try the kinds of windows in child processes, the likeliest first."""
+    """Try window classes in child processes, the likeliest first."""
     failures = []
     for window in _candidates():
         failure = _failure(window)
@@ -69,7 +69,7 @@ def _probed() -> Rendering:
 
 
 def _candidates() -> tuple[str | None, ...]:
-    """Windows to try. Without an X server EGL goes first: VTK's own choice ends there too, with warnings on stderr."""
+    """The window classes to try; without an X server EGL first, which VTK would also choose, with warnings on stderr."""
     if sys.platform in ("win32", "darwin") or os.environ.get(_CHOICE):
         return (None,)
     headless = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
@@ -77,7 +77,7 @@ def _candidates() -> tuple[str | None, ...]:
 
 
 def _failure(window: str | None) -> str | None:
-    """What went wrong when a child drew with this window; None when it drew."""
+    """The failure of a child that drew with this window; None when it succeeded."""
     surroundings = dict(os.environ)
     if window is not None:
         surroundings[_CHOICE] = window

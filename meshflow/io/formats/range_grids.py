@@ -1,6 +1,6 @@
-"""Scans on a grid: the range_grid of Stanford's PLY, and range maps of VCG (MeshLab) with their camera element.
+"""Scans on a grid: the range_grid of Stanford's PLY, and range maps of VCG (MeshLab) with a camera element.
 
-Each point moves along its line of sight; the file comes out with the same bytes around new positions.
+Each point moves along its line of sight; the file is written with the same bytes around new positions.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ WRITES: tuple[str, ...] = ()
 
 # A Cyberware scanner looks along -z.
 ALONG = (0.0, 0.0, -1.0)
-# Cells for one vertex beyond which the pixels of a camera element cannot be those of the points.
+# The largest number of cells per vertex at which the pixels of a camera element can belong to the points.
 SPARSE = 64
 
 
@@ -47,13 +47,13 @@ class Scan(Source):
 def read(path: Path, options: ReadOptions) -> Document:
     """Read a scan as a range image of a :class:`Scanner`, in the unit of the points.
 
-    With a viewpoint (given, an ``obj_info viewpoint x y z``, or the camera element of VCG) values are distances from it. Without,
-    lines of sight are parallel to z, seen from above as a Cyberware scanner does: values are then -z.
+    With a viewpoint (given, from ``obj_info viewpoint x y z``, or from the camera element of VCG) values are distances from it.
+    Without one, lines of sight are parallel to z, seen from above as by a Cyberware scanner, and values are -z.
 
-    :param options: ``viewpoint`` (x, y, z), where the scanner stood, in the frame of the points; ``jump`` as of
-        :class:`RangeImage`, where a share works with a viewpoint only; ``time_unit``.
-    :raises FormatError: for a file without a range grid and without a camera that says where its points belong, or a broken one.
-    :raises InputError: for another kind, or a viewpoint that is no point or one of the scan's.
+    :param options: ``viewpoint`` (x, y, z), the position of the scanner in the frame of the points; ``jump`` as in
+        :class:`RangeImage`, where a share needs a viewpoint; ``time_unit``.
+    :raises FormatError: for a damaged file, and a file without a range grid or a camera that locates its points.
+    :raises InputError: for another kind, or a viewpoint that is not finite or is a point of the scan.
     """
     if options.kind not in (None, "depth"):
         raise InputError(f"{path.name}: a range grid is a depth image, got kind={options.kind!r}; leave it out")
@@ -79,16 +79,16 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def can_write(document: Document, suffix: str) -> bool:
-    """Whether it is a range image and goes into a PLY."""
+    """Whether it is a range image and the file a PLY."""
     return isinstance(document.data, RangeImage) and suffix == ".ply"
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
-    """Write a PLY range grid: a scan that was read as the same bytes around new positions, any other range image as float.
+    """Write a PLY range grid: a scan that was read with the same bytes around new positions, other range images as float.
 
     :param options: tags are kept as comments.
     :raises FormatError: when the file cannot be written.
-    :raises InputError: for anything but a range image.
+    :raises InputError: for data that is no range image.
     """
     tags = {name.removeprefix("meshflow:"): word for name, word in options.tags.items()}
     data = depths_of(document)
@@ -99,7 +99,7 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
             temporary.write_bytes(_fresh(cloud, there, tags))
             return ()
         points = scan.file.points
-        moved = there & (data.depth != scan.start)  # the others keep their bits
+        moved = there & (data.depth != scan.start)  # all others keep their bits
         points[scan.index[moved]] = cloud[moved]
         temporary.write_bytes(scan.file.holding(points, tags))
         normals = {"nx", "ny", "nz"} & set(scan.file.vertices.dtype.names or ())
@@ -120,7 +120,7 @@ def _by_grid(path: Path, file: PlyBytes, grid: Array) -> Array:
 
 
 def _by_camera(path: Path, file: PlyBytes) -> Array:
-    """(h, w) of the pixels on which the camera of VCG sees the vertices."""
+    """(h, w) of the pixels at which the camera of VCG sees the vertices."""
     missing = [name for name in _CAMERA if name not in file.camera]
     if missing:
         raise FormatError(
@@ -162,9 +162,9 @@ _CAMERA = (
 
 
 def _whole(places: Array) -> Array:
-    """Places as whole numbers from 0; where between the whole numbers they lie is one and the same for all."""
+    """Places as whole numbers from 0; all places have the same fractional part."""
     if not np.isfinite(places).all():
-        return np.zeros(len(places), np.int64)  # of a vertex beside the camera: they will share a pixel
+        return np.zeros(len(places), np.int64)  # a vertex beside the camera: several will share a pixel
     phase = np.angle(np.mean(np.exp(2j * np.pi * places))) / (2 * np.pi)
     whole = np.rint(places - phase).astype(np.int64)
     return whole - whole.min()
@@ -175,7 +175,7 @@ def _eye(file: PlyBytes) -> Array:
 
 
 def _viewpoint(path: Path, file: PlyBytes, given: Sequence[float] | None) -> tuple[Array | None, str]:
-    """Where it was seen from, and the sentence that tells."""
+    """The viewpoint, and a note on it."""
     if given is not None:
         eye, how = np.array([number(x, "viewpoint") for x in np.ravel(given)]), "as given"
     elif "viewpoint" in file.info:
@@ -202,7 +202,7 @@ def _float(word: str) -> float:
 
 
 def _fresh(cloud: Array, there: Array, tags: Mapping[str, str]) -> bytes:
-    """A range grid in binary: the points (n, 3) as float, one cell for each sample."""
+    """A binary range grid: points (n, 3) as float, one cell per sample."""
     h, w = there.shape
     lines = [
         "ply",

@@ -1,4 +1,4 @@
-"""A raster file as GDAL sees it: its samples, which of them are missing, and all that must survive around them."""
+"""Rasters through GDAL: samples, missing samples, and everything that must be kept around them."""
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import rasterio
-from rasterio._err import CPLE_BaseError  # GDAL's own errors leak through rasterio, which has no public name for them
+from rasterio._err import CPLE_BaseError  # errors of GDAL for which rasterio has no public name
 from rasterio.enums import ColorInterp, MaskFlags, Resampling
 from rasterio.errors import CRSError, NodataShadowWarning, NotGeoreferencedWarning, RasterioError
 from rasterio.io import DatasetReader, MemoryFile
@@ -35,10 +35,10 @@ T = TypeVar("T")
 # What is not transparent.
 _OPAQUE = (1, 255, 65535)
 
-# More bands than any instrument has; what is measured for each pair of them would take longer than anybody waits.
+# More bands than any instrument has; the work for each pair of bands would take too long.
 _MOST_BANDS = 1024
 
-# Without this GDAL (3.10) reads a PNG of 8 bit that is cut short as whole, what is not there out of unset memory.
+# Without this, GDAL (3.10) accepts a PNG of 8 bit that is cut off, and fills it from uninitialized memory.
 _SAFE = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": False}
 _LOSSLESS = ("GTiff", "PNG", "BMP", "WEBP")
 _DESCRIBE_THE_FILE = ("IMAGE_STRUCTURE", "DERIVED_SUBDATASETS", "SUBDATASETS", "RPC", "rio_creation_kwds")
@@ -49,7 +49,7 @@ class Encoding:
     """How GDAL stores samples.
 
     :param driver: of GDAL.
-    :param nodata: the value that marks missing samples; None: no such mark.
+    :param nodata: the value that marks missing samples; None: there is none.
     :param creation: creation options of the driver.
     """
 
@@ -68,13 +68,14 @@ def load(
 ) -> tuple[Array, Frame]:
     """Samples (k, h, w) as float32 or float64, scale and offset applied, and their frame.
 
-    Missing is what nodata, an internal mask, or an alpha of 0 says, and what is not finite; its samples keep their bits.
+    Samples are missing where nodata, an internal mask or an alpha of 0 says so, and where they are not finite; they keep their
+    bits.
 
-    :param bands: which, from 1; None: all but the alpha band.
-    :param nodata: in place of the one that the file declares.
-    :param remote: the file may name others outside its folder, and networks.
+    :param bands: numbers of bands, from 1; None: all but the alpha band.
+    :param nodata: instead of the declared one.
+    :param remote: the file may refer to files outside its folder, and in networks.
     :param search: what nothing declares is looked for, too: a mask among the bands, values that mark missing samples.
-    :raises FormatError: when GDAL cannot open or read the file, or it holds no bands.
+    :raises FormatError: when GDAL cannot open or read the file, or it has no bands.
     """
     opening = must_be_numbers(path) if path.suffix.lower() == ".asc" else {}
     try:
@@ -152,7 +153,7 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
 
 
 def framed(data: HeightField | Image | RangeImage, dtype: str) -> Frame:
-    """A frame for samples that came from no raster: their missing samples, and a transform if their spacing is not 1."""
+    """A frame for data that was not read from a raster: missing samples, and a transform if the spacing is not 1."""
     values, missing = layers(data), np.asarray(data.missing)
     spacing = (1.0, 1.0) if isinstance(data, RangeImage) else data.spacing
     dx, dy = spacing
@@ -173,7 +174,7 @@ def layers(data: HeightField | Image | RangeImage) -> Array:
 
 
 def merged(source: Source, data: HeightField | Image | RangeImage) -> tuple[Array, Frame]:
-    """The samples (k, h, w) of data on a grid and the frame that they came in, or a plain one.
+    """The samples (k, h, w) of data on a grid, and the frame of the file, or a plain one.
 
     :raises InputError: when samples and frame differ in shape.
     """
@@ -189,7 +190,7 @@ def merged(source: Source, data: HeightField | Image | RangeImage) -> tuple[Arra
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """No warning of what is expected here: files without georeference, alpha beside nodata."""
+    """Suppress warnings about files without georeference, and alpha beside nodata."""
     with warnings.catch_warnings(), rasterio.Env(**_SAFE):
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         warnings.simplefilter("ignore", NodataShadowWarning)
@@ -224,7 +225,7 @@ def _ends_in_mask(raw: Array, colour: ColorInterp) -> bool:
 
 
 def _gone(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Array:
-    """What is missing, per band; a nodata value of the caller's stands in for the declared one, an internal mask stays."""
+    """Missing samples per band; a given nodata value replaces the declared one, an internal mask stays."""
     if nodata is None:
         return source.read_masks(chosen) == 0
     flags = source.mask_flag_enums[chosen[0] - 1]
@@ -234,7 +235,7 @@ def _gone(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | 
 
 def _frame(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Frame:
     def of(each: Sequence[T]) -> tuple[T, ...]:
-        """Those of the bands that are read."""
+        """The entries of the bands that are read."""
         return tuple(each[i - 1] for i in chosen)
 
     spaces = [
@@ -275,7 +276,7 @@ def _verify(memory: MemoryFile, samples: Array, driver: str) -> None:
 
 
 def _reason(cause: BaseException) -> str:
-    """What GDAL itself said, where rasterio only says that there is something to say."""
+    """The message of GDAL, which rasterio only refers to."""
     while cause.__cause__ is not None:
         cause = cause.__cause__
     return " ".join(str(cause).split())[:300]

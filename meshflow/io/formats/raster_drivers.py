@@ -1,7 +1,7 @@
-"""Which drivers of GDAL may read a file, and whether it can be what it says: asked before anything is read or allocated.
+"""The drivers of GDAL that may read a file, and checks of its header before anything is read or allocated.
 
-Left to itself GDAL chooses the driver by the content: a picture that is a VRT inside reads other files of the machine, a
-TIFF that is a WMS makes requests.
+By default GDAL chooses the driver by the content: a file named as a picture that contains a VRT reads other files of the
+machine, and a TIFF that contains a WMS makes requests.
 """
 
 import os
@@ -15,18 +15,18 @@ from meshflow.io.formats.vrt import must_be_local
 
 __all__ = ["allowed_drivers", "must_be_numbers", "must_fit"]
 
-# Formats that hold all that they need, whose content may choose among them: a JPEG that is called .png is read.
+# Self-contained formats, among which the content may decide: a JPEG named .png is read.
 _PICTURES = ("GTiff", "PNG", "JPEG", "BMP", "WEBP", "GIF")
 _PICTURE_SUFFIXES = {".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".webp", ".gif"}
-# Drivers that fetch data from a network, a database or another file that the file names.
+# Drivers that get data from a network, a database or another file that the file refers to.
 _ELSEWHERE = {
     "DAAS", "DERIVED", "EEDA", "EEDAI", "GTI", "GeoRaster", "HTTP", "KMLSUPEROVERLAY", "MAP", "MRF", "NGW", "OGCAPI", "PLMOSAIC",
     "PostGISRaster", "RDA", "STACIT", "STACTA", "TileDB", "VRT", "WCS", "WMS", "WMTS", "Zarr",
 }  # fmt: skip
-# The share of the memory of the machine that the samples of a raster may take; the work needs as much again, and more.
+# The share of the machine's memory that the samples of a raster may take; smoothing needs at least as much again.
 _SHARE = 0.5
 _WORD = re.compile(rb"(?<!\S)(?:\S*[^\s0-9.,+\-eE]\S*|[eE+\-.,]+(?!\S))")
-# Bytes of an ASCII grid by which GDAL tells whole numbers from others.
+# Bytes of an ASCII grid from which GDAL decides whether it has whole numbers.
 _LOOKED_AT = 100_000
 _NAN = re.compile(rb"(?:nan|1\.#qnan)$", re.IGNORECASE)
 
@@ -34,8 +34,8 @@ _NAN = re.compile(rb"(?:nan|1\.#qnan)$", re.IGNORECASE)
 def allowed_drivers(path: Path, remote: bool = False) -> list[str]:
     """The drivers that may open a file, by its extension.
 
-    :param remote: it may name files outside its folder, and networks.
-    :raises FormatError: for a VRT that names a file outside its folder, a network, or a virtual file system.
+    :param remote: it may refer to files outside its folder, and in networks.
+    :raises FormatError: for a VRT that refers to a file outside its folder, a network, or a virtual file system.
     """
     suffix = path.suffix.lower()
     if suffix in _PICTURE_SUFFIXES:
@@ -51,11 +51,11 @@ def allowed_drivers(path: Path, remote: bool = False) -> list[str]:
 
 
 def must_fit(path: Path, bands: int, height: int, width: int) -> None:
-    """Refuse samples that this machine cannot hold, before they are read.
+    """Refuse samples that do not fit in memory, before they are read.
 
-    :raises FormatError: with the size and the limit.
+    :raises FormatError: the message names the size and the limit.
     """
-    if not hasattr(os, "sysconf"):  # Windows does not say it so
+    if not hasattr(os, "sysconf"):  # Windows has no sysconf
         return
     size, limit = 4.0 * bands * height * width, _SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if size > limit:
@@ -66,13 +66,12 @@ def must_fit(path: Path, bands: int, height: int, width: int) -> None:
 
 
 def must_be_numbers(path: Path) -> dict[str, str]:
-    """Refuse an ASCII grid that holds a word where a number belongs, or fewer numbers than it promises.
+    """Refuse an ASCII grid with a word instead of a number, or fewer numbers than its header claims.
 
     GDAL reads most words as 0, infinity as the largest float32, and NaN as 0 where all other numbers are whole.
 
-    :returns: options to open it with, so that NaN is read as NaN.
-
-    :raises FormatError: with the word, or the counts.
+    :returns: open options that make GDAL read NaN as NaN.
+    :raises FormatError: the message names the word, or the counts.
     """
     content = path.read_bytes()
     header = re.match(rb"(?:[ \t]*[A-Za-z]\w*:?[ \t]+[^\s]+[ \t]*(?:\r\n|\r|\n)\s*)*", content)
@@ -81,7 +80,7 @@ def must_be_numbers(path: Path) -> dict[str, str]:
     for word in _WORD.finditer(content, start):
         if _NAN.match(word.group()):
             holds_nan = True
-        elif says_nodata or word.group().lower() != b"null":  # null is what is missing where no number marks it
+        elif says_nodata or word.group().lower() != b"null":  # null marks missing samples where no number does
             line = content.count(b"\n", 0, word.start()) + 1
             raise FormatError(
                 f"{path.name}, line {line}: a number expected, got {word.group()[:40].decode('latin-1')!r}; "

@@ -23,10 +23,10 @@ class Frame:
     """Everything around the samples of a raster.
 
     :param dtype: of the samples as they were stored.
-    :param gone: (k, h, w), the samples of each band that are missing.
-    :param alpha: (h, w), the alpha band as stored; it is carried along, never smoothed.
+    :param gone: (k, h, w), the missing samples of each band.
+    :param alpha: (h, w), the alpha band as stored; it is kept and never smoothed.
     :param palette: (n, 4), red, green, blue, alpha of each index.
-    :param tags: words by namespace (domain of GDAL), ``""`` the default one.
+    :param tags: text by namespace (domain of GDAL), ``""`` the default one.
     :param overviews: factors of the overviews.
     :param notes: what was found among the samples, sentences for the user.
     """
@@ -52,7 +52,7 @@ class Frame:
 
     @property
     def georeferenced(self) -> bool:
-        """Whether the file said where its samples lie."""
+        """Whether the file is georeferenced."""
         return not self.transform.is_identity
 
     @property
@@ -63,7 +63,7 @@ class Frame:
 
     @property
     def ground_unit(self) -> str:
-        """The unit of the lengths between samples: of a grid in degrees it is the metre; empty where nothing is said."""
+        """The unit of the lengths between samples: for a grid in degrees it is the metre; empty where it is not defined."""
         if self.crs is None or not self.georeferenced:
             return ""
         unit = linear_unit(self.crs)[0]
@@ -71,21 +71,21 @@ class Frame:
 
     @property
     def scaled(self) -> bool:
-        """Whether the file holds numbers that a scale and an offset turn into values."""
+        """Whether the stored numbers need a scale and an offset."""
         return any(scale != 1 for scale in self.scales) or any(self.offsets)
 
     def stored(self, values: Array) -> Array:
-        """Values (k, h, w) as the numbers that the file held, before scale and offset."""
+        """Values (k, h, w) as stored numbers, before scale and offset."""
         if not self.scaled:
             return values
         return (values - np.reshape(self.offsets, (-1, 1, 1))) / np.reshape(self.scales, (-1, 1, 1))
 
     def without_scale(self) -> "Frame":
-        """A frame for values instead of scaled numbers."""
+        """The frame for values instead of scaled numbers."""
         return replace(self, scales=(), offsets=())
 
     def bare(self) -> "Frame":
-        """Samples, nodata and transform: what an ASCII grid has room for."""
+        """The parts that an ASCII grid holds: samples, nodata and transform."""
         return Frame(self.dtype, self.gone, nodata=self.nodata, transform=self.transform)
 
 
@@ -128,7 +128,7 @@ def place(frame: Frame) -> Mapping[str, object]:
 
 
 def describe(target: DatasetWriter, frame: Frame, count: int, tags: Mapping[str, str]) -> None:
-    """Everything but samples, for the driver to take or to leave."""
+    """Write everything but the samples; the driver stores what it supports."""
     if frame.rpcs:
         target.rpcs = frame.rpcs
     if frame.colours:
@@ -151,7 +151,7 @@ def describe(target: DatasetWriter, frame: Frame, count: int, tags: Mapping[str,
 
 
 def alpha_as(alpha: Array, dtype: np.dtype) -> Array:
-    """Alpha in another type: what was opaque stays so among whole numbers; as it was in floating point."""
+    """Alpha in another type: for whole numbers opaque stays opaque; for floating point it is unchanged."""
     if alpha.dtype.kind == "u" and dtype.kind == "u":
         return np.rint(alpha * (np.iinfo(dtype).max / np.iinfo(alpha.dtype).max)).astype(dtype)
     return alpha.astype(dtype)

@@ -1,4 +1,4 @@
-"""Rasters with a place on the ground: whatever GDAL opens in, GeoTIFF or ESRI ASCII out."""
+"""Georeferenced rasters: reads whatever GDAL opens, writes GeoTIFF and ESRI ASCII."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,8 +49,8 @@ class Raster(Framed):
 def read(path: Path, options: ReadOptions) -> Document:
     """Read a raster: one band is a terrain, several are an image.
 
-    Values have scale and offset applied; the horizontal unit is that of the CRS, metres where the CRS is in degrees; pixels
-    where nothing is said. Missing is what nodata, an internal mask or an alpha of 0 says, and NaN.
+    Scale and offset are applied. The horizontal unit is that of the CRS, metres where the CRS is in degrees, and pixels without
+    georeference. Samples are missing where nodata, an internal mask or an alpha of 0 says so, and where they are NaN.
 
     :param options: ``kind``, ``terrain`` or ``image``, where the number of bands would mislead; ``band``, the one to read, from
         1; ``nodata``, in place of the value that the file declares; ``spacing``, in place of what the file says;
@@ -86,7 +86,7 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def can_write(document: Document, suffix: str) -> bool:
-    """Whether it is a terrain or an image, and goes into a GeoTIFF or an ASCII grid."""
+    """Whether it is a terrain or an image, and the file a GeoTIFF or an ASCII grid."""
     return isinstance(document.data, (HeightField, Image)) and suffix in (".tif", ".tiff", ".asc")
 
 
@@ -105,11 +105,12 @@ def must_fit(document: Document, path: Path, options: WriteOptions) -> None:
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
     """Write a terrain or an image as GeoTIFF, or a terrain as ``.asc``.
 
-    Same grid, CRS, tags, units, descriptions, colours and missing samples; float32 or float64, so that nothing is quantised.
+    Grid, CRS, tags, units, descriptions, colours and missing samples are kept; samples are float32 or float64, so that nothing is
+    quantized.
 
-    :param options: tags are kept; ``dtype``, another one, or ``source`` for that of the file: integers are rounded and clipped,
-        which the notes say.
-    :returns: notes: rounding, what the format could not hold.
+    :param options: tags are kept; ``dtype``: another type, or ``source`` for that of the file; integers are rounded and clipped,
+        which is noted.
+    :returns: notes on rounding, and on what the format does not hold.
     :raises FormatError: when the file cannot be written or the format cannot hold the data.
     """
     values, frame = merged(document.source, samples_of(document))
@@ -142,7 +143,7 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
 
 
 def _alike(one: float, other: float | None) -> bool:
-    """Whether two marks of missing samples are one, NaN like NaN."""
+    """Whether two marks of missing samples are equal, with NaN equal to NaN."""
     return other is not None and bool(one == other or (np.isnan(one) and np.isnan(other)))
 
 

@@ -30,7 +30,7 @@ class Part:
     """One mesh of a scene.
 
     :param name: of its geometry.
-    :param frame: (4, 4), from its own coordinates to those of the scene; of its first node, where it has several.
+    :param frame: (4, 4), from its coordinates to those of the scene; that of its first node if it has several.
     :param family: parts of the same family are connected: the primitives of one glTF mesh.
     """
 
@@ -48,11 +48,11 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Parts(MeshSource):
-    """A file of one mesh or several; the mesh of the document has them one after the other, in the coordinates of the scene.
+    """A file of one or several meshes; the mesh of the document contains them all, in the coordinates of the scene.
 
-    :param channels: the name of those that move.
-    :param suffix: of its format; empty of a scene in memory.
-    :param ascii: it is an STL in text.
+    :param channels: the name of the channels that move.
+    :param suffix: of its format; empty for a scene in memory.
+    :param ascii: whether it is a text STL.
     """
 
     scene_read: trimesh.Scene
@@ -63,12 +63,12 @@ class Parts(MeshSource):
     ascii: bool = False
 
     def writes(self, suffix: str) -> bool:
-        """Whether it is that of the file."""
+        """Whether it is the extension of the file."""
         return suffix == self.suffix
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """Its meshes, the primitives of one glTF mesh as one: names, and vertices of the mesh of the document."""
+        """Names and vertices of its meshes; the primitives of one glTF mesh are one."""
         names: dict[int, list[str]] = {}
         for part in self.parts:
             names.setdefault(part.family, []).append(part.name)
@@ -79,7 +79,7 @@ class Parts(MeshSource):
         return tuple((", ".join(own), np.flatnonzero(family == one)) for one, own in names.items())
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
-        """An array of one number per vertex, all parts one after the other, as it is or by the name of an attribute of all."""
+        """An array of one number per vertex of all parts in order, unchanged, or by the name of an attribute of all parts."""
         return self.skin.samples(given, word, self._attribute)
 
     def _attribute(self, name: str) -> Found:
@@ -89,25 +89,27 @@ class Parts(MeshSource):
         return (np.concatenate(columns) if len(columns) == len(found) else None), there
 
     def scene(self, data: Mesh) -> trimesh.Scene:
-        """The scene with names, transforms and materials as they were, its parts moved."""
+        """The scene with moved parts; names, transforms and materials are kept."""
         scene: trimesh.Scene = self.scene_read.copy()
         self.put(scene, data)
         return scene
 
     def put(self, scene: trimesh.Scene, data: Mesh) -> None:
-        """Its parts into a copy of the scene, moved."""
+        """Put the moved parts into a copy of the scene."""
         points = self.skin.points_of(data)
         values, start = self.skin.channels_of(data), 0
         for part in self.parts:
             rows = slice(start, start + len(part.mesh.vertices))
             start = rows.stop
             shift = (points - self.skin.points)[rows] @ np.linalg.inv(part.frame[:3, :3]).T
-            moved = part.mesh.vertices + shift if shift.any() else None  # added, so that what stays keeps its bits
+            moved = (
+                part.mesh.vertices + shift if shift.any() else None
+            )  # added, so that points that stay keep their bits
             part_values = None if values is None else values[rows]
             scene.geometry[part.name] = with_changes(part.mesh, moved, part.normals, self.channels, part_values)
 
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the scene in the format that it came in."""
+        """Write the scene in its own format."""
         scene = self.scene(data)
         if self.ascii:
             path.write_text("".join(export_stl_ascii(scene.geometry[part.name]) for part in self.parts))
@@ -118,9 +120,9 @@ class Parts(MeshSource):
 
 
 def read(path: Path, options: ReadOptions) -> Document:
-    """Read a scene: every mesh in it, in one data object.
+    """Read all meshes of a scene as one mesh.
 
-    :raises FormatError: when it holds no triangles, is compressed in a way that is not read, or is cut off.
+    :raises FormatError: when it has no triangles, is compressed in an unsupported way, or is cut off.
     :raises InputError: for channels that a part does not have, or whatever the data object refuses.
     """
     suffix = path.suffix.lower()
@@ -151,10 +153,10 @@ def read(path: Path, options: ReadOptions) -> Document:
 def taken_apart(
     scene: trimesh.Scene, options: ReadOptions
 ) -> tuple[tuple[tuple[str, Imported], ...], Callable[[Sequence[Data]], trimesh.Scene]]:
-    """The parts of a ``trimesh.Scene``, and the way back to a scene from their data; names, transforms and all else stay.
+    """The parts of a ``trimesh.Scene``, and the conversion of their data back to a scene; all else is kept.
 
     :param options: ``channels``, the name of a vertex attribute of every part, or ``"colors"``; ``moves``.
-    :raises InputError: for a scene without triangles, arrays where names are expected, or options that do not belong.
+    :raises InputError: for a scene without triangles, arrays where names are expected, or options that do not apply.
     """
     options.must_be_mesh("a trimesh scene")
     if options.channels is not None and not isinstance(options.channels, str):
@@ -173,7 +175,7 @@ def taken_apart(
         made.append(Parts(copy, tuple(mine), skin, options.attribute))
 
     def to_object(surfaces: Sequence[Data]) -> trimesh.Scene:
-        """The scene around the smoothed parts."""
+        """The scene with the smoothed parts."""
         new: trimesh.Scene = copy.copy()
         for one, data in zip(made, surfaces, strict=True):
             if not isinstance(data, Mesh):
@@ -226,7 +228,7 @@ def _one_after_the_other(parts: tuple[Part, ...], channels: str | None) -> tuple
 
 
 def _without_copies(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh of an STL, its corners joined where they are at bit-identical positions."""
+    """The mesh of an STL, with corners at bit-identical positions joined."""
     first, home = joined(np.asarray(mesh.vertices))
     return trimesh.Trimesh(
         np.asarray(mesh.vertices)[first],
@@ -238,9 +240,9 @@ def _without_copies(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _is_ascii_stl(path: Path) -> bool:
-    """Whether an STL is text; trimesh leaves out a last solid that is cut off without a word.
+    """Whether an STL is text; trimesh silently drops a last solid that is cut off.
 
-    :raises FormatError: when it is, and cut off.
+    :raises FormatError: when it is text and cut off.
     """
     content = path.read_bytes()
     binary = len(content) >= 84 and len(content) == 84 + 50 * struct.unpack_from("<I", content, 80)[0]

@@ -1,4 +1,4 @@
-"""A VRT names the files that it is made of: which these are, and whether they stay in its folder."""
+"""VRTs refer to other files; these must lie in the folder of the VRT."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,18 +10,18 @@ from meshflow.io.own_folder import must_stay_inside
 __all__ = ["must_be_local"]
 
 _FILES = ("sourcefilename", "sourcedataset", "filename", "key", "path")
-# Metadata that is the name of a file.
+# Metadata that is a file name.
 _MAPS = ("X_DATASET", "Y_DATASET", "RPC_DEM")
 _ADVICE = "--allow-remote (allow_remote=True) if you trust it, or gdal_translate it to .tif"
-# A VRT that names a VRT that names ...: deeper than this nobody builds them.
+# The greatest depth of VRTs that refer to VRTs.
 _DEEPEST = 16
 
 
 def must_be_local(path: Path, depth: int = 0) -> None:
-    """Refuse a VRT of which anything lies outside its own folder; GDAL chooses the reader of a source by its content.
+    """Refuse a VRT with sources outside its folder; GDAL chooses the reader of a source by its content.
 
-    :raises FormatError: for a file outside its folder, a network, a virtual file system, or a source that is itself a
-        description of others and no ``.vrt``.
+    :raises FormatError: for a file outside its folder, a network, a virtual file system, or a source that
+        describes other files and is no ``.vrt``.
     """
     if depth > _DEEPEST:
         raise FormatError(f"{path.name}: VRTs of VRTs, deeper than {_DEEPEST}; gdal_translate one of them to .tif")
@@ -44,7 +44,7 @@ def must_be_local(path: Path, depth: int = 0) -> None:
 
 
 def _sources(root: ElementTree.Element) -> Iterator[str]:
-    """The names of files, where a VRT says that it is one."""
+    """The names in elements of a VRT that are file names."""
     for element in root.iter():
         tag = element.tag.rpartition("}")[2].lower() if isinstance(element.tag, str) else ""
         text = (element.text or "").strip()
@@ -53,7 +53,7 @@ def _sources(root: ElementTree.Element) -> Iterator[str]:
 
 
 def _others(root: ElementTree.Element) -> Iterator[str]:
-    """Whatever else looks like a name outside the folder; words of metadata are words."""
+    """Other text that looks like a name outside the folder, except in metadata."""
     for element in root.iter():
         text = (element.text or "").strip()
         if element.tag != "MDI" and ("/vsi" in text or "://" in text or text.startswith(("/", "../"))):

@@ -1,4 +1,4 @@
-"""VTP, VTU and VTK: read and written by VTK through pyvista, all arrays in their types."""
+"""VTP, VTU and VTK: read and written by VTK through pyvista; arrays keep their types."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class VtkFile(MeshSource):
         return suffix in (".vtp", ".vtu", ".vtk")
 
     def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
-        """An array of one number per vertex, as it is or by the name of a point array."""
+        """An array of one number per vertex, unchanged, or by the name of a point array."""
         return self.imported.samples(given, word)
 
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
@@ -81,7 +81,7 @@ def save_polydata(poly: "pyvista.PolyData", path: Path, tags: Mapping[str, str])
 def read(path: Path, options: ReadOptions) -> Document:
     """Read a VTP, a VTU whose cells lie on a surface, or a legacy VTK file.
 
-    :raises FormatError: for a broken file, and for another data set than PolyData.
+    :raises FormatError: for a damaged file, and for data sets other than surfaces.
     :raises InputError: for channels that it does not have, or whatever the data object refuses.
     """
     found = read_apart(path, "is it whole, and does its extension tell the truth?")

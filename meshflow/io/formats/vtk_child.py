@@ -1,7 +1,7 @@
-"""What VTK reads, as bytes: the work of the process that reads a file of VTK, and may end of it (:mod:`vtk_process`).
+"""The work of the child process that reads files of VTK and may crash (:mod:`vtk_process`).
 
-The readers of VTK trust the counts of a file: where these lie, they allocate without bound or read beyond their memory, and the
-process ends by a signal. So it is not the caller's. Of VTK it imports the readers alone, which is quick.
+The readers of VTK trust the counts in a file: if these are wrong, they allocate without bound or read beyond their memory, and
+the process ends by a signal. Therefore it is not the process of the caller. It imports only the readers of VTK, which is fast.
 """
 
 import json
@@ -34,20 +34,19 @@ from vtkmodules.vtkIOXML import (
 
 __all__ = ["Header", "Tree", "answer", "encoded", "main"]
 
-# The kinds of cells (VTK_VERTEX to VTK_QUAD) of an UnstructuredGrid that is a surface, as a PolyData has them, in its order; all
-# others fill space.
+# The cell types (VTK_VERTEX to VTK_QUAD) of an UnstructuredGrid that is a surface, in the order of PolyData; others are solid.
 _CELLS = {"Verts": (1, 2), "Lines": (3, 4), "Polys": (5, 7, 8, 9), "Strips": (6,)}
 _PIXEL = 8
-# What pyvista calls it.
+# The name in pyvista.
 _NAMES = {"StructuredPoints": "ImageData"}
 _READERS = {".vtp": vtkXMLPolyDataReader, ".vtu": vtkXMLUnstructuredGridReader}
 
 
 class Tree(TypedDict):
-    """What a file holds; surfaces stand behind the header, as VTP.
+    """The contents of a file; surfaces follow the header as VTP.
 
-    :ivar other: the type of a data set that is no surface, else empty; ``why``: more words on it.
-    :ivar blocks: names and trees, where it holds blocks.
+    :ivar other: the type of a data set that is no surface, else empty; ``why``: an explanation.
+    :ivar blocks: names and trees, if it contains blocks.
     :ivar size: bytes of a surface, or of a PolyData with the field data of the blocks.
     """
 
@@ -58,20 +57,20 @@ class Tree(TypedDict):
 
 
 class Header(TypedDict):
-    """What stands before the surfaces: ``wrong``, what VTK said, is empty where it was ``found``."""
+    """The header before the surfaces: ``wrong`` is the message of VTK, empty where something was ``found``."""
 
     wrong: str
     found: Tree | None
 
 
 class _LyingError(Exception):
-    """The counts of a data set are not those of its arrays."""
+    """The counts of a data set contradict its arrays."""
 
 
 def main() -> None:
-    """Answer on stdout, each answer behind its length, for each path in a line of stdin, until that ends.
+    """For each path on a line of stdin, write an answer, preceded by its length, to stdout.
 
-    No more memory is taken than the last argument allows (bytes).
+    The last argument limits the memory, in bytes.
     """
     _limit(int(sys.argv[-1]))
     for line in sys.stdin.buffer:
@@ -87,7 +86,7 @@ def answer(path: Path) -> bytes:
     """
     with _listened() as heard:
         found = _read(path)
-    if heard:  # a file that is cut off comes back as a mesh of whatever is in memory, with no more than a warning
+    if heard:  # a file that is cut off is read as a mesh with undefined contents and a warning
         return _packed(Header(wrong=heard[0], found=None), [])
     if found is None:
         return _packed(Header(wrong="there is no data set in it", found=None), [])
@@ -105,7 +104,7 @@ def _packed(header: Header, blobs: list[bytes]) -> bytes:
 
 
 def _read(path: Path) -> Any:
-    """What VTK makes of a file. Its bytes are read here: VTK cannot open every name."""
+    """Read a file with VTK. Its bytes are read here, because VTK cannot open every name."""
     suffix = path.suffix.lower()
     if suffix == ".vtm":
         blocks = vtkXMLMultiBlockDataReader()
@@ -123,7 +122,7 @@ def _read(path: Path) -> Any:
 
 
 def _tree(data: vtkDataObject | None, blobs: list[bytes]) -> "Tree | None":
-    """The tree of a data set, its surfaces behind the others."""
+    """The tree of a data set; its surfaces are appended to ``blobs``."""
     if data is None:
         return None
     if isinstance(data, vtkMultiBlockDataSet):
@@ -149,7 +148,7 @@ def _tree(data: vtkDataObject | None, blobs: list[bytes]) -> "Tree | None":
 
 
 def encoded(poly: vtkPolyData) -> bytes:
-    """A PolyData as a VTP, all arrays as they are, in their order."""
+    """A PolyData as a VTP, with all arrays in their order."""
     writer = vtkXMLPolyDataWriter()
     writer.SetInputDataObject(poly)
     writer.SetCompressorTypeToNone()
@@ -163,13 +162,13 @@ def encoded(poly: vtkPolyData) -> bytes:
 
 
 def _kinds(grid: vtkUnstructuredGrid) -> np.ndarray:
-    """The kind of each cell."""
+    """The type of each cell."""
     kinds = [grid.GetCellType(i) for i in range(grid.GetNumberOfCells())]
     return np.array(kinds, dtype=np.int64)
 
 
 def _as_surface(grid: vtkUnstructuredGrid, kinds: np.ndarray) -> vtkPolyData:
-    """The cells of a grid that is a surface as vertices, lines, polygons and strips; points and arrays as they are."""
+    """A grid that is a surface as PolyData: vertices, lines, polygons and strips, with all points and arrays."""
     _must_be_cells(grid.GetCells(), grid.GetNumberOfPoints())
     ends, corners = _parts(grid.GetCells())
     surface = vtkPolyData()
@@ -202,14 +201,14 @@ def _as_surface(grid: vtkUnstructuredGrid, kinds: np.ndarray) -> vtkPolyData:
 
 
 def _parts(cells: vtkCellArray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the corners of each cell begin and end, and the corners."""
+    """The offsets of the cells, and their corners."""
     return vtk_to_numpy(cells.GetOffsetsArray()), vtk_to_numpy(cells.GetConnectivityArray())
 
 
 def _must_be_cells(cells: vtkCellArray, points: int) -> None:
-    """Refuse cells with other corners than they say, or of points that are not there.
+    """Refuse cells with wrong numbers of corners, or indices of points out of range.
 
-    :raises _LyingError: with what is wrong.
+    :raises _LyingError: with the reason.
     """
     ends, corners = _parts(cells)
     if len(ends) and (ends[0] != 0 or ends[-1] != len(corners) or (np.diff(ends) < 0).any()):
@@ -220,9 +219,9 @@ def _must_be_cells(cells: vtkCellArray, points: int) -> None:
 
 
 def _must_be_consistent(poly: vtkPolyData) -> None:
-    """Refuse cells and arrays whose counts are not those of the data set: what reads them trusts these numbers.
+    """Refuse cells and arrays whose counts contradict the data set, because later readers trust these counts.
 
-    :raises _LyingError: with what is wrong.
+    :raises _LyingError: with the reason.
     """
     points = poly.GetNumberOfPoints()
     for cells in (poly.GetVerts(), poly.GetLines(), poly.GetPolys(), poly.GetStrips()):
@@ -238,7 +237,7 @@ def _must_be_consistent(poly: vtkPolyData) -> None:
 
 
 def _limit(memory: int) -> None:
-    """No more memory than that, where the system can say so, and no picture of it on the disk when the process ends."""
+    """Limit the memory of the process, where the system supports it, and disable core dumps."""
     try:
         import resource
     except ImportError:  # Windows
@@ -250,7 +249,7 @@ def _limit(memory: int) -> None:
 
 @contextmanager
 def _listened() -> Iterator[list[str]]:
-    """What VTK has to say while it reads, a sentence for each message."""
+    """Collect the messages of VTK while it reads."""
     heard: list[str] = []
     before, window = vtkOutputWindow.GetInstance(), vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)

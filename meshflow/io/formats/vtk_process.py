@@ -1,4 +1,4 @@
-"""Files of VTK, read in a process that may end of them (:mod:`vtk_child`); what it hands back is VTK's own again here."""
+"""Reads files of VTK in a child process, which they may crash (:mod:`vtk_child`), and decodes its answers."""
 
 import atexit
 import json
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Other", "read_apart"]
 
-# The share of the memory of the machine that reading may take; where the machine does not say how much it has, 4 GB.
+# The share of the machine's memory that reading may take; 4 GB where the memory is not known.
 _SHARE, _USUAL = 0.5, 4 << 30
 _CODE = (
     "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from meshflow.io.formats.vtk_child import main; main()"
@@ -32,7 +32,7 @@ class Other:
     """A data set that is no surface.
 
     :param kind: its type, as VTK names it.
-    :param why: more about it; may be empty.
+    :param why: an explanation; may be empty.
     """
 
     kind: str
@@ -40,13 +40,13 @@ class Other:
 
 
 def read_apart(path: Path, advice: str) -> "pyvista.PolyData | pyvista.MultiBlock | Other":
-    """Read a file of VTK in a process of its own.
+    """Read a file of VTK in a child process.
 
-    The process starts while pyvista is imported here, and stays for the next file.
+    The child starts while pyvista is imported here, and is kept for the next file.
 
-    :param advice: the end of a refusal: what may be wrong with the file.
-    :returns: a surface, blocks of surfaces, or what it is instead.
-    :raises FormatError: with what VTK said, when its process ended of the file, or for a block that is no surface.
+    :param advice: the end of a refusal, which says what may be wrong with the file.
+    :returns: a surface, blocks of surfaces, or another data set.
+    :raises FormatError: with the message of VTK, when the child crashed, or for a block that is no surface.
     """
     header, body = _answered(path, advice)
     if header["wrong"]:
@@ -58,8 +58,8 @@ def read_apart(path: Path, advice: str) -> "pyvista.PolyData | pyvista.MultiBloc
 
 
 def _answered(path: Path, advice: str) -> tuple[Header, memoryview]:
-    """The header of an answer, and what stands behind it."""
-    if not sys.executable:  # Python inside another program: there is nothing to start
+    """The header of an answer, and the bytes after it."""
+    if not sys.executable:  # Python embedded in another program: no child can be started
         content = answer(path)
     else:
         try:
@@ -73,11 +73,11 @@ def _answered(path: Path, advice: str) -> tuple[Header, memoryview]:
 
 
 class _EndedError(Exception):
-    """The process that reads has ended."""
+    """The child process has ended."""
 
 
 class _Reader:
-    """The process that reads, one file after the other; it ends when its stdin does, with this process at the latest."""
+    """The child process, which reads one file after the other; it ends with its stdin, at the latest with this process."""
 
     def __init__(self) -> None:
         words = [sys.executable, "-c", _CODE, json.dumps(sys.path), str(_memory())]
@@ -89,13 +89,13 @@ class _Reader:
 
     @property
     def lives(self) -> bool:
-        """Whether it can be asked."""
+        """Whether the child is running."""
         return self._process.poll() is None
 
     def answer(self, path: Path) -> bytes:
-        """What :func:`vtk_child.answer` gives of a file.
+        """The answer of :func:`vtk_child.answer` for a file.
 
-        :raises _EndedError: when the process ends of it, with how.
+        :raises _EndedError: when the child ends; the message says how.
         """
         asked, answered = self._process.stdin, self._process.stdout
         with self._lock:
@@ -122,14 +122,14 @@ class _Reader:
         return f"its reader ended by signal {-status}" if status < 0 else f"its reader ended with {status}"
 
     def end(self) -> None:
-        """End the process, and close what leads to it."""
+        """End the child, and close its pipes."""
         atexit.unregister(self.end)
         self._process.kill()
         self._process.communicate()
 
 
 def _reader() -> _Reader:
-    """The reader of this process, alive."""
+    """The running reader of this process."""
     if not _started(os.getpid()).lives:
         _started.cache_clear()
     return _started(os.getpid())
@@ -137,19 +137,19 @@ def _reader() -> _Reader:
 
 @lru_cache(maxsize=1)
 def _started(process: int) -> _Reader:
-    """The reader of a process; one that was forked has none of its own yet."""
+    """Start the reader of a process; a forked process starts its own."""
     return _Reader()
 
 
 def _memory() -> int:
-    """Bytes that reading may take."""
+    """The memory limit in bytes."""
     if not hasattr(os, "sysconf"):
         return _USUAL
     return int(_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
 
 def _unpacked(path: Path, tree: Tree | None, body: memoryview, name: str) -> tuple[Any, memoryview]:
-    """The data of a tree, and the bytes behind it."""
+    """The data of a tree, and the bytes after it."""
     import pyvista
 
     if tree is None:
@@ -179,7 +179,7 @@ def _with_article(kind: str) -> str:
 
 
 def _decoded(content: memoryview) -> "pyvista.PolyData":
-    """A PolyData of its VTP, which the other process has checked and written."""
+    """A PolyData from a VTP that the child has checked and written."""
     import pyvista
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 

@@ -1,4 +1,4 @@
-"""VTM: blocks of VTK, an index and a folder of data beside it; read and written through pyvista, each surface a section."""
+"""VTM: blocks of VTK, an index with a folder of data beside it; read and written through pyvista. Each surface is a section."""
 
 import shutil
 from collections.abc import Iterator, Mapping
@@ -33,7 +33,7 @@ __all__ = ["VtkBlocks", "read"]
 
 @dataclass(frozen=True, eq=False)
 class VtkBlocks(MeshSource):
-    """Blocks that were read; the mesh of the document has their surfaces one after the other.
+    """Blocks that were read; the mesh of the document contains all their surfaces in order.
 
     :param meshes: the surface of each block.
     """
@@ -48,13 +48,13 @@ class VtkBlocks(MeshSource):
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """The blocks, where there are several."""
+        """The blocks, if there are several."""
         names = [name for name, _ in self.blocks.parts]
         return tuple(zip(names, self._rows, strict=True)) if len(names) > 1 else ()
 
     @property
     def _rows(self) -> list[Array]:
-        """The vertices of each block in the data object."""
+        """The vertices of each block in the mesh of the document."""
         sizes = np.cumsum([0, *(len(data.points) for data in self.meshes)])
         return [np.arange(start, stop) for start, stop in zip(sizes[:-1], sizes[1:], strict=True)]
 
@@ -65,7 +65,7 @@ class VtkBlocks(MeshSource):
         return np.concatenate([np.asarray(part.samples(given, word)) for _, part in self.blocks.parts])
 
     def _back(self, data: Mesh) -> "pyvista.MultiBlock":
-        """The blocks with the points and channels of a data object."""
+        """The blocks with the points and channels of a mesh."""
         made: list[Mesh] = []
         for rows, one in zip(self._rows, self.meshes, strict=True):
             points = data.points[rows].astype(one.points.dtype)
@@ -74,7 +74,7 @@ class VtkBlocks(MeshSource):
         return self.blocks.to_object(made)
 
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
-        """Write the index, and the blocks into a folder beside it; whatever else is in a folder of that name stays."""
+        """Write the index, and the blocks into a folder beside it; other files in that folder are kept."""
         blocks, folder = self._back(data), target.with_suffix("")
         if folder.exists() and not folder.is_dir():
             raise FormatError(f"{folder} is there, and where the blocks of {target.name} would go; name another file")
