@@ -65,8 +65,8 @@ def compare(
 
     Surfaces are flat shaded, so that noise is visible. Removed is before minus after: of the height, the depth, or the mean of
     the channels; for a mesh the motion inwards along the normals of ``before``. Its colours are symmetric about 0 and end at the
-    99th percentile of its absolute value. Numbers are computed from all data. Grids are thinned to 1000 samples per side for drawing,
-    which the picture states.
+    99th percentile of its absolute value. Numbers are computed from all data. Grids are thinned to 1000 samples per side for
+    drawing, which the picture states.
 
     :param before: a height field, image, range image or mesh, a :class:`meshflow.Document`, or any object that
         :func:`meshflow.smooth` takes.
