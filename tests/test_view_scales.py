@@ -26,7 +26,7 @@ def test_beside_what_is_rough_what_is_faint_keeps_its_colour():
     for end in (-1.0, 1.0):  # the ends are where they were, and the middle is
         np.testing.assert_allclose(colour(bent, end * bent.high), colour(plain, end * plain.high), atol=0.01)
     np.testing.assert_allclose(white, colour(plain, 0.0), atol=0.02)
-    assert "more colours near 0, so that both are seen" in bent.ends
+    assert "more colours near 0, so that both are visible" in bent.ends
     # Evenly near 0: there is no jump between what is all but flat upwards and downwards.
     np.testing.assert_allclose(colour(bent, 0.01 * value), colour(bent, -0.01 * value), atol=0.05)
 

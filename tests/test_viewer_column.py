@@ -116,7 +116,7 @@ def test_a_changed_control_ends_the_run_that_it_makes_useless(opened):
     assert window.timeline.history[-1].time == pytest.approx(12.5)
     window.save()
     until(window, lambda: not window._work.kind)
-    assert "states of a file are saved" in window.message
+    assert "only states of a file can be saved" in window.message
 
 
 @pytest.mark.needs_gl

@@ -1,4 +1,4 @@
-"""Quantities at each sample of a surface: curvature, edges, quality of triangles, what is missing. All samples count."""
+"""Quantities at each sample of a surface: curvature, edges, quality of triangles, missing samples."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
@@ -23,25 +23,25 @@ __all__ = ["QUANTITIES", "Quantity", "measured"]
 
 Quantity = Literal["curvature", "edges", "triangles", "samples"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-_STRIP = 400_000  # samples of a grid that are lifted at a time: their triangles would not fit in memory otherwise
+_STRIP = 400_000  # samples of a grid that are triangulated at a time, to limit the memory
 _KINDS = ("move", "fixed", "missing")
 
 
 def measured(data: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
     """A quantity on a surface, with its unit and its colours.
 
-    ``curvature``: the mean curvature (11), of the graph of a grid in its true proportions; positive where the surface bulges
-    outwards, upwards or towards its camera, per length; without sign for colour and other dimensions than three. Mixed Voronoi
-    areas (Meyer et al. 2002).
-    ``edges``: the edge indicator 1/W (3): area of the triangles around a sample across its free directions over their true
-    area; 1 where it is flat, near 0 on edges.
-    ``triangles``: 4 sqrt(3) area over the sum of the squared edges, 1 for an equilateral triangle and 0 without area; of grids
-    the least around a sample.
-    ``samples``: which move, which are fixed, which are missing.
+    ``curvature``: the mean curvature (11), per length, for a grid that of the graph in its true proportions. It is positive where
+    the surface bulges outwards, upwards or towards its camera, and has no sign for colours and outside of R^3. It uses mixed
+    Voronoi areas (Meyer et al. 2002).
+    ``edges``: the edge indicator 1/W (3), the projected area of the triangles around a sample over their true area: 1 on flat
+    parts, near 0 on edges.
+    ``triangles``: 4 sqrt(3) area over the sum of the squared edges: 1 for an equilateral triangle, 0 without area; for grids the
+    least around a sample.
+    ``samples``: which samples move, are fixed, or are missing.
 
-    :param data: a data object, or anything that :func:`meshflow.smooth` takes. The numbers are the ``values`` of what comes back.
+    :param data: a data object, or anything that :func:`meshflow.smooth` takes. The numbers are the ``values`` of the result.
     :param contrast: length per unit of the values, for ``edges`` of height fields and images.
-    :raises InputError: for an unknown word, or the edge indicator of a mesh whose points move: it is 1 everywhere.
+    :raises InputError: for an unknown quantity, and the edge indicator of a mesh whose points move, which is 1 everywhere.
     """
     if quantity not in QUANTITIES:
         raise InputError(f"quantity: one of {', '.join(QUANTITIES)} expected, got {quantity!r}")
@@ -58,7 +58,7 @@ def measured(data: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
 
 
 def _scale(data: Data, quantity: Quantity, values: Array, contrast: float = 1.0) -> Scale:
-    """Values with their words, their unit and their colours."""
+    """Values with their label, unit and colours."""
     if not np.isfinite(values).any():
         raise InputError(f"{quantity}: nothing to show, no sample of the {type(data).__name__} has a triangle")
     if quantity == "triangles":
@@ -91,12 +91,12 @@ def _over(data: Data, quantity: Quantity, contrast: float) -> Array:
         return values if isinstance(data, Mesh) else values.reshape(data.missing.shape)
     h, w = data.missing.shape
     rows = max(_STRIP // w, 2)
-    # A sample knows of its neighbours and no others: strips with one row more on either side are as good as the whole.
+    # A sample depends on its neighbours only: strips with one additional row on either side give the same result as the whole.
     parts = []
     for first in range(0, h, rows):
         low, high = max(first - 1, 0), min(first + rows + 1, h)
         low = min(low, high - 2)
-        if data.missing[low:high].all():  # no data object, and no matter
+        if data.missing[low:high].all():  # would be no valid data object, and is not needed
             parts.append(np.full((min(first + rows, h) - first, w), np.nan))
             continue
         values = _local(_rows(data, low, high), quantity, contrast).reshape(high - low, w)
@@ -129,7 +129,7 @@ class _Triangles:
 
 
 def _local(data: Data, quantity: Quantity, contrast: float) -> Array:
-    """A quantity of every sample (n,) of what is lifted whole."""
+    """A quantity of every sample (n,) of data that is triangulated as a whole."""
     factor = contrast if quantity == "edges" and isinstance(data, (HeightField, Image)) else 1.0
     surface = data.lifted(Lift(diagonals="forward", contrast=factor))
     if isinstance(data, Mesh) and quantity == "curvature":
@@ -147,14 +147,14 @@ def _local(data: Data, quantity: Quantity, contrast: float) -> Array:
 
 
 def _curvature(points: Array, faces: Array) -> Array:
-    """Mean curvature (n,), positive where the surface bulges towards its normals; its size outside of space."""
+    """Mean curvature (n,), positive where the surface bulges towards its normals; outside of R^3 its absolute value."""
     if points.shape[1] != 3:
         return operator.mean_curvature(points, faces)
     return signed_mean(points, faces)
 
 
 def _edges(surface: Surface, faces: Array) -> Array:
-    """Area across the free directions over true area (n,), of the triangles around each vertex."""
+    """Projected area over true area (n,) of the triangles around each vertex."""
     connectivity = connect((faces,), len(surface.points))
     if surface.free.directions is not None:
         seen = operator.gather_seen(connectivity, surface.points, surface.free.directions)

@@ -1,4 +1,4 @@
-"""Which way things are drawn, decided once for all panels of a picture; then each panel."""
+"""Chooses how to draw, once for all panels of a picture, and draws the panels."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,13 +23,13 @@ __all__ = ["Renderer", "must_open", "renderer_for"]
 
 @dataclass(frozen=True, eq=False)
 class Renderer:
-    """How the data of one picture is drawn.
+    """How the data of a picture is drawn.
 
     :param name: by VTK in space, or as a shaded relief.
-    :param step: every which sample of a grid is drawn.
+    :param step: draw every ``step``-th sample of a grid.
     :param exaggeration: factor on heights.
-    :param shown: of images, channels to colours.
-    :param notes: sentences for the user; those of ``caption`` stand below the picture.
+    :param shown: for images: converts channels to colours.
+    :param notes: sentences for the user; those of ``caption`` are below the picture.
     """
 
     look: Look
@@ -41,16 +41,16 @@ class Renderer:
     notes: tuple[str, ...]
 
     def geometries(self, *surfaces: Data) -> tuple[Geometry, ...]:
-        """The geometries of data objects of one kind, seen from one side and framed alike."""
+        """The geometries of data objects of one kind, with the same view and frame."""
         look = self.look
         geometries = [geometry_of(data, look, self.step, self.exaggeration, self.shown) for data in surfaces]
         view = geometries[0].view.framing(*(geometry.points for geometry in geometries))
         return tuple(replace(geometry, view=view) for geometry in geometries)
 
     def panel(self, data: Data, geometry: Geometry, size: tuple[int, int], scale: Scale | None = None) -> Array:
-        """One panel (height, width, 3) in uint8: of that size from VTK, a pixel per sample as a relief.
+        """One panel (height, width, 3) in uint8: of the given size from VTK, or one pixel per sample as a relief.
 
-        :param scale: colours to show, thinned as the geometry is.
+        :param scale: colours, thinned like the geometry.
         """
         if self.name == "pyvista":
             return vtk_scene.drawn(geometry, self.look, size, scale)
@@ -61,7 +61,7 @@ class Renderer:
         return hillshade.pictured(geometry, self._grid(data), self.look)
 
     def aspect(self, geometry: Geometry, data: Data) -> float:
-        """Width over height of what a panel is to hold."""
+        """Width over height of the contents of a panel."""
         if self.name == "hillshade":
             h, w = self._grid(data)
             return w / h / self.pixel(data)
@@ -75,7 +75,7 @@ class Renderer:
         return 1.0
 
     def length(self, data: Data, geometry: Geometry, size: tuple[int, int]) -> float | None:
-        """What a pixel of a panel of that size is long across the view; None where that depends on the place, or is no length."""
+        """The length of a pixel of a panel of a size, across the view; None where it depends on the place or is no length."""
         if isinstance(data, Image) or geometry.view.pinhole:
             return None
         if self.name == "pyvista" or not isinstance(data, HeightField):
@@ -88,7 +88,7 @@ class Renderer:
         return ",  ".join(self.caption)
 
     def _grid(self, data: Data) -> tuple[int, int]:
-        """Rows and columns that are drawn; a mesh has none, and is never drawn by its samples."""
+        """The drawn rows and columns of a grid; a mesh has none."""
         if isinstance(data, Mesh):
             raise InputError("renderer='hillshade': a mesh has no grid; leave it out")
         h, w = data.missing[:: self.step, :: self.step].shape
@@ -96,18 +96,18 @@ class Renderer:
 
 
 def renderer_for(surfaces: tuple[Data, ...], look: Look, window: bool, most: int = SAMPLES) -> Renderer:
-    """Decide how data, all of one kind, is drawn.
+    """Choose how to draw data of one kind.
 
-    :param look: its ``renderer`` is what the caller asks for; None: VTK where it can draw, images as images.
-    :param window: it is to be a window or a plotter, which only VTK can make.
-    :param most: samples of a side of a grid that are drawn.
+    :param look: its ``renderer`` is the requested one; None: VTK where it can draw, images as images.
+    :param window: whether a window or a plotter is needed, which only VTK can make.
+    :param most: the largest number of drawn samples per side of a grid.
     :raises InputError: for a renderer that does not suit the data.
-    :raises MissingPackage: where only VTK would do and it cannot draw; the message says what would mend it.
+    :raises MissingPackage: where VTK is needed and cannot draw; the message says what to do.
     """
     data = surfaces[0]
     chosen, notes = _chosen(data, look.renderer, window, look.seen)
     step, exaggeration, caption = drawable(data, look, most)
-    reported = (*notes, *caption) if step > 1 else notes  # light and exaggeration stand in the picture
+    reported = (*notes, *caption) if step > 1 else notes  # light and exaggeration are stated in the picture
     images = [data for data in surfaces if isinstance(data, Image)]
     if not images:
         caption = (*caption, f"light from {look.azimuth:g}°, {look.altitude:g}° high")
@@ -115,9 +115,9 @@ def renderer_for(surfaces: tuple[Data, ...], look: Look, window: bool, most: int
 
 
 def must_open() -> None:
-    """Refuse a window where VTK draws, but not on a display.
+    """Refuse a window where VTK cannot draw on a display.
 
-    :raises InputError: there.
+    :raises InputError: in that case.
     """
     answer = rendering()
     if answer.works and answer.window is not None:
@@ -127,7 +127,7 @@ def must_open() -> None:
 def _chosen(
     data: Data, asked: RendererName | None, window: bool, seen: Seen | None
 ) -> tuple[RendererName, tuple[str, ...]]:
-    """The renderer, and why, where it is not the one to be expected."""
+    """The renderer, and a note where it is not the expected one."""
     name = type(data).__name__
     if asked == "hillshade" and isinstance(data, Mesh):
         raise InputError("renderer='hillshade': a mesh has no grid to be shown as a relief; leave it out")
@@ -145,5 +145,5 @@ def _chosen(
         return "pyvista", ()
     if window or asked == "pyvista" or seen == "side" or not isinstance(data, (HeightField, RangeImage)):
         what = "a window" if window else f"a {name} in space"
-        raise MissingPackage(f"{what} is drawn by VTK alone: {answer.why}")
+        raise MissingPackage(f"{what} can be drawn by VTK only: {answer.why}")
     return "hillshade", (f"shown as a relief: {answer.why}",)

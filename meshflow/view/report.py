@@ -1,4 +1,4 @@
-"""The report of a run: before, after, removed, how it went and why, on one page of its own."""
+"""The report of a run on one page: before, after, removed, course, parameters and reasons."""
 
 from base64 import b64encode
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 __all__ = ["Reported", "report", "writable"]
 
 _FORMATS = (".html", ".png")
-_COARSE = 400  # samples a side: with fewer, each is shown as a square of its own
+_COARSE = 400  # samples per side; with fewer, each is drawn as a square
 _HEAD = ("parameter", "value", "unit", "origin", "why")
-# Inches of the page that is one picture.
+# Inches of a page that is one picture.
 _WIDTH, _GAP, _LINE, _CHART, _BAR = 16.0, 0.4, 0.22, 2.6, 0.15
 _COLUMNS = (0.0, 1.6, 3.6, 6.4, 7.8)
 _STYLE = """
@@ -46,10 +46,10 @@ table { border-collapse: collapse; } th, td { text-align: left; vertical-align: 
 
 @dataclass(frozen=True)
 class Reported:
-    """What became of a report.
+    """A report that was written.
 
     :ivar path: the file.
-    :ivar notes: what was done on the way, sentences for the user.
+    :ivar notes: sentences for the user.
     """
 
     path: Path
@@ -57,18 +57,21 @@ class Reported:
 
 
 def report(result: Run, path: str | Path, title: str = "", *, overwrite: bool = False) -> Reported:
-    """Write a report of a run: pictures before and after and of what was removed, how often it has which size beside the noise
-    that was found, area and change over time, the curves of the search, and every parameter with its unit, origin and reason.
+    """Write a report of a run.
 
-    Height fields are shaded reliefs, range images likewise from their camera, images as they are (of channels that are not
-    colours the first), meshes as VTK draws them; where it cannot draw, the report says so and has no pictures. Colours of
-    what was removed are symmetric about 0 and end at the 99th percentile of its size. Grids are thinned to 1000 samples a side.
+    It shows before, after and what was removed; the histogram of what was removed beside the estimated noise; area and change
+    over time; the curves of the search; and every parameter with its unit, origin and reason.
 
-    :param result: of :func:`meshflow.denoise`, or of ``meshflow.smooth(..., full=True)``.
-    :param path: ``.html``, a page that needs nothing else; or ``.png``, the same as one picture.
-    :param title: above it; by default what was smoothed.
-    :param overwrite: replace a file that is there.
-    :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
+    Height fields are drawn as shaded reliefs, range images likewise from their camera, images as pictures (for channels that are
+    no colours the first channel), meshes by VTK. Where VTK cannot draw, the report says so and has no pictures. Colours of what
+    was removed are symmetric about 0 and end at the 99th percentile of its absolute value. Grids are thinned to 1000 samples per
+    side.
+
+    :param result: of ``meshflow.smooth(..., result=True)``.
+    :param path: ``.html``, a self-contained page; or ``.png``, the same as one picture.
+    :param title: by default a description of the data.
+    :param overwrite: replace an existing file.
+    :raises FormatError: for another extension, a folder that is not there, or a file that exists and must not be replaced.
     """
     target = writable(path, overwrite)
     findings = found(result, title)
@@ -80,7 +83,7 @@ def report(result: Run, path: str | Path, title: str = "", *, overwrite: bool = 
 
 
 def writable(path: str | Path, overwrite: bool) -> Path:
-    """A path to write to: asked before anything is drawn.
+    """Check that a path can be written, before anything is drawn.
 
     :raises FormatError: as :func:`report`.
     """
@@ -97,7 +100,7 @@ def writable(path: str | Path, overwrite: bool) -> Path:
 
 
 def _page(findings: Findings) -> str:
-    """The page as HTML, its pictures in it."""
+    """The page as HTML, with embedded pictures."""
     title = escape(findings.title)
     rows = [_pictures(findings)] if findings.panels else []
     notes = "".join(f"<p class='faint'>{escape(note)}</p>" for note in findings.notes)
@@ -162,7 +165,7 @@ def _uri(content: bytes) -> str:
 
 
 def _figure(findings: Findings) -> "Figure":
-    """The same as one picture: panels, charts, and words below each other."""
+    """The report as one picture: panels, charts and text below each other."""
     wide = (_WIDTH - 4 * _GAP) / 3
     tall = min(max(wide / findings.panels[0].aspect, 2.4), 6.0) if findings.panels else 0.0
     low = _CHART + 1.2 if findings.charts else 0.0
@@ -196,7 +199,7 @@ def _figure(findings: Findings) -> "Figure":
 
 
 def _hang(figure: "Figure", findings: Findings, top: float, size: tuple[float, float]) -> None:
-    """The panels side by side below ``top``, the colour bar below the last, the words below the first."""
+    """Place the panels side by side below ``top``, the colour bar below the last, the text below the first."""
     wide, tall = size
     for k, panel in enumerate(findings.panels):
         axes = _box(figure, _GAP + k * (wide + _GAP), top - tall, wide, tall)
@@ -216,7 +219,7 @@ def _box(figure: "Figure", left: float, bottom: float, width: float, height: flo
 
 
 def _lines(findings: Findings) -> list[list[tuple[float, str, str]]]:
-    """Facts, parameters and notes as lines of words: where each begins, inches, and its colour."""
+    """Facts, parameters and notes as lines of text, each with its start in inches and its colour."""
     lines: list[list[tuple[float, str, str]]] = []
     for name, words in (*findings.facts, *(("note", note) for note in findings.notes)):
         colour = "#9a1a28" if name == "warning" else INK

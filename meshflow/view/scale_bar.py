@@ -1,4 +1,4 @@
-"""The scale bar and the arrow to the north, in the foot of a page."""
+"""The scale bar and the north arrow at the foot of a page."""
 
 from dataclasses import dataclass
 
@@ -10,15 +10,15 @@ from meshflow.view.numbers import plain, rounded
 
 __all__ = ["Ground", "ScaleBar", "ground_of", "scale_bar_of"]
 
-_LONG = 220  # pixels of a page of 1600 x 1200 that a bar takes at most
+_LONG = 220  # the longest bar, pixels of a page of 1600 x 1200
 
 
 @dataclass(frozen=True)
 class Ground:
     """The unit of lengths, and whether north is up.
 
-    :ivar unit: of lengths on it, not of its heights; empty: not known.
-    :ivar north: it is a raster whose file says where on a map it lies, its rows from north to south.
+    :ivar unit: of horizontal lengths, not of heights; empty: not known.
+    :ivar north: whether it is a georeferenced raster with rows from north to south.
     """
 
     unit: str = ""
@@ -27,11 +27,11 @@ class Ground:
 
 @dataclass(frozen=True)
 class ScaleBar:
-    """A bar of a round length, and an arrow to the north.
+    """A bar of a round length, and a north arrow.
 
-    :ivar pixels: how long the bar is on the page; 0: none, since lengths differ from place to place.
-    :ivar words: its length, with its unit where it is known.
-    :ivar north: it is a map, north up.
+    :ivar pixels: length of the bar on the page; 0: no bar, since lengths depend on the place.
+    :ivar words: its length, with its unit if known.
+    :ivar north: whether it is a map with north up.
     """
 
     pixels: float = 0.0
@@ -42,8 +42,8 @@ class ScaleBar:
 def scale_bar_of(length: float | None, unit: str, page: float, north: bool) -> ScaleBar:
     """The scale bar of a page.
 
-    :param length: of a pixel of the page, in the unit of the surface; None: it has none that holds everywhere.
-    :param page: pixels of this page for one of a page of 1600 x 1200.
+    :param length: of a pixel of the page, in the unit of the surface; None: it depends on the place.
+    :param page: pixels of this page per pixel of a page of 1600 x 1200.
     """
     if length is None or not 0 < length < np.inf:
         return ScaleBar(north=north)
@@ -52,7 +52,7 @@ def scale_bar_of(length: float | None, unit: str, page: float, north: bool) -> S
 
 
 def ground_of(data: object, surface: Data) -> Ground:
-    """The unit of lengths and the direction of north of data, and of the file that it came from."""
+    """The unit of lengths and the direction of north, of data or of its file."""
     own = getattr(surface, "unit", "")
     if not isinstance(data, Document):
         return Ground(own)

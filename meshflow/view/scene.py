@@ -1,4 +1,4 @@
-"""Scenes of one object or two: data, geometries and colours, decided once for pictures, windows and notebooks."""
+"""Scenes of one or two surfaces: data, geometries and colours, for pictures, windows and notebooks."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -29,8 +29,8 @@ Removed = Literal["removed"]
 class Shown:
     """One panel.
 
-    :ivar label: above it.
-    :ivar scale: the colours that it wears instead of its own, thinned as the geometry is.
+    :ivar label: above the panel.
+    :ivar scale: colours instead of its own, thinned like the geometry.
     """
 
     label: str
@@ -43,8 +43,8 @@ class Shown:
 class Scene:
     """All panels of a picture or a window.
 
-    :ivar ground: the unit of lengths, and whether it is the raster of a map.
-    :ivar counted: names and scales of what a histogram counts, from all of the data; none where colours stand for no values.
+    :ivar ground: the unit of lengths, and whether it is a map.
+    :ivar counted: names and scales for the histogram, from all data; none where colours show no values.
     :ivar notes: sentences for the user.
     """
 
@@ -56,9 +56,9 @@ class Scene:
     ground: Ground = Ground()
 
     def foot(self, size: tuple[int, int], unit: float) -> Foot:
-        """What stands below a page whose panels have that size in pixels.
+        """The foot of a page whose panels have a size in pixels.
 
-        :param unit: pixels of this page for one of a page of 1600 x 1200.
+        :param unit: pixels of this page per pixel of a page of 1600 x 1200.
         """
         one = self.shown[0]
         length = self.renderer.length(one.data, one.geometry, size)
@@ -66,13 +66,13 @@ class Scene:
         return Foot(self.renderer.foot(), scale_bar_of(length, self.ground.unit, unit, self.ground.north and mapped))
 
     def picture(self, panel: int, size: tuple[int, int]) -> Array:
-        """A panel as a picture (h, w, 3) in uint8: of that size from VTK, a pixel for each sample as a relief."""
+        """A panel as a picture (h, w, 3) in uint8: of the given size from VTK, or one pixel per sample as a relief."""
         one = self.shown[panel]
         return self.renderer.panel(one.data, one.geometry, size, one.scale)
 
     @property
     def aspect(self) -> float:
-        """Width over height of what a panel is to hold."""
+        """Width over height of the contents of a panel."""
         return self.renderer.aspect(self.shown[0].geometry, self.shown[0].data)
 
     @property
@@ -82,12 +82,12 @@ class Scene:
 
 
 def of_two(before: object, after: object, look: Look, quantity: Quantity | Removed, window: bool) -> Scene:
-    """Data before and after, and beside them what was removed; or both in the colours of a quantity.
+    """Data before and after with what was removed; or both coloured by a quantity.
 
-    :param before: what :func:`meshflow.view.appearance.taken` recognises.
+    :param before: data that :func:`meshflow.view.appearance.taken` recognizes.
     :param after: the same kind of data on the same samples.
-    :param quantity: what colour stands for.
-    :param window: it is to be a window, or a plotter.
+    :param quantity: what colour shows.
+    :param window: whether a window or a plotter is needed.
     :raises InputError: for two things that cannot be compared, nothing to draw, or a word that is unknown.
     :raises MissingPackage: where only VTK would do and it cannot draw.
     """
@@ -104,7 +104,7 @@ def of_two(before: object, after: object, look: Look, quantity: Quantity | Remov
         one, other = pair.worn
         scales = one.wearing(look.colours), other.wearing(look.colours)
         before_label, after_label = (f"{label}: {one.what}, {one.low:.3g} to {one.high:.3g}" for label in labels)
-        labels = before_label, after_label  # their colours are not those of the bar
+        labels = before_label, after_label  # these panels are not coloured by the bar
     seen = raised(pair.before, look.seen), raised(pair.after, look.seen)
     renderer = renderer_for(seen, _look(seen[0], look, quantity, window), window)
     geometries = renderer.geometries(*seen)
@@ -122,12 +122,12 @@ def of_two(before: object, after: object, look: Look, quantity: Quantity | Remov
 def of_one(
     data: object, look: Look, quantity: Quantity | None = None, scalars: ArrayLike | None = None, window: bool = False
 ) -> Scene:
-    """One thing, in colours that stand for numbers of the caller's or for a quantity, where there are some.
+    """One surface, plain, or coloured by numbers of the caller or a quantity.
 
-    :param data: what :func:`meshflow.view.appearance.taken` recognises.
-    :param quantity: what colour stands for; None: the surface as it is.
-    :param scalars: instead: a number for each sample (h, w) or vertex (n,).
-    :param window: it is to be a window, or a plotter.
+    :param data: data that :func:`meshflow.view.appearance.taken` recognizes.
+    :param quantity: what colour shows; None: the plain surface.
+    :param scalars: instead: one number per sample (h, w) or vertex (n,).
+    :param window: whether a window or a plotter is needed.
     :raises InputError: for nothing to draw, numbers that do not fit, or a word that is unknown.
     :raises MissingPackage: where only VTK would do and it cannot draw.
     """
@@ -151,14 +151,14 @@ def of_one(
 
 
 def _look(data: Data, look: Look, quantity: Quantity | Removed | None, window: bool) -> Look:
-    """What is missing has no place in space: grids show it from above, or through their camera."""
+    """The look for a quantity; missing samples have no place in space, so that grids show them from the front."""
     if quantity != "samples" or look.renderer is not None or isinstance(data, Mesh) or window:
         return look
     return replace(look, renderer="hillshade")
 
 
 def _scale(data: Data, scalars: ArrayLike, unit: str | None) -> Scale:
-    """The caller's numbers, one per sample or vertex, as colours from the least to the greatest.
+    """Numbers of the caller, one per sample or vertex, with colours from the least to the largest.
 
     :raises InputError: when they do not fit the data object, or none is finite.
     """

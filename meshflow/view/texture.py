@@ -1,4 +1,4 @@
-"""Textures of meshes. They need numpy only, except to be read from trimesh."""
+"""Textures of meshes; they need numpy only, except for reading them from trimesh."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,31 +10,31 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Texture", "Textured", "image_of", "texture_of"]
 
-_BLANK = (2, 2)  # the size of the picture that trimesh puts in where the one that is named is not there
-_NEAR = 1e-5  # of the size of a mesh: formats keep six digits
+_BLANK = (2, 2)  # the size of the placeholder of trimesh for a missing picture
+_NEAR = 1e-5  # as a share of the size of a mesh, since formats keep six digits
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A picture, and where in it each corner of each triangle lies: seams need no vertices of their own.
+    """A picture, and the position in it of each corner of each triangle, so that seams need no split vertices.
 
     :param picture: (h, w, 3) in uint8, the top row first.
-    :param corners: (m, 3, 2), to the right and upwards from the lower left, in sizes of the picture; beyond 0 to 1 it repeats.
+    :param corners: (m, 3, 2), right and up from the lower left, in units of the picture; outside 0 to 1 it repeats.
     """
 
     picture: Array
     corners: Array
 
     def of(self, triangles: Array) -> "Texture":
-        """That of some of the triangles, in their order."""
+        """The texture of some of the triangles, in their order."""
         return Texture(self.picture, self.corners[triangles])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Textured(Mesh):
-    """A mesh that keeps its texture when its points or channels change, and its triangles do not.
+    """A mesh that keeps its texture when its points or channels change.
 
-    :param texture: of its triangles; None: it has none.
+    :param texture: of its triangles; None: there is none.
     """
 
     texture: Texture | None = None
@@ -48,9 +48,9 @@ def image_of(visual: Any) -> Any:
 
 
 def texture_of(mesh: Any, data: Mesh) -> Texture | None:
-    """The texture of a ``trimesh.Trimesh`` on the triangles of its data object.
+    """The texture of a ``trimesh.Trimesh`` on the triangles of the corresponding mesh.
 
-    None where there is none, or where the triangles of the two are not one by one in the same place.
+    None where there is none, or where the triangles of the two do not correspond.
     """
     image, uv = image_of(mesh.visual), getattr(mesh.visual, "uv", None)
     faces = np.asarray(mesh.faces)

@@ -1,4 +1,4 @@
-"""Windows stay quick while they are turned: without anti-aliasing, and with coarse geometry in place of very many triangles."""
+"""Keeps windows responsive during interaction: no anti-aliasing, and coarse geometry instead of very many triangles."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 __all__ = ["HEAVY", "Turning", "coarse"]
 
-HEAVY = 400_000  # triangles that software draws in about a tenth of a second
+HEAVY = 400_000  # triangles that software rendering draws in about a tenth of a second
 _CELLS = 160  # along the longest side: a cell is a few pixels of a window
 
 
 def coarse(geometry: Geometry, cells: int = _CELLS) -> Geometry:
-    """The same geometry of fewer triangles: points within a cell of a grid become one of them (Rossignac and Borrel 1993).
+    """The geometry with fewer triangles: points in a cell of a grid become one of them (Rossignac and Borrel 1993).
 
     :param cells: along its longest side.
     """
@@ -29,7 +29,7 @@ def coarse(geometry: Geometry, cells: int = _CELLS) -> Geometry:
     faces = home.ravel()[geometry.faces]
     a, b, c = faces.T
     kept = np.flatnonzero((a != b) & (b != c) & (c != a))
-    # Of triangles that fell onto each other one is enough, whichever way it turns.
+    # Of coinciding triangles one is kept, whatever its orientation.
     _, once = np.unique(np.sort(faces[kept], axis=1), axis=0, return_index=True)
     kept = kept[np.sort(once)]
     return replace(
@@ -44,13 +44,13 @@ def coarse(geometry: Geometry, cells: int = _CELLS) -> Geometry:
 
 
 class Turning:
-    """Switches between fine geometry at rest and coarse geometry while the window is turned.
+    """Switches between fine geometry at rest and coarse geometry during interaction.
 
-    :ivar fine: at rest.
-    :param plotter: whose interaction is watched.
-    :param pairs: actors, of which the fine ones are seen at rest, and the coarse ones while it turns.
-    :param smoothed: anti-aliased at rest.
-    :param prepared: called before the coarse ones are seen.
+    :ivar fine: whether the fine geometry is shown.
+    :param plotter: whose interaction is observed.
+    :param pairs: fine actors, shown at rest, and coarse ones, shown during interaction.
+    :param smoothed: whether the window is anti-aliased at rest.
+    :param prepared: called before the coarse actors are shown.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Turning:
             pass
         elif fine:
             window.enable_anti_aliasing("ssaa", all_renderers=True)
-        else:  # in software it takes longer than all the rest
+        else:  # in software rendering it takes longer than all the rest
             window.disable_anti_aliasing(all_renderers=True)
         for one, other in self.pairs:
             one.SetVisibility(fine)

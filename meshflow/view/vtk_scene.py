@@ -1,4 +1,4 @@
-"""Geometries drawn by VTK: panels for a page, and windows."""
+"""Draws geometries by VTK: panels for a page, and windows."""
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 __all__ = ["COLUMN", "FOOT", "Rows", "added", "coarsened", "drawn", "length", "overlaid", "single", "windowed"]
 
-# Shares of a window: the width of the column beside the geometry, the height of bar and slider below it.
+# Shares of a window: the width of the column beside the geometry, the height of bar and slider below.
 COLUMN, FOOT = 0.27, 0.17
 Rows = list[list[tuple[str, Geometry, Scale | None]]]
-"""Rows of panels of a window: label, geometry, the colours it wears instead of its own."""
+"""Rows of panels of a window: label, geometry, colours instead of its own."""
 
-_STONE = "#eae3d6"  # pale and matt: shading, not colour, tells the shape
-# Colours are to be read as they are, and the form yet to be seen: what faces the viewer keeps six sevenths of its brightness,
-# what faces the light all of it.
+_STONE = "#eae3d6"  # pale and matt, so that shading shows the shape
+# Colours must stay readable and the shape visible: surfaces facing the viewer keep six sevenths of their brightness, surfaces
+# facing the light all of it.
 _COLOURED: dict[str, Any] = {"ambient": 0.52, "diffuse": 0.48, "specular": 0.0}
 _MARGIN = 1.04
 _BARS = {
@@ -40,7 +40,7 @@ _BARS = {
     "height": 0.6,
     "position_x": 0.8,
     "position_y": 0.2,
-    "fill": True,  # or its digits would be lost on the geometry behind it
+    "fill": True,  # so that its digits are readable in front of the geometry
     "background_color": "white",
 }
 _BELOW = {"vertical": False, "width": 0.5, "height": 0.05, "position_x": 0.25, "position_y": 0.09, "fill": False}
@@ -50,7 +50,7 @@ def drawn(geometry: Geometry, look: Look, size: tuple[int, int], scale: Scale | 
     """One geometry as a picture (height, width, 3) in uint8, on white.
 
     :param size: width and height, pixels.
-    :param scale: colours for its samples, instead of stone.
+    :param scale: colours of its samples, instead of stone.
     """
     import pyvista as pv
 
@@ -65,15 +65,15 @@ def drawn(geometry: Geometry, look: Look, size: tuple[int, int], scale: Scale | 
 
 
 def length(geometry: Geometry, size: tuple[int, int]) -> float:
-    """What a pixel of :func:`drawn` is long, where the view is no pinhole's."""
+    """The length of a pixel of :func:`drawn`, for views without perspective."""
     return 2 * _half(geometry, size[0] / size[1]) / size[1]
 
 
 def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plotter":
-    """A window with rows of labelled geometries that turn together, not yet shown; the caller closes it.
+    """A window with rows of labelled geometries that rotate together; it is not shown yet, and the caller closes it.
 
     :param rows: one or two, the second of one geometry.
-    :param off_screen: draw without one; None: as pyvista decides.
+    :param off_screen: draw without a window; None: as pyvista decides.
     """
     import pyvista as pv
 
@@ -81,7 +81,7 @@ def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plot
     groups: Any = [(1, slice(None))] if len(rows) == 2 else None
     plotter = pv.Plotter(shape=shape, groups=groups, off_screen=off_screen, **_frame(look))
     with _closed_on_failure(plotter):
-        _light(plotter, rows[0][0][1], look)  # of all panels: pyvista puts a light into each
+        _light(plotter, rows[0][0][1], look)  # for all panels, since pyvista adds a light to each
         heavy: list[tuple[Any, Any]] = []
         for r, row in enumerate(rows):
             for c, (label, geometry, scale) in enumerate(row):
@@ -98,11 +98,11 @@ def windowed(rows: Rows, look: Look, off_screen: bool | None = None) -> "pv.Plot
 def overlaid(
     panels: tuple[tuple[Geometry, Scale | None], ...], look: Look, off_screen: bool | None = None
 ) -> "pv.Plotter":
-    """A window of one view with a divider to drag between two surfaces, or one at a time; not yet shown; the caller closes it.
+    """A window with a divider between two surfaces, or one at a time; it is not shown yet, and the caller closes it.
 
-    :param panels: two surfaces with the colours that they wear.
-    :param look: of it, where the divider stands at first, and whether the window starts with it (``wipe``) or with the first
-        surface alone. The space bar goes on.
+    :param panels: two surfaces with their colours.
+    :param look: gives the first position of the divider, and whether the window starts with it (``wipe``) or with the first
+        surface only. The space bar switches.
     :param off_screen: draw without a window; None: as pyvista decides.
     """
     import pyvista as pv
@@ -116,7 +116,7 @@ def overlaid(
             _stood_in(plotter, actor, *panel)
             for actor, panel in zip(actors, ((one, first), (other, second)), strict=True)
         ]
-        turning = Turning(plotter, [])  # which of them is seen the overlay says
+        turning = Turning(plotter, [])  # the overlay decides which of them are shown
         sides = [pairs[0] if pairs else (actor,) for actor, pairs in zip(actors, heavy, strict=True)]
         overlay = Overlay(plotter, sides[0], sides[1], turning, look.at, look.arrange == "wipe")
         widgets: Any = plotter
@@ -133,10 +133,10 @@ def overlaid(
             slider_width=0.05,
             tube_width=0.002,
         )
-        handle = slider.GetRepresentation()  # without caps and short, so that it stands where the divider does
+        handle = slider.GetRepresentation()  # short and without caps, so that it is where the divider is
         handle.SetEndCapLength(0.0)
         handle.SetSliderLength(0.012)
-        if any(heavy):  # the divider is to follow the hand, too
+        if any(heavy):  # the divider must also be responsive
             slider.AddObserver("StartInteractionEvent", turning.turn)
             slider.AddObserver("EndInteractionEvent", turning.rest)
         _aim(plotter, one, look.size[0] / look.size[1])
@@ -154,10 +154,10 @@ def _closed_on_failure(plotter: "pv.Plotter") -> Iterator[None]:
 
 
 def single(geometry: Geometry, look: Look, off_screen: bool, *, column: bool = False) -> "pv.Plotter":
-    """A plotter with the light and the camera for one geometry, which is yet to be :func:`added`; the caller closes it.
+    """A plotter with light and camera for one geometry, which is :func:`added` later; the caller closes it.
 
-    :param column: to the left of the surface there is room for :class:`meshflow.viewer.column.Column`, and below it for a bar and
-        its slider.
+    :param column: leave room for :class:`meshflow.viewer.column.Column` to the left of the surface, and for a bar and a slider
+        below it.
     """
     import pyvista as pv
 
@@ -177,9 +177,9 @@ def single(geometry: Geometry, look: Look, off_screen: bool, *, column: bool = F
 
 
 def added(plotter: "pv.Plotter", geometry: Geometry, scale: Scale | None, name: str, *, below: bool = False) -> Any:
-    """The actor of a geometry, in place of the one of that name and its bar.
+    """Add the actor of a geometry, which replaces the one of that name and its bar.
 
-    :param below: the bar lies below the geometry, where :func:`single` left room for it; else it stands at its right.
+    :param below: place the bar below the geometry, where :func:`single` left room; else at its right.
     """
     shown: Any = plotter
     for bar in list(shown.scalar_bars.keys()):
@@ -187,14 +187,14 @@ def added(plotter: "pv.Plotter", geometry: Geometry, scale: Scale | None, name: 
     shown.remove_actor(name, render=False)
     actor = _add(plotter, geometry, scale, bar=scale is not None, place=_BELOW if below else {})
     plotter.add_actor(actor, name=name, reset_camera=False, render=False)
-    plotter.reset_camera_clipping_range()  # the camera was aimed at an empty place
+    plotter.reset_camera_clipping_range()  # the camera was set before the geometry was added
     return actor
 
 
 def coarsened(
     plotter: "pv.Plotter", actor: Any, geometry: Geometry, scale: Scale | None, name: str
 ) -> list[tuple[Any, Any]]:
-    """The actor of a geometry of very many triangles and a coarse one for it, in place of that of the name; else no pair."""
+    """For a geometry of very many triangles: its actor and a coarse one, which replace that of the name; else no pair."""
     shown: Any = plotter
     shown.remove_actor(name, render=False)
     pairs = _stood_in(plotter, actor, geometry, scale)
@@ -205,7 +205,7 @@ def coarsened(
 
 
 def _frame(look: Look) -> dict[str, Any]:
-    """The options that all windows share."""
+    """The common options of all windows."""
     import pyvista as pv
 
     theme = pv.themes.DocumentTheme()
@@ -213,7 +213,7 @@ def _frame(look: Look) -> dict[str, Any]:
 
 
 def _stood_in(plotter: "pv.Plotter", actor: Any, geometry: Geometry, scale: Scale | None) -> list[tuple[Any, Any]]:
-    """A coarse actor beside that of a geometry of very many triangles."""
+    """The pair of the actor and a coarse one, for a geometry of very many triangles."""
     if len(geometry.faces) <= HEAVY:
         return []
     return [(actor, _add(plotter, coarse(geometry), scale))]
@@ -226,9 +226,9 @@ def _add(
     bar: bool = False,
     place: dict[str, Any] | None = None,
 ) -> Any:
-    """The actor of a geometry, shaded flat: of stone, in its own colours, or in those of a scale."""
+    """Add the flat shaded actor of a geometry: in stone, in its own colours, or in those of a scale."""
     shape = geometry.polydata()
-    if scale is not None:  # softly lit: the form is to be seen, the colour to be read
+    if scale is not None:  # soft light, so that the shape is visible and the colour readable
         bars: Any = {"title": f"{scale.label}\n", **_BARS, **(place or {})} if bar else None
         which = (
             geometry.samples
@@ -266,9 +266,9 @@ def _add(
 
 
 def _light(plotter: "pv.Plotter", geometry: Geometry, look: Look) -> None:
-    """Three lights: the raking one of the look, a weak one opposite to it, and one at the viewer, so that shadows keep form.
+    """Three lights: the raking one of the look, a weak one opposite, and one at the viewer, so that shadows show the shape.
 
-    Together they are all but nowhere brighter than one light alone.
+    Together they are hardly brighter than one light.
     """
     import pyvista as pv
 
@@ -282,15 +282,15 @@ def _light(plotter: "pv.Plotter", geometry: Geometry, look: Look) -> None:
 
 
 def _half(geometry: Geometry, aspect: float) -> float:
-    """Half of what the height of a picture shows."""
+    """Half of the visible height of a picture."""
     wide, tall = geometry.view.extent
-    return max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # a geometry may be a point
+    return max(tall, wide / aspect) / 2 * _MARGIN or 1.0  # the geometry may be a point
 
 
 def _aim(plotter: "pv.Plotter", geometry: Geometry, aspect: float) -> None:
-    """Place the camera as the view says, with its frame filled.
+    """Place the camera according to the view, so that the frame is filled.
 
-    :param aspect: width over height of what it draws on.
+    :param aspect: width over height of the drawing area.
     """
     view, half = geometry.view, _half(geometry, aspect)
     middle = np.mean(view.frame, axis=0) @ np.stack([view.right, view.up])

@@ -20,18 +20,18 @@ from meshflow.viewer.timeline import Timeline
 
 __all__ = ["Served"]
 
-SETTLE = 0.3  # seconds for which a control must rest before anything is computed
-POLL = 0.05  # seconds between looks at what the other thread has done
+SETTLE = 0.3  # seconds for which a control must be unchanged before a run starts
+POLL = 0.05  # seconds between polls of the computing thread
 
 
 class Served(Player):
     """A page that shows a timeline.
 
-    :ivar url: where it is, with its token: only who knows it is let in, on this machine, too, where pages of other sites are
-        open in the same browser.
-    :param desk: what can be turned.
+    :ivar url: its URL with a token. Only requests that know the token are accepted, also on this machine, where pages of other
+        sites may be open in the same browser.
+    :param desk: the controls.
     :param address: where to listen.
-    :raises InputError: for a port that is taken, or an address that is not this machine's.
+    :raises InputError: for a port that is in use, or an address that does not belong to this machine.
     :raises MissingPackage: without ``meshflow[web]``, and where VTK cannot draw.
     """
 
@@ -44,7 +44,7 @@ class Served(Player):
         self.token = secrets.token_urlsafe(24)
         shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{self.port}/?secret={self.token}"
-        # A page may be of any shape: framed for a square, nothing is cut off where it is wider.
+        # A page may have any shape; framed for a square, nothing is cut off where it is wider.
         square = replace(look, size=(min(look.size),) * 2)
         screen = Screen(timeline.at(0), timeline.at(len(timeline) - 1), square, off_screen=True)
         super().__init__(desk, timeline, screen)
@@ -57,16 +57,16 @@ class Served(Player):
     def serve(self, ready: Callable[[str], None] | None = None) -> None:
         """Serve until interrupted.
 
-        :param ready: called with the address as soon as it answers.
+        :param ready: called with the URL as soon as the server answers.
         """
         server = self._server
-        # trame reads the command line of the process, where --time would be taken for its --timeout.
+        # trame parses the command line of the process, where it would take --time for its --timeout.
         options = server.cli.parse_args([])
         options.host, options.port, options.authKey, options.timeout = self.host, self.port, self.token, 0
         server.cli.parse_known_args = lambda *_, **__: (options, [])
 
         def announce(**_: Any) -> None:
-            """Say where the page is, and open it."""
+            """Report the URL of the page, and open it."""
             if ready is not None:
                 ready(self.url)
             if self._opened:
@@ -82,12 +82,12 @@ class Served(Player):
         self._work.leave()
 
     def _bound(self, server: Any) -> None:
-        """Before the first request: refuse those of other sites."""
+        """Refuse requests of other sites, before the first one."""
         guard_requests(server.app, Visitors(self.host))
         _launched(server)
 
     def _rules(self) -> dict[str, Rule]:
-        """What a client may set: the time, the colours, the controls of the flow that is shown, and the drawer of the page."""
+        """What a client may set: the time, the colours, the controls of the current flow, and the drawer of the page."""
         rules: dict[str, Rule] = {
             "at": Between(0, len(self.timeline) - 1, whole=True),
             "colouring": OneOf(COLOURINGS),
@@ -100,7 +100,7 @@ class Served(Player):
         return rules
 
     def _refused(self, keys: Iterable[str]) -> None:
-        """A client gets back what it may not change; of a control it hears why."""
+        """Reset values that a client may not change; for a control with a message."""
         state, own = self._server.state, self._rules()
         for key in keys:
             if key in own:
@@ -242,7 +242,7 @@ class Served(Player):
         self._say()
 
     def _plotted(self) -> None:
-        pass  # the curves come with the words on each state
+        pass  # the curves are part of the summary of each state
 
     def _seen(self, data: Data) -> None:
         self.screen.show(data, self.colouring)
@@ -256,11 +256,11 @@ class Served(Player):
 
 
 def _launched(server: Any) -> None:
-    """Answer a page that asks for a launcher of sessions: this server is the session; else its console shows an error."""
+    """Answer a page that asks for a launcher of sessions: this server is the session. Otherwise its console shows an error."""
     from aiohttp import web
 
     async def session(request: Any) -> Any:
-        """The address of the one session that there is."""
+        """The address of the only session."""
         scheme = "wss" if request.secure else "ws"
         return web.json_response({"sessionURL": f"{scheme}://{request.host}/ws"})
 
@@ -268,9 +268,9 @@ def _launched(server: Any) -> None:
 
 
 def _free(host: str, port: int) -> int:
-    """A port that can be listened at.
+    """A port that is free.
 
-    :raises InputError: where it cannot.
+    :raises InputError: where the port cannot be used.
     """
     if not 0 <= port <= 65535:
         raise InputError(f"port: 0 to 65535 expected, got {port}")

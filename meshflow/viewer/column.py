@@ -20,16 +20,16 @@ __all__ = ["Column"]
 _INK, _PALE, _BUSY = "#26282b", "#b9bfc5", "#2b6cb0"
 _LETTERS = 6  # pyvista counts half pixels
 _LETTER = 6.8  # pixels of width, about
-_PLOT = (0.42, 0.34)  # the curves: from where, how high
-_BAR = 0.4  # of the progress
+_PLOT = (0.42, 0.34)  # the curves: bottom and height
+_BAR = 0.4  # the height of the progress bar
 _CONTROLS = 0.34  # the uppermost control
 
 
 @dataclass(frozen=True)
 class _Track:
-    """Where a slider runs, shares of the window, counted from where its renderer begins.
+    """The position of a slider, as shares of the window from the start of its renderer.
 
-    :ivar wide: the share of the window that its renderer has: lengths are shares of that.
+    :ivar wide: the share of the window that its renderer has; lengths are shares of it.
     """
 
     left: float
@@ -41,7 +41,7 @@ class _Track:
 class Column:
     """The column of a window, and the slider over its states below the geometry.
 
-    :ivar mark: where the state that is shown stands on the axis of the curves, 0 to 1.
+    :ivar mark: the position of the current state on the axis of the curves, 0 to 1.
     :param plotter: one that :func:`meshflow.view.vtk_scene.single` made with a column.
     """
 
@@ -64,11 +64,11 @@ class Column:
             self._write("\n".join(rows), 0.985, _INK, "summary").prop.SetVerticalJustificationToTop()
 
     def busy(self, share: float | None) -> None:
-        """How far a run is, 0 to 1; None: there is none."""
+        """Show the progress of a run, 0 to 1; None: no run."""
         self._bar.show(share)
 
     def plot(self, timeline: Timeline) -> None:
-        """The curves of a run, in place of those before."""
+        """Show the curves of a run instead of the old ones."""
         import pyvista as pv
 
         with _Within(self.plotter):
@@ -99,12 +99,12 @@ class Column:
             self._marker.update([share, share], [0.0, 1.05])
 
     def slide_states(self, last: int, at: int, moved: Callable[[float], None]) -> Any:
-        """The slider over the states, below the geometry."""
+        """Add the slider over the states, below the geometry."""
         track = _Track(0.04, 0.96 - COLUMN, 0.04, wide=1.0 - COLUMN)
         return self._slider(moved, track, (0, last), at, "state", fmt="%.0f", interaction_event="always")
 
     def show_controls(self, controls: list[dict[str, Any]], turned: Callable[[str, Any], None]) -> None:
-        """Show the controls of a flow in place of the old ones; a choice is a slider that clicks from name to name."""
+        """Show the controls of a flow instead of the old ones; a choice is a slider that snaps to names."""
         for widget in self.controls.values():
             widget.Off()
         self.controls = {}
@@ -130,11 +130,11 @@ class Column:
         at = items.index(control["value"]) if control["value"] in items else 0
 
         def named(value: float, widget: Any) -> None:
-            """Write the choice that the slider is at."""
+            """Show the name at the position of the slider."""
             widget.GetRepresentation().SetTitleText(f"{control['label']}: {items[round(value)]}")
 
         def let_go(widget: Any, _: Any) -> None:
-            """Snap to the nearest choice, and take it."""
+            """Snap to the nearest choice, and use it."""
             shown = widget.GetRepresentation()
             shown.SetValue(round(shown.GetValue()))
             turned(control["name"], items[round(shown.GetValue())])
@@ -153,7 +153,7 @@ class Column:
         title: str,
         **options: Any,
     ) -> Any:
-        """A slider that takes little room."""
+        """A compact slider."""
         widget = self.plotter.add_slider_widget(
             moved, rng=span, value=value, title=title, color=_INK, slider_width=0.016, tube_width=0.002, **options
         )
@@ -175,7 +175,7 @@ class Column:
 
 
 class _Within:
-    """The column as the active renderer, for as long as it lasts; then that of the geometry again."""
+    """A context in which the column is the active renderer; afterwards it is that of the geometry."""
 
     def __init__(self, plotter: Any) -> None:
         self.plotter = plotter
@@ -214,7 +214,7 @@ class _Progress:
     def show(self, share: float | None) -> None:
         """Draw the bar up to a share; None hides it."""
         self.actor.SetVisibility(share is not None)
-        right = 0.06 + 0.88 * max(share or 0.0, 0.01)  # what has begun is seen
+        right = 0.06 + 0.88 * max(share or 0.0, 0.01)  # a started run is visible
         for corner, y in ((2, 1), (3, 0)):
             self._points.SetPoint(corner, right, _BAR + 0.008 * y, 0.0)
         self._points.Modified()
@@ -222,7 +222,7 @@ class _Progress:
 
 
 def _ticks(end: float) -> list[float]:
-    """0, a round time about the middle of the axis of its square root, and one about its end."""
+    """0, a round time near the middle of the square-root axis, and one near its end."""
     if end <= 0:
         return [0.0]
     return [0.0, rounded(0.2 * end), rounded(end)]

@@ -1,4 +1,4 @@
-"""The controls of a viewer: the contract between pages and windows and the flow that they show."""
+"""The interface between windows or pages and the flow that they show."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ __all__ = ["Address", "Controls", "Page", "States"]
 class Address:
     """Where a page is served.
 
-    :param host: address to listen at; only who knows the token of the page's address is let in.
-    :param port: 0: any that is free.
-    :param opened: a browser is opened.
+    :param host: address to listen at; only requests that know the token of the URL are accepted.
+    :param port: 0: any free port.
+    :param opened: open a browser.
     :param said: called with a sentence that names the page's address, as soon as it can be opened.
     """
 
@@ -58,14 +58,14 @@ class Controls(Protocol):
         ...
 
     def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:
-        """The states of a flow with these values; None where ``gone``, told the share that is done, said to leave it.
+        """The states of a flow with these values; None where ``gone``, called with the share done, cancels the run.
 
-        :raises InputError: for values that make no sense.
+        :raises InputError: for invalid values.
         """
         ...
 
     def shown(self, timeline: Timeline) -> None:
-        """From now on the states of this run are shown: controls, command line and saved states refer to it."""
+        """Make this run the current one, to which controls, command line and saved states refer."""
         ...
 
     def command(self, time: float) -> str:
@@ -73,7 +73,7 @@ class Controls(Protocol):
         ...
 
     def save(self, time: float) -> str:
-        """Write the state at a time; say where.
+        """Write the state at a time; returns a sentence that names the file.
 
         :raises InputError: where it cannot be saved.
         """

@@ -1,4 +1,4 @@
-"""Curves of a flow over its time, as a small drawing that a page or a window holds."""
+"""Curves of a flow over time, as a small drawing for pages and windows."""
 
 import base64
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ _AREA, _REMOVED = "#2b6cb0", "#c2410c"
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What is measured of each state.
+    """A quantity of each state.
 
-    :ivar shares: of its largest, 0 to 1, one for each state.
+    :ivar shares: of its largest value, 0 to 1, one per state.
     :ivar colour: ``#rrggbb``.
-    :ivar words: what it is, and from where to where it goes.
+    :ivar words: its name and range.
     """
 
     shares: Array
@@ -45,13 +45,13 @@ def summary(timeline: Timeline, index: int) -> str:
 
 
 def across(timeline: Timeline) -> Array:
-    """The place of each state on the axis of time, 0 to 1: the square root of its time, so that states are evenly spaced."""
+    """The position of each state on the axis of time, 0 to 1: the square root of time, so that states are evenly spaced."""
     times = np.sqrt([measurement.time for measurement in timeline.history])
     return times / (times[-1] or 1.0)
 
 
 def measures(timeline: Timeline) -> tuple[Curve, Curve]:
-    """Area, and what was removed: its rms, which as a share of the noise is the same curve."""
+    """The curves of the area, and of the rms of what was removed."""
     history, last = timeline.history, timeline.history[-1]
     removed = f"{last.residual:.3g} of the noise" if np.isfinite(last.residual) else f"rms {last.change:.3g}"
     drawn = (
@@ -63,16 +63,16 @@ def measures(timeline: Timeline) -> tuple[Curve, Curve]:
 
 
 def curves_as_picture(timeline: Timeline, index: int) -> str:
-    """The drawing of :func:`curves` as the address of a picture (``data:``): what is in a picture cannot run as a script.
+    """The drawing of :func:`curves` as a ``data:`` URL of a picture, in which no script can run.
 
-    :param index: of the state that is marked.
+    :param index: of the marked state.
     """
     packed = base64.b64encode(curves(timeline, index).encode()).decode("ascii")
     return f"data:image/svg+xml;base64,{packed}"
 
 
 def curves(timeline: Timeline, index: int) -> str:
-    """SVG of area and of what was removed over the square root of time, each from 0 to its largest, this state marked."""
+    """SVG of the area and of what was removed over the square root of time, each scaled to its largest, with a state marked."""
     wide, high = _WIDE - 2 * _EDGE, _HIGH - 2 * _EDGE - 14
     places = _EDGE + wide * across(timeline)
     lines, names = [], []

@@ -24,8 +24,8 @@ class Films(Looks, total=False):
 
     :ivar count: how many states are shown, 48 by default.
     :ivar rate: frames per second, 12 by default.
-    :ivar turn: degrees by which the camera walks around the surface meanwhile; 0, the default: it stands still.
-    :ivar quantity: what colour stands for: ``removed``, ``curvature``, ``edges``, ``triangles``, ``samples``; None: nothing.
+    :ivar turn: degrees by which the camera moves around the surface during the film; 0, the default: it does not move.
+    :ivar quantity: what colour shows: ``removed``, ``curvature``, ``edges``, ``triangles``, ``samples``; None: nothing.
     """
 
     count: int
@@ -43,21 +43,20 @@ def film(
     progress: Progress = None,
     **options: Unpack[Films],
 ) -> Pictured:
-    """Film data while it is smoothed: the surface, or what was removed so far, or a quantity, over time.
+    """Write a film of data while it is smoothed: the surface, what was removed so far, or a quantity, over time.
 
-    Colours, light and frame are the same in all frames, and the time is written into each; times grow with the square.
+    Colours, light and view are the same in all frames, and each shows its time; times grow quadratically.
 
     :param data: a :class:`meshflow.Document`, a data object, or anything that :func:`meshflow.smooth` takes.
     :param path: ``.mp4`` (needs ``pip install 'meshflow[film]'``) or ``.gif``.
-    :param overwrite: replace a file that is there.
-    :param request: of the flow, as ``Request.of(method=..., time=...)``; what is not given is estimated.
+    :param overwrite: replace an existing file.
+    :param request: of the flow, as ``Request.of(method=..., time=...)``; options that are not given are estimated.
     :param progress: as in :func:`meshflow.smooth`.
-    :param options: those of :class:`Films`: how many states, how the film runs, what colour stands for; and the options of
-        :class:`meshflow.view.Look`.
-    :raises InputError: for what cannot be smoothed or drawn.
-    :raises FormatError: for a path that cannot be written, another extension, or a file that is there and is not to be replaced;
-        before anything is computed.
-    :raises MissingPackage: for ``.mp4`` without ffmpeg, and for what only VTK could draw where it cannot.
+    :param options: those of :class:`Films` and of :class:`meshflow.view.Look`.
+    :raises InputError: for data that cannot be smoothed or drawn.
+    :raises FormatError: before anything is computed, for a path that cannot be written, another extension, or a file that exists
+        and must not be replaced.
+    :raises MissingPackage: for ``.mp4`` without ffmpeg, and where VTK is needed and cannot draw.
     """
     count, quantity = options.pop("count", COUNT), options.pop("quantity", None)
     rate, turn = options.pop("rate", Reel.rate), options.pop("turn", Reel.turn)

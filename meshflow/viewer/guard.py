@@ -1,8 +1,8 @@
-"""Who may talk to the served viewer, and what a client may set.
+"""Access control of the served viewer: which requests are accepted, and what a client may set.
 
-A page of another site that is open in the same browser reaches loopback, too. Hence: a request names this machine as its host
-and, where it names an origin, the page's own; a client knows the token of the address; it sets the controls that the page has,
-to values that they can have, and nothing else.
+A page of another site that is open in the same browser can reach loopback, too. Therefore a request must name this machine as its
+host, and its origin, if any, must be the page itself. A client must know the token of the URL. It may set the controls of the
+page to valid values, and nothing else.
 """
 
 import ipaddress
@@ -20,25 +20,25 @@ if TYPE_CHECKING:
 __all__ = ["LOOPBACK", "Between", "OneOf", "Rule", "Visitors", "guard_protocol", "guard_requests", "sifted"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-# What the page itself tells the server of its life.
+# The life-cycle events that the page itself may send.
 STAGES = ("client_connected", "client_exited", "client_mounted", "client_unmounted")
 HEADERS = {"Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY", "X-Content-Type-Options": "nosniff"}
 _log = logging.getLogger(__name__)
 
 
 class Rule(Protocol):
-    """Which values a control can have."""
+    """The valid values of a control."""
 
     def accepts(self, value: object) -> bool:
-        """Whether this is one of them."""
+        """Whether a value is valid."""
         ...
 
 
 @dataclass(frozen=True)
 class Between:
-    """Finite numbers from low to high; rounding of a slider is let pass.
+    """Finite numbers from low to high, with tolerance for the rounding of a slider.
 
-    :param whole: whole numbers alone.
+    :param whole: whole numbers only.
     """
 
     low: float
@@ -46,7 +46,7 @@ class Between:
     whole: bool = False
 
     def accepts(self, value: object) -> bool:
-        """Whether this is such a number."""
+        """Whether a value is such a number."""
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             return False
         slack = 1e-9 * max(abs(self.low), abs(self.high), 1e-300)
@@ -60,14 +60,14 @@ class OneOf:
     values: tuple[object, ...]
 
     def accepts(self, value: object) -> bool:
-        """Whether this is one of them, of the same type."""
+        """Whether a value is one of them, with the same type."""
         return any(type(value) is type(one) and value == one for one in self.values)
 
 
 def sifted(changes: object, rules: Mapping[str, Rule]) -> tuple[dict[str, object], list[str]]:
-    """The changes of the state that a client may make, and the keys of those that it may not.
+    """The changes of the state that a client may make, and the keys of the others.
 
-    :param changes: of a client: a list of ``{"key": ..., "value": ...}``; what is none is left out.
+    :param changes: of a client: a list of ``{"key": ..., "value": ...}``; anything else is ignored.
     :param rules: the keys that a client may set, and their values.
     """
     accepted: dict[str, object] = {}
@@ -86,18 +86,18 @@ def sifted(changes: object, rules: Mapping[str, Rule]) -> tuple[dict[str, object
 
 @dataclass(frozen=True)
 class Visitors:
-    """Which requests are let in.
+    """Which requests are accepted.
 
-    :param bound: the address that is listened at.
+    :param bound: the address of the server.
     """
 
     bound: str
 
     def lets_in(self, host: str | None, origin: str | None) -> bool:
-        """Whether a request that names this host, and comes from a page of this origin, is meant for this server.
+        """Whether a request with this host and origin is meant for this server.
 
-        A name that an attacker has pointed at this machine (DNS rebinding) is none of its names. Any port will do, since
-        ports are forwarded.
+        A name that an attacker has pointed at this machine (DNS rebinding) is not accepted. Any port is accepted, because ports
+        may be forwarded.
         """
         if host is None or not self._is_own(urlsplit(f"//{host}").hostname):
             return False
@@ -112,13 +112,13 @@ class Visitors:
             return True
         try:
             ipaddress.ip_address(name)
-        except ValueError:  # a name that is not this machine's
+        except ValueError:  # a name that is not that of this machine
             return False
         return True
 
 
 def guard_requests(app: "Application", visitors: Visitors) -> None:
-    """Refuse requests of other hosts and origins, those for a WebSocket among them; before the application starts."""
+    """Refuse requests of other hosts and origins, including WebSockets; call it before the application starts."""
     from aiohttp import web
 
     @web.middleware
@@ -127,7 +127,7 @@ def guard_requests(app: "Application", visitors: Visitors) -> None:
     ) -> "StreamResponse":
         """Answer 403 to a request that is not meant for this server."""
         if not visitors.lets_in(request.headers.get("Host"), request.headers.get("Origin")):
-            raise web.HTTPForbidden(text="This viewer answers to its own address alone.")
+            raise web.HTTPForbidden(text="This viewer answers to its own address only.")
         response = await handler(request)
         if not response.prepared:
             response.headers.update(HEADERS)
@@ -139,14 +139,14 @@ def guard_requests(app: "Application", visitors: Visitors) -> None:
 def guard_protocol(
     protocol: object, rules: Callable[[], Mapping[str, Rule]], refused: Callable[[Iterable[str]], None]
 ) -> None:
-    """Have a trame protocol take from clients only what they may set, and no order to end the process.
+    """Make a trame protocol accept only what clients may set, and no command to end the process.
 
-    trame makes its protocol itself, of a class that it does not let choose; its remote procedures are those of the class of the
-    object when the server binds. So the object is given a class that overrides them.
+    trame makes its protocol from a fixed class; its remote procedures are those of the class of the object when the server binds.
+    Therefore the object gets a class that overrides them.
 
-    :param protocol: a ``trame_server.protocol.CoreServer`` that is being configured.
-    :param rules: what a client may set now.
-    :param refused: called with the keys that it may not.
+    :param protocol: a ``trame_server.protocol.CoreServer`` during its configuration.
+    :param rules: what a client may currently set.
+    :param refused: called with the keys that it may not set.
     """
     from wslink import register
 
@@ -157,7 +157,7 @@ def guard_protocol(
 
         @register("trame.state.update")
         def update_state(self, changes: object) -> None:
-            """Take what a client may set; the other clients do not hear of the rest."""
+            """Accept what a client may set; the rest is not sent to other clients."""
             accepted, others = sifted(changes, rules())
             if others:
                 _log.warning("refused of a client: %s", ", ".join(sorted(others)))
@@ -168,7 +168,7 @@ def guard_protocol(
 
         @register("trame.lifecycle.update")
         def life_cycle_update(self, name: object) -> None:
-            """Hear what stage the page is in, and nothing that the server alone can know."""
+            """Accept the life-cycle events of a page only."""
             if name in STAGES:
                 super().life_cycle_update(name)
 

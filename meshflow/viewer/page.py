@@ -28,16 +28,16 @@ from meshflow.viewer.timeline import Timeline
 
 __all__ = ["exportable", "exported"]
 
-SAMPLES = 400  # of a grid, a side: more would make a page of tens of megabytes
-HEAVY = 400_000  # vertices of a mesh beyond which a page says how large it became
+SAMPLES = 400  # per side of a grid; more would make a page of tens of megabytes
+HEAVY = 400_000  # vertices of a mesh above which a note states the size of the page
 MANY = 24  # states of a page
 
 
 def exportable(path: str | Path, overwrite: bool) -> Path:
     """Check that a page can be written to a path, before anything is computed.
 
-    :param overwrite: replace a file that is there.
-    :raises FormatError: for another extension, a folder that is not there, or a file that is there and is not to be replaced.
+    :param overwrite: replace an existing file.
+    :raises FormatError: for another extension, a missing folder, or a file that exists and must not be replaced.
     """
     target = Path(path)
     if target.suffix.lower() not in (".html", ".htm"):
@@ -51,9 +51,9 @@ def exportable(path: str | Path, overwrite: bool) -> Path:
 def exported(
     timeline: Timeline, path: str | Path, look: Look, command: Callable[[float], str], *, overwrite: bool = False
 ) -> tuple[str, ...]:
-    """Write the page; return notes on it.
+    """Write the page; returns notes.
 
-    Places are kept in 16 bits of the bounding box, what was removed in 8 bits of its scale: it is for looking.
+    Positions are stored with 16 bits of the bounding box, what was removed with 8 bits of its scale; the page is for viewing.
 
     :param path: ``.html``.
     :param command: the command line that makes the state at a time.
@@ -71,7 +71,7 @@ def exported(
     hues = as_shown(*images) if images else None
 
     def geometry(surface: Data) -> Geometry:
-        """A state as it is drawn."""
+        """The geometry of a state."""
         thin = thinned(raised(surface, look.seen), step)
         return geometry_of(thin, look, 1, exaggeration, hues)
 
@@ -111,7 +111,7 @@ def _page(start: Geometry, states: list[tuple[Geometry, Array, dict[str, str]]],
     flat = start.points @ sides
     wide, tall = np.ptp(flat, axis=0)
     middle = (start.points.min(axis=0) + start.points.max(axis=0)) / 2
-    # the middle of a box lies beside that of what is seen of the geometry in it
+    # the centre of the box differs from that of the visible geometry
     middle = middle + sides @ ((flat.min(axis=0) + flat.max(axis=0)) / 2 - middle @ sides)
     found: dict[str, Any] = {
         "many": len(start.points),
@@ -135,7 +135,7 @@ def _page(start: Geometry, states: list[tuple[Geometry, Array, dict[str, str]]],
         columns = list(np.round((geometry.points - low) / size * 65535).astype("<u2").T)
         share = np.nan_to_num((removed.ravel()[geometry.samples] - scale.low) / (scale.high - scale.low), nan=0.5)
         state: dict[str, Any] = dict(words)
-        # What does not move is there once.
+        # What does not move is stored once.
         state["columns"] = [
             None if before and np.array_equal(column, before[q]) else _packed(column)
             for q, column in enumerate(columns)

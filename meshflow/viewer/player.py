@@ -1,4 +1,4 @@
-"""What window and page share: which state of a flow is shown, and what a second thread computes for it."""
+"""The base of window and page: the current state of a flow, and the computations of a second thread."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,12 +15,12 @@ __all__ = ["Player"]
 class Player:
     """The states of a flow, the controls that change it, and a second thread that computes for both.
 
-    A window and a page are players; where words and controls stand is theirs to say.
+    A window and a page are players, and decide where text and controls are placed.
 
-    :ivar screen: what is drawn.
-    :ivar index: of the state that the slider is at.
+    :ivar screen: the plotter.
+    :ivar index: of the state at the slider.
     :ivar colouring: of the surface.
-    :param desk: what can be turned.
+    :param desk: the controls.
     """
 
     def __init__(self, desk: Controls, timeline: Timeline, screen: Screen) -> None:
@@ -31,7 +31,7 @@ class Player:
         self._values: dict[str, Any] = {}
 
     def move(self, index: float) -> None:
-        """Show another state. One that is not in memory is computed again; until then the old one stays."""
+        """Show another state. A state that is not in memory is computed again; until then the old one is shown."""
         self.index = min(max(round(index), 0), len(self.timeline) - 1)
         self._marked()
         timeline, wanted = self.timeline, self.index
@@ -40,14 +40,14 @@ class Player:
             return
 
         def again(data: Data) -> None:
-            """Show the state that was computed, if it is still the one that is wanted."""
+            """Show the computed state, if it is still the requested one."""
             if timeline is self.timeline and wanted == self.index:
                 self._seen(data)
 
         self._ask("state", lambda _: timeline.at(wanted), again, self._failed)
 
     def save(self) -> None:
-        """Write the state that the slider is at."""
+        """Write the state at the slider."""
         time = self.timeline.history[self.index].time
         self._ask("save", lambda _: self.desk.save(time), self._saved, self._saved)
 
@@ -73,14 +73,14 @@ class Player:
         self._work.ask(kind, work, done, failed)
         self._asked()
 
-    # --- what a player says for itself ----------------------------------------------------------------------------------
+    # --- overridden by window and page ----------------------------------------------------------------------------------
 
     def _asked(self) -> None:
-        """A computation was asked for: poll until it is done."""
+        """A computation was requested: poll until it is done."""
         raise NotImplementedError
 
     def _marked(self) -> None:
-        """Another state is the one to be seen."""
+        """The current state has changed."""
         raise NotImplementedError
 
     def _seen(self, data: Data) -> None:
@@ -96,9 +96,9 @@ class Player:
         raise NotImplementedError
 
     def _failed(self, message: str) -> None:
-        """Say what went wrong."""
+        """Show an error."""
         raise NotImplementedError
 
     def _saved(self, message: str) -> None:
-        """Say where a state was saved, or why not."""
+        """Show where a state was saved, or why not."""
         raise NotImplementedError

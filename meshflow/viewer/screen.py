@@ -1,4 +1,4 @@
-"""One surface on a plotter whose states are shown one after the other: for a window with sliders, and for a browser."""
+"""A plotter that shows the states of a surface, for a window with sliders and for a browser."""
 
 from dataclasses import replace
 from typing import Any, Literal, get_args
@@ -20,7 +20,7 @@ from meshflow.view.turning import Turning
 __all__ = ["COLOURINGS", "Colouring", "Screen"]
 
 Colouring = Literal["surface", "removed"]
-SAMPLES = 600  # of a grid, a side: a slider is to follow the hand
+SAMPLES = 600  # per side of a grid, so that the slider is responsive
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 
 
@@ -30,9 +30,9 @@ class Screen:
     :ivar plotter: of pyvista; the caller closes it.
     :ivar notes: sentences for the user.
     :param first: the start of a flow.
-    :param last: its end: frame and colours hold both.
+    :param last: its end; frame and colours fit both.
     :param off_screen: draw without a window.
-    :param column: beside the geometry there is room for a column, as :func:`meshflow.view.vtk_scene.single` has it.
+    :param column: leave room for a column beside the geometry, as in :func:`meshflow.view.vtk_scene.single`.
     :raises InputError: where there is nothing to draw.
     :raises MissingPackage: where VTK cannot draw.
     """
@@ -40,7 +40,7 @@ class Screen:
     def __init__(self, first: Data, last: Data, look: Look, off_screen: bool, *, column: bool = False) -> None:
         answer = rendering()
         if not answer.works:
-            raise MissingPackage(f"states are drawn by VTK alone: {answer.why}")
+            raise MissingPackage(f"states can be drawn by VTK only: {answer.why}")
         if off_screen:
             answer.prepare()
         elif not displayed() or answer.window is not None:
@@ -64,11 +64,11 @@ class Screen:
         self._surface: Any = self._drawn(geometry, None)
 
     def recoloured(self, last: Data) -> None:
-        """Colours for states that end at another one."""
+        """Set the colours for states with another end."""
         self._scale = self._removed(last)
 
     def show(self, data: Data, colouring: Colouring = "surface") -> None:
-        """A state, as it is or in the colours of what has been removed since the start."""
+        """Show a state, plain or coloured by what was removed since the start."""
         geometry, scale = self._geometry(data), None
         if colouring == "removed":
             values = self._removed(data).values
@@ -79,7 +79,7 @@ class Screen:
         same = colouring == self._colouring and (scale is not None or textured or geometry.colours is None)
         places = geometry.corners if textured else geometry.points
         if same and len(held.points) == len(places) and held.n_cells == len(geometry.faces):
-            held.points = places  # the triangles are on the graphics card already
+            held.points = places  # the triangles are already on the graphics card
             if scale is not None and worn is not None:
                 held.point_data[worn] = scale.values.ravel()[geometry.samples]
         else:
@@ -88,7 +88,7 @@ class Screen:
         self.plotter.render()
 
     def picture(self) -> Array:
-        """What is seen, (h, w, 3) in uint8."""
+        """The current picture (h, w, 3) in uint8."""
         return np.asarray(self.plotter.screenshot(None, return_img=True))[..., :3]
 
     def _drawn(self, geometry: Geometry, scale: Scale | None) -> Any:
@@ -96,7 +96,7 @@ class Screen:
         return self._actor.mapper.dataset
 
     def _coarse(self) -> None:
-        """What is seen while it turns, made when a hand takes hold of it: a slider over states need not wait for it."""
+        """Make the coarse geometry when an interaction starts, so that the slider over states does not wait for it."""
         if not self._stands_in:
             self._turning.pairs = vtk_scene.coarsened(self.plotter, self._actor, *self._seen, "while it turns")
             self._stands_in = True

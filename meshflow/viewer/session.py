@@ -1,4 +1,4 @@
-"""From a thing to its flow through time, to look at and to choose from."""
+"""The session of a viewer: data, its flow over time, and the controls of the flow."""
 
 import shlex
 from collections.abc import Callable, Mapping
@@ -35,7 +35,7 @@ from meshflow.viewer.window import Window
 
 __all__ = ["Desk", "Control", "Saving", "Session", "view"]
 
-# Controls: least, greatest, whether they grow by factors; relative to where they stand where they grow.
+# Controls: least and largest value, and whether these are factors on the initial value.
 CONTROLS = {
     "scale": (0.25, 4.0, True),
     "gamma": (-2.0, 4.0, False),
@@ -52,12 +52,12 @@ CONTROLS = {
 
 @dataclass(frozen=True)
 class Control:
-    """A number that can be turned.
+    """A number that the user can change.
 
     :ivar name: an option of the method, or ``scale``.
-    :ivar value: where it stands.
-    :ivar unit: of it; may be empty.
-    :ivar grows: by factors, not by steps.
+    :ivar value: its current value.
+    :ivar unit: its unit; may be empty.
+    :ivar grows: whether it changes by factors instead of steps.
     """
 
     name: str
@@ -70,12 +70,12 @@ class Control:
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """A thing, the flow that was chosen for it, and what can be turned.
+    """Data, its flow, and the controls of the flow.
 
-    :ivar data: as it came.
-    :ivar request: the flow, with the numbers that were estimated.
-    :ivar controls: what can be turned.
-    :ivar sigma: the noise, unit of the values; 0 where none was found.
+    :ivar data: before smoothing.
+    :ivar request: the flow, with the estimated numbers.
+    :ivar controls: numbers that the user can change.
+    :ivar sigma: the noise, in the unit of the values; 0 where none was found.
     """
 
     data: Data
@@ -87,11 +87,11 @@ class Session:
 
     @classmethod
     def begun(cls, data: Data, request: Request, count: int = 32, memory: int = MEMORY) -> "Session":
-        """Estimate what is not given.
+        """Begin a session; options that are not given are estimated.
 
-        :param count: how many states are shown.
+        :param count: the number of states.
         :param memory: bytes of states that are kept.
-        :raises InputError: for what cannot be smoothed, or has nothing to be smoothed, and for stops: the slider is one.
+        :raises InputError: for data that cannot or need not be smoothed, and for stops, which the slider replaces.
         """
         if request.stops or request.steps is not None:
             raise InputError("view: the slider says when to stop; leave out steps, residual, area_loss, displacement")
@@ -104,9 +104,9 @@ class Session:
         return cls(data, settled, _controls(settled, parameters_of(plan)), plan.noise.sigma, count, memory)
 
     def turned(self, **values: float | str) -> "Session":
-        """With other numbers; controls stay in their ranges.
+        """The session with other numbers; controls keep their ranges.
 
-        :raises InputError: for a name that is no control's, or a number that makes no sense.
+        :raises InputError: for a name that is no control, or an invalid number.
         """
         there = {control.name for control in self.controls} | ({"method"} if _moves(self.data) else set())
         strange = set(values) - there
@@ -130,23 +130,23 @@ class Session:
 
     @property
     def word(self) -> str:
-        """The method's."""
+        """The name of the method."""
         return "" if self.request.method is None else self.request.method.word
 
     def run(self, progress: Progress = None) -> Timeline:
-        """All states of it.
+        """Compute all states.
 
-        :param progress: as in :func:`meshflow.smooth`; what it raises ends the run.
+        :param progress: as in :func:`meshflow.smooth`; an exception that it raises ends the run.
         """
         states = flowing(self.data, self.request, self.count, progress)
         return recorded(states, self.at, self.sigma, squared_unit(self.data), self.memory)
 
     def at(self, time: float) -> Data:
-        """The state at a time, as a command line has it."""
+        """The state at a time, equal to that of the command line."""
         return self.result(time).after
 
     def result(self, time: float) -> Result:
-        """The run to a time, as a command line has it."""
+        """The run to a time, equal to that of the command line."""
         return run(self.data, self.to(time), record=None)
 
     def to(self, time: float) -> Request:
@@ -154,18 +154,18 @@ class Session:
         return replace(self.request, scale=None, time=time)
 
 
-class Turned(Exception):  # noqa: N818 - no error: a control was turned, and nobody waits for this run any more
-    """The run was left because other numbers are wanted."""
+class Turned(Exception):  # noqa: N818 - not an error: a control was changed, and the run is no longer needed
+    """The run was cancelled, because the controls were changed."""
 
 
 @dataclass(frozen=True)
 class Saving:
-    """How a state that is chosen is saved and made again.
+    """How a chosen state is saved, and the command line that makes it.
 
-    :param source: what the command line calls the thing.
+    :param source: the input on the command line.
     :param target: where a state is saved.
-    :param overwrite: in place of a file that is there.
-    :param read_as: words of the command line on how the source is read.
+    :param overwrite: replace an existing file.
+    :param read_as: arguments of the command line for reading the source.
     """
 
     source: str = "IN"
@@ -175,9 +175,9 @@ class Saving:
 
 
 class Desk:
-    """What pages and windows turn: a session, and how its states are saved.
+    """The controls for pages and windows: a session, and how its states are saved.
 
-    :param data: what it shows; a Document can be saved.
+    :param data: the original data; states of a Document can be saved.
     """
 
     def __init__(self, session: Session, data: Any, saving: Saving) -> None:
@@ -185,7 +185,7 @@ class Desk:
         self._made: tuple[ref[Timeline], Session] | None = None
 
     def controls(self) -> list[dict[str, Any]]:
-        """Controls as a page wants them; of points of a mesh the method, too."""
+        """The controls for a page; for points of a mesh also the method."""
         found: list[dict[str, Any]] = []
         if _moves(self.session.data):
             words = [found.word for found in POINT_METHODS]
@@ -198,7 +198,7 @@ class Desk:
         return found
 
     def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:
-        """The states with these values; None where ``gone`` said to leave it."""
+        """The states with these values; None where ``gone`` cancelled the run."""
         there = {
             control.name: float(values[control.name]) for control in self.session.controls if control.name in values
         }
@@ -206,7 +206,7 @@ class Desk:
         session = self.session.turned(**(there if method in (None, self.session.word) else {"method": str(method)}))
 
         def report(now: float, total: float) -> None:
-            """Pass on how far the run is, and end it where nobody waits for it."""
+            """Report the progress, and end a run that is no longer needed."""
             if gone(now / total if total else 1.0):
                 raise Turned
 
@@ -218,7 +218,7 @@ class Desk:
         return timeline
 
     def shown(self, timeline: Timeline) -> None:
-        """The last run is what is seen; before, a run may end that nobody waits for any more, and must not be what is saved."""
+        """Make the session of this run the current one; runs that are no longer needed must not be saved."""
         if self._made is not None and self._made[0]() is timeline:
             self.session = self._made[1]
 
@@ -230,13 +230,13 @@ class Desk:
         return shlex.join(["meshflow", "smooth", saving.source, str(saving.target or "OUT"), *words])
 
     def save(self, time: float) -> str:
-        """Write the state that :meth:`command` makes; where to.
+        """Write the state that :meth:`command` makes; returns a sentence that names the file.
 
-        :raises InputError: where there is no file to be written like, or one that is not to be replaced.
+        :raises InputError: where the data was not read from a file, or the target exists and must not be replaced.
         """
         target = self._saving.target
         if target is None or not isinstance(self._data, Document):
-            raise InputError("save: states of a file are saved; read one, or run the command that is shown")
+            raise InputError("save: only states of a file can be saved; read one, or run the command that is shown")
         result = self.session.result(time)
         tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
         write(self._data.holding(result.after), target, overwrite=self._saving.overwrite, tags=tags)
@@ -258,14 +258,14 @@ def view(
     :param data: a :class:`meshflow.Document`, a data object, or anything that :func:`meshflow.smooth` takes.
     :param place: None: a window; an :class:`Address`: a page that this machine serves until Ctrl-C; a :class:`Page`: one file
         that opens offline.
-    :param request: of the flow, as ``Request.of(method=..., time=...)``; what is not given is estimated.
-    :param states: how many are shown, and how much memory they may take.
-    :param saving: where a chosen state is saved; of a Document only.
+    :param request: of the flow, as ``Request.of(method=..., time=...)``; options that are not given are estimated.
+    :param states: their number, and the memory that they may use.
+    :param saving: where a chosen state is saved; for a Document only.
     :param progress: of the first run, as in :func:`meshflow.smooth`.
     :param look: the fields of :class:`meshflow.view.Look`.
     :returns: sentences for the user.
-    :raises InputError: for what cannot be smoothed or drawn, and a port that is taken.
-    :raises FormatError: for a page that cannot be written, or is there and is not to be replaced.
+    :raises InputError: for data that cannot be smoothed or drawn, and a port that is in use.
+    :raises FormatError: for a page that cannot be written, or exists and must not be replaced.
     :raises MissingPackage: for the browser without ``meshflow[web]``, and where VTK cannot draw.
     """
     seen = looking(**look)
@@ -302,7 +302,7 @@ def _moves(data: Data) -> bool:
 
 
 def _settled(plan: Plan) -> Request:
-    """The request with what was estimated, as if it had been given."""
+    """The request with all estimated options as given ones."""
     method = plan.method
     if isinstance(method, HeightMethod):
         exponents = {"gamma": plan.variant.gamma, "sharpness": plan.variant.sharpness, "patch": plan.variant.patch}
@@ -312,7 +312,7 @@ def _settled(plan: Plan) -> Request:
 
 
 def _controls(request: Request, parameters: Mapping[str, Parameter]) -> tuple[Control, ...]:
-    """What can be turned: the scale, and the numbers of the method."""
+    """The controls: the scale, and the numbers of the method."""
     found = []
     for name, (low, high, grows) in CONTROLS.items():
         value = request.scale if name == "scale" else getattr(request.method, name, None)

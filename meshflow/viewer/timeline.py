@@ -1,4 +1,4 @@
-"""The states of a flow: computed once, kept within a memory bound, computed again beyond it; and what they measure."""
+"""The states of a flow, kept within a memory limit and computed again beyond it, and their measurements."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -22,12 +22,12 @@ MEMORY = 1 << 30  # bytes of states that are kept
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a state measures.
+    """The measurements of a state.
 
     :ivar time: squared length.
     :ivar area: of the surface, as a share of that at the start.
-    :ivar change: root mean square of what was removed, unit of the values, per channel; of points along their normals.
-    :ivar residual: that as a share of the noise; NaN where none was found.
+    :ivar change: root mean square of what was removed, unit of the values, per channel; for points along their normals.
+    :ivar residual: the change as a share of the noise; NaN where none was found.
     """
 
     time: float
@@ -50,7 +50,7 @@ class Timeline:
     _again: Callable[[float], Data] = field(repr=False)
 
     def __len__(self) -> int:
-        """How many states there are."""
+        """The number of states."""
         return len(self.history)
 
     def at(self, index: int) -> Data:
@@ -61,7 +61,7 @@ class Timeline:
 
     @property
     def kept(self) -> tuple[int, ...]:
-        """The states that are in memory."""
+        """The states in memory."""
         return tuple(sorted(self._kept))
 
 
@@ -72,13 +72,13 @@ def recorded(
     unit: str = "",
     memory: int = MEMORY,
 ) -> Timeline:
-    """Measure states as they come, and keep as many as fit.
+    """Measure states one by one, and keep as many as fit in memory.
 
-    Where they do not all fit, every other one that is kept is let go, as often as need be; the first and the last stay.
+    Where they do not all fit, every other state is dropped, repeatedly; the first and the last are kept.
 
-    :param states: times and data objects, the start first; data objects share what does not move.
-    :param again: the state at a time, for those that were let go.
-    :param sigma: the noise, unit of the values; 0: not known.
+    :param states: times and data objects, the start first; data objects share arrays that do not change.
+    :param again: computes the state at a time, for dropped states.
+    :param sigma: the noise, in the unit of the values; 0: not known.
     :param memory: bytes.
     :raises InputError: where there is no state.
     """

@@ -1,4 +1,4 @@
-"""The viewer as a window of VTK: a geometry, a slider over its states, curves, controls, and the progress of a run."""
+"""The viewer as a window of VTK: a surface, a slider over its states, curves, controls, and the progress of a run."""
 
 from contextlib import closing
 from typing import Any
