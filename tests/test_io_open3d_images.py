@@ -89,7 +89,7 @@ def test_units_come_from_the_hint_or_the_convention():
         COUNTS[9, 9] / 5000
     )
     result = smooth(LEGACY.Image(COUNTS), time=1.0, camera=CAMERA, result=True)
-    assert "depths of 1000 units per metre are taken" in " ".join(result.warnings)
+    assert "depths of 1000 units per metre are converted to" in " ".join(result.warnings)
     big = LEGACY.Image(np.full((480, 640), 5000, np.uint16))
     assert from_object(big, {"camera": "tum"}).data.depth[0, 0] == 1.0
 
