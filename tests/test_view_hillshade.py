@@ -176,7 +176,7 @@ def test_what_only_vtk_can_draw_is_refused_with_the_reason(tmp_path, monkeypatch
         with pytest.raises(MissingPackage, match="MESHFLOW_RENDERING=off"):
             call()
     monkeypatch.setenv("DISPLAY", ":0")
-    with pytest.raises(MissingPackage, match="a window is drawn by VTK only"):
+    with pytest.raises(MissingPackage, match="a window can be drawn by VTK only"):
         show(plane())
 
 
