@@ -1,18 +1,19 @@
-"""The classics of mesh smoothing with uniform weights, plain and correct, for comparison and for those who ask by name.
+"""Classic methods of mesh smoothing with uniform weights, for comparison and by name.
 
 ===========================  =====================================================
 :func:`umbrella`             Laplacian smoothing (Field 1988); it shrinks
-:func:`taubin`               a step of lambda and one of mu in turn [Taubin 95]
+:func:`taubin`               alternating steps of lambda and mu [Taubin 95]
 :func:`hc`                   Humphrey's classes [Vollmer 99]
 :func:`scale_dependent`      the scale-dependent umbrella, implicit [DMSB99]
 ===========================  =====================================================
 
-They treat a mesh as a graph. Every edge counts alike, or by its length, so vertices drift along the surface, and shapes of
-uneven triangles change although they are smooth. The flows of meshflow do not; these are here since others are measured by them.
+They treat a mesh as a graph in which all edges count equally, or by their lengths. Therefore vertices drift along the surface,
+and smooth shapes with uneven triangles change; the flows of meshflow do not have these effects. The methods are included
+because others are compared with them.
 
-The neighbours of a border vertex are, by name: ``curve`` (default), its neighbours along the border alone, so that a border is
-smoothed as the curve that it is (the hierarchical neighbourhoods of [Taubin 95]); ``free``, all of them; ``fixed``, none: it
-stays. The order of the triangles and of their corners makes no difference.
+The neighbours of a border vertex are: ``curve`` (default), its neighbours along the border, so that the border is smoothed as a
+curve (the hierarchical neighbourhoods of [Taubin 95]); ``free``, all neighbours; ``fixed``, none, so that it stays. The order of
+the triangles and of their corners makes no difference.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Humphrey's classes: Laplacian smoothing that is pushed back by what the neighbours have moved [Vollmer 99]."""
+"""Humphrey's classes: Laplacian smoothing, corrected by the displacements of the neighbours [Vollmer 99]."""
 
 from meshflow.classics.inputs import ready
 from meshflow.errors import InputError
@@ -16,17 +16,17 @@ def hc(
     steps: int = 10,
     border: Border = "curve",
 ) -> Array:
-    """Humphrey's classes: Laplacian smoothing, then back by what the neighbours, too, have been moved.
+    """Humphrey's classes: Laplacian smoothing, then a step back by the mean displacement.
 
     J. Vollmer, R. Mencl, H. Müller, *Improved Laplacian smoothing of noisy surface meshes*, Eurographics 1999 [Vollmer 99].
 
     :param points: (n, d).
     :param faces: (m, 3).
-    :param alpha: how much of the way back is to the first points, and not to the last ones; in [0, 1].
-    :param beta: how much of it is the vertex' own, and not its neighbours'; in [0, 1]. (Above 0.5 the paper proves convergence.)
-    :param steps: how many, 0 or more.
+    :param alpha: the weight of the original points against the previous ones, in [0, 1].
+    :param beta: the weight of the vertex itself against its neighbours, in [0, 1]; above 0.5 the paper proves convergence.
+    :param steps: number of steps, 0 or more.
     :returns: points (n, d).
-    :raises InputError: for arrays or parameters other than these.
+    :raises InputError: for invalid arrays or parameters.
     """
     x, mean = ready(points, faces, steps, border)
     if not (0 <= alpha <= 1 and 0 <= beta <= 1):

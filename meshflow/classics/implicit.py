@@ -1,4 +1,4 @@
-"""The scale-dependent umbrella in implicit steps, (I - dt L) x+ = x: neighbours count by one over their distance [DMSB99]."""
+"""The scale-dependent umbrella in implicit steps, (I - dt L) x+ = x: with weights 1 / distance [DMSB99]."""
 
 from typing import TYPE_CHECKING
 
@@ -21,21 +21,22 @@ def scale_dependent(points: Array, faces: Array, time: float = 1.0, steps: int =
     """The scale-dependent umbrella, implicit: (I - dt L) x+ = x, L x = 2 / E sum (x_j - x_i) / |e_ij|, E = sum |e_ij|.
 
     M. Desbrun, M. Meyer, P. Schröder, A. Barr, *Implicit fairing of irregular meshes using diffusion and curvature flow*,
-    SIGGRAPH 1999 [DMSB99], section 4.2: lengths are those at the begin of each step, and it is solved by biconjugate gradients.
-    (On even triangles L is half the Laplacian: the sum over six neighbours h away is 3 h^2 / 2 of it, and E is 6 h.)
+    SIGGRAPH 1999 [DMSB99], section 4.2. Lengths are those at the start of each step; the system is solved by biconjugate
+    gradients. On equilateral triangles L is half the Laplacian, since the sum over six neighbours at distance h is 3 h^2 / 2 of
+    it and E is 6 h.
 
     :param points: (n, d).
     :param faces: (m, 3).
-    :param time: of all steps together, in squared mean edges; above 0.
-    :param steps: how many, 0 or more.
+    :param time: of all steps together, in squared mean edges, positive.
+    :param steps: number of steps, 0 or more.
     :returns: points (n, d).
-    :raises InputError: for arrays or parameters other than these, or an edge without length.
+    :raises InputError: for invalid arrays or parameters, or an edge of length zero.
     :raises NotConverged: when the solver does not reach a residual of 1e-8.
     """
     x, mean = ready(points, faces, steps, border)
     if not 0 < time < np.inf:
         raise InputError(f"scale_dependent: a time above 0 expected, got {time}")
-    # The pattern of the mean: who looks at whom; a fixed vertex looks at itself alone, at no distance.
+    # The pattern of the mean; a fixed vertex is its only neighbour, at distance 0.
     rows, columns = mean.nonzero()
     away = rows != columns
     rows, columns = rows[away], columns[away]
@@ -55,7 +56,7 @@ def scale_dependent(points: Array, faces: Array, time: float = 1.0, steps: int =
 
 
 def _solved(matrix: "csr_matrix", right: Array) -> Array:
-    """x (n, d) of matrix @ x = right, from right, by biconjugate gradients with Jacobi's preconditioner."""
+    """Solve matrix @ x = right for x (n, d) by biconjugate gradients with Jacobi's preconditioner, starting from right."""
     jacobi = sparse.diags(1.0 / np.asarray(matrix.diagonal(), dtype=np.float64))
     found = np.empty_like(right)
     for column in range(right.shape[1]):

@@ -1,4 +1,4 @@
-"""What all classics ask of their arrays, and the neighbours that they see."""
+"""Checks of the arrays of all classic methods, and the neighbours of the vertices."""
 
 from typing import TYPE_CHECKING, get_args
 
@@ -15,13 +15,13 @@ __all__ = ["ready"]
 
 
 def ready(points: Array, faces: Array, steps: int, border: Border) -> "tuple[Array, csr_matrix]":
-    """A copy of the points, float64, and the matrix (n, n) that takes the mean of the neighbours; its rows sum to 1.
+    """A copy of the points, float64, and the matrix (n, n) of the mean of the neighbours, whose rows sum to 1.
 
     :param points: (n, d).
     :param faces: (m, 3).
     :param steps: a whole number, 0 or more.
-    :param border: which neighbours a border vertex has.
-    :raises InputError: for arrays or parameters other than these.
+    :param border: the neighbours of border vertices.
+    :raises InputError: for invalid arrays or parameters.
     """
     x, faces = np.array(points, dtype=np.float64), np.asarray(faces)
     if x.ndim != 2 or not np.isfinite(x).all():

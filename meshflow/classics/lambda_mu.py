@@ -1,4 +1,4 @@
-"""Smoothing without shrinking: a step of lambda, and one of mu back, 1 / lambda + 1 / mu = passband [Taubin 95]."""
+"""Smoothing without shrinking: steps of lambda and of mu, 1 / lambda + 1 / mu = passband [Taubin 95]."""
 
 from meshflow.classics.inputs import ready
 from meshflow.errors import InputError
@@ -16,17 +16,17 @@ def taubin(
     steps: int = 10,
     border: Border = "curve",
 ) -> Array:
-    """Smoothing without shrinking, a step of lambda and one of mu < -lambda in turn, 1 / lambda + 1 / mu = passband.
+    """Smoothing without shrinking: alternating steps of lambda and mu < -lambda, 1 / lambda + 1 / mu = passband.
 
     G. Taubin, *A signal processing approach to fair surface design*, SIGGRAPH 1995 [Taubin 95].
 
     :param points: (n, d).
     :param faces: (m, 3).
     :param weight: lambda, in (0, 1].
-    :param passband: k_PB: frequencies of the umbrella (0 to 2) below it are kept; 0 or more, below 1 / weight.
-    :param steps: pairs of them, 0 or more.
+    :param passband: k_PB, from 0 to below 1 / weight; frequencies of the umbrella (0 to 2) below it are kept.
+    :param steps: number of pairs of steps, 0 or more.
     :returns: points (n, d).
-    :raises InputError: for arrays or parameters other than these.
+    :raises InputError: for invalid arrays or parameters.
     """
     x, mean = ready(points, faces, steps, border)
     if not (0 < weight <= 1 and 0 <= passband < 1 / weight):
@@ -41,5 +41,5 @@ def taubin(
 
 
 def mu(weight: float, passband: float) -> float:
-    """The weight of Taubin's step back, from 1 / lambda + 1 / mu = passband."""
+    """The weight of Taubin's second step, from 1 / lambda + 1 / mu = passband."""
     return weight / (passband * weight - 1.0)

@@ -11,14 +11,14 @@ __all__ = ["umbrella"]
 def umbrella(points: Array, faces: Array, weight: float = 0.5, steps: int = 10, border: Border = "curve") -> Array:
     """Laplacian smoothing, x += weight (mean of the neighbours - x) (Field 1988; the umbrella of [Taubin 95], [DMSB99]).
 
-    It shrinks: a closed mesh ends in a point.
+    It shrinks the mesh; a closed mesh converges to a point.
 
     :param points: (n, d).
     :param faces: (m, 3).
     :param weight: of a step, in (0, 1].
-    :param steps: how many, 0 or more.
+    :param steps: number of steps, 0 or more.
     :returns: points (n, d).
-    :raises InputError: for arrays or parameters other than these.
+    :raises InputError: for invalid arrays or parameters.
     """
     x, mean = ready(points, faces, steps, border)
     if not 0 < weight <= 1:

@@ -1,12 +1,12 @@
-"""How good a result is: differences, quality against a known truth, and the comparison of the flows.
+"""Quality of results: differences, comparison with a known truth, and the comparison of flows.
 
-**What lies between two surfaces**: :func:`compare` (data before and after), :func:`rms_difference`, :func:`median_difference`,
+**Differences of two surfaces**: :func:`compare` (data before and after), :func:`rms_difference`, :func:`median_difference`,
 :func:`largest_difference`, :func:`normal_angle`, :func:`distance_rms`, :func:`structural_similarity`.
 
 **Quality against a known truth**: :func:`grid_quality` (height fields, images), :func:`range_quality` (range images),
-:func:`mesh_quality` (meshes), and where they look: :func:`edges_of`, :func:`jumps_of`, :func:`flipped`.
+:func:`mesh_quality` (meshes), and where they are measured: :func:`edges_of`, :func:`jumps_of`, :func:`flipped`.
 
-**What data is**: :func:`describe`.
+**Facts about data**: :func:`describe`.
 
 **Four flows on one range image**: :func:`compare_flows`.
 """

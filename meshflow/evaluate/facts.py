@@ -1,4 +1,4 @@
-"""What a thing is: size, spacing, missing samples, area, and how good its triangles are."""
+"""Facts about data: size, spacing, missing samples, area, quality of the triangles."""
 
 from typing import Any
 
@@ -18,9 +18,9 @@ __all__ = ["describe"]
 
 
 def describe(data: Data) -> dict[str, Any]:
-    """Facts about a data object, words to numbers or words, in reading order; lengths in the unit of the data.
+    """Facts about a data object by name, in reading order; lengths are in the unit of the data.
 
-    The area of an image is that of (x, y, channels) at contrast 1; angles are of the triangles between valid samples.
+    The area of an image is that of (x, y, channels) at contrast 1; angles are those of triangles between valid samples.
     """
     surface = data.lifted(Lift(diagonals="forward"))
     faces = surface.triangulations[0]
@@ -74,7 +74,7 @@ def _of_mesh(data: Mesh, faces: Array) -> dict[str, Any]:
 
 
 def _quality(cot: Array, area: Array) -> dict[str, Any]:
-    """Degenerate triangles, and the smallest angles of the others."""
+    """The number of degenerate triangles, and the smallest angles of the others."""
     sound = area > 0
     smallest = np.degrees(np.arctan2(1.0, cot[sound].max(axis=1))) if sound.any() else np.zeros(0)
     facts: dict[str, Any] = {"triangles without area": int((~sound).sum())}

@@ -1,4 +1,4 @@
-"""The comparison of four flows on one range image, each stopped when its surface is as smooth as that of the others."""
+"""Compares four flows on a range image, each stopped when its surface is equally smooth."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -29,21 +29,21 @@ FLOWS = {
     "rays": "ray flow",
 }
 HEADS = {"before": "before", "space": "3D", "normals": "3D, normals", "z": "z graph", "rays": "rays"}
-# A flow that is not as smooth as the ray flow after this many times its time, is measured there.
+# A flow that has not reached the smoothness of the ray flow after this multiple of its time is measured there.
 PATIENCE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One surface as its camera sees it, for a picture.
+    """A surface as seen by its camera, for a picture.
 
-    :ivar label: what it is.
+    :ivar label: its name.
     :ivar note: its numbers.
-    :ivar pixels: (n, 2), column and row in which each vertex is seen.
+    :ivar pixels: (n, 2), column and row at which each vertex is seen.
     :ivar depth: (n,), of each vertex.
     :ivar points: (n, 3).
     :ivar faces: (m, 3).
-    :ivar rim: (k, 2), edges on one side of which there is no triangle.
+    :ivar rim: (k, 2), edges with a triangle on one side only.
     """
 
     label: str
@@ -57,12 +57,12 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class FlowComparison:
-    """What four flows made of one range image, at the same roughness.
+    """The results of four flows on a range image, at equal roughness.
 
-    :ivar before: as it came.
-    :ivar after: the four flows by the names of :data:`FLOWS`.
+    :ivar before: the image before smoothing.
+    :ivar after: the results of the flows, by the names of :data:`FLOWS`.
     :ivar roughness: at which each was stopped, degrees.
-    :ivar start: the surface as it came.
+    :ivar start: the surface before smoothing.
     :ivar truth: the true surface; None where it is not known.
     """
 
@@ -82,7 +82,7 @@ class FlowComparison:
         }
 
     def rows(self) -> list[tuple[str, ...]]:
-        """The table as words, head first; a column of which no row has a number is left out."""
+        """The table as text, with the header first; columns without any number are left out."""
         columns: list[tuple[str, Callable[[Outcome], Any], str]] = [
             ("time [px²]", lambda o: o.time, ".2f"),
             ("roughness [°]", lambda o: o.roughness, ".2f"),
@@ -108,7 +108,7 @@ class FlowComparison:
         return table
 
     def __str__(self) -> str:
-        """The table turned, so that it fits: a line for each number, a column for each flow."""
+        """The transposed table: one line per number, one column per flow."""
         lines = list(zip(*self.rows(), strict=True))
         first = max(len(line[0]) for line in lines)
         wide = [max(len(line[k]) for line in lines) for k in range(1, len(lines[0]))]
@@ -118,7 +118,7 @@ class FlowComparison:
         )
 
     def panels(self) -> tuple[Panel, ...]:
-        """Before, the truth where it is known, and the four flows."""
+        """Before, the truth if known, and the four flows."""
         start, truth = self.start, self.truth
         kinds = [("before", _noted(self.before), self.before.points, start.faces)]
         if truth is not None:
@@ -141,27 +141,26 @@ def compare_flows(
     boundary: Boundary = "plane-preserving",
     variant: Variant | None = None,
 ) -> FlowComparison:
-    """Run four flows on one range image until they are equally smooth, and measure what each has done to it.
+    """Run four flows on a range image until they are equally smooth, and measure their results.
 
-    ``space``: mean curvature flow of the triangulated mesh, all of R^3 free; ``normals``: the same, along vertex normals alone,
-    which are taken anew after each step; ``z``: each point along the axis of the camera, off its ray; ``rays``: each along its
-    ray. The same triangles, boundary rule and unit of time (the squared footprint of each pixel at the start) for all.
+    ``space``: mean curvature flow of the triangulated mesh, all of R^3 free; ``normals``: the same along vertex normals only,
+    which are updated after each step; ``z``: each point along the axis of the camera, off its ray; ``rays``: each along its
+    ray. All use the same triangles, boundary condition and unit of time (the squared footprint of each pixel at the start).
 
-    What is matched is the roughness, the mean angle between neighbouring triangles that do not touch the rim: the ray flow runs
-    for ``time``, and each of the others until it is as smooth. Steps are semi-implicit, the last one is cut where the roughness
-    is met. A flow that does not come to it within three times ``time`` is measured there and says so. (More than six parameters:
-    each is a part of what is compared, and none belongs to another.)
+    The flows are matched in roughness, the mean angle between neighbouring triangles that do not touch the rim: the ray flow runs
+    for ``time``, and each of the others until it is equally smooth. Steps are semi-implicit; the last one is shortened to meet
+    the roughness. A flow that does not reach it within three times ``time`` is measured there and marked. (It has more than six
+    parameters because they are independent of each other.)
 
     :param depth: (h, w); 0 and NaN are missing.
-    :param camera: what :class:`RangeImage` takes.
+    :param camera: a camera that :class:`RangeImage` takes.
     :param truth: (h, w), the true depths; 0 and NaN where there are none.
     :param time: of the ray flow, squared pixel footprints.
     :param dt: of one step.
-    :param jump: as that of :class:`RangeImage`, of the image and of the truth.
+    :param jump: as in :class:`RangeImage`, for the image and the truth.
     :param boundary: ``neumann | plane-preserving | fixed``.
-    :param variant: of the family; the Beltrami flow by default. It makes no difference where all of R^3 is free.
-    :raises InputError: for a truth of another shape, an image without two neighbouring triangles, or no pixel that is left to
-        compare.
+    :param variant: of the family; the Beltrami flow by default. It has no effect where all of R^3 is free.
+    :raises InputError: for a truth of another shape, an image without two neighbouring triangles, or no pixel to compare.
     """
     positive(time, "time", "squared pixel footprints")
     dt = min(positive(dt, "dt", "squared pixel footprints"), time)
@@ -189,7 +188,7 @@ def compare_flows(
 
 @dataclass(frozen=True, eq=False)
 class _End:
-    """Where a run came to."""
+    """The end of a run."""
 
     points: Array
     time: float
@@ -199,7 +198,7 @@ class _End:
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """What the runs share."""
+    """Common parameters of the runs."""
 
     faces: Array
     bends: Bends
@@ -207,7 +206,7 @@ class _Run:
     dt: float
 
     def until(self, surface: Surface, name: str, time: float, roughness: float | None = None) -> _End:
-        """One flow up to a time, or up to where it is as smooth as asked for."""
+        """Run a flow to a time, or to a roughness."""
         move, points, now, diagonal = self._mover(surface, name), surface.points, 0.0, 0
         reached = self.bends.roughness(points)
         while now < time * (1.0 - 1e-12) and (roughness is None or reached > roughness):
@@ -222,17 +221,17 @@ class _Run:
         return _End(points, now, reached, roughness is None or reached <= roughness)
 
     def _share(self, old: Array, new: Array, roughness: float) -> float:
-        """How much of a step leads to a roughness."""
+        """The share of a step that leads to a roughness."""
         from scipy.optimize import brentq
 
         def over(share: float) -> float:
-            """By how much the surface after a share of the step is rougher than asked for."""
+            """The roughness after a share of the step, minus the requested one."""
             return self.bends.roughness(old + share * (new - old)) - roughness
 
         return float(brentq(over, 0.0, 1.0, xtol=1e-3)) if over(0.0) > 0 > over(1.0) else 1.0  # pyright: ignore[reportArgumentType]
 
     def _mover(self, surface: Surface, name: str) -> Callable[[Array, float, int], Array]:
-        """A step of a flow: (points, dt, turn) to points."""
+        """A step of a flow: (points, dt, diagonal) to points."""
         stepper = SemiImplicit()
         if name == "normals":
 
@@ -255,7 +254,7 @@ class _Run:
 
 
 def _opened(depth: ArrayLike, camera: Any, jump: float | None, boundary: Boundary) -> tuple[Surface, Start]:
-    """The surface that moves, and what is measured of it."""
+    """The moving surface, and the quantities at the start."""
     image = RangeImage(np.asarray(depth), camera, jump=jump)
     grid = image.gridded(Lift(boundary=boundary))
     surface = grid.surface()

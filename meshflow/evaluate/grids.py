@@ -1,4 +1,4 @@
-"""How good a denoised grid is, measured against the truth: arrays in, a few numbers out."""
+"""Quality of a smoothed grid against the truth."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -20,10 +20,10 @@ EDGE_SHARE, EDGE_REACH = 0.05, 2
 
 @dataclass(frozen=True)
 class GridQuality:
-    """Distances of what was found from the truth.
+    """Differences of a result from the truth.
 
     :ivar rms: root mean square difference, all channels together, in the unit of the values.
-    :ivar rms_near_edges: of the samples near edges of the truth alone, see :func:`edges_of`; NaN where it has none.
+    :ivar rms_near_edges: the same for samples near edges of the truth only, see :func:`edges_of`; NaN without edges.
     :ivar normal_error: mean angle, degrees, between the normals of the same triangles of both height fields; None for images.
     :ivar ssim: mean structural similarity of images, 1 at best, window 7 x 7, channels averaged; None for height fields.
     :ivar psnr: peak over rms, decibels; infinite where nothing differs.
@@ -43,11 +43,11 @@ def grid_quality(
     spacing: float | tuple[float, float] = 1.0,
     peak: float | None = None,
 ) -> GridQuality:
-    """Measure what was found against the truth, over the samples that are finite in both.
+    """Compare a result with the truth, over the samples that are finite in both.
 
     :param found: (h, w), or for images (h, w, k).
     :param truth: the same shape.
-    :param kind: ``terrain`` measures normals, ``image`` structural similarity, for which nothing may be missing.
+    :param kind: ``terrain`` measures normals, ``image`` structural similarity, which needs all samples.
     :param spacing: of the samples of a terrain, one number or (dx, dy), in the unit of the heights.
     :param peak: the whole range of the values, for PSNR and SSIM; by default the range of the truth.
     :raises InputError: for an unknown kind, different shapes, a peak that is not positive, or no sample finite in both.
@@ -76,10 +76,10 @@ def grid_quality(
 def edges_of(truth: ArrayLike, share: float = EDGE_SHARE, reach: int = EDGE_REACH) -> Array:
     """The samples (h, w) near an edge: within ``reach`` of where the gradient of the truth is in its top ``share``.
 
-    The gradient is that of central differences, its size the root of the sum of squares over both axes and all channels. Where
-    less than that share is steep at all, edges are what is steep; a truth without a slope has none.
+    The gradient is by central differences; its magnitude is over both axes and all channels. Where less than that share has a
+    nonzero gradient, the edges are those samples; a constant truth has none.
 
-    :param truth: (h, w) or (h, w, k); NaN is missing and makes no edge.
+    :param truth: (h, w) or (h, w, k); NaN is missing and gives no edge.
     :param share: between 0 and 1.
     :param reach: samples, along rows, columns and diagonals.
     """

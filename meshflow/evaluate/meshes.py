@@ -1,4 +1,4 @@
-"""How well a mesh was smoothed, against the surface that it is a sampling of."""
+"""Quality of a smoothed mesh against the true surface."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,11 +13,11 @@ __all__ = ["MeshQuality", "Shape", "flipped", "mesh_quality"]
 
 
 class Shape(Protocol):
-    """A mesh whose vertices lie on a surface that is known, as those of ``meshflow.synthetic.shapes`` do."""
+    """A mesh whose vertices lie on a known surface, as in ``meshflow.synthetic.shapes``."""
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         ...
 
     @property
@@ -42,13 +42,13 @@ class Shape(Protocol):
 
 @dataclass(frozen=True)
 class MeshQuality:
-    """What is left of the noise, and what was lost of the shape.
+    """The remaining noise, and the loss of shape.
 
-    :ivar normal_error: mean angle between the normals of a triangle here and over the true points, degrees.
-    :ivar rms: root mean square distance of the vertices from the true surface, mean edges of the true mesh.
+    :ivar normal_error: mean angle between the normals of a triangle and of the same triangle over the true points, degrees.
+    :ivar rms: root mean square distance of the vertices from the true surface, in mean edges of the true mesh.
     :ivar largest: the largest such distance, mean edges.
-    :ivar drift: volume over that of the true mesh, minus 1; NaN of a mesh with a border, which encloses none.
-    :ivar flipped: number of triangles whose normal is more than 90 degrees off.
+    :ivar drift: volume over that of the true mesh, minus 1; NaN for a mesh with a border.
+    :ivar flipped: number of triangles whose normal is wrong by more than 90 degrees.
     """
 
     normal_error: float
@@ -61,7 +61,7 @@ class MeshQuality:
 def mesh_quality(points: Array, shape: Shape) -> MeshQuality:
     """Measure points (n, 3) on the triangles of a shape.
 
-    :raises InputError: when there are not as many as the shape has, or one is not finite.
+    :raises InputError: when their number differs from that of the shape, or one is not finite.
     """
     if np.shape(points) != shape.points.shape:
         raise InputError(f"{shape.name}: points of shape {shape.points.shape} expected, got {np.shape(points)}")

@@ -1,4 +1,4 @@
-"""How far two things are apart: arrays in, numbers out; and two data objects compared in one call."""
+"""Differences of arrays, and the comparison of two data objects."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -42,7 +42,7 @@ def rms_difference(found: ArrayLike, truth: ArrayLike) -> float:
 
 
 def median_difference(found: ArrayLike, truth: ArrayLike) -> float:
-    """Median of |found - truth|, in their unit, over the samples that are finite in both; outliers do not count in it.
+    """Median of |found - truth|, in their unit, over the samples that are finite in both; it is robust to outliers.
 
     :raises InputError: as :func:`rms_difference`.
     """
@@ -60,7 +60,7 @@ def largest_difference(found: ArrayLike, truth: ArrayLike) -> float:
 def normal_angle(points: Array, others: Array, faces: Array) -> float:
     """Mean angle, degrees, between the normals of the same triangles over two sets of points; each triangle counts once.
 
-    Triangles without area in either have no normal and do not count.
+    Triangles without area in either set have no normal and are not counted.
 
     :param points: (n, 3).
     :param others: (n, 3).
@@ -85,28 +85,29 @@ def area(points: Array, faces: Array) -> float:
 def distance_rms(points: Array, distance: Callable[[Array], Array]) -> float:
     """Root mean square distance of points (n, 3) from a surface, in their unit.
 
-    :param distance: from points (n, 3) to distances (n,) from the true surface; their sign does not matter.
+    :param distance: from points (n, 3) to distances (n,) from the true surface; their sign has no effect.
     """
     return rms_difference(distance(points), np.zeros(len(points)))
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What lies between two data objects of one kind on the same samples.
+    """Differences of two data objects of one kind on the same samples.
 
     :ivar kind: ``height field | image | range image | mesh``.
-    :ivar unit: of rms, median and largest; empty where the data object does not name it.
-    :ivar samples: number of samples that both have.
-    :ivar missing_before: number of samples missing before, of grids.
+    :ivar unit: of rms, median and largest; empty where the data object does not define it.
+    :ivar samples: number of samples present in both.
+    :ivar missing_before: number of samples missing before, for grids.
     :ivar missing_after: and after.
-    :ivar rms: of heights, depths, all channels together; of meshes of the distances between the points before and after (of
-        what moves: the channels where those alone are free, points and channels as one vector where both are).
-    :ivar along: of meshes in R^3 whose points move: the root mean square way along the normals before, as noise is counted.
-    :ivar median: of the sizes of the differences.
-    :ivar largest: of them.
-    :ivar normal_angle: mean angle between the normals of the same triangle, degrees; None for images, whose channels have no
-        common unit with their pixels, and for surfaces outside R^3.
-    :ivar area_before: of the triangles that both have; of a grid with diagonals forward and contrast 1; squared length.
+    :ivar rms: of heights, depths, or all channels together; for meshes of the displacement of the points (or of the channels
+        where only those move; where both move, of both as one vector).
+    :ivar along: for meshes in R^3 whose points move: root mean square displacement along the normals before, as noise is
+        measured.
+    :ivar median: of the absolute differences.
+    :ivar largest: of the absolute differences.
+    :ivar normal_angle: mean angle between the normals of the same triangle, degrees; None for images, whose channels and
+        pixels have no common unit, and for surfaces outside R^3.
+    :ivar area_before: of the triangles present in both; for a grid with forward diagonals and contrast 1; squared length.
     :ivar area_after: of the same triangles after.
     :ivar volume_before: of a closed mesh in R^3, cubed length; None otherwise.
     :ivar volume_after: of the same mesh after.
@@ -128,7 +129,7 @@ class Comparison:
     along: float | None = None
 
     def words(self) -> dict[str, str | int | float]:
-        """Names to numbers, in reading order, ``unit`` that of the differences; what does not apply is left out."""
+        """The numbers by name, in reading order; ``unit`` is that of the differences. Numbers that do not apply are left out."""
         lines = {
             "kind": self.kind,
             "unit": self.unit or None,
@@ -149,9 +150,9 @@ class Comparison:
 
 
 def compare(before: Data, after: Data) -> Comparison:
-    """Measure what lies between two data objects of the same kind, on the same samples.
+    """Measure the differences of two data objects of the same kind on the same samples.
 
-    :raises InputError: when kinds, shapes, spacings, units, cameras or triangles differ, or no sample is in both.
+    :raises InputError: when kinds, shapes, spacings, units, cameras or triangles differ, or no sample is present in both.
     """
     if type(before) is not type(after):
         raise InputError(f"compare: data of one kind expected, got {_name(before)} and {_name(after)}")
@@ -168,7 +169,7 @@ def _compared_grids(before: HeightField | Image | RangeImage, after: HeightField
     sizes = _sizes(_values(before)[both], _values(after)[both])
     lift = Lift(diagonals="forward")
     surfaces = before.lifted(lift), after.lifted(lift)
-    # The first two corners of a triangle of a grid name it; holes and depth jumps of either are left out of both.
+    # The first two corners identify a triangle of a grid; holes and depth jumps of either are left out of both.
     names = [surface.triangulations[0][:, 0] * both.size + surface.triangulations[0][:, 1] for surface in surfaces]
     one, other = (_corners(s, np.isin(names[i], names[1 - i])) for i, s in enumerate(surfaces))
     units = {data.unit for data in (before, after) if isinstance(data, (HeightField, RangeImage))}
@@ -186,7 +187,7 @@ def _compared_meshes(before: Mesh, after: Mesh) -> Comparison:
         raise InputError("compare: the same triangles expected, got two meshes with different faces; remesh neither")
     if before.moves != after.moves:
         raise InputError(f"compare: meshes that move alike expected, got moves {before.moves!r} and {after.moves!r}")
-    # What moves, points, channels or both, is what the lifted surface calls free.
+    # The free coordinates of the lifted surface are those that move: points, channels or both.
     one, other = before.lifted(Lift()), after.lifted(Lift())
     sizes = np.linalg.norm(other.start - one.start, axis=1)
     corners = before.points[before.faces].astype(np.float64), after.points[after.faces].astype(np.float64)
@@ -210,7 +211,7 @@ def _comparison(
     corners: tuple[Array, Array],
     angles: Array | None,
 ) -> Comparison:
-    """Kind and unit, sizes of differences (s,), corners (m, 3, d) before and after, as a Comparison without volumes."""
+    """A Comparison without volumes, from absolute differences (s,) and corners (m, 3, d) before and after."""
     return Comparison(
         kind=names[0],
         unit=names[1],
@@ -227,12 +228,12 @@ def _comparison(
 
 
 def _must_share_a_frame(before: HeightField | Image | RangeImage, after: HeightField | Image | RangeImage) -> None:
-    """Grids of one shape, and of one spacing and unit, or one camera."""
+    """Refuse grids that differ in shape, and in spacing and unit, or in their camera."""
     shapes = _values(before).shape, _values(after).shape
     if shapes[0] != shapes[1]:
         raise InputError(f"compare: the same samples expected, got shapes {shapes[0]} and {shapes[1]}; crop one")
     if isinstance(before, RangeImage) or isinstance(after, RangeImage):
-        before, after = cast(RangeImage, before), cast(RangeImage, after)  # they are of one kind
+        before, after = cast(RangeImage, before), cast(RangeImage, after)  # both are of one kind
         if before.camera != after.camera:
             raise InputError(f"compare: one camera expected, got {before.camera} and {after.camera}")
         if before.measure != after.measure:
@@ -261,14 +262,14 @@ def _sizes(found: ArrayLike, truth: ArrayLike) -> Array:
 
 
 def _values(data: HeightField | Image | RangeImage) -> Array:
-    """What a grid holds: (h, w) or (h, w, k)."""
+    """The values of a grid, (h, w) or (h, w, k)."""
     if isinstance(data, HeightField):
         return data.z
     return data.depth if isinstance(data, RangeImage) else data.values
 
 
 def _corners(surface: Surface, keep: Array) -> Array:
-    """Corners (m, 3, d) of the triangles to keep; where each row has its spacing, in the chart of each triangle."""
+    """Corners (m, 3, d) of the triangles to keep; with a spacing per row, in the chart of each triangle."""
     faces = surface.triangulations[0][keep]
     if not surface.charts:
         return surface.points[faces]
@@ -281,11 +282,11 @@ def _area(corners: Array) -> float:
 
 
 def _angles(corners: Array, others: Array) -> Array:
-    """Angles, degrees, between the normals of triangles (m, 3, 3) and others, of those that have area in both."""
+    """Angles, degrees, between the normals of triangles (m, 3, 3) and others, for those with area in both."""
     one, other = _face_normals(corners), _face_normals(others)
     both = one.any(axis=1) & other.any(axis=1)
     one, other = one[both], other[both]
-    # atan2 of sine and cosine: arccos of a dot product near 1 would round small angles to zero.
+    # atan2 of sine and cosine, because arccos near 1 would round small angles to zero.
     sine, cosine = np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other)
     return np.degrees(np.arctan2(sine, cosine))
 

@@ -1,4 +1,4 @@
-"""What became of a range image that was moved: errors, silhouettes, holes; arrays in, numbers out."""
+"""Measures of a smoothed range image: errors, silhouettes, holes."""
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -18,28 +18,28 @@ AWAY = 2
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A range image before, or after one of the flows. Lengths in the unit of the depths; errors None where no truth is known.
+    """A range image before or after one of the flows. Lengths are in the unit of the depths; errors are None without a truth.
 
-    Errors of depth and normals are of the surface as the camera sees it, on the pixels that every flow has kept.
+    Errors of depth and normals are those of the surface seen by the camera, on the pixels that every flow has kept.
 
     :ivar name: ``before``, ``space``, ``normals``, ``z`` or ``rays``.
     :ivar time: of the flow, squared pixel footprints.
-    :ivar roughness: mean angle between neighbouring triangles away from the rim, degrees: what is matched.
-    :ivar matched: whether it came to the roughness asked for.
+    :ivar roughness: mean angle between neighbouring triangles away from the rim, degrees, which is matched.
+    :ivar matched: whether it reached the requested roughness.
     :ivar depth_median: median of \\|depth - truth\\|.
     :ivar depth_rms: root mean square of it.
     :ivar depth_tail: 95th percentile of \\|depth - truth\\|.
     :ivar distance_median: median distance of the vertices from the surface of the truth.
     :ivar distance_rms: root mean square of it.
     :ivar normal_error: mean angle to the normals of the truth, of triangles 2 pixels or more away from its jumps, degrees.
-    :ivar drift_rms: root mean square of how far vertices of silhouettes and holes are seen from their pixels, pixels; None where
-        there is neither.
-    :ivar drift_max: the farthest of them.
-    :ivar area: over that before.
-    :ivar lost: pixels that had a surface and have none.
-    :ivar gained: pixels that had none and have one.
+    :ivar drift_rms: root mean square distance of vertices of silhouettes and holes from their pixels, pixels; None without such
+        vertices.
+    :ivar drift_max: the largest such distance.
+    :ivar area: over the area before.
+    :ivar lost: number of pixels that lost their surface.
+    :ivar gained: number of pixels that got a surface.
     :ivar points: (h * w, 3), vertices.
-    :ivar depth: (h, w), seen from the camera; NaN where there is nothing.
+    :ivar depth: (h, w), seen from the camera; NaN without a surface.
     """
 
     name: str
@@ -61,13 +61,13 @@ class Outcome:
     depth: Array = field(repr=False)
 
     def as_dict(self) -> dict[str, str | float | bool | None]:
-        """Names to numbers, arrays left out."""
+        """The numbers by name, without arrays."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("points", "depth")}
 
 
 @dataclass(frozen=True, eq=False)
 class Bends:
-    """The inner edges of a triangulation, away from its rim: where neighbouring triangles meet.
+    """The inner edges of a triangulation, away from its rim.
 
     :param faces: (m, 3).
     """
@@ -76,7 +76,7 @@ class Bends:
 
     @cached_property
     def pairs(self) -> Array:
-        """(k, 2), the two triangles of each edge of which no end lies on the rim."""
+        """(k, 2), the two triangles of each edge without an end on the rim."""
         ends = np.sort(self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         size = int(self.faces.max(initial=0)) + 1
         key = ends[:, 0] * size + ends[:, 1]
@@ -95,7 +95,7 @@ class Bends:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The surface before.
+    """The surface before smoothing.
 
     :param sight: of the camera.
     :param points: (h * w, 3).
@@ -115,20 +115,20 @@ class Start:
 
     @cached_property
     def rim(self) -> Array:
-        """Vertices (k,) of silhouettes and holes: of boundary edges, but for those on the frame of the image."""
+        """Vertices (k,) of silhouettes and holes: of boundary edges that are not on the frame of the image."""
         rim = np.unique(rim_edges(self.faces))
         h, w = self.sight.shape
         row, column = np.divmod(rim, w)
         return rim[(row > 0) & (row < h - 1) & (column > 0) & (column < w - 1)]
 
     def drift(self, points: Array) -> Array:
-        """How far (k,) the vertices of the rim are seen from their pixels, pixels."""
+        """Distances (k,), in pixels, at which the vertices of the rim are seen from their pixels."""
         row, column = np.divmod(self.rim, self.sight.shape[1])
         pixels, _ = self.sight.pixels(points[self.rim], self.rim)
         return np.hypot(pixels[:, 0] - column, pixels[:, 1] - row)
 
     def area(self, points: Array) -> float:
-        """Over that before."""
+        """The area over the area before."""
         return operator.total_area(points, self.faces) / operator.total_area(self.points, self.faces)
 
 
@@ -137,7 +137,7 @@ class Truth:
     """The true surface.
 
     :param sight: of the camera.
-    :param depth: (h, w), NaN where nothing is.
+    :param depth: (h, w), NaN where there is nothing.
     :param faces: (m, 3), one diagonal per cell, none across jumps.
     """
 
@@ -168,7 +168,9 @@ class Truth:
         return self.faces[~near[self.faces].any(axis=1)]
 
     def normal_error(self, depth: Array, kept: Array) -> float | None:
-        """Mean angle, degrees, to its normals of those that depths (h, w) have, where all corners are ``kept`` (h, w)."""
+        """Mean angle, degrees, between its normals and those of depths (h, w), for triangles whose corners are all ``kept`` (h,
+        w).
+        """
         faces = self.calm[kept.ravel()[self.calm].all(axis=1)]
         if len(faces) == 0:
             return None

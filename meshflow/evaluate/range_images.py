@@ -1,4 +1,4 @@
-"""How good a smoothed range image is, measured against the truth: depths in, a few numbers out."""
+"""Quality of a smoothed range image against the truth."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,29 +12,29 @@ from meshflow.surfaces.visibility import Sight
 
 __all__ = ["AWAY", "BROAD", "JUMP", "REACH", "RangeQuality", "jumps_of", "range_quality"]
 
-# The error is told from its broad part by a Gaussian mean over so many pixels: a depth camera's own calibration errs broadly, and
-# no filter of a few pixels can know.
+# The broad part of the error, a Gaussian mean over this many pixels, is due to the calibration of the camera, and no filter of a
+# few pixels can remove it.
 BROAD = 8.0
-# An error within it, unit of the depths, is noise; beyond it a pixel took the wrong side of a jump. 50 mm, in metres.
+# A smaller error, in the unit of the depths, is noise; with a larger one a pixel took the wrong side of a jump. 50 mm, in metres.
 REACH = 0.05
-# Neighbours of the truth further apart than this share of the nearer lie on two surfaces; normals are compared so many pixels
-# away from those, and from what is missing.
+# Neighbours in the truth that differ by more than this share of the nearer lie on two surfaces; normals are compared only at this
+# distance in pixels from such jumps, and from missing pixels.
 JUMP, AWAY = 0.05, 3
 
 
 @dataclass(frozen=True)
 class RangeQuality:
-    """Distances of depths that were found from the true ones, over the pixels that both have.
+    """Differences of depths from the true ones, over the pixels present in both.
 
     :ivar normal_error: mean angle, degrees, between the normals of both, 3 pixels or more away from jumps of the truth and from
-        what is missing; NaN where nothing is.
-    :ivar fine: root mean square of the error less its Gaussian mean over 8 pixels, over the pixels whose error is within reach;
+        missing pixels; NaN without such pixels.
+    :ivar fine: root mean square of the error minus its Gaussian mean over 8 pixels, over the pixels whose error is within reach;
         unit of the depths.
     :ivar median: median of \\|error\\|.
     :ivar rms: root mean square of the error over the pixels within reach.
-    :ivar inverse_rms: root mean square of 1 / found - 1 / truth over all pixels: times focal length and baseline it is that of a
-        disparity.
-    :ivar kept: share of the pixels of the truth that were found.
+    :ivar inverse_rms: root mean square of 1 / found - 1 / truth over all pixels; times focal length and baseline it is the
+        error of a disparity.
+    :ivar kept: share of the pixels of the truth that have a depth.
     """
 
     normal_error: float
@@ -46,13 +46,13 @@ class RangeQuality:
 
 
 def range_quality(found: ArrayLike, truth: ArrayLike, camera: Any, reach: float | ArrayLike = REACH) -> RangeQuality:
-    """Measure depths along the axis of a camera against the truth.
+    """Compare depths along the axis of a camera with the truth.
 
     :param found: (h, w); 0, negative and NaN are missing.
     :param truth: (h, w), likewise.
-    :param camera: what :class:`meshflow.RangeImage` takes.
-    :param reach: how large an error is still noise, unit of the depths: a number or (h, w).
-    :raises InputError: for two shapes, a reach that is not positive, or no pixel that both have.
+    :param camera: a camera that :class:`meshflow.RangeImage` takes.
+    :param reach: the largest error that counts as noise, in the unit of the depths: a number or (h, w).
+    :raises InputError: for different shapes, a reach that is not positive, or no pixel present in both.
     """
     one, other = (np.asarray(z, dtype=np.float64) for z in (found, truth))
     if one.ndim != 2 or one.shape != other.shape:
@@ -78,9 +78,9 @@ def range_quality(found: ArrayLike, truth: ArrayLike, camera: Any, reach: float 
 
 
 def jumps_of(truth: ArrayLike, share: float = JUMP) -> Array:
-    """The pixels (h, w) on either side of a jump: where neighbours differ by more than a share of the nearer.
+    """The pixels (h, w) on both sides of a jump, where neighbours differ by more than a share of the nearer.
 
-    :param truth: (h, w); what is missing makes no jump.
+    :param truth: (h, w); missing pixels give no jump.
     """
     z = np.asarray(truth, dtype=np.float64)
     z, jumps = np.where(_there(z), z, np.nan), np.zeros(np.shape(truth), bool)
@@ -101,7 +101,7 @@ def _rms(values: Array) -> float:
 
 
 def _mean(values: Array, weight: Array) -> Array:
-    """Gaussian mean (h, w) over :data:`BROAD` pixels of values that are zero where the weight is."""
+    """Gaussian mean (h, w) over :data:`BROAD` pixels of values that are zero where the weight is zero."""
     from scipy.ndimage import gaussian_filter
 
     return np.asarray(gaussian_filter(values, BROAD)) / np.maximum(

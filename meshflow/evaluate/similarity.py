@@ -8,8 +8,8 @@ from meshflow.geometry.validation import Array, positive
 
 __all__ = ["WINDOW", "structural_similarity"]
 
-WINDOW = 7  # samples, a side
-# The constants of the paper that keep the quotients from 0 / 0, as shares of the range of the values.
+WINDOW = 7  # samples per side
+# The constants of the paper that avoid 0 / 0, as shares of the range of the values.
 K1, K2 = 0.01, 0.03
 
 
@@ -17,10 +17,10 @@ def structural_similarity(found: ArrayLike, truth: ArrayLike, peak: float) -> fl
     """Mean structural similarity of two images; 1 where they are equal.
 
     Z. Wang, A. Bovik, H. Sheikh, E. Simoncelli, *Image quality assessment: from error visibility to structural similarity*,
-    2004, with means over windows of 7 x 7 samples in place of Gaussian ones, and variances of a sample (divided by n - 1).
-    Windows that reach beyond the image are left out. Channels are measured one by one, and their mean is taken.
+    2004, with means over windows of 7 x 7 samples instead of Gaussian ones, and sample variances (divided by n - 1).
+    Windows that reach beyond the image are left out. The result is the mean over the channels.
 
-    :param found: (h, w) or (h, w, k), 7 x 7 samples or more, all of them finite.
+    :param found: (h, w) or (h, w, k), 7 x 7 samples or more, all finite.
     :param truth: the same shape.
     :param peak: the range of the values.
     :raises InputError: for different shapes, smaller images, values that are not finite, or a peak that is not positive.

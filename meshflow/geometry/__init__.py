@@ -1,1 +1,1 @@
-"""What is there: surfaces, cameras, the operator. No time, no files."""
+"""Geometry of triangles: functions that take arrays and return arrays."""

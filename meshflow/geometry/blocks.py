@@ -1,8 +1,8 @@
-"""Triangles in blocks that fit the cache of a core: cotangents, masses and gradients of R^3 that never go through memory.
+"""Triangles in blocks that fit in the cache of a core: cotangents, masses and gradients in R^3 without temporary arrays.
 
-A block owns vertices that lie together and knows every triangle that touches one of them, in numbers of its own. So each vertex
-is read about once, whatever the order in which it came, no two threads write to one place, and the sums do not depend on how
-many threads there are. On 655 362 vertices a step takes a quarter of the time of a loop over the corners of each vertex.
+A block owns vertices that are close together, and contains every triangle that touches one of them, with local numbers. Each
+vertex is therefore read about once, whatever the order of the vertices; no two threads write to the same place; and sums do not
+depend on the number of threads. On 655 362 vertices a step takes a quarter of the time of a loop over the corners of each vertex.
 """
 
 from dataclasses import dataclass
@@ -14,21 +14,21 @@ from meshflow.kernels import mesh_blocks as kernels
 
 __all__ = ["Blocks", "blocked", "march_blocks"]
 
-# Vertices of a block: 4096 of them and their sums are 230 kB. Small meshes are cut finer, for more threads to have a part.
+# Vertices of a block: 4096 vertices and their sums take 230 kB. Small meshes have smaller blocks, so that more threads have work.
 LARGEST, SMALLEST, SHARES = 4096, 256, 64
-# Bits per coordinate of the order along which vertices are dealt to blocks.
+# Bits per coordinate of the curve along which vertices are assigned to blocks.
 BITS = 10
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Vertices dealt to blocks, and the triangles around them.
+    """Vertices assigned to blocks, and the triangles around them.
 
-    :ivar vertices: of each block, those that it owns, then those around, one block after the other; int32.
-    :ivar start: (b + 1,), where the vertices of each block begin.
-    :ivar owned: (b,), how many it owns.
-    :ivar triangles: (t, 3), of each block, by the places of their corners among its vertices; uint16.
-    :ivar first: (b + 1,), where the triangles of each block begin.
+    :ivar vertices: block after block, the vertices that it owns, then those around them; int32.
+    :ivar start: (b + 1,), the start of the vertices of each block.
+    :ivar owned: (b,), the number of vertices that it owns.
+    :ivar triangles: (t, 3), block after block, by the local numbers of their corners; uint16.
+    :ivar first: (b + 1,), the start of the triangles of each block.
     :ivar kind: of the mass, :func:`meshflow.geometry.operator.mass_kind`.
     :ivar held: (n,), vertices that do not move.
     """
@@ -43,13 +43,13 @@ class Blocks:
 
     @property
     def order(self) -> Array:
-        """The vertices (n,), one block after the other: what is near is near in it."""
+        """The vertices (n,), block after block; neighbours are close in this order."""
         runs = [self.vertices[a : a + k] for a, k in zip(self.start[:-1], self.owned, strict=True)]
         return np.concatenate(runs) if runs else np.empty(0, np.int32)
 
 
 def blocked(points: Array, faces: Array, kind: int, held: Array) -> Blocks | None:
-    """The blocks of a mesh in R^3; None where vertices have so many neighbours that a block cannot number them."""
+    """The blocks of a mesh in R^3; None where vertices have too many neighbours for local numbers."""
     n, faces = len(points), indices_of(faces)
     size = int(np.clip(n // SHARES, SMALLEST, LARGEST))
     count = (n + size - 1) // size
@@ -58,7 +58,7 @@ def blocked(points: Array, faces: Array, kind: int, held: Array) -> Blocks | Non
     block[order] = np.arange(n, dtype=np.int32) // size
     first, start = np.empty(count + 1, np.int64), np.empty(count + 1, np.int64)
     triangles = np.empty((kernels.count_blocks(faces, block, first), 3), np.uint16)
-    # A block has at most the vertices of its triangles and its own; two thirds of that are never used.
+    # A block has at most its own vertices and those of its triangles; two thirds of this room are never used.
     vertices = np.empty(triangles.size + n, np.int32)
     most = kernels.number_blocks(faces, order, block, size, first, vertices, start, triangles)
     if most > np.iinfo(np.uint16).max:
@@ -68,9 +68,9 @@ def blocked(points: Array, faces: Array, kind: int, held: Array) -> Blocks | Non
 
 
 def march_blocks(blocks: Blocks, points: Array, keep: float, dt: float, out: Array, inverse: Array | None) -> float:
-    """keep X - dt M^-1 L X (n, 3) into ``out``; the greatest cotangent, infinite where a triangle has no area.
+    """keep X - dt M^-1 L X (n, 3) into ``out``; returns the largest cotangent, infinite where a triangle has no area.
 
-    With keep = 1 an explicit step, with keep = 0 and dt = 1 the rate. ``inverse``, (n,), takes dt / M where it is given.
+    With keep = 1 it is an explicit step, with keep = 0 and dt = 1 the rate. ``inverse``, (n,), receives dt / M if given.
     """
     b, sharpest = blocks, np.empty(len(blocks.owned))
     kernels.march_blocks(
@@ -80,7 +80,7 @@ def march_blocks(blocks: Blocks, points: Array, keep: float, dt: float, out: Arr
 
 
 def _morton(points: Array) -> Array:
-    """Vertices in the order of a curve that fills space (Morton 1966): what is near on it is near."""
+    """Vertices in the order of a space-filling curve (Morton 1966)."""
     at = np.where(np.isfinite(points), points, 0.0) - np.nanmin(points, axis=0, initial=np.inf)
     widest = float(at.max(initial=0.0))
     cells = np.clip(at * ((1 << BITS) - 1) / widest if widest > 0 else at, 0, (1 << BITS) - 1).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Who touches whom: computed once for each set of triangles, used at every step."""
+"""Connectivity of triangles, computed once for each set and used in every step."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,13 +13,13 @@ __all__ = ["Connectivity", "Pattern", "boundary_edges", "connect", "shared_sides
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """The sparse matrix that triangles span, without its numbers.
+    """The sparsity pattern of the matrices of a mesh.
 
     :ivar indptr: of the CSR pattern of vertices joined by an edge, (n + 1,).
     :ivar indices: its columns, sorted within each row.
-    :ivar slots: (3 m, 2), uint8, for each corner of ``Connectivity.corners`` where in its row the entries of its two neighbours
-        stand; 255: it must be looked for.
-    :ivar diagonal: (n,), where the diagonal entries stand.
+    :ivar slots: (3 m, 2), uint8, for each corner of ``Connectivity.corners`` the positions in its row of the entries of its two
+        neighbours; 255: they must be searched for.
+    :ivar diagonal: (n,), the positions of the diagonal entries.
     """
 
     indptr: Array
@@ -33,10 +33,10 @@ class Connectivity:
     """The triangles around each vertex.
 
     A *corner* c of the mesh is corner ``c % 3`` of triangle ``c // 3``. Loops gather over the corners of a vertex, so that
-    no two threads write to one place and the sum does not depend on their number.
+    no two threads write to the same place and sums do not depend on the number of threads.
 
     :ivar faces: (m, 3).
-    :ivar first: (n + 1,), where the corners of each vertex begin in ``corners`` (3 m,).
+    :ivar first: (n + 1,), the start of the corners of each vertex in ``corners`` (3 m,).
     :ivar border: corners opposite to a boundary edge.
     """
 
@@ -60,7 +60,7 @@ class Connectivity:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """The sparse pattern; made when the first matrix is asked for, since explicit steps need none."""
+        """The sparsity pattern; made for the first matrix, since explicit steps need none."""
         indptr = np.empty(self.size + 1, np.int32)
         indices = np.empty(kernels.pattern_rows(self.first, self.corners, self.faces, indptr), np.int32)
         slots, diagonal = np.empty((len(self.corners), 2), np.uint8), np.empty(self.size, np.int32)
@@ -71,7 +71,7 @@ class Connectivity:
 def connect(triangulations: tuple[Array, ...], n: int) -> Connectivity:
     """Connect all triangles of one or more triangulations of the same n vertices.
 
-    The boundary is that of each triangulation by itself: an edge of one may be covered by a diagonal of the other.
+    The boundary is that of each triangulation separately: an edge of one may be covered by a diagonal of the other.
     """
     faces = np.concatenate([indices_of(part) for part in triangulations])
     offsets = [sum(map(len, triangulations[:i])) for i in range(len(triangulations))]
@@ -82,7 +82,7 @@ def connect(triangulations: tuple[Array, ...], n: int) -> Connectivity:
 def boundary_edges(faces: Array) -> Array:
     """Corners (b,) opposite to the edges that belong to one triangle only; corner c is ``c % 3`` of triangle ``c // 3``.
 
-    Triangles that name a vertex twice have no edges; an edge of three triangles (non-manifold) is no boundary.
+    Triangles with a repeated vertex have no edges; an edge of three triangles (non-manifold) is no boundary.
     """
     faces = indices_of(faces)
     lonely = np.empty(3 * len(faces), np.bool_)
@@ -91,7 +91,7 @@ def boundary_edges(faces: Array) -> Array:
 
 
 def _around(faces: Array, n: int) -> tuple[Array, Array]:
-    """Where the corners of each vertex begin (n + 1,), and the corners (3 m,)."""
+    """The start of the corners of each vertex (n + 1,), and the corners (3 m,)."""
     first, corners = np.empty(n + 1, np.int64), np.empty(3 * len(faces), np.int32)
     kernels.corners_around(n, faces, first, corners)
     return first, corners

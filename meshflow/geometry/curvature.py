@@ -1,4 +1,4 @@
-"""Principal curvatures and their directions on triangles (Meyer, Desbrun, Schröder, Barr 2002). Arrays in, arrays out."""
+"""Principal curvatures and their directions on triangles (Meyer, Desbrun, Schröder, Barr 2002)."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from meshflow.kernels import mesh_normals as kernels
 
 __all__ = ["Curvatures", "curvatures", "directed", "directions", "signed_mean"]
 
-# How often normals are averaged before directions and sizes of curvatures are taken: over about one edge and a half.
+# How often normals are averaged before curvatures are computed: over about one and a half edges.
 ROUNDS = 2
 
 
@@ -21,7 +21,7 @@ class Curvatures:
     """Curvatures at each vertex, per length; positive where the surface bends away from its normal, as a sphere does.
 
     :ivar mean: kappa_H (n,), and ``gauss``: K (n,), per squared length.
-    :ivar greatest: kappa_1 (n,), and ``least``: kappa_2, kappa_H +- sqrt(kappa_H^2 - K).
+    :ivar greatest: kappa_1 (n,); ``least``: kappa_2; kappa_H +- sqrt(kappa_H^2 - K).
     """
 
     mean: Array
@@ -31,12 +31,12 @@ class Curvatures:
 
 
 def curvatures(points: Array, faces: Array) -> Curvatures:
-    """Mean curvature by the cotangent formula, Gaussian curvature by the defect of angles, over Voronoi areas (sections 3 and 4).
+    """Mean curvature by the cotangent formula, Gaussian curvature by the angle defect, over Voronoi areas (sections 3 and 4).
 
-    Zero at the border, where the defect is not the surface's, and at isolated vertices.
+    Both are zero at the border, where the angle defect is no curvature, and at isolated vertices.
 
     :param points: (n, 3).
-    :param faces: (m, 3), turned alike: the sign is that of the normals.
+    :param faces: (m, 3), oriented alike; the sign is that of the normals.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     connectivity = connect((faces,), len(points))
@@ -55,10 +55,10 @@ def curvatures(points: Array, faces: Array) -> Curvatures:
 def signed_mean(points: Array, faces: Array) -> Array:
     """Mean curvature kappa_H (n,) by the cotangent formula (11) over mixed Voronoi areas, positive as in :class:`Curvatures`.
 
-    At the rim there is no ring of triangles, and no curvature to speak of: the pull of the conormals is out.
+    At the border, where the ring of triangles is open, the pull of the conormals is removed.
 
     :param points: (n, 3).
-    :param faces: (m, 3), turned alike.
+    :param faces: (m, 3), oriented alike.
     """
     normals = curvature_normal(points, faces, "voronoi", "plane-preserving")
     return 0.5 * np.einsum("nd,nd->n", normals, normals_at(points, faces))
@@ -67,12 +67,12 @@ def signed_mean(points: Array, faces: Array) -> Array:
 def directions(points: Array, faces: Array) -> Array:
     """Unit directions (n, 2, 3) of the greatest and of the least curvature, tangent to the surface.
 
-    Each edge measures the curvature along it, 2 (x_i - x_j) . n / |x_i - x_j|^2 (section 5.2 of the paper), of which a mean, the
-    ellipse and its turn are found by least squares, weighted by their parts of the Voronoi area where these are positive; and the
-    tilt of the normal with them, which the paper leaves out: the normal of a vertex is 1.7 degrees off on an uneven cylinder of
-    5 edges radius, and directions are 7.6 degrees off with it, 0.8 without. Nor are trace and determinant of :func:`curvatures`
-    taken for the ellipse, as there, which are the mean over the ring and not those of the vertex (with them 5.3 degrees). Zero
-    where there is no normal; any two at umbilics.
+    Each edge measures the curvature along it, 2 (x_i - x_j) . n / |x_i - x_j|^2 (section 5.2 of the paper). The mean, the ellipse
+    and its angle are fitted by least squares, weighted by the edges' parts of the Voronoi area where these are positive. Unlike
+    the paper, the fit includes the tilt of the normal: on an uneven cylinder of 5 edges radius the normal of a vertex has an
+    error of 1.7 degrees, and directions have an error of 7.6 degrees without the tilt and of 0.8 with it. Also unlike the
+    paper, trace and determinant of :func:`curvatures` are not used for the ellipse, since they are means over the ring (with
+    them: 5.3 degrees). Directions are zero where there is no normal, and arbitrary at umbilics.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     n = len(points)
@@ -95,7 +95,7 @@ def directions(points: Array, faces: Array) -> Array:
             (along**2 - across**2) / flat,  # cosine and sine of twice the angle
             2.0 * along * across / flat,
             np.ones(len(i)),
-            along * typical / square,  # the tilt, twice
+            along * typical / square,  # twice the tilt
             across * typical / square,
         ]
     )
@@ -108,9 +108,9 @@ def directions(points: Array, faces: Array) -> Array:
 
 
 def _fitted(columns: Array, values: Array, weights: Array, at: Array, n: int) -> Array:
-    """Least squares (n, c) of columns (c, e) to values (e,), for each vertex ``at`` (e,) by itself.
+    """Least squares (n, c) of columns (c, e) to values (e,), for each vertex ``at`` (e,) separately.
 
-    The least solution where there are fewer edges than unknowns.
+    It is the minimum-norm solution where there are fewer edges than unknowns.
     """
     c = len(columns)
     matrix, right = np.empty((n, c, c)), np.empty((n, c))
@@ -124,14 +124,14 @@ def _fitted(columns: Array, values: Array, weights: Array, at: Array, n: int) ->
 
 
 def directed(points: Array, faces: Array, threshold: float) -> Array:
-    """Weights (m, 3) in place of cotangents, those of div(D grad) instead of div(grad).
+    """Weights (m, 3) of div(D grad), which replace the cotangents of div(grad).
 
     D = sum of g(k) e e^T over the principal directions e of the triangle and their curvatures k, g(k) = 1 / (1 + (k/T)^8).
-    What is bent less than T in every direction draws as ever (D = 1); across an edge nothing draws (a cylinder rests), along it
-    all; a corner is drawn by nothing. Positive semidefinite and at most that of the cotangents, whatever the noise.
+    Where all curvatures are below T, D = 1. Across an edge D is 0, so that a cylinder does not move, and along it D is 1; at a
+    corner D is 0. The operator is positive semidefinite and at most that of the cotangents, for any noise.
 
-    Curvatures are of normals that were averaged over the neighbours ROUNDS times: those of a vertex and its ring are the noise
-    itself where that is more than a few hundredths of an edge.
+    Curvatures are those of normals that were averaged over the neighbours ROUNDS times, because curvatures of a vertex and its
+    ring are dominated by noise of more than a few hundredths of an edge.
 
     :param threshold: T, per length.
     """
@@ -144,7 +144,7 @@ def directed(points: Array, faces: Array, threshold: float) -> Array:
 
 
 def _averaged(normals: Array, areas: Array, faces: Array, n: int) -> Array:
-    """Unit normals (n, 3) of the vertices, each ROUNDS times the mean of its triangles, by area, and these of their corners."""
+    """Unit normals (n, 3) of the vertices, averaged ROUNDS times over triangles, by area, and back."""
     flat, each = faces.ravel(), np.repeat(areas, 3)
     around: Array = np.bincount(flat, each, n)[:, None]
 

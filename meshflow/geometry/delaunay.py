@@ -1,7 +1,7 @@
-"""Triangles known by the lengths of their sides alone: mollified where they are all but flat, flipped until they are Delaunay.
+"""Intrinsic triangles, given by edge lengths: mollified where they are nearly flat, and flipped until they are Delaunay.
 
-Lengths are all the operator needs, so both hold in every dimension. The surface is the same afterwards: a flip draws the other
-diagonal of two triangles unfolded into a plane, as a straight line on the surface.
+The operator needs lengths only, so both work in every dimension. The surface stays the same: a flip takes the other diagonal of
+two triangles that are unfolded into a plane, which is a straight line on the surface.
 """
 
 from typing import Literal
@@ -15,7 +15,7 @@ from meshflow.kernels import mesh_delaunay as kernels
 __all__ = ["THIN", "Triangles", "clamped", "delaunay", "is_thin", "length_cotangents", "mollified", "side_lengths"]
 
 Triangles = Literal["auto", "given", "delaunay", "clamped"]
-# The cotangent of the smallest angle that is left alone, of a three hundredth of a degree: thinner ones make steps hopeless.
+# The cotangent of a three hundredth of a degree; triangles with smaller angles would make steps hopelessly short.
 THIN = 2e4
 
 
@@ -26,10 +26,10 @@ def side_lengths(points: Array, faces: Array) -> Array:
 
 
 def mollified(lengths: Array, share: float = 1e-5) -> Array:
-    """Lengths (m, 3) with so much added to all of them that every triangle has some area (Sharp and Crane 2020).
+    """Lengths (m, 3), all increased by e so that every triangle has some area (Sharp and Crane 2020).
 
-    The least e with a + b + e >= c + d for the sides of every triangle, d a ``share`` of the mean length; nothing where all have
-    it already.
+    e is the smallest number with a + b + e >= c + d for the edges of every triangle, where d is a ``share`` of the mean length;
+    it is 0 where all triangles satisfy this already.
     """
     short = lengths.sum(axis=1) - 2.0 * lengths.max(axis=1)  # a + b - c, c the longest
     missing = share * float(lengths.mean()) - float(short.min(initial=np.inf))
@@ -37,16 +37,16 @@ def mollified(lengths: Array, share: float = 1e-5) -> Array:
 
 
 def is_thin(cot: Array) -> bool:
-    """Whether a triangle of these cotangents (m, 3) is so thin that a system of them is all but singular, or has no area."""
+    """Whether a triangle with these cotangents (m, 3) has no area, or is so thin that systems are nearly singular."""
     flat = ~cot.any(axis=1)
     return bool(flat.any() or np.abs(cot).max(initial=0.0) > THIN)
 
 
 def clamped(cot: Array, one: Array, other: Array) -> Array:
-    """Cotangents (m, 3) of which no edge has a weight below zero: those of the edges that would are zero.
+    """Cotangents (m, 3), set to zero for edges that would have a negative weight.
 
-    Sums of them are no longer the gradient of the area, nor exact on planes where triangles are obtuse; but what each vertex
-    moves towards is a mean of its neighbours, and no value leaves the range of those around it.
+    Their sums are no longer the gradient of the area, and not exact on planes with obtuse triangles. But each vertex moves
+    towards a mean of its neighbours, so that no value leaves the range of its neighbours.
 
     :param one: corners (e,), and ``other``, opposite to the edges of two triangles (:func:`shared_sides`).
     """
@@ -67,10 +67,10 @@ def length_cotangents(lengths: Array) -> tuple[Array, Array]:
 
 
 def delaunay(faces: Array, lengths: Array) -> tuple[Array, Array]:
-    """Triangles (m, 3) of the same vertices with the lengths of their sides (m, 3), flipped until no cotangent weight is below 0.
+    """Triangles (m, 3) of the same vertices and their edge lengths (m, 3), flipped until no cotangent weight is negative.
 
-    Edges at the border, of more than two triangles, or between triangles that are turned against each other stay. A triangle may
-    name a vertex twice afterwards: its side is a loop on the surface.
+    Edges at the border, of more than two triangles, or between triangles of opposite orientation are kept. Afterwards a triangle
+    may contain a vertex twice: its edge is then a loop on the surface.
     """
     glue = _glued(faces)
     faces, lengths = indices_of(faces).copy(), np.array(lengths, dtype=np.float64, order="C")
@@ -79,7 +79,7 @@ def delaunay(faces: Array, lengths: Array) -> tuple[Array, Array]:
 
 
 def _glued(faces: Array) -> Array:
-    """For each side 3 f + c the side it lies on (3 m,); -1 where it is not flipped."""
+    """For each edge 3 f + c of a triangle the matching edge of its neighbour (3 m,); -1 where it is not flipped."""
     tails, heads = (faces[:, [(c + shift) % 3 for c in range(3)]].ravel().astype(np.int64) for shift in (1, 2))
     one, other = shared_sides(faces)
     alike = (tails[one] == heads[other]) & (one // 3 != other // 3) & (tails[one] != heads[one])

@@ -15,9 +15,9 @@ Border = Literal["curve", "free", "fixed"]
 
 
 def border_pull(connectivity: Connectivity, cot: Array) -> Any:
-    """C (n, n): C @ X is what the area gradient holds at the boundary for want of a triangle beyond; to be added to L @ X.
+    """C (n, n): C @ X is the boundary part of the area gradient, with its sign changed; it is added to L @ X.
 
-    Half the outward conormal of each boundary edge times its length, at both its ends (``plane-preserving``).
+    It is half the outward conormal of each boundary edge times its length, at both its ends (``plane-preserving``).
     """
     n, corner = connectivity.size, connectivity.border % 3
     triangle = connectivity.border // 3
@@ -30,7 +30,7 @@ def border_pull(connectivity: Connectivity, cot: Array) -> Any:
 
 
 def cotangent_generator(connectivity: Connectivity, cot: Array, inertia: Array, moves: Array, linear: bool) -> Any:
-    """M^-1 L, at the border corrected where ``plane-preserving``; zero in the rows of what does not move.
+    """M^-1 L, corrected at the border if ``linear`` (plane-preserving); rows of fixed vertices are zero.
 
     :param inertia: M / s (n,).
     :param moves: (n,).
@@ -43,10 +43,10 @@ def cotangent_generator(connectivity: Connectivity, cot: Array, inertia: Array, 
 
 
 def umbrella_generator(connectivity: Connectivity, step: float, moves: Array, curve: bool) -> Any:
-    """4 / h^2 (x_i - mean of the neighbours), as M^-1 L on an equilateral mesh of edges h; zero where nothing moves.
+    """4 / h^2 (x_i - mean of the neighbours), equal to M^-1 L on an equilateral mesh of edge h; zero for fixed vertices.
 
     :param step: h.
-    :param curve: the border moves as a curve, 2 / h^2 (x_i - mean of its two neighbours there), else with all its neighbours.
+    :param curve: move the border as a curve, 2 / h^2 (x_i - mean of its two border neighbours); else with all neighbours.
     """
     mean = neighbour_means(connectivity.faces.astype(np.int64), connectivity.size, "curve" if curve else "free")
     factor = np.where(connectivity.rim & curve, 2.0, 4.0) / step**2
@@ -54,11 +54,10 @@ def umbrella_generator(connectivity: Connectivity, step: float, moves: Array, cu
 
 
 def neighbour_means(faces: Array, n: int, border: Border) -> Any:
-    """The matrix (n, n) that takes the mean of the neighbours, each counted once; who has none is its own.
+    """The matrix (n, n) of the mean of the neighbours, each counted once; a vertex without neighbours is its own.
 
     :param faces: (m, 3).
-    :param border: whom a vertex at the border looks at: its neighbours along the border (``curve``), all (``free``), or nobody
-        (``fixed``).
+    :param border: the neighbours of a border vertex: those along the border (``curve``), all (``free``), or none (``fixed``).
     """
     ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges, count = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0, return_counts=True)

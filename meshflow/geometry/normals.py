@@ -1,9 +1,9 @@
-"""Triangles as carriers of normals: how normals spread from one to the next, how points follow. Arrays in, arrays out.
+"""Diffusion of the normals of triangles, and points that follow them.
 
-The normals of the triangles are three channels on the dual of the mesh. Between two triangles that share the edge e the flux is
-|e| / |d|, d the way from centroid to centroid across the middle of e: the cotangent weight of the dual where the ways are
-perpendicular to the edges. A triangle lies on one side of a crease, a vertex on both: so creases stay as sharp as the triangles
-allow, where normals at the vertices (DESIGN.md, section 2) leave a strip of tilted triangles beside each of them.
+The normals of the triangles are three channels on the dual of the mesh. The weight between two triangles that share the edge e is
+|e| / |d|, where d is the path from centroid to centroid across the midpoint of e: the cotangent weight of the dual where the
+paths are perpendicular to the edges. A triangle lies on one side of a crease, while a vertex lies on both. Therefore creases
+stay as sharp as the triangles allow, whereas normals at vertices leave a strip of tilted triangles beside each crease.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def mean_edge(points: Array, faces: Array) -> float:
 
 
 def normals_at(points: Array, faces: Array) -> Array:
-    """Unit normals (n, 3) of the vertices, the mean of their triangles by area; zero where there is none."""
+    """Unit normals (n, 3) of the vertices, the area-weighted mean of their triangles; zero where undefined."""
     corners = points[faces].astype(np.float64)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat = faces.ravel()
@@ -51,7 +51,7 @@ def normals_at(points: Array, faces: Array) -> Array:
 
 
 def conductances(points: Array, faces: Array, across: Array) -> Array:
-    """|e| / |d| (m, 3) of the edge opposite each corner; zero where nothing is beyond it."""
+    """|e| / |d| (m, 3) of the edge opposite each corner; zero at the boundary."""
     out = np.empty(across.shape)
     kernels.edge_conductances(points, indices_of(faces), across, out)
     return out
@@ -59,12 +59,12 @@ def conductances(points: Array, faces: Array, across: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class NormalDiffusion:
-    """What the diffusion of the normals of triangles depends on beside the normals.
+    """The parameters of the diffusion of the normals of triangles.
 
     :param areas: (m,).
     :param weights: (m, 3), :func:`conductances` of the sides.
     :param across: (m, 3), :func:`beyond` each side.
-    :param contrast: what a difference of unit normals is multiplied by.
+    :param contrast: factor on the difference of unit normals.
     :param sharpness: q of the flux.
     """
 
@@ -76,11 +76,11 @@ class NormalDiffusion:
 
 
 def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array:
-    """Unit normals (m, 3) after ``sweeps`` steps of dt of the diffusion of normals, edges kept.
+    """Unit normals (m, 3) after ``sweeps`` steps of dt of an edge-preserving diffusion.
 
     A dn/dt = sum of w g (n_beyond - n), g = (1 + |contrast (n_beyond - n)|^2)^(-q / 2), the flux of a variant of gamma -1 and
-    sharpness q (2: Perona and Malik, (1)). Each step is implicit in the triangle itself: a mean with positive weights, which is
-    stable for every dt and leaves no normal outside those around it.
+    sharpness q (2: Perona and Malik, (1)). Each step is implicit in the triangle itself: a mean with positive weights, which
+    is stable for every dt and keeps normals in the range of their neighbours.
 
     :param dt: squared length.
     """
@@ -92,10 +92,10 @@ def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array
 
 
 def followed(points: Array, connectivity: Connectivity, normals: Array, held: Array, sweeps: int) -> Array:
-    """Points (n, 3) moved towards the planes that normals (m, 3) give the triangles around each (Sun et al. 2007).
+    """Points (n, 3) moved towards the planes of the triangles around them with normals (m, 3) (Sun et al. 2007).
 
-    x_i moves by the mean of n_f n_f . (c_f - x_i) over the triangles f around it, c_f their centroids: along their normals
-    alone, so that nothing moves where all triangles lie in one plane.
+    x_i moves by the mean of n_f n_f . (c_f - x_i) over the triangles f around it, c_f their centroids. Motion is along
+    normals only, so that nothing moves where all triangles lie in one plane.
 
     :param held: (n,), points that stay.
     """

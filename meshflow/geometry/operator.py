@@ -1,6 +1,6 @@
-"""The cotangent operator in every dimension. Arrays in, arrays out.
+"""The cotangent operator in every dimension.
 
-Sign, once and for all: the stiffness L is symmetric and positive semidefinite, ``L @ X`` is the gradient of the total area
+Sign convention: the stiffness L is symmetric and positive semidefinite, ``L @ X`` is the gradient of the total area
 with respect to every vertex (Desbrun et al. 2000, (13)), and libigl's ``cotmatrix`` is ``-L``. The curvature normal is
 B = M^-1 L X = grad A / A (11), (12), of length twice the mean curvature; -B is the Laplace-Beltrami of the position.
 """
@@ -36,7 +36,7 @@ MASSES = ("barycentric", "voronoi", "ring")
 
 
 def mass_kind(kind: str) -> int:
-    """The number under which the kernels know a kind of mass.
+    """The number of a kind of mass in the kernels.
 
     :raises InputError: for an unknown word.
     """
@@ -50,8 +50,8 @@ def cotangents(points: Array, faces: Array, forms: Array | None = None, sharpnes
 
     :param points: (n, d).
     :param faces: (m, 3).
-    :param forms: (m, 4) of :func:`forms`, lengths measured in further coordinates and added to those of ``points``.
-    :param sharpness: q of :class:`Variant`, which stretches the lengths of ``points`` against those of ``forms``.
+    :param forms: (m, 4) of :func:`forms`, for lengths in further coordinates that are added to those of ``points``.
+    :param sharpness: q of :class:`Variant`, which stretches the lengths of ``points`` relative to those of ``forms``.
     """
     cot, area = np.empty((len(faces), 3)), np.empty(len(faces))
     kernels.triangle_angles(_doubles(points), indices_of(faces), forms, sharpness, cot, area)
@@ -59,14 +59,14 @@ def cotangents(points: Array, faces: Array, forms: Array | None = None, sharpnes
 
 
 def forms(charts: Array) -> Array:
-    """Quadratic forms (m, 4), the dots of three corners and the determinant, of triangles given by corners (m, 3, c)."""
+    """Quadratic forms (m, 4) of triangles with corners (m, 3, c): the dot products at three corners and the determinant."""
     out = np.empty((len(charts), 4))
     kernels.chart_forms(_doubles(charts), out)
     return out
 
 
 def form_cotangents(forms: Array) -> tuple[Array, Array]:
-    """Cotangents (m, 3) and areas (m,) of triangles known by their quadratic forms (m, 4)."""
+    """Cotangents (m, 3) and areas (m,) of triangles given by quadratic forms (m, 4)."""
     cot, area = np.empty((len(forms), 3)), np.empty(len(forms))
     kernels.form_angles(forms, cot, area)
     return cot, area
@@ -84,9 +84,10 @@ def stiffness(points: Array, faces: Array) -> sparse.csr_matrix:
 
 
 def mass(points: Array, faces: Array, kind: MassKind = "barycentric") -> Array:
-    """Lumped mass (n,), the area that belongs to each vertex; zero where there is no triangle.
+    """Lumped mass (n,), the area of each vertex; zero where there is no triangle.
 
-    ``barycentric``: a third of the triangles around it; ``voronoi``: mixed, Meyer et al. 2002; ``ring``: all of them, as (14).
+    ``barycentric``: a third of the triangles around it; ``voronoi``: mixed (Meyer et al. 2002); ``ring``: all of them, as in
+    (14).
     """
     connectivity = connect((faces,), len(points))
     return gather_mass(connectivity, *cotangents(points, faces), kind)
@@ -95,7 +96,8 @@ def mass(points: Array, faces: Array, kind: MassKind = "barycentric") -> Array:
 def area_gradient(points: Array, faces: Array, boundary: Literal["neumann", "plane-preserving"] = "neumann") -> Array:
     """Gradient (n, d) of the total area with respect to each vertex, L @ X (13).
 
-    :param boundary: ``plane-preserving`` takes out the pull of the conormal of each boundary edge: zero on every plane.
+    :param boundary: ``plane-preserving`` removes the pull of the conormal of each boundary edge; the result is zero on every
+        plane.
     """
     connectivity = connect((faces,), len(points))
     return gather_gradient(connectivity, cotangents(points, faces)[0], points, boundary == "plane-preserving")
@@ -115,15 +117,16 @@ def curvature_normal(
 def mean_curvature(points: Array, faces: Array, kind: MassKind = "voronoi") -> Array:
     """|B| / 2 (n,), per length, in every dimension: 1 on the unit sphere, 1/2 on the unit cylinder, 0 on minimal surfaces.
 
-    kappa of section 5.1 lacks the half. Voronoi mass: it alone converges pointwise on irregular samplings.
+    kappa of section 5.1 lacks the factor 1/2. With Voronoi mass it converges pointwise on irregular samplings, with others it
+    does not.
     """
     return 0.5 * np.linalg.norm(curvature_normal(points, faces, kind, "plane-preserving"), axis=1)
 
 
 def rate_bound(cot: Array, area: Array, kind: MassKind = "barycentric") -> Array:
-    """Upper bound (m,) of the eigenvalues of M^-1 L that each triangle allows, per squared length.
+    """Upper bounds (m,) of the eigenvalues of M^-1 L, one per triangle, per squared length.
 
-    The largest is a bound for the whole mesh: an explicit step below 2 / max is stable.
+    The largest is a bound for the whole mesh: explicit steps below 2 / max are stable.
     """
     out = np.empty(len(area))
     kernels.triangle_bounds(cot, area, mass_kind(kind), out)
@@ -131,7 +134,7 @@ def rate_bound(cot: Array, area: Array, kind: MassKind = "barycentric") -> Array
 
 
 def fill_stiffness(connectivity: Connectivity, cot: Array, directions: Array | None = None) -> sparse.csr_matrix:
-    """L, or L_ij (d_i . d_j) for vertices that move along directions (n, 3): still symmetric positive semidefinite."""
+    """L, or L_ij (d_i . d_j) for vertices that move along directions (n, 3); both are symmetric positive semidefinite."""
     c, pattern = connectivity, connectivity.pattern
     data = np.empty(len(pattern.indices))
     rays = None if directions is None else _doubles(directions)
@@ -168,7 +171,7 @@ def gather_gradient(connectivity: Connectivity, cot: Array, points: Array, linea
 
 
 def border_pull(connectivity: Connectivity, points: Array) -> Array:
-    """What is taken out of the area gradient (n, k): the conormals of the boundary edges, measured at points (n, k)."""
+    """The conormals of the boundary edges at points (n, k), which are removed from the area gradient (n, k)."""
     c, out = connectivity, np.zeros(points.shape)
     faces = c.faces[c.border // 3]
     cot, _ = cotangents(points, faces)
@@ -177,7 +180,7 @@ def border_pull(connectivity: Connectivity, points: Array) -> Array:
 
 
 def gather_chart_gradient(connectivity: Connectivity, cot: Array, charts: Array, linear: bool) -> Array:
-    """As :func:`gather_gradient`, for coordinates that each triangle's corners (m, 3, c) have in a chart of its own."""
+    """As :func:`gather_gradient`, for coordinates (m, 3, c) of corners in separate charts of the triangles."""
     c, charts = connectivity, _doubles(charts)
     out = np.empty((c.size, charts.shape[2]))
     kernels.chart_gradient(c.first, c.corners, cot, charts, out)
@@ -187,7 +190,7 @@ def gather_chart_gradient(connectivity: Connectivity, cot: Array, charts: Array,
 
 
 def gather_seen(connectivity: Connectivity, points: Array, directions: Array) -> Array:
-    """Area (n,) of the triangles around each vertex after projecting them along its direction (n, 3), in R^3."""
+    """Area (n,) of the triangles around each vertex, projected along its direction (n, 3), in R^3."""
     out = np.empty(connectivity.size)
     c = connectivity
     kernels.area_seen(c.first, c.corners, c.faces, _doubles(points), _doubles(directions), out)

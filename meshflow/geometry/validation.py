@@ -1,4 +1,4 @@
-"""What every data object of this room asks of what comes in: the checks, each said once."""
+"""Checks of input arrays and numbers."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ __all__ = [
 def real(values: ArrayLike, name: str) -> Array:
     """An array of float32 or float64 in native byte order; integers become the float type that holds them.
 
-    (Up to 16 bit: float32; more: float64.) Nothing is copied that need not be; nothing of the caller's is changed.
+    Integers of up to 16 bit become float32, others float64. Arrays are copied only if necessary; the input is not changed.
 
     :raises InputError: for complex numbers, objects, text, or an empty array.
     """
@@ -48,11 +48,11 @@ def real(values: ArrayLike, name: str) -> Array:
 
 
 def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...], name: str) -> tuple[Array, Array]:
-    """Values of a grid and the mask (h, w) of those that are missing.
+    """Values of a grid and the mask (h, w) of missing samples.
 
-    Missing is: masked (numpy.ma), NaN or infinite in any channel, or named by ``missing``.
+    Samples are missing if they are masked (numpy.ma), NaN or infinite in any channel, or marked in ``missing``.
 
-    :raises InputError: for a grid of fewer than 2 x 2 samples, of wrong dimension, or with nothing but missing samples.
+    :raises InputError: for a grid of fewer than 2 x 2 samples, of wrong dimension, or without any sample that is present.
     """
     masked = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
     array = real(np.ma.getdata(values), name)
@@ -77,7 +77,7 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
 
 
 def brief(data: object, values: Array, missing: Array | None, *words: str) -> str:
-    """A data object of a grid in a line: its size, not its numbers."""
+    """One line on a data object on a grid, with its size."""
     h, w, *channels = values.shape
     size = f"{w} x {h}{''.join(f' x {k}' for k in channels)} {values.dtype}"
     gone = 0 if missing is None else int(missing.sum())
@@ -95,7 +95,7 @@ def indices_of(faces: Array) -> Array:
     return np.ascontiguousarray(faces, np.int32)
 
 
-# A mask that is true nowhere, whatever the shape.
+# A mask that is false everywhere, for any shape.
 NOWHERE: Array = np.zeros(0, bool)
 
 
@@ -105,7 +105,7 @@ def nowhere(mask: Array | None = None) -> Array:
 
 
 def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:
-    """A boolean mask of a given shape: of numbers, where they are other than zero; :data:`NOWHERE` and None are nowhere.
+    """A boolean mask of a given shape; numbers are true where they are not zero. :data:`NOWHERE` and None are false everywhere.
 
     :raises InputError: when the shape or the type does not fit.
     """
@@ -120,12 +120,12 @@ def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:
 
 
 def truth_of(values: Array) -> Array:
-    """Numbers as a mask: where they are other than zero, and not NaN. Files have no booleans; so it is of every mask."""
+    """Numbers as a mask: true where they are not zero and not NaN. Files have no booleans, so this holds for every mask."""
     return values if values.dtype == bool else np.nan_to_num(values) != 0
 
 
 def positive(value: float, name: str, unit: str = "") -> float:
-    """A finite number above zero.
+    """A positive finite number.
 
     :raises InputError: otherwise.
     """
@@ -141,7 +141,7 @@ def positive(value: float, name: str, unit: str = "") -> float:
 def number(value: Any, name: str) -> float:
     """A finite number.
 
-    :raises InputError: otherwise; text is none, even where it reads as one.
+    :raises InputError: otherwise, and for text.
     """
     if isinstance(value, (str, bytes)) or np.ndim(value) != 0:
         raise InputError(f"{name}: a finite number expected, got {value!r}")

@@ -1,4 +1,4 @@
-"""What triangles enclose."""
+"""The volume that triangles enclose."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ __all__ = ["is_closed", "volume", "volume_gradient"]
 
 
 def volume(points: Array, faces: Array) -> float:
-    """Volume that a closed mesh encloses, in cubed unit of the points; negative where its normals point inwards.
+    """The volume of a closed mesh, in cubed unit of the points; negative where its normals point inwards.
 
     :param points: (n, 3).
     :param faces: (m, 3).
@@ -18,14 +18,16 @@ def volume(points: Array, faces: Array) -> float:
     if np.ndim(points) != 2 or np.shape(points)[1] != 3:
         raise InputError(f"volume: points (n, 3) expected, got shape {np.shape(points)}")
     if not is_closed(faces):
-        raise InputError("volume: a closed mesh expected, got one with a border or triangles turned both ways")
-    # From the middle of the mesh, not from a distant origin: six-digit coordinates of a map cost no digits of the volume.
+        raise InputError(
+            "volume: a closed mesh expected, got one with a border or with triangles of opposite orientation"
+        )
+    # Relative to the centre of the mesh, so that large coordinates of a map cost no digits of the volume.
     a, b, c = np.moveaxis((points - np.mean(points, axis=0, dtype=np.float64))[faces], 1, 0)
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
 
 def is_closed(faces: Array) -> bool:
-    """Whether triangles (m, 3) close a surface: each edge is run through once in each direction."""
+    """Whether triangles (m, 3) form a closed surface: each edge occurs once in each direction."""
     faces = np.asarray(faces)
     if len(faces) == 0:
         return False
@@ -36,7 +38,7 @@ def is_closed(faces: Array) -> bool:
 
 
 def volume_gradient(points: Array, faces: Array) -> Array:
-    """Of the volume with respect to each point (n, 3), squared unit of the points: a third of the area vectors around it."""
+    """The gradient (n, 3) of the volume, in squared unit of the points: a third of the area vectors around each point."""
     a, b, c = np.moveaxis((points - points.mean(axis=0))[faces], 1, 0)
     pulls = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1) / 6.0
     flat = faces.ravel()

@@ -1,12 +1,12 @@
-"""Data with a known answer: terrains, images, meshes, and simulated depth sensors. A seed names each of them.
+"""Synthetic data with a known truth: terrains, images, meshes, and simulated depth sensors, each given by a seed.
 
 **Noisy data with its truth, one call each**: :func:`terrain`, :func:`picture`, :func:`depth_scene`, :func:`irregular_mesh`.
 
 **Heights**: :func:`steps`, :func:`mesas`, :func:`ramps`, :func:`fractal_terrain`; noise for them: :func:`noisy`,
 :func:`quantised`.
 
-**Meshes on a known surface** (each has the distance to it): :func:`cube`, :func:`plate`, :func:`part`, :func:`sphere`,
-:func:`ring`, :func:`blob`, :func:`dome`; each is made noisy by its method ``noisy``.
+**Meshes on a known surface** (which gives distances from it): :func:`cube`, :func:`plate`, :func:`part`, :func:`sphere`,
+:func:`ring`, :func:`blob`, :func:`dome`; the method ``noisy`` adds noise.
 
 **Depth sensors**: :func:`observe` what a :class:`StructuredLight` or :class:`TimeOfFlight` camera sees of :class:`Panel`,
 :class:`Ball`, :class:`Block`, :class:`CappedBall`, or a mesh; :func:`seen` without noise.

@@ -1,4 +1,4 @@
-"""Samples with known answers: what is true, and what a noisy instrument would have measured. A seed names each of them."""
+"""Samples with a known truth, and their noisy measurements, each given by a seed."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ from meshflow.synthetic.solids import Ball, Block, CappedBall, Panel, Solid
 
 __all__ = ["CAMERA", "SCENE", "MeshSample", "Sample", "Scene", "depth_scene", "irregular_mesh", "picture", "terrain"]
 
-# A camera of 320 x 240 pixels, 56 degrees wide, as small time-of-flight cameras have.
+# A camera of 320 x 240 pixels, 56 degrees wide, like those of small time-of-flight cameras.
 CAMERA = Pinhole(300.0, 300.0, 159.5, 119.5)
-# Two slanted panels with nothing between and above them, a ball, and a cube corner; metres, y downwards, z away.
+# Two slanted panels with nothing between and above them, a ball, and a corner of a cube; metres, y down, z forward.
 SCENE: tuple[Solid, ...] = (
     Panel((0.0, 0.28, 0.96), 2.1, high=0.75),
     Panel((-0.6, 0.0, 0.8), 1.1, low=0.85),
@@ -27,7 +27,7 @@ class Sample:
     """A grid of samples.
 
     :ivar truth: (h, w) or (h, w, k), in the unit of the function that made it.
-    :ivar noisy: the same, measured.
+    :ivar noisy: the measurement.
     """
 
     truth: Array
@@ -36,12 +36,12 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What a camera saw.
+    """A scene seen by a camera.
 
     :ivar truth: (h, w), depth along the optical axis, metres; NaN where nothing is seen.
-    :ivar noisy: the same, measured.
-    :ivar solids: what is there.
-    :ivar seen: (h, w), the index in ``solids`` of what each pixel sees, -1 for nothing.
+    :ivar noisy: the measurement.
+    :ivar solids: the objects.
+    :ivar seen: (h, w), the index in ``solids`` of the object at each pixel, -1 for none.
     """
 
     truth: Array
@@ -55,9 +55,9 @@ class MeshSample:
     """A closed triangle mesh.
 
     :ivar truth: (n, 3), on the surface of ``body``.
-    :ivar noisy: (n, 3), measured.
+    :ivar noisy: (n, 3), the measurement.
     :ivar faces: (m, 3), normals outwards.
-    :ivar body: the solid; ``body.distance`` tells how far a point is from its surface.
+    :ivar body: the solid; ``body.distance`` is the distance of a point from its surface.
     """
 
     truth: Array
@@ -72,7 +72,7 @@ def terrain(n: int = 256, seed: int = 0, noise: float = 2.0, spacing: float = 10
     Hills and valley are as large as n * spacing allows (by default 2560 m wide, a few hundred metres of relief); the mesa is
     90 m high, its cliff two to four samples wide.
 
-    :param noise: standard deviation of the elevations, metres, independent for each sample.
+    :param noise: standard deviation, metres, independent for each sample.
     :param spacing: of the samples, metres.
     :raises InputError: for fewer than 16 samples along a side.
     """
@@ -111,7 +111,7 @@ def _mesa(x: Array, y: Array, rng: np.random.Generator) -> tuple[Array, float]:
 def fractal(n: int, slope: float, rng: np.random.Generator) -> Array:
     """A random field (n, n) with the spectrum k^-slope: mean 0, standard deviation 1, not periodic.
 
-    :param slope: 2 is as rough as mountains are, 3 is smooth.
+    :param slope: 2 is as rough as mountains, 3 is smooth.
     """
     size = 2 * n  # a quarter of a periodic field is not periodic
     k = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
@@ -123,9 +123,9 @@ def fractal(n: int, slope: float, rng: np.random.Generator) -> Array:
 def depth_scene(
     camera: Pinhole = CAMERA, shape: tuple[int, int] = (240, 320), seed: int = 0, noise: float = 0.002
 ) -> Scene:
-    """Depths (h, w) in metres of :data:`SCENE`, cast exactly; a pixel that sees nothing is NaN.
+    """Depths (h, w) of :data:`SCENE` in metres, computed exactly; pixels that see nothing are NaN.
 
-    :param noise: c, per metre: the standard deviation of a depth is c z^2, as with stereo and structured light.
+    :param noise: c, per metre: the standard deviation of a depth is c z^2, as for stereo and structured light.
     """
     rays = camera.rays(shape)
     depths = np.stack([solid.cast(rays) for solid in SCENE])
@@ -140,8 +140,8 @@ def depth_scene(
 def irregular_mesh(n: int = 4000, seed: int = 0, noise: float = 0.01, density: float = 5.0) -> MeshSample:
     """A closed mesh of about n vertices on a :class:`CappedBall` of radius 1: round, flat, two sharp rims.
 
-    The vertices lie on a spiral, shaken by a third of their distance and ``density`` times closer packed at one end of the
-    x axis than at the other; those of the rims lie on the rims, so that the triangles resolve them.
+    The vertices lie on a spiral, displaced randomly by a third of their distance, and are ``density`` times denser at one end of
+    the x axis than at the other. Vertices of the rims lie on the rims, so that the triangles resolve them.
 
     :param noise: standard deviation along the normals, in radii.
     :param density: vertices per solid angle at the dense end over those at the sparse end, at least 1.
@@ -168,7 +168,9 @@ def irregular_mesh(n: int = 4000, seed: int = 0, noise: float = 0.01, density: f
 
 
 def _spiral(n: int, density: float, rng: np.random.Generator) -> Array:
-    """Directions (n, 3) on a golden spiral about x, their density falling linearly in x from ``density`` to 1, shaken."""
+    """Directions (n, 3) on a golden spiral about x, their density falling linearly in x from ``density`` to 1, displaced
+    randomly.
+    """
     share = (np.arange(n) + 0.5) / n
     # The root of the cumulative density s + (density - 1) s^2 / 2 over its total, s = (1 + x) / 2 from the sparse end.
     more = density - 1.0
@@ -192,7 +194,7 @@ def _rim(axis: tuple[float, float, float], height: float, gap: float) -> Array:
 
 
 def picture(shape: tuple[int, int] = (144, 192), seed: int = 0, noise: float = 12.0) -> Sample:
-    """A colour picture (h, w, 3) of coloured discs on ramps, values 0 to 255; measured values are whole and clipped.
+    """A colour picture (h, w, 3) of coloured discs on ramps, values 0 to 255; measurements are rounded and clipped.
 
     :param noise: standard deviation, in grey levels, independent for each channel.
     """

@@ -1,4 +1,4 @@
-"""Scenes of known truth at stated levels of noise: what the benchmark of quality denoises. A seed names each of them."""
+"""Scenes with a known truth and levels of noise, for the benchmark of quality, each given by a seed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -30,16 +30,16 @@ Kind = Literal["terrain", "image"]
 
 @dataclass(frozen=True)
 class Subject:
-    """A scene and how it is measured: with white noise of several levels, or rounded to a quantum and with no noise at all.
+    """A scene and how it is measured: with white noise of several levels, or rounded to a quantum without noise.
 
-    :ivar name: short, as the benchmark prints it.
-    :ivar truth: makes the true values, (h, w) or (h, w, k), float64, the same every time.
-    :ivar levels: standard deviations of the noise, in the unit of the values; empty where ``quantum`` is not.
+    :ivar name: a short name.
+    :ivar truth: makes the true values, (h, w) or (h, w, k), float64; deterministic.
+    :ivar levels: standard deviations of the noise, in the unit of the values; empty with a ``quantum``.
     :ivar kind: ``terrain``: heights over a grid; ``image``: grey levels or colours.
     :ivar unit: of the values.
-    :ivar spacing: of the samples, (dx, dy), in the unit of the heights; it counts for slopes and normals alone.
-    :ivar peak: of an image, the whole range of its values; None: the range of the truth.
-    :ivar quantum: the step to which values are rounded, 0 for none.
+    :ivar spacing: of the samples, (dx, dy), in the unit of the heights; it affects slopes and normals only.
+    :ivar peak: of an image, the range of possible values; None: the range of the truth.
+    :ivar quantum: values are rounded to its multiples; 0: no rounding.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Subject:
     quantum: float = 0.0
 
     def measured(self, truth: Array, level: float, seed: int = 7) -> Array:
-        """What an instrument would have said of the truth: rounded to the quantum ``level``, or with noise of that level."""
+        """The measurement of the truth: rounded to the quantum ``level``, or with noise of that level."""
         return quantised(truth, level) if self.quantum else noisy(truth, level, seed)
 
 
@@ -70,7 +70,7 @@ def noisy(truth: ArrayLike, sigma: float, seed: int = 7) -> Array:
 
 
 def quantised(truth: ArrayLike, quantum: float) -> Array:
-    """The truth rounded to whole multiples of a quantum, in the unit of the truth; no noise.
+    """The truth rounded to multiples of a quantum, in the unit of the truth, without noise.
 
     :raises InputError: for a quantum that is not positive.
     """
@@ -117,12 +117,12 @@ def _unit(n: int) -> tuple[Array, Array]:
 
 
 def fractal_terrain(n: int = 512, seed: int = 2) -> Array:
-    """Elevations (n, n) in metres, as rough as mountains are: the spectrum k^-2, standard deviation 60 m, no cliff anywhere."""
+    """Elevations (n, n) in metres, as rough as mountains: spectrum k^-2, standard deviation 60 m, no cliffs."""
     return 60.0 * fractal(whole(n, "fractal terrain: side", 8), 2.0, np.random.default_rng(seed))
 
 
 def jacksboro() -> Array:
-    """Elevations (344, 403) in whole metres, 236 to 1076, three arc seconds apart: the Jacksboro fault, of matplotlib."""
+    """Elevations (344, 403) in whole metres, 236 to 1076, three arc seconds apart: the Jacksboro fault, from matplotlib."""
     from matplotlib.cbook import get_sample_data
 
     path = str(get_sample_data("jacksboro_fault_dem.npz", asfileobj=False))
@@ -132,7 +132,7 @@ def jacksboro() -> Array:
 
 # Three arc seconds at 36.4 degrees north, metres.
 _JACKSBORO = (74.6, 92.5)
-# From 1 to 10 % of the range, about; where that leaves the interesting levels out, those.
+# About 1 to 10 % of the range; otherwise the interesting levels.
 SCENES: Mapping[str, Subject] = MappingProxyType(
     {
         subject.name: subject

@@ -1,4 +1,4 @@
-"""Simulated depth sensors: what a camera would have measured of a body that is known, and the truth beside it."""
+"""Simulated depth sensors: measurements of known objects, and the truth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from meshflow.synthetic.solids import Solid
 __all__ = ["Body", "Frame", "Seen", "Sensor", "StructuredLight", "TimeOfFlight", "observe", "seen"]
 
 Body = Mesh | Sequence[Solid]
-# The light of a projector ends on the body itself; what it meets this close to its end is no shadow.
+# A ray of the projector that meets the object this close to its end is not in shadow.
 OWN = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What the rays of a camera meet first.
+    """The first hits of the rays of a camera.
 
-    :ivar depth: (h, w), u of the line of sight; NaN where nothing is met.
+    :ivar depth: (h, w), u of the line of sight; NaN where nothing is hit.
     :ivar normals: (h, w, 3), unit, towards the camera; NaN likewise.
-    :ivar part: (h, w), index of the solid or the triangle that is met; -1 for none.
+    :ivar part: (h, w), index of the solid or the triangle that is hit; -1 for none.
     """
 
     depth: Array
@@ -35,14 +35,14 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What a sensor measured, beside the truth.
+    """The measurement of a sensor, and the truth.
 
     :ivar depth: (h, w), measured; NaN where missing.
-    :ivar truth: (h, w), NaN where nothing is there to be seen.
+    :ivar truth: (h, w), NaN where there is nothing.
     :ivar normals: (h, w, 3), true ones, unit, towards the camera; NaN likewise.
     :ivar sigma: (h, w), standard deviation of the noise of each pixel, before rounding; NaN likewise.
     :ivar flying: (h, w), pixels that mix the depths of two surfaces.
-    :ivar dark: (h, w), pixels that see something on which the sensor's own light does not fall.
+    :ivar dark: (h, w), pixels that see a surface that the light of the sensor does not reach.
     """
 
     depth: Array
@@ -54,17 +54,17 @@ class Frame:
 
 
 class Sensor(Protocol):
-    """A model of what goes wrong."""
+    """A model of the errors of a sensor."""
 
     def measured(self, body: Body, sight: Sight, there: Seen) -> Frame:
-        """The frame of what a sight has seen of a body."""
+        """The frame measured from what is seen of an object."""
         ...
 
 
 def seen(body: Body, sight: Sight) -> Seen:
-    """Cast the rays of a camera at a body.
+    """Cast the rays of a camera at an object.
 
-    :param body: a :class:`Mesh` in R^3, or solids, of which the nearest is seen; the lines of sight begin outside of them.
+    :param body: a :class:`Mesh` in R^3, or solids, of which the nearest is seen; the lines of sight start outside of them.
     :raises InputError: for no solid, or a mesh that is not in R^3.
     """
     depth, part = _cast(body, sight.origins, sight.directions)
@@ -84,9 +84,9 @@ def seen(body: Body, sight: Sight) -> Seen:
 
 
 def observe(body: Body, sight: Sight, sensor: Sensor) -> Frame:
-    """What a sensor measures of a body through a camera: ``observe(SCENE, Sight.through(camera, shape), sensor)``.
+    """The measurement of an object by a sensor through a camera: ``observe(SCENE, Sight.through(camera, shape), sensor)``.
 
-    :raises InputError: as :func:`seen`, or where nothing is seen at all.
+    :raises InputError: as :func:`seen`, and where nothing is seen.
     """
     there = seen(body, sight)
     if (there.part < 0).all():
@@ -98,18 +98,18 @@ def observe(body: Body, sight: Sight, sensor: Sensor) -> Frame:
 class StructuredLight:
     """A projector beside the camera: depth from disparity d = f b / z, in pixels, so that noise and steps grow as z^2.
 
-    A pixel is missing where the projector's light does not fall (the shadow at silhouettes) and where the surface is seen at
-    too grazing an angle. Nothing of the pattern's window, nor of speckle, is modelled.
+    A pixel is missing where the light of the projector does not reach (the shadow at silhouettes), and where the surface is seen
+    at a grazing angle. The window of the pattern and speckle are not modelled.
 
     :param baseline: b, from the camera to the projector along the rows, unit of the depths (0.075 m: the first Kinect).
-    :param focal: f, pixels in which disparity is counted (575: the first Kinect).
+    :param focal: f, in pixels of the disparity (575: the first Kinect).
     :param sigma: standard deviation of the disparity, pixels: that of the depth is z^2 sigma / (f b).
-    :param step: disparity is rounded to multiples of it, pixels; None: it is not.
-    :param grazing: angle between line of sight and normal, degrees, from which on nothing comes back.
-    :param flying: share of the pixels at jumps of depth that measure something between the two sides.
+    :param step: disparity is rounded to its multiples, pixels; None: no rounding.
+    :param grazing: angle between line of sight and normal, degrees, at and above which nothing is measured.
+    :param flying: share of the pixels at jumps of depth that measure a depth between the two sides.
     :param jump: difference of neighbouring depths, as a share of the nearer, that is a jump unless the slope explains it.
-    :param seed: of everything random.
-    :raises InputError: for lengths that are not positive, a sigma below zero, an angle or a share that cannot be.
+    :param seed: of all random numbers.
+    :raises InputError: for lengths that are not positive, a negative sigma, or an invalid angle or share.
     """
 
     baseline: float = 0.075
@@ -130,7 +130,7 @@ class StructuredLight:
         _sound(self.grazing, self.flying, self.seed)
 
     def measured(self, body: Body, sight: Sight, there: Seen) -> Frame:
-        """The frame of what a sight has seen of a body."""
+        """The frame measured from what is seen of an object."""
         rng, truth = np.random.default_rng(self.seed), there.depth
         dark = self._shadow(body, sight, there)
         scale = self.focal * self.baseline
@@ -155,19 +155,19 @@ class StructuredLight:
 
 @dataclass(frozen=True)
 class TimeOfFlight:
-    """Light that is timed: noise a + b z, more where less of it comes back; pixels at jumps mix the times of both sides.
+    """A time-of-flight camera: noise a + b z, more where less light returns; pixels at jumps mix the depths of both sides.
 
-    Paths by way of other surfaces are not modelled.
+    Multiple reflections are not modelled.
 
     :param sigma: a, standard deviation at depth 0, unit of the depths.
-    :param growth: b, what is added per unit of depth.
-    :param lambert: divide the standard deviation by the cosine of the angle between line of sight and normal, as the light that
-        a matt surface sends back falls with it.
-    :param grazing: angle, degrees, from which on nothing comes back.
-    :param flying: share of the pixels at jumps of depth that measure something between the two sides.
-    :param jump: as that of :class:`StructuredLight`.
-    :param seed: of everything random.
-    :raises InputError: for a noise below zero, an angle or a share that cannot be.
+    :param growth: b, its increase per unit of depth.
+    :param lambert: divide the standard deviation by the cosine of the angle between line of sight and normal, since a matt
+        surface returns less light at an angle.
+    :param grazing: angle, degrees, at and above which nothing is measured.
+    :param flying: share of the pixels at jumps of depth that measure a depth between the two sides.
+    :param jump: as in :class:`StructuredLight`.
+    :param seed: of all random numbers.
+    :raises InputError: for a negative noise, or an invalid angle or share.
     """
 
     sigma: float = 0.002
@@ -185,7 +185,7 @@ class TimeOfFlight:
         _sound(self.grazing, self.flying, self.seed)
 
     def measured(self, body: Body, sight: Sight, there: Seen) -> Frame:
-        """The frame of what a sight has seen of a body."""
+        """The frame measured from what is seen of an object."""
         rng, truth = np.random.default_rng(self.seed), there.depth
         mixed, flying = _mixed(sight, there, self.jump, self.flying, rng)
         tilt, sigma = sight.tilt(there.normals), self.sigma + self.growth * truth
@@ -203,7 +203,7 @@ def _at_least_zero(value: float, name: str) -> None:
 
 
 def _sound(grazing: float, flying: float, seed: int) -> None:
-    """What the two sensors share."""
+    """Check the options that both sensors share."""
     if not 0 < number(grazing, "grazing") <= 90:
         raise InputError(f"grazing: an angle above 0 and up to 90 degrees expected, got {grazing}")
     if not 0 <= number(flying, "flying") <= 1:
@@ -212,7 +212,7 @@ def _sound(grazing: float, flying: float, seed: int) -> None:
 
 
 def _cast(body: Body, origins: Array, directions: Array) -> tuple[Array, Array]:
-    """Factors (...,) by which rays (..., 3) first meet a body, infinite where they do not, and the index of what they meet."""
+    """Factors (...,) at which rays (..., 3) first hit an object, infinite where they do not, and the index of what they hit."""
     if isinstance(body, Mesh):
         return _cast_mesh(body, origins, directions)
     if len(body) == 0:
@@ -222,7 +222,7 @@ def _cast(body: Body, origins: Array, directions: Array) -> tuple[Array, Array]:
 
 
 def _cast_mesh(mesh: Mesh, origins: Array, directions: Array) -> tuple[Array, Array]:
-    """The tree of libigl says which triangle; it counts in single precision, so where on it is asked again."""
+    """Cast rays at a mesh: the tree of libigl, in single precision, finds the triangle; the place is computed again."""
     import igl
 
     if mesh.points.shape[1] != 3:
@@ -234,14 +234,14 @@ def _cast_mesh(mesh: Mesh, origins: Array, directions: Array) -> tuple[Array, Ar
     tree.init(points, faces)
     part = np.asarray(tree.intersect_ray_first(points, faces, starts, rays)[0])
     depth, hit = np.full(len(rays), np.inf), part >= 0
-    # As far beyond its edges as single precision errs.
+    # The tolerance at edges is that of single precision.
     depth[hit] = met(starts[hit], rays[hit], points[faces[part[hit]]], edge=1e-3)
     part = np.where(np.isfinite(depth), part, -1)
     return depth.reshape(directions.shape[:-1]), part.reshape(directions.shape[:-1])
 
 
 def _mixed(sight: Sight, there: Seen, jump: float, share: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Depths (h, w) of which a share of those beside a jump lies between its sides, and which those are."""
+    """Depths (h, w), of which a share at jumps lies between both sides, and the mask of those."""
     other = _across(sight, there, jump)
     chosen, weight = rng.uniform(size=other.shape) < share, rng.uniform(0.1, 0.9, size=other.shape)
     flying = chosen & np.isfinite(other)
@@ -249,9 +249,9 @@ def _mixed(sight: Sight, there: Seen, jump: float, share: float, rng: np.random.
 
 
 def _across(sight: Sight, there: Seen, jump: float) -> Array:
-    """The depth (h, w) on the other side of the greatest jump beside each pixel; NaN where there is none.
+    """The depth (h, w) on the other side of the largest jump beside each pixel; NaN where there is none.
 
-    A difference is no jump where the tangent plane of either side leads to the other.
+    A difference is no jump where the tangent plane of either side explains it.
     """
     z, n = there.depth, there.normals
     points, other, most = sight.at(z), np.full(z.shape, np.nan), np.zeros(z.shape)

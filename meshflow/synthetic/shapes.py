@@ -1,4 +1,4 @@
-"""Triangle meshes with known true surfaces, and what a scanner would have made of them. A seed names each of them."""
+"""Triangle meshes on known surfaces, and noisy measurements of them, each given by a seed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ Noise = Literal["iso", "nrm"]
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A triangle mesh whose vertices lie on a surface that is known.
+    """A triangle mesh whose vertices lie on a known surface.
 
-    :ivar name: as the benchmark prints it.
-    :ivar points: (n, 3), on the surface; the unit of length is that of the surface, about 1 is its size.
+    :ivar name: a short name.
+    :ivar points: (n, 3), on the surface, whose size is about 1.
     :ivar faces: (m, 3), normals outwards.
-    :ivar surface: what is true; ``surface.distance`` tells how far a point is from it.
+    :ivar surface: the true surface; ``surface.distance`` is the distance of a point from it.
     """
 
     name: str
@@ -42,9 +42,9 @@ class Shape:
         return self.surface.distance(points)
 
     def normals(self) -> Array:
-        """Unit normals (n, 3) at the vertices: of the triangles around them, each by its angle there (Thürmer, Wüthrich 1998).
+        """Unit normals (n, 3) at the vertices: of the triangles around them, weighted by angles (Thürmer, Wüthrich 1998).
 
-        On a crease the mean of its sides, whatever their triangulation; inside a flat side exact.
+        On a crease they are the mean of its sides, independent of the triangulation; inside a flat side they are exact.
         """
         corners = self.points[self.faces]
         a, b, c = np.moveaxis(corners, 1, 0)
@@ -59,9 +59,9 @@ class Shape:
         return total / np.linalg.norm(total, axis=1, keepdims=True)
 
     def noisy(self, kind: Noise, level: float, seed: int = 7) -> Array:
-        """The points (n, 3), measured.
+        """The points (n, 3) with noise.
 
-        :param kind: ``iso``: independent in x, y and z; ``nrm``: along the true normals alone.
+        :param kind: ``iso``: independent in x, y and z; ``nrm``: along the true normals only.
         :param level: standard deviation of each coordinate, or along the normal, in mean edge lengths; 0 or more.
         :raises InputError: for another kind, or a negative level.
         """
@@ -85,7 +85,7 @@ def mean_edge(points: Array, faces: Array) -> float:
 def cube(cells: int = 32, irregular: bool = False, seed: int = 0) -> Shape:
     """A cube of edge 1, 6 x cells x cells x 2 triangles: flat sides, sharp edges and corners.
 
-    :param irregular: vertices shaken within their sides and along their edges by a third of a cell, then Delaunay.
+    :param irregular: vertices are displaced randomly by a third of a cell within sides and along edges, with Delaunay triangles.
     :raises InputError: for fewer than 2 cells.
     """
     body = Box((0.5, 0.5, 0.5))
@@ -94,7 +94,7 @@ def cube(cells: int = 32, irregular: bool = False, seed: int = 0) -> Shape:
 
 
 def plate(cells: int = 60, seed: int = 0) -> Shape:
-    """A plate of 1 x 1 x 0.03, two cells thin by default: what shrinks first.
+    """A plate of 1 x 1 x 0.03, two cells thick by default, which shrinks easily.
 
     :raises InputError: for fewer than 2 cells.
     """
@@ -104,7 +104,7 @@ def plate(cells: int = 60, seed: int = 0) -> Shape:
 
 
 def part(spacing: float = 0.016, seed: int = 0) -> Shape:
-    """A part of a machine, an extruded L with a fillet in its corner and a hole through its foot: creases exact, with slivers.
+    """A machine part: an extruded L with a fillet and a hole; creases are exact, and there are slivers.
 
     :param spacing: of the vertices, in lengths of the longer leg; below 0.1.
     :raises InputError: for another spacing.
@@ -134,16 +134,16 @@ def sphere(subdivisions: int = 5) -> Shape:
 def ring(around: int = 160, through: int = 64) -> Shape:
     """A torus of radii 1 and 0.4.
 
-    :raises InputError: for fewer than 3 vertices either way.
+    :raises InputError: for fewer than 3 vertices in either direction.
     """
     body = Ring(1.0, 0.4)
     return Shape("torus", *ring_mesh(body, around, through), body)
 
 
 def blob(cells: int = 64) -> Shape:
-    """Level set of a sum of Gaussians as marching cubes leaves it, on a grid of cells^3: slivers, of every size.
+    """A level set of a sum of Gaussians by marching cubes on a grid of cells^3, with slivers of every size.
 
-    Vertices are moved onto the surface; in the bargain some triangles are thinner yet.
+    Vertices are moved onto the surface, which makes some triangles even thinner.
 
     :raises InputError: for fewer than 8 cells.
     """
@@ -152,7 +152,7 @@ def blob(cells: int = 64) -> Shape:
     body = Blob()
     import pyvista
 
-    # Nudged, so that no vertex of the grid lies on the surface: marching cubes would leave triangles without area there.
+    # Shifted slightly, so that no vertex of the grid lies on the surface, where triangles would have no area.
     low, high = -1.013, 1.011
     grid: Any = pyvista.ImageData(dimensions=(cells + 1,) * 3, spacing=((high - low) / cells,) * 3, origin=(low,) * 3)
     values = body.value(np.asarray(grid.points, dtype=np.float64))
@@ -172,7 +172,7 @@ def dome(count: int = 6000, seed: int = 0) -> Shape:
 
 
 def _outwards(points: Array, faces: Array) -> tuple[Array, Array]:
-    """A closed mesh with a positive volume."""
+    """A closed mesh, oriented to have a positive volume."""
     a, b, c = np.moveaxis(points[faces], 1, 0)
     inside_out = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() < 0
     return points, np.ascontiguousarray(faces[:, ::-1]) if inside_out else faces

@@ -1,4 +1,4 @@
-"""Solids that a ray can be cast at exactly, and whose surface knows how far a point is from it."""
+"""Solids with exact ray casting and distances from their surface."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,21 +11,25 @@ __all__ = ["Ball", "Block", "CappedBall", "Panel", "Solid"]
 
 
 class Solid(Protocol):
-    """What a scene is made of."""
+    """An object of a scene."""
 
     def cast(self, rays: Array, origins: Array | None = None) -> Array:
-        """The factor (...,) by which each ray (..., 3) first meets the surface; infinite where it does not.
+        """The factor (...,) at which each ray (..., 3) first hits the surface; infinite where it does not.
 
-        :param origins: where the rays begin, (..., 3) or (3,), outside of the solid; by default the origin.
+        :param origins: of the rays, (..., 3) or (3,), outside of the solid; by default the origin.
         """
         ...
 
     def normals(self, points: Array) -> Array:
-        """Unit normals (..., 3) at points (..., 3) of the surface, outwards; of a panel, which has no inside, its own."""
+        """Unit normals (..., 3) at points (..., 3) of the surface, outwards; for a panel, which has no inside, that of its
+        plane.
+        """
         ...
 
     def distance(self, points: Array) -> Array:
-        """Distance (...,) of points (..., 3) from the surface, carried on without end where it is flat; in their unit."""
+        """Distance (...,) of points (..., 3) from the surface, whose flat parts are extended to infinity; in the unit of the
+        points.
+        """
         ...
 
 
@@ -45,7 +49,7 @@ class Panel:
     high: float = np.inf
 
     def cast(self, rays: Array, origins: Array | None = None) -> Array:
-        """Where rays (..., 3) meet the panel."""
+        """The factors at which rays (..., 3) hit the panel."""
         start = np.zeros(3) if origins is None else origins
         slope, gap = rays @ np.array(self.normal), self.offset - start @ np.array(self.normal)
         z = np.divide(gap, slope, out=np.full(slope.shape, np.inf), where=slope * gap > 0)
@@ -69,7 +73,7 @@ class Ball:
     radius: float
 
     def cast(self, rays: Array, origins: Array | None = None) -> Array:
-        """Where rays (..., 3) from outside meet the ball: the smaller root of |o + t r - c|^2 = R^2."""
+        """The factors at which rays (..., 3) from outside hit the ball: the smaller root of |o + t r - c|^2 = R^2."""
         centre = np.array(self.centre) - (np.zeros(3) if origins is None else origins)
         a, b = np.einsum("...i,...i->...", rays, rays), np.einsum("...i,...i->...", rays, centre)
         discriminant = b**2 - a * (np.einsum("...i,...i->...", centre, centre) - self.radius**2)
@@ -81,18 +85,18 @@ class Ball:
         return np.abs(np.linalg.norm(points - np.array(self.centre), axis=-1) - self.radius)
 
     def normals(self, points: Array) -> Array:
-        """Away from the centre, at points (..., 3)."""
+        """Unit normals away from the centre, at points (..., 3)."""
         away = points - np.array(self.centre)
         return away / np.linalg.norm(away, axis=-1, keepdims=True)
 
 
 @dataclass(frozen=True)
 class Block:
-    """A cube that shows a corner: |R^T (p - c)| = half in the largest coordinate.
+    """A rotated cube: |R^T (p - c)| = half in the largest coordinate.
 
     :param centre: c.
     :param half: half its edge.
-    :param turned: R, turned about y and then about x by these angles, degrees.
+    :param turned: R, the rotation about y and then about x by these angles, degrees.
     """
 
     centre: tuple[float, float, float]
@@ -108,11 +112,11 @@ class Block:
         return about_x @ about_y
 
     def _inside_out(self, vectors: Array) -> Array:
-        """Vectors (..., 3) along the edges of the cube."""
+        """Vectors (..., 3) in the frame of the cube."""
         return vectors @ self._turn
 
     def cast(self, rays: Array, origins: Array | None = None) -> Array:
-        """Where rays (..., 3) from outside meet the cube: the last of three slabs that they enter."""
+        """The factors at which rays (..., 3) from outside hit the cube: the last of three slabs that they enter."""
         start = np.zeros(3) if origins is None else origins
         along, centre = self._inside_out(rays), self._inside_out(np.array(self.centre) - start)
         with np.errstate(divide="ignore"):
@@ -121,12 +125,12 @@ class Block:
         return np.where((enter <= leave) & (enter > 0), enter, np.inf)
 
     def distance(self, points: Array) -> Array:
-        """Distance of points (..., 3) close to a face from that face."""
+        """Distance of points (..., 3) near a face from that face."""
         size = np.abs(self._inside_out(points - np.array(self.centre)))
         return np.abs(size.max(axis=-1) - self.half)
 
     def normals(self, points: Array) -> Array:
-        """Of the face that points (..., 3) lie on."""
+        """Normals of the faces that contain the points (..., 3)."""
         inside = self._inside_out(points - np.array(self.centre))
         face = np.abs(inside).argmax(axis=-1)[..., None]
         return np.sign(np.take_along_axis(inside, face, axis=-1)) * self._turn.T[face[..., 0]]
@@ -134,9 +138,9 @@ class Block:
 
 @dataclass(frozen=True)
 class CappedBall:
-    """The unit ball about the origin with pieces cut off flat: round, flat, and sharp where they meet.
+    """The unit ball about the origin with flat cuts, and sharp rims around them.
 
-    :param axes: directions (unit length) in which it is cut; the cuts may not touch each other.
+    :param axes: unit vectors perpendicular to the cuts, which may not touch each other.
     :param heights: distance of each cut from the centre, in (0, 1).
     """
 
@@ -144,7 +148,7 @@ class CappedBall:
     heights: tuple[float, ...] = (0.6, 0.75)
 
     def cast(self, rays: Array) -> Array:
-        """Where rays (..., 3) from the centre leave the body."""
+        """The factors at which rays (..., 3) from the centre leave the solid."""
         reach = 1.0 / np.linalg.norm(rays, axis=-1)
         for axis, height in zip(self.axes, self.heights, strict=True):
             slope = rays @ np.array(axis)

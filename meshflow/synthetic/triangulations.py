@@ -1,4 +1,4 @@
-"""Triangles on true surfaces: regular, shaken, or with slivers. Vertices are on the surface to rounding, creases on creases."""
+"""Triangulations of known surfaces: regular, random, or with slivers. Vertices lie on the surface, and on its creases."""
 
 from collections.abc import Callable
 
@@ -10,11 +10,11 @@ from meshflow.synthetic.true_surfaces import Box, LPart, Ring
 
 __all__ = ["box_mesh", "dome_mesh", "part_mesh", "ring_mesh"]
 
-# Triangles of collinear points of a border have a doubled area of rounding alone, in squared spacings.
+# Triangles of collinear border points have a doubled area of rounding only, in squared spacings.
 NOTHING = 1e-9
-# How near a border a vertex may come, in spacings: triangles there are that thin.
+# The smallest distance of a vertex from a border, in spacings, which makes triangles as thin.
 NEAREST = 0.03
-# From shares of the way along a wall (k,) to points (k, 2); its length; how many steps it is.
+# A function from shares (k,) of a wall to points (k, 2); its length; its number of steps.
 Wall = tuple[Callable[[Array], Array], float, int]
 
 
@@ -22,7 +22,7 @@ def box_mesh(body: Box, cells: tuple[int, int, int], shake: float, seed: int) ->
     """Points (n, 3) and faces (m, 3) of a box.
 
     :param cells: along x, y and z.
-    :param shake: of the vertices within sides and along edges, in cells; above 0 the triangles are Delaunay's.
+    :param shake: random displacement of the vertices within sides and along edges, in cells; above 0 the triangles are Delaunay.
     :raises InputError: for no cells along an axis, or fewer than 2 along two.
     """
     if min(cells) < 1 or sorted(cells)[1] < 2:
@@ -34,7 +34,7 @@ def box_mesh(body: Box, cells: tuple[int, int, int], shake: float, seed: int) ->
     points = ((2.0 * at / np.array(cells) - 1.0) * np.array(body.half)).reshape(-1, 3)
     index, faces = np.arange(len(points)).reshape(size), []
     for axis in range(3):
-        # (axis, u, v) is right-handed, so that triangles anticlockwise in (u, v) look along the axis.
+        # (axis, u, v) is right-handed, so that normals of triangles anticlockwise in (u, v) point along the axis.
         sides = np.transpose(index, (axis, (axis + 1) % 3, (axis + 2) % 3))
         for side, outwards in ((sides[-1], True), (sides[0], False)):
             flat = points[side.ravel()][:, [(axis + 1) % 3, (axis + 2) % 3]]
@@ -47,7 +47,7 @@ def box_mesh(body: Box, cells: tuple[int, int, int], shake: float, seed: int) ->
 def ring_mesh(body: Ring, around: int, through: int) -> tuple[Array, Array]:
     """Points (around * through, 3) and faces of a :class:`~meshflow.synthetic.true_surfaces.Ring`, a regular grid.
 
-    :raises InputError: for fewer than 3 vertices either way.
+    :raises InputError: for fewer than 3 vertices in either direction.
     """
     if min(around, through) < 3:
         raise InputError(f"ring: 3 vertices or more either way expected, got {around} and {through}")
@@ -63,7 +63,7 @@ def ring_mesh(body: Ring, around: int, through: int) -> tuple[Array, Array]:
 
 
 def dome_mesh(count: int, seed: int) -> tuple[Array, Array]:
-    """Points (about count, 3) and faces of the upper unit half sphere: a shaken spiral, Delaunay in Lambert's chart."""
+    """Points (about count, 3) and faces of the upper unit half sphere: a random spiral, Delaunay in Lambert's projection."""
     rng, gap = np.random.default_rng(seed), np.sqrt(2 * np.pi / count)
     reach, angle = np.sqrt(2.0 * (np.arange(count) + 0.5) / count), np.pi * (1 + 5**0.5) * np.arange(count)
     inner = np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
@@ -81,7 +81,7 @@ def part_mesh(body: LPart, spacing: float, seed: int) -> tuple[Array, Array]:
     """Points (n, 3) and faces (m, 3) of the part, vertices ``spacing`` apart, some as near a crease as :data:`NEAREST`."""
     rng, half = np.random.default_rng(seed), 0.5 * body.depth
     walls = [_straight(np.array(a), np.array(b), spacing) for a, b in body.corners]
-    # The fillet is run through clockwise, and so is the hole: the material is on the left of every wall.
+    # Fillet and hole are traversed clockwise, so that the material is on the left of every wall.
     walls.append(_arc(body.centre, body.fillet, (1.5 * np.pi, np.pi), spacing))
     walls.append(_arc(body.middle, body.hole, (2 * np.pi, 0.0), spacing))
     pieces = [_wall(wall, half, spacing, rng) for wall in walls]
@@ -108,7 +108,7 @@ def _arc(centre: tuple[float, float], radius: float, angles: tuple[float, float]
     length = radius * abs(angles[1] - angles[0])
 
     def along(share: Array) -> Array:
-        """Points (n, 2) at shares (n,) of the way."""
+        """Points (n, 2) at shares (n,) of the arc."""
         theta = angles[0] + share * (angles[1] - angles[0])
         return np.array(centre) + radius * np.stack([np.cos(theta), np.sin(theta)], axis=1)
 
@@ -116,7 +116,7 @@ def _arc(centre: tuple[float, float], radius: float, angles: tuple[float, float]
 
 
 def _wall(wall: Wall, half: float, spacing: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Points and faces of a wall between z = -half and half, in the chart (way along it, z)."""
+    """Points and faces of a wall between z = -half and half, in the chart (length along it, z)."""
     along, length, steps = wall
     run, rise = length * np.linspace(0, 1, steps + 1), np.linspace(-half, half, int(np.ceil(2 * half / spacing)) + 1)
     rows = [np.column_stack([run, np.full(len(run), z)]) for z in (-half, half)]
@@ -129,7 +129,7 @@ def _wall(wall: Wall, half: float, spacing: float, rng: np.random.Generator) -> 
 
 
 def _shaken(low: Array, high: Array, spacing: float, rng: np.random.Generator) -> Array:
-    """A grid of points (k, 2), spacing apart, turned by 20 degrees against a box and shaken by a quarter of that."""
+    """A grid of points (k, 2), spacing apart, rotated by 20 degrees and displaced randomly by a quarter of the spacing."""
     reach = int(np.ceil(np.linalg.norm(high - low) / spacing))
     at = np.stack(np.meshgrid(np.arange(-reach, reach), np.arange(-reach, reach)), axis=-1).reshape(-1, 2)
     at = spacing * (at + rng.uniform(-0.25, 0.25, at.shape))
@@ -157,13 +157,13 @@ def _grid_faces(rows: int, columns: int) -> Array:
 
 
 def _used(points: Array, faces: Array) -> tuple[Array, Array]:
-    """Without the points that no triangle has."""
+    """The mesh without isolated points."""
     used, corners = np.unique(faces, return_inverse=True)
     return points[used], corners.reshape(-1, 3)
 
 
 def _welded(pieces: list[tuple[Array, Array]], spacing: float) -> tuple[Array, Array]:
-    """Pieces as one mesh: points closer than a millionth of the spacing are one."""
+    """Join pieces into one mesh; points closer than a millionth of the spacing are merged."""
     points, faces, count = [], [], 0
     for some, triangles in pieces:
         points.append(some)

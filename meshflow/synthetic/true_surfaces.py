@@ -1,4 +1,4 @@
-"""True surfaces that meshes are measured against: each knows how far any point is from it."""
+"""True surfaces with distances, for the comparison of meshes."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,13 +9,13 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Blob", "Box", "Dome", "LPart", "Ring", "TrueSurface"]
 
-# Steps from a point to the nearest one of a level set: the error falls by the curvature times the distance at each, a quarter
-# for points a tenth away.
+# Steps from a point to the nearest one of a level set. Each reduces the error by the factor curvature times distance, a quarter
+# for points at a distance of a tenth.
 STEPS = 60
 
 
 class TrueSurface(Protocol):
-    """What a mesh is a sampling of."""
+    """The surface that a mesh samples."""
 
     def distance(self, points: Array) -> Array:
         """Distance (k,) of points (k, 3) from the surface, not negative, in their unit."""
@@ -37,7 +37,7 @@ class Box:
 class Ring:
     """A torus about the z axis; with ``radius`` 0 a sphere.
 
-    :param radius: of the circle in its middle.
+    :param radius: of its central circle.
     :param thickness: distance of the surface from that circle.
     """
 
