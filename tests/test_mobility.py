@@ -142,7 +142,8 @@ def test_the_risk_of_a_search_counts_what_is_held_back():
     truth = 3 * np.sin(rows / 9) + 3 * np.cos(columns / 7)
     noisy = truth + rng.normal(size=truth.shape)
     speed = np.where(columns < 160, 0.01, 1.0)
-    free, held = smooth(noisy, result=True), smooth(noisy, constraints=Mobility(speed), result=True)
+    free = smooth(noisy, noise=1.0, result=True)
+    held = smooth(noisy, noise=1.0, constraints=Mobility(speed), result=True)
     for result in (free, held):
         error = np.sqrt(np.mean((result.data - truth) ** 2))
         assert result.parameters["risk"].value == pytest.approx(error, rel=0.1)

@@ -10,13 +10,17 @@ from helpers.parts import parts
 
 import meshflow
 from meshflow.estimate.constraints import Mask, MaxChange
+from meshflow.estimate.grid_risk import probed
+from meshflow.estimate.pieces import pieces_of, spread, whole
+from meshflow.estimate.probes import probes
 from meshflow.estimate.reported import expected_error
-from meshflow.estimate.risk import TWICE, Candidate, Configuration, risk_curves
-from meshflow.estimate.search import _tiled
+from meshflow.estimate.risk import PROBE, TWICE, Candidate, Configuration
+from meshflow.estimate.sure import risks_on
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.family import Variant
 from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS, Beltrami, PeronaMalik
+from meshflow.flow.steppers import SuperTime
 from meshflow.flow.stops import Residual, Steps
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
@@ -35,19 +39,16 @@ def rms(a):
 @pytest.mark.parametrize("variant", [Variant(patch=0.7), Variant(-1.0, 2.0)], ids=["patches", "perona-malik"])
 def test_the_estimated_risk_is_the_error_that_is_made(variant):
     truth, z = noisy()
-    grid = HeightField(z).gridded(Lift(0.8))
-    probe = np.random.default_rng(1).choice([-1.0, 1.0], size=(z.size, 1))
-    twin = HeightField(z + 0.2 * probe.reshape(z.shape)).gridded(Lift(0.8))
-    pair = GridFlow(grid, variant), GridFlow(twin, variant)
+    part = whole(HeightField(z).gridded(Lift()), np.full((1, 1, 1), 2.0))
     times = (0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
-    curves = risk_curves(pair, probe, 2.0, times, np.ones(z.size, bool), (0.0, 1.0), patient=True)
-    for i, time in tuple(enumerate(times))[::2]:
+    curve = risks_on(probed(part, probes((1, *z.shape))), Configuration(variant, 0.8), times, (0.0, 1.0), len(times))
+    for time in times[::2]:
         smoothed = meshflow.smooth(
             z,
             method=Beltrami(gamma=variant.gamma, sharpness=variant.sharpness, patch=variant.patch, contrast=0.8),
             time=time,
         )
-        assert curves[0.0][i + 1] == pytest.approx(rms(smoothed - truth) ** 2, abs=0.25)
+        assert curve.mean(0.0, time) == pytest.approx(rms(smoothed - truth) ** 2, abs=0.25)
     again = meshflow.smooth(
         z,
         method=Beltrami(
@@ -55,7 +56,7 @@ def test_the_estimated_risk_is_the_error_that_is_made(variant):
         ),
         time=2.0,
     )
-    assert curves[1.0][7] == pytest.approx(rms(again - truth) ** 2, abs=0.25)
+    assert curve.mean(1.0, 2.0) == pytest.approx(rms(again - truth) ** 2, abs=0.25)
 
 
 @pytest.mark.parametrize("make", [ramps, mesas])
@@ -81,33 +82,85 @@ def test_an_error_estimated_below_zero_is_told_as_what_it_is():
     assert below.why.startswith("below what can be measured; root mean square error")
 
 
-def test_the_least_risk_lies_between_the_times_looked_at():
-    times = (0.0, 1.0, 4.0, 9.0)
-    squares = tuple(2.0 + (t**0.5 - 1.7) ** 2 for t in times)
-    time, square = Candidate(Configuration(Variant(), 1.0), times, squares).least
-    assert time == pytest.approx(1.7**2)
-    assert square == pytest.approx(2.0)
+def test_the_least_risk_is_one_that_was_evaluated():
+    times = (0.0, 0.35, 0.5, 0.7, 1.0)
+    diverging = Candidate(Configuration(Variant(), 1.0), times, (1.005, 0.331, 16.3, 6608.0, 3.4e8))
+    assert diverging.least == (0.35, 0.331)
 
 
 def test_a_search_on_tiles_chooses_what_a_search_on_all_would(monkeypatch):
     truth, z = noisy(lambda n: np.tile(ramps(96), (2, 3)), 0)
-    whole = rms(meshflow.smooth(z) - truth)
-    monkeypatch.setattr("meshflow.estimate.search.FEW", 6_000)
-    monkeypatch.setattr("meshflow.estimate.search.ENOUGH", 18_000)
-    assert rms(meshflow.smooth(z) - truth) < 1.15 * whole
+    all_of_it = rms(meshflow.smooth(z) - truth)
+    monkeypatch.setattr("meshflow.estimate.grid_search.WHOLE", 6_000)
+    monkeypatch.setattr("meshflow.estimate.grid_search.WHOLE_FINE", 6_000)
+    assert rms(meshflow.smooth(z) - truth) < 1.15 * all_of_it
 
 
 def test_tiles_keep_the_samples_their_spacing_and_their_holes():
     z = np.random.default_rng(0).normal(size=(300, 400))
     missing = z > 2
     grid = HeightField(z, (np.linspace(1, 2, 300), 1.5), missing).gridded(Lift())
-    tiles, cut, limit = _tiled(grid, np.abs(z)[None], 20_000, 4)
-    there = ~tiles.missing & ~cut
-    assert there.sum() < 20_000
-    assert np.isin(tiles.planes[0][there], z).all()
-    assert np.array_equal(np.abs(tiles.planes[0][there]), limit[0][there])
-    rows = np.array([np.argwhere(z == value)[0][0] for value in tiles.planes[0][there][::97]])
-    assert np.allclose(tiles.spacing[0][np.nonzero(there)[0][::97]], np.linspace(1, 2, 300)[rows])
+    windows = spread(grid, 16)
+    found = pieces_of(grid, windows, np.ones((1, 1, 1)), np.abs(z)[None])
+    assert 12 <= len(windows) <= 20
+    for piece in found:
+        flat, most = piece.grid.planes[0].ravel()[piece.counted], piece.limit[0].ravel()[piece.counted]
+        assert not piece.grid.missing.ravel()[piece.counted].any()
+        assert np.isin(flat, z[~missing]).all()
+        assert np.array_equal(np.abs(flat), most)
+        assert len(flat) == len(np.unique(flat))
+        rows = piece.counted // piece.grid.shape[1]
+        whence = np.array([np.argwhere(z == value)[0][0] for value in flat[::97]])
+        assert np.allclose(piece.grid.spacing[0][rows[::97]], np.linspace(1, 2, 300)[whence])
+
+
+def test_risks_of_copies_side_by_side_are_those_of_copies_run_alone():
+    _, z = noisy(n=64)
+    variant, times, h = Variant(-1.0, 2.0), (0.25, 0.5, 1.0), PROBE * 2.0
+    probe = probes((1, *z.shape), 2)
+    part = whole(HeightField(z).gridded(Lift()), np.full((1, 1, 1), 2.0))
+    curve = risks_on(probed(part, probe), Configuration(variant, 0.5), times, (0.0, 1.0), len(times))
+    runs = []
+    for start in (z, *(z + h * one[0] for one in probe)):
+        flow, states = GridFlow(HeightField(start).gridded(Lift(0.5)), variant), [start]
+        u, since = flow.start(), 0.0
+        for count, time in enumerate(times):
+            u, since = SuperTime().step(flow, u, time - since, count), time
+            states.append(u.reshape(z.shape).copy())
+        runs.append(states)
+    left = [
+        np.mean([np.mean(b[0] * (run[i] - runs[0][i])) / h for b, run in zip(probe, runs[1:], strict=True)])
+        for i in range(4)
+    ]
+    for i, time in enumerate(times, 1):
+        expected = rms(runs[0][i] - z) ** 2 + 4.0 * (2.0 * left[i] - 1.0)
+        assert curve.mean(0.0, time) == pytest.approx(expected, abs=1e-4)
+    twiced = rms(2.0 * runs[0][2] - runs[0][3] - z) ** 2 + 4.0 * (2.0 * (2.0 * left[2] - left[3]) - 1.0)
+    assert curve.mean(1.0, 0.5) == pytest.approx(twiced, abs=1e-4)
+
+
+@pytest.mark.parametrize("between", [None, np.array([[1.0, 0.6], [0.6, 1.0]])])
+def test_probes_correlate_as_the_noise_does(between):
+    lags = np.arange(-4, 5)
+    bell = np.exp(-(lags**2) / 4.0)
+    correlation = np.outer(bell, bell)
+    found = probes((2, 256, 256), 2, correlation, between).astype(float)
+    assert found.std() == pytest.approx(1.0, abs=0.03)
+    for r, c in ((0, 1), (1, 0), (1, 1), (2, 0)):
+        lagged = np.mean(found[..., r:, c:] * found[..., : 256 - r, : 256 - c])
+        assert lagged == pytest.approx(correlation[4 + r, 4 + c], abs=0.03)
+    assert np.mean(found[:, 0] * found[:, 1]) == pytest.approx(0.0 if between is None else 0.6, abs=0.05)
+    signs = probes((1, 8, 8))
+    assert set(np.unique(signs)) == {-1.0, 1.0}
+
+
+def test_where_nothing_is_surely_better_the_data_stays_to_the_bit():
+    z = np.kron(np.random.default_rng(0).integers(0, 2, (32, 32)) * 40.0, np.ones((2, 2)))
+    result = meshflow.smooth(z, noise=0.5, result=True)
+    if "unchanged" in result.stopped_because:
+        assert np.array_equal(result.data, z)
+    else:
+        assert rms(result.data - z) < 0.5
 
 
 def test_what_is_given_is_held_and_what_is_not_is_found():
@@ -252,3 +305,13 @@ def test_where_nothing_may_move_the_reason_says_so():
     found = meshflow.smooth(z, constraints=Mask(np.zeros(z.shape, bool)), result=True)
     assert "no sample may move" in found.stopped_because
     np.testing.assert_array_equal(found.data, z)
+
+
+def test_a_stiff_run_of_several_channels_ends():
+    z = np.random.default_rng(0).normal(size=(40, 40, 3))
+    z[20, 20] = 1e3
+    for method in ("perona-malik", "quick", None):
+        result = meshflow.smooth(z, kind="image", method=method, noise=1.0, outliers="include", result=True)
+        assert result.end.step < 100
+        assert result.data[:15].std() < 0.25
+        assert np.abs(result.data[20, 20] - 1e3).max() < 10.0

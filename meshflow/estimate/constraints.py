@@ -11,6 +11,7 @@ from meshflow.errors import InputError
 from meshflow.flow.conservation import Keep
 from meshflow.geometry.options import option
 from meshflow.geometry.validation import whole
+from meshflow.surfaces.orientation import Orientation
 
 __all__ = [
     "Constraint", "Constraints", "DataWeights", "Fixed", "Mask", "MaxChange", "MinComponent", "Mobility", "PreserveArea",
@@ -184,6 +185,18 @@ class Constraints:
             value = getattr(self, name)
             if value is not None and not (name == "max_change" and isinstance(value, str) and value == "step"):
                 changed[name] = samples(value, name)
+        return replace(self, **changed)
+
+    def oriented(self, way: Orientation, shape: tuple[int, ...]) -> "Constraints":
+        """Of a grid that is turned or mirrored.
+
+        :param shape: of the data before, (h, w) or (h, w, k).
+        """
+        changed = {}
+        for name in self.arrays:
+            array = np.asarray(getattr(self, name))
+            full = shape[:2] if array.shape == shape[:2] else shape
+            changed[name] = way.of(np.broadcast_to(array, full))
         return replace(self, **changed)
 
     @property

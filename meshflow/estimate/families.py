@@ -1,14 +1,19 @@
 """What a search looks at, as data: exponents of the family, and contrasts in sample distances over the noise."""
 
-__all__ = ["CHANNEL_FAMILY", "FAMILY", "MESH_FAMILY", "RAY_FAMILY", "Family"]
+from dataclasses import replace
+
+from meshflow.estimate.risk import Configuration
+from meshflow.flow.family import Variant
+
+__all__ = ["CHANNEL_FAMILY", "FAMILY", "MESH_FAMILY", "RAY_FAMILY", "Family", "configurations"]
 
 Family = tuple[tuple[dict[str, float], tuple[float, ...]], ...]
 # What the search looks at where nobody names a method.
 FAMILY: Family = (
     ({"patch": 1.5}, (0.4, 3.0)),
-    ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (2.0, 4.0)),
-    ({"gamma": -1.0, "sharpness": 1.5}, (2.0, 5.0)),
-    ({"gamma": -1.0, "sharpness": 2.0}, (1.0, 2.0)),
+    ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (2.0,)),
+    ({"gamma": -1.0, "sharpness": 1.5}, (5.0,)),
+    ({"gamma": -1.0, "sharpness": 2.0}, (1.0, 2.7)),
     ({"gamma": -1.0, "sharpness": 3.0}, (0.5, 1.35)),
 )
 # The same for several channels, of which variants with gamma -1 are stiff: stable steps shorten as edges steepen.
@@ -27,3 +32,18 @@ MESH_FAMILY: Family = (
 )
 # The same along rays, where lengths are what they are: contrast 1.
 RAY_FAMILY: tuple[dict[str, float], ...] = ({}, {"gamma": -1.0}, {"gamma": 1.0})
+
+
+def configurations(family: Family, unit: float, like: Variant, contrast: float | None) -> tuple[Configuration, ...]:
+    """Members of a family with their contrasts.
+
+    :param unit: h / sigma, what contrasts are counted in.
+    :param like: indicator, mass and floor.
+    :param contrast: given; None: those of the family.
+    """
+    made = [
+        Configuration(replace(like, **exponents), contrast or edge * unit)
+        for exponents, edges in family
+        for edge in edges
+    ]
+    return tuple(dict.fromkeys(made))

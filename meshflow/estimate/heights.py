@@ -5,27 +5,21 @@ from typing import Any
 
 import numpy as np
 
-from meshflow.estimate.families import CHANNEL_FAMILY, FAMILY, MESH_FAMILY, RAY_FAMILY, Family
+from meshflow.estimate.families import CHANNEL_FAMILY, FAMILY, MESH_FAMILY, RAY_FAMILY, Family, configurations
+from meshflow.estimate.grid_search import Found, GridSearch, searched_on_grid
+from meshflow.estimate.mesh_search import LOOKED_AT, MESH_ENOUGH, TIMES, MeshSearch, searched_on_mesh
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
-from meshflow.estimate.plan import Decided, Plan
+from meshflow.estimate.plan import Decided, Part, Plan
 from meshflow.estimate.request import Request
-from meshflow.estimate.risk import TWICE, Candidate, Configuration
-from meshflow.estimate.search import (
-    LOOKED_AT,
-    MESH_ENOUGH,
-    TIMES,
-    Search,
-    configurations,
-    searched_on_grid,
-    searched_on_mesh,
-)
+from meshflow.estimate.risk import TWICE, Configuration
+from meshflow.flow.constraints import Limit
 from meshflow.flow.family import Variant
 from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
-from meshflow.flow.methods.searched import Search as Searched
+from meshflow.flow.methods.searched import Search
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
-from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.grid import Grid, Lift
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -48,6 +42,9 @@ EDGE = 1.5
 # So much noise is no noise of a camera: no more than RAY_MOST.
 RAY_TIME, RAY_MOST = 10.0, 100.0
 HARM = "data left unchanged: every method was estimated to increase the error"
+UNSURE = (
+    "data left unchanged: no method lowers the error by more than its estimate may be wrong; give a method to smooth it"
+)
 
 
 GIVEN = Decided("given")
@@ -118,7 +115,7 @@ def _begun(data: Data, request: Request, noise: Noise, mobility: Array | None) -
     """A plan with what the caller gives, the paper's exponents for what is left open, and nothing chosen yet."""
     asked = request.heights
     method: HeightMethod = asked
-    if isinstance(asked, Searched):
+    if isinstance(asked, Search):
         method = Beltrami(indicator=asked.indicator, mass=asked.mass)
     boundary = GIVEN if request.boundary else Decided("default", "weights of zero and above" if request.rim else "")
     origin: Origin = "given" if request.named else "default"
@@ -134,6 +131,11 @@ def _filled(request: Request, variant: Variant, contrast: float, twicing: float)
         return replace(asked, contrast=contrast, twicing=twicing)
     exponents = {"gamma": variant.gamma, "sharpness": variant.sharpness, "patch": variant.patch}
     return Beltrami(contrast=contrast, twicing=twicing, indicator=asked.indicator, mass=asked.mass, **exponents)
+
+
+def _with(request: Request, found: Configuration) -> HeightMethod:
+    """The method of a configuration that was found."""
+    return _filled(request, found.variant, found.contrast, found.twice)
 
 
 def _ruled(plan: Plan, contrast: float, how: Decided, much: float, words: str) -> Plan:
@@ -173,46 +175,88 @@ def _family(data: Data, request: Request) -> Family:
 
 
 def _searched(plan: Plan, sigma: float) -> Plan | None:
-    """The method, contrast and time of least estimated risk, of what the caller leaves open; None for a time too long to try."""
+    """The method, contrast and time of least estimated risk, of what the caller leaves open; None where none can be believed."""
     data, request = plan.data, plan.request
-    asked, end, h2 = request.heights, request.until_time, data.step**2
+    asked, end = request.heights, request.until_time
     like = Variant(indicator=asked.indicator, mass=asked.mass)
-    made = configurations(_family(data, request), data.step / sigma, like, asked.contrast)
+    made = configurations(_family(data, request), data.step / _rough(plan.noise, sigma), like, asked.contrast)
     alone = end is not None or request.weighted or bool(request.stops)
     twices = (float(request.twicing),) if request.twicing is not None else (0.0,) if alone else TWICE
-    parts = (0.25, 0.5, 1.0, *((2.0,) if max(twices) > 0 else ()))
-    longest = LOOKED_AT if isinstance(data, Mesh) else np.inf
-    times = tuple(t * h2 for t in TIMES if t <= longest) if end is None else tuple(end * part for part in parts)
-    search = Search(made, times, asked.contrast is None, sigma, end, twices, plan.mobility)
+    free = asked.contrast is None
     if isinstance(data, Mesh):
-        candidates = searched_on_mesh(data, plan.lift, search)
+        parts = (0.25, 0.5, 1.0, *((2.0,) if max(twices) > 0 else ()))
+        times = tuple(t * data.step**2 for t in TIMES if t <= LOOKED_AT)
+        times = times if end is None else tuple(end * part for part in parts)
+        search = MeshSearch(made, times, free, sigma, end, twices, plan.mobility)
+        found = Found(searched_on_mesh(data, plan.lift, search), better=True)
     else:
-        limit, free = limit_of(data, request, plan.noise)[0], request.boundary is None
         grid = data.gridded(plan.lift)
-        candidates, found = searched_on_grid(grid, search, limit, request.compute.threads, free)
-        if found.boundary != grid.boundary:
-            lift = replace(plan.lift, boundary=found.boundary)
-            plan = plan.with_({"boundary": Decided("estimated")}, lift=lift)
-    return _chosen(plan, candidates, sigma, len(twices) > 1) if candidates else None
+        found = searched_on_grid(grid, _on_grid(plan, grid, made, twices))
+    return _chosen(plan, found, sigma, len(twices) > 1) if found.candidates else None
 
 
-def _chosen(plan: Plan, candidates: tuple[Candidate, ...], sigma: float, many: bool) -> Plan:
+def _rough(noise: Noise, sigma: float) -> float:
+    """The noise as differences of neighbours show it: less than it is where it is correlated."""
+    if noise.correlation is None:
+        return sigma
+    middle = len(noise.correlation) // 2
+    beside = 0.5 * (noise.correlation[middle, middle + 1] + noise.correlation[middle + 1, middle])
+    return sigma * float(np.sqrt(max(1.0 - beside, 0.01)))
+
+
+def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tuple[float, ...]) -> GridSearch:
+    """What a search looks at on a grid."""
+    data, request, noise = plan.data, plan.request, plan.noise
+    limit, k = limit_of(data, request, noise)[0], len(grid.planes)
+    if limit is not None:
+        shape = grid.shape if k == 1 else (*grid.shape, k)
+        columns = Limit.of(np.zeros((grid.missing.size, 1)), limit, shape).most
+        limit = np.broadcast_to(columns, (grid.missing.size, k)).T.reshape(grid.planes.shape)
+    own = noise.channels if len(noise.channels) == k and noise.how != "given" else (noise.sigma,)
+    return GridSearch(
+        made,
+        free=request.heights.contrast is None,
+        sigma=np.reshape(own, (-1, 1, 1)) * request.strength,
+        end=request.until_time,
+        weights=twices,
+        correlation=noise.correlation,
+        between=noise.between,
+        limit=limit,
+        speed=None if plan.mobility is None else plan.mobility.reshape(1, *grid.shape),
+        blend=isinstance(request.method, Search) and request.method.blend and not request.stops,
+        border=request.boundary is None and grid.boundary != "neumann",
+        threads=request.compute.workers,
+    )
+
+
+def _chosen(plan: Plan, found: Found, sigma: float, many: bool) -> Plan:
     """With the best of the candidates.
 
     :param many: several weights of twicing were looked at.
     """
-    request, best = plan.request, candidates[0].configuration
+    request, best, candidates = plan.request, found.candidates[0].configuration, found.candidates
     where = "least estimated risk"
     contrast = GIVEN
     if request.heights.contrast is None:
         contrast = Decided("estimated", f"{best.contrast * sigma / plan.data.step:.3g} h / sigma, {where}")
     twicing = Decided("estimated") if many else _of_twicing(request)
-    time, when = _time(request, candidates[0].least[0], Decided("estimated", where))
+    time, when = _time(request, candidates[0].least[0] if found.better else 0.0, Decided("estimated", where))
     decided = {"contrast": contrast, "twicing": twicing, "time": when, **_exponents_found(request)}
-    idle = HARM if request.until_time is None and time == 0 else None
-    method = _filled(request, best.variant, best.contrast, best.twice)
+    idle = (HARM if isinstance(plan.data, Mesh) else UNSURE) if request.until_time is None and time == 0 else None
+    method = _with(request, best)
     lift = replace(plan.lift, contrast=best.contrast)
-    return plan.with_(decided, method=method, lift=lift, time=time, candidates=candidates, idle=idle)
+    blend = tuple(
+        Part(
+            weight,
+            _filled(request, one.configuration.variant, one.configuration.contrast, one.configuration.twice),
+            one.least[0],
+        )
+        for weight, one in zip(found.weights, candidates, strict=False)
+        if weight > 0
+    )
+    if found.neumann:
+        lift, decided["boundary"] = replace(lift, boundary="neumann"), Decided("estimated")
+    return plan.with_(decided, method=method, lift=lift, time=time, candidates=candidates, blend=blend, idle=idle)
 
 
 def _exponents_found(request: Request) -> dict[str, Decided]:
@@ -281,12 +325,17 @@ def _searched_along(plan: Plan, data: RangeImage, sigma: np.ndarray) -> Plan:
     request, end = plan.request, plan.request.until_time
     exponents = ({},) if request.named else RAY_FAMILY
     made = tuple(Configuration(replace(plan.variant, **part), 1.0) for part in exponents)
-    times = tuple(t * data.step**2 for t in TIMES) if end is None else (end / 4, end / 2, end)
-    search = Search(made, times, False, sigma, end, (plan.twicing,), plan.mobility)
-    candidates = searched_on_grid(data.gridded(plan.lift), search, None, request.compute.threads)[0]
-    time, when = _time(request, candidates[0].least[0], Decided("estimated", "least estimated risk"))
+    grid = data.gridded(plan.lift)
+    speed = None if plan.mobility is None else plan.mobility.reshape(1, *grid.shape)
+    search = GridSearch(made, False, sigma[None], end, (plan.twicing,), speed=speed, threads=request.compute.workers)
+    found = searched_on_grid(grid, search)
+    if not found.candidates:
+        return plan.with_({"time": Decided("default", "no estimate can be believed")}, time=end or 0.0, idle=UNSURE)
+    candidates = found.candidates
+    least = candidates[0].least[0] if found.better else 0.0
+    time, when = _time(request, least, Decided("estimated", "least estimated risk"))
     method = _filled(request, candidates[0].configuration.variant, plan.lift.contrast, plan.twicing)
-    idle = HARM if end is None and time == 0 else None
+    idle = UNSURE if end is None and time == 0 else None
     decided = {"time": when, **_exponents_found(request)}
     return plan.with_(decided, method=method, time=time, candidates=candidates, idle=idle)
 

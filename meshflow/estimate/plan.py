@@ -23,9 +23,10 @@ from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.orientation import AS_IT_IS, Orientation
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Decided", "Plan", "size_of"]
+__all__ = ["Decided", "Part", "Plan", "size_of"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,18 @@ class Decided:
 
     origin: Origin = "default"
     why: str = ""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One run of several that are blended.
+
+    :ivar time: squared length.
+    """
+
+    weight: float
+    method: HeightMethod
+    time: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +61,7 @@ class Plan:
     :ivar time: squared length; where the run is ended by steps or stops, its latest end.
     :ivar decided: who decided, by the name of an option; of what is not named, nobody had to.
     :ivar candidates: of the search, the chosen one first.
+    :ivar blend: the runs that are blended, the first one is that of ``method`` and ``time``; empty: that alone.
     :ivar idle: why nothing is done; None where something is.
     :ivar warnings: sentences.
     :ivar mobility: (n, 1), how fast each sample goes; None: all go freely.
@@ -55,6 +69,7 @@ class Plan:
     :ivar max_change: what no sample leaves, a number or an array of the data's samples, unit of the values; None: no limit.
     :ivar pull: of the data weights, (n, k), (n, 1) or (1, 1), per time; None: none.
     :ivar preserve: what a mesh whose points move keeps.
+    :ivar orientation: how the caller's grid was turned to become ``data``; the request's arrays were turned with it.
     :ivar setting: of a mesh whose points move; None of everything else.
     :ivar preparation: what was done to the samples of a grid before; None of everything else.
     """
@@ -67,6 +82,7 @@ class Plan:
     time: float = 0.0
     decided: Mapping[str, Decided] = field(default_factory=dict)
     candidates: tuple[Candidate, ...] = ()
+    blend: tuple[Part, ...] = ()
     idle: str | None = None
     warnings: tuple[str, ...] = ()
     mobility: Array | None = None
@@ -74,19 +90,26 @@ class Plan:
     max_change: Any = None
     pull: Array | None = None
     preserve: Keep | None = None
+    orientation: Orientation = AS_IT_IS
     setting: PointSetting | None = None
     preparation: Preparation | None = None
 
     def result(self, u: Array | None = None) -> Data:
         """The data with coordinates u (n, k) of the flow, as the caller has it; None: of a run that does nothing."""
         done = self.data if u is None else self.data.lowered(u)
-        if self.preparation is None or isinstance(done, (Mesh, RangeImage)):
+        if isinstance(done, (Mesh, RangeImage)):
             return done
-        return self.preparation.restored(done, u is None)
+        done = done.oriented(self.orientation.inverse)
+        return done if self.preparation is None else self.preparation.restored(done, u is None)
 
     def with_(self, decided: Mapping[str, Decided], **changes: Any) -> "Plan":
         """With other values, and who decided on them beside those that were decided before."""
         return replace(self, decided={**self.decided, **decided}, **changes)
+
+    def only(self, part: Part) -> "Plan":
+        """The run of one part of a blend."""
+        lift = replace(self.lift, contrast=part.method.contrast or self.lift.contrast)
+        return replace(self, method=part.method, lift=lift, time=part.time, blend=())
 
     @property
     def variant(self) -> Variant:
@@ -134,7 +157,7 @@ class Plan:
         each = 1.0 if isinstance(self.data, Mesh) and self.data.moves != "channels" else float(np.sqrt(k))
         stays = self.data.fixed if isinstance(self.data, Mesh) else self.data.fixed | self.data.missing
         moving = float(np.mean(~stays)) or 1.0  # where nothing may move no stop is asked
-        return Scale(self.noise.sigma * self.request.strength * each, moving, _Seen(shape, self.preparation))
+        return Scale(self.noise.sigma * self.request.strength * each, moving, _Seen(shape, self))
 
 
 @dataclass(frozen=True)
@@ -142,11 +165,12 @@ class _Seen:
     """Makes of u the values (h, w), (h, w, k) or (n, k) as the caller knows them, read-only."""
 
     shape: tuple[int, ...]
-    preparation: Preparation | None
+    plan: Plan
 
     def __call__(self, u: Array) -> Array:
         values = np.asarray(u).reshape(self.shape).view()
-        values = values if self.preparation is None else self.preparation.seen(values)
+        values = self.plan.orientation.inverse.of(values) if self.plan.orientation.changes else values
+        values = values if self.plan.preparation is None else self.plan.preparation.seen(values)
         values.flags.writeable = False
         return values
 

@@ -23,6 +23,7 @@ from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.orientation import AS_IT_IS, Orientation, orientation_of
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["noise_in", "plan"]
@@ -49,12 +50,14 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         return noise_on(data.channels, data.faces)
     if isinstance(data, RangeImage):
         return _noise_along(data, _unseen(data.missing, mask))[0]
-    return _noise_prepared(*prepared(data), mask)
+    data, how = prepared(data)
+    way = orientation_of(array_of(data), data.missing, data.spacing)
+    return _noise_prepared(data.oriented(way), how, None if mask is None else way.of(mask), way)
 
 
-def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | None) -> Noise:
-    """The noise of a grid as it was prepared; what its numbers are rounded by is none."""
-    noise = noise_of(array_of(data), _unseen(data.missing | how.unseen, mask))
+def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | None, way: Orientation) -> Noise:
+    """The noise of a grid as it was prepared, and then turned; what its numbers are rounded by is none."""
+    noise = noise_of(array_of(data), _unseen(data.missing | way.of(how.unseen), mask))
     if 0 < noise.sigma <= how.rounding:
         return Noise(0.0, 0.0, (0.0,) * len(noise.channels), 0.0, noise.how)
     return noise
@@ -68,15 +71,16 @@ def plan(data: Data, request: Request) -> Plan:
     _must_suit(data, request)
     stays = _staying(data, request)
     data, request, mobility = _constrained(data, request, stays)
+    _must_fit(data, request)
     data, how = (
         (data, None) if isinstance(data, (Mesh, RangeImage)) else prepared(data, request.outliers, request.level)
     )
+    data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
-    data, noise, why = _with_noise(data, request, mask, how)
+    data, noise, why = _with_noise(data, request, mask, (how, way))
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
         data = data.cleared(request.constraints.min_component)
     request = _stepped(data, request)
-    _must_fit(data, request)
     if _still(data):  # nothing to search for
         plain = replace(request, method=None if isinstance(request.method, PointMethod) else request.method)
         found = replace(as_they_are(data, plain, noise), idle=HELD, time=0.0)
@@ -88,7 +92,9 @@ def plan(data: Data, request: Request) -> Plan:
     else:
         found = tuned(data, request, noise, mobility)
     warnings = () if how is None else how.warnings
-    found = replace(found, mobility=mobility, stays=stays, preparation=how, warnings=(*warnings, *found.warnings))
+    found = replace(
+        found, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=(*warnings, *found.warnings)
+    )
     return _ended(_held(found))
 
 
@@ -120,18 +126,33 @@ def _constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Requ
     )  # fmt: skip
 
 
-def _with_noise(data: Data, request: Request, mask: Array | None, how: Preparation | None) -> tuple[Data, Noise, str]:
+def _oriented(data: Data, request: Request, mobility: Array | None) -> tuple[Data, Request, Array | None, Orientation]:
+    """All of it as the data lies of itself, unless the caller names a diagonal: then turned data gives what is turned, too."""
+    if isinstance(data, (Mesh, RangeImage)) or request.compute.diagonals in ("forward", "backward"):
+        return data, request, mobility, AS_IT_IS
+    values, (h, w) = array_of(data), data.missing.shape
+    way = orientation_of(values, data.missing, data.spacing)
+    if not way.changes:
+        return data, request, mobility, way
+    held = request.constraints.oriented(way, values.shape)
+    mobility = None if mobility is None else way.of_samples(mobility, (h, w))
+    return data.oriented(way), replace(request, constraints=held), mobility, way
+
+
+def _with_noise(
+    data: Data, request: Request, mask: Array | None, made: tuple[Preparation | None, Orientation]
+) -> tuple[Data, Noise, str]:
     """The data with the noise of each depth, the noise, and how it grows, in words.
 
-    :param how: a grid was prepared.
+    :param made: how a grid was prepared, and then turned.
     """
     if isinstance(data, RangeImage):
         if request.noise is not None:
             data = replace(data, sigma=float(request.noise))
         inside = None if mask is None or not mask.any() else mask
         noise, data, why = _noise_along(data, _unseen(data.missing, inside))
-    elif how is not None and not isinstance(data, Mesh):
-        noise, why = _noise_prepared(data, how, mask), ""
+    elif made[0] is not None and not isinstance(data, Mesh):
+        noise, why = _noise_prepared(data, made[0], mask, made[1]), ""
     else:
         noise, why = noise_in(data, mask), ""
     if request.noise is not None:
@@ -206,7 +227,7 @@ def _must_suit(data: Data, request: Request) -> None:
 def _must_fit(data: Data, request: Request) -> None:
     """Refuse numbers that make no sense now, not after the search."""
     (shape, n), held = size_of(data), request.constraints
-    if held.max_change is not None:
+    if held.max_change is not None and not isinstance(held.max_change, str):
         Limit.of(np.zeros((n, 1)), held.max_change, shape)
     if held.data_weights is not None:
         trust_of(held.data_weights, shape, n, 1.0)

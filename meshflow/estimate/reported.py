@@ -3,7 +3,7 @@
 import numpy as np
 
 from meshflow.estimate.parameters import Parameter, contrast_unit, squared_unit, value_unit
-from meshflow.estimate.plan import Decided, Plan
+from meshflow.estimate.plan import Decided, Part, Plan
 from meshflow.estimate.risk import Candidate
 from meshflow.flow.controls import AreaChange, Embedded, FixedStep
 from meshflow.flow.methods.beltrami import HeightMethod
@@ -84,7 +84,17 @@ def _of_search(plan: Plan) -> dict[str, Parameter]:
     if not plan.candidates:
         return {}
     along = "along the normals" if plan.points is not None else ""
-    return {"risk": expected_error(plan.candidates[0], value_unit(plan.data), along)}
+    found: dict[str, Parameter] = {}
+    if plan.blend:
+        words = [f"{part.weight:.2f} of {_brief(part)}" for part in plan.blend]
+        found["blend"] = Parameter(", ".join(words), "", "estimated", "weights of least estimated risk")
+    return {**found, "risk": expected_error(plan.candidates[0], value_unit(plan.data), along)}
+
+
+def _brief(part: Part) -> str:
+    """A run of a blend in a few words."""
+    of = part.method.variant
+    return f"gamma {of.gamma:g}, sharpness {of.sharpness:g}, patch {of.patch:g} at time {part.time:.4g}"
 
 
 def expected_error(candidate: Candidate, unit: str, along: str = "") -> Parameter:

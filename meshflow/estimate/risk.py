@@ -1,30 +1,19 @@
 """Which variant of the family, and for how long: the risk estimated from the noisy data alone."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from meshflow.flow.constraints import Limit
-from meshflow.flow.contract import Flow
 from meshflow.flow.family import Variant
-from meshflow.flow.steppers import Explicit, SuperTime
-from meshflow.flow.super_time import stages
-from meshflow.flow.workspace import Workspace
-from meshflow.geometry.validation import Array
 
-__all__ = ["PROBE", "TWICE", "Candidate", "Configuration", "first_of", "ranked", "refined", "risk_curves", "searched"]
+__all__ = ["FINER", "PROBE", "TWICE", "Candidate", "Configuration", "as_good", "ranked"]
 
 # The twin starts beside the flow by this share of the noise: a derivative, to the rounding of single precision.
 PROBE = 0.1
 # Weights of twicing that are looked at: they cost no further run.
 TWICE = (0.0, 0.5, 1.0)
-# A run is given up when its mean square error has stayed above its least, by this share and this share of the noise, until the
-# time has doubled: what is given back by twicing is known by then.
-BEYOND, SLIGHT = 0.05, 0.01
-# Rates after which a run is given up: a flow without stiffness reaches 96 squared sample distances in 200.
-RATES = 240
 # Contrasts tried beside the best one.
 FINER = 1.35
 
@@ -60,11 +49,13 @@ class Candidate:
     :ivar times: at which the risk was estimated, squared length; the first is zero.
     :ivar squares: mean square error, squared unit of the values; at time zero sigma^2. What sigma is wrong by shifts all of
         them alike: they may be negative, and are compared all the same.
+    :ivar doubt: standard error of its least mean square error less that of the chosen one; 0 of that, and where it is not known.
     """
 
     configuration: Any
     times: tuple[float, ...]
     squares: tuple[float, ...]
+    doubt: float = 0.0
 
     @property
     def risks(self) -> tuple[float, ...]:
@@ -73,14 +64,9 @@ class Candidate:
 
     @property
     def least(self) -> tuple[float, float]:
-        """Time and mean square error where that is least: between the times looked at, by its parabola over the root of time."""
+        """Time and mean square error where that is least, of the times looked at."""
         i = int(np.argmin(self.squares))
-        if i == 0 or i == len(self.squares) - 1:
-            return self.times[i], self.squares[i]
-        x = np.sqrt(self.times[i - 1 : i + 2])
-        a, b, c = np.polyfit(x, self.squares[i - 1 : i + 2], 2)
-        at = float(np.clip(-b / (2 * a), x[0], x[2])) if a > 0 else float(x[1])
-        return at**2, float(a * at * at + b * at + c)
+        return self.times[i], self.squares[i]
 
     @property
     def risk(self) -> float:
@@ -88,94 +74,11 @@ class Candidate:
         return float(np.sqrt(max(self.least[1], 0.0)))
 
 
-def risk_curves(
-    pair: tuple[Flow, Flow],
-    probe: Array,
-    sigma: float | Array,
-    times: Sequence[float],
-    counted: Array,
-    twices: Sequence[float] = TWICE,
-    limits: tuple[Limit, Limit] | None = None,
-    patient: bool = False,
-) -> dict[float, tuple[float, ...]]:
-    """The mean square error to be expected at each of ``times``, by Monte Carlo SURE (Ramani, Blu, Unser 2008).
-
-    mean (u - u0)^2 - sigma^2 + 2 sigma^2 b . (u(u0 + e b) - u(u0)) / (n e): what was changed, less the noise, plus what of
-    the noise is left, measured by a second run that starts beside the first by e b, b random signs.
-
-    :param pair: the run, and its twin, which starts at u0 + PROBE sigma probe.
-    :param probe: b (n, k), +1 or -1.
-    :param sigma: of each coordinate, unit of u; or one for each vertex (n, 1): errors are then counted in it, and told in its
-        root mean square.
-    :param times: growing, above zero, each twice the one before it, or two before it; the curves end early where the risk
-        grows again.
-    :param counted: (n,), the vertices that are counted.
-    :param twices: weights of twicing; they cost no further run.
-    :param limits: what the coordinates of both do not leave.
-    :param patient: go on to the last time although the risk grows.
-    :returns: for each of ``twices`` one for time zero and for each time up to where it ended, squared unit of u.
-    """
-    (flow, twin), stepper, spaces = pair, SuperTime(), [Workspace(flow) for flow in pair]
-    each = np.broadcast_to(np.asarray(sigma, np.float64), (len(counted), 1))[counted]
-    sigma = float(np.sqrt(np.mean(each * each)))
-    relative, step, of = each / sigma, PROBE * each, probe[counted].astype(np.float64)
-    start, spent, past = flow.start(), 0, []
-    u, v, since, worse = start, twin.start(), 0.0, 0
-    curves: dict[float, list[float]] = {weight: [sigma**2] for weight in twices}
-    back = 1 if len(times) < 2 or times[1] > 1.8 * times[0] else 2
-    for count, time in enumerate(times):
-        spent += stages(1, (time - since) / max(Explicit().largest(flow, u), np.finfo(float).tiny))
-        if spent > RATES:
-            break  # so stiff a flow is not worth its run
-        old = u, v
-        run = zip(pair, (u, v), spaces, strict=True)
-        u, v = (stepper.step(move, state, time - since, count, space) for move, state, space in run)
-        if limits is not None:
-            u, v = limits[0].hold(u), limits[1].hold(v)
-        if count > 0:
-            for space, state in zip(spaces, old, strict=True):
-                space.give(state)
-        now = (u - start)[counted].astype(np.float64) / relative, of * (v - u)[counted] / step
-        for weight, risks in curves.items():
-            if weight > 0 and count < back:
-                continue
-            one = past[-back] if weight > 0 else now
-            change, kept = (a + weight * (a - b) for a, b in zip(one, now, strict=True))
-            risks.append(float(np.mean(change * change)) + sigma**2 * (2.0 * float(np.mean(kept)) - 1.0))
-        past, since = [*past[-1:], now], time
-        least, latest = min(map(min, curves.values())), min(risks[-1] for risks in curves.values())
-        worse = worse + 1 if latest > least + BEYOND * (abs(least) + SLIGHT * sigma**2) else 0
-        if (worse > back and not patient) or not np.isfinite(latest):
-            break
-    return {weight: tuple(risks) for weight, risks in curves.items()}
-
-
 def ranked(candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
     """Candidates by their least risk, the least first."""
     return tuple(sorted(candidates, key=lambda candidate: candidate.least[1]))
 
 
-def searched(
-    configurations: Iterable[Configuration], tried: Callable[[Configuration], Sequence[Candidate]]
-) -> tuple[Candidate, ...]:
-    """All candidates of configurations, the best first.
-
-    :param tried: makes the candidates of a configuration, one for each weight of twicing.
-    """
-    return ranked(candidate for configuration in configurations for candidate in tried(configuration))
-
-
-def first_of(candidates: Iterable[Candidate], count: int) -> tuple[Configuration, ...]:
-    """The best configuration of each of the best variants, whatever its twicing."""
-    best: dict[Variant, Configuration] = {}
-    for candidate in ranked(candidates):
-        best.setdefault(candidate.configuration.variant, replace(candidate.configuration, twice=0.0))
-    return tuple(best.values())[:count]
-
-
-def refined(configuration: Configuration) -> tuple[Configuration, Configuration]:
-    """A configuration with more and with less contrast."""
-    return (
-        replace(configuration, contrast=configuration.contrast * FINER),
-        replace(configuration, contrast=configuration.contrast / FINER),
-    )
+def as_good(candidate: Candidate, chosen: Candidate) -> bool:
+    """Whether a candidate errs as little as the chosen one, as far as the estimate can tell."""
+    return candidate is not chosen and abs(candidate.least[1] - chosen.least[1]) <= candidate.doubt

@@ -11,7 +11,7 @@ from meshflow.flow.steppers import Stepper, StepperName, stepper_word
 from meshflow.geometry.delaunay import Triangles
 from meshflow.geometry.options import option
 from meshflow.geometry.validation import positive, whole
-from meshflow.kernels.library import using_threads
+from meshflow.kernels.library import default_threads, using_threads
 from meshflow.surfaces.triangles import Diagonals, triangulations
 
 __all__ = ["Compute"]
@@ -65,6 +65,11 @@ class Compute:
     def running(self) -> AbstractContextManager[None]:
         """While it lasts, loops that are called from here use the threads that are asked for."""
         return using_threads(self.threads)
+
+    @property
+    def workers(self) -> int:
+        """How many threads: those that are given, or as many as the process may use."""
+        return default_threads() if self.threads is None else self.threads
 
     @property
     def stepping(self) -> bool:

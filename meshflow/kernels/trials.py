@@ -1,4 +1,4 @@
-"""Kernels that test the gate and the threads: every kind of parameter, every kind of failure."""
+"""Kernels of no use but to try the gate and the team with: every kind of parameter, every way to fail."""
 
 import ctypes
 from typing import Annotated, ClassVar

@@ -13,7 +13,7 @@ from scipy.special import i0e
 
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, value_unit
-from meshflow.estimate.risk import Candidate
+from meshflow.estimate.risk import Candidate, as_good
 from meshflow.flow.march import State
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
@@ -246,7 +246,8 @@ class Result:
                     for k, v in candidate.configuration.words.items()
                 )
                 error = f"{candidate.risk:.6g}" if candidate.least[1] > 0 else "below what can be measured"
-                lines.append(f"               {error} at time {candidate.least[0]:.4g}: {', '.join(words)}")
+                near = "; as good, as far as can be told" if as_good(candidate, self.candidates[0]) else ""
+                lines.append(f"               {error} at time {candidate.least[0]:.4g}: {', '.join(words)}{near}")
         return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
 
     @property

@@ -50,6 +50,9 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
     plan = planned(data, request)
     engine = _engine(plan)
     start, end, history = _run(_steered(engine, plan), plan, progress, record)
+    if plan.blend and plan.idle is None:
+        end = _blended(plan, end)
+        history = History.joined((history, _measured(end, plan))) if record is not None else history
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
         warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
@@ -180,6 +183,17 @@ def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tup
     if end.step > 0 and record is not None and (kept is not None or not record):
         measured.append(_measured(end, plan))
     return begin, end, History.joined(measured)
+
+
+def _blended(plan: Plan, first: State) -> State:
+    """The ends of all the runs of a blend with their weights; the first one is there."""
+    u = first.u.dtype.type(plan.blend[0].weight) * first.u
+    for part in plan.blend[1:]:
+        alone = plan.only(part)
+        flow = _steered(_engine(alone), alone)
+        u += u.dtype.type(part.weight) * _run(flow, alone, None, None)[1].u
+    words = f"{first.reason}; blended with {len(plan.blend) - 1} more"
+    return replace(first, u=u, reason=words)
 
 
 def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | None]:

@@ -7,6 +7,7 @@ import numpy as np
 from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
+from meshflow.surfaces.orientation import Orientation
 from meshflow.surfaces.surface import Boundary, Surface
 
 __all__ = ["HeightField"]
@@ -60,3 +61,11 @@ class HeightField(OnGrid):
     def lowered(self, u: Array) -> "HeightField":
         """A copy with elevations u (h * w, 1), in their unit; missing samples keep their bits."""
         return replace(self, z=held(self.z, u, self.missing))
+
+    def oriented(self, way: Orientation) -> "HeightField":
+        """The same turned or mirrored; only what that moves is copied."""
+        if not way.changes:
+            return self
+        z, missing, fixed = (np.ascontiguousarray(way.of(a)) for a in (self.z, self.missing, self.fixed))
+        spacing, cuts = way.of_spacing(self.spacing), way.of_cuts(self.cuts)
+        return replace(self, z=z, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts)

@@ -6,6 +6,7 @@ import numpy as np
 
 from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
 from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
+from meshflow.surfaces.orientation import Orientation
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["Image"]
@@ -54,3 +55,10 @@ class Image(OnGrid):
     def lowered(self, u: Array) -> "Image":
         """A copy with channels u (h * w, k), in their unit; missing samples keep their bits."""
         return replace(self, values=held(self.values, u, self.missing))
+
+    def oriented(self, way: Orientation) -> "Image":
+        """The same turned or mirrored; only what that moves is copied."""
+        if not way.changes:
+            return self
+        values, missing, fixed = (np.ascontiguousarray(way.of(a)) for a in (self.values, self.missing, self.fixed))
+        return replace(self, values=values, missing=missing, fixed=fixed, spacing=way.of_spacing(self.spacing))

@@ -100,7 +100,7 @@ class Session:
             raise InputError(f"view: nothing to look at, {plan.idle}")
         if not plan.time:
             raise InputError("view: a time of 0 shows one state; give a time or a scale")
-        settled = _settled(plan)
+        settled = _settled(plan, request)
         return cls(data, settled, _controls(settled, parameters_of(plan)), plan.noise.sigma, count, memory)
 
     def turned(self, **values: float | str) -> "Session":
@@ -301,14 +301,14 @@ def _moves(data: Data) -> bool:
     return isinstance(data, Mesh) and data.moves != "channels"
 
 
-def _settled(plan: Plan) -> Request:
+def _settled(plan: Plan, request: Request) -> Request:
     """The request with all estimated options as given ones."""
     method = plan.method
     if isinstance(method, HeightMethod):
         exponents = {"gamma": plan.variant.gamma, "sharpness": plan.variant.sharpness, "patch": plan.variant.patch}
         plain = Beltrami(indicator=method.indicator, mass=method.mass, contrast=method.contrast, twicing=0.0)
         method = replace(plain, **exponents)
-    return replace(plan.request, method=method, time=None, scale=float(np.sqrt(2.0 * plan.time)))
+    return replace(request, method=method, time=None, scale=float(np.sqrt(2.0 * plan.time)))
 
 
 def _controls(request: Request, parameters: Mapping[str, Parameter]) -> tuple[Control, ...]:

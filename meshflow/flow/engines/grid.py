@@ -40,10 +40,10 @@ class GridFlow:
     :raises InputError: for a variant without meaning here, or slopes so steep that their powers overflow.
     """
 
-    slivers = False
-
     def __init__(self, grid: Grid, variant: Variant | None = None, threads: int | None = None) -> None:
         self.grid, self.variant = grid, variant or Variant()
+        # Stable steps of several channels shorten without bound where edges steepen and gamma is below zero.
+        self.slivers = len(grid.planes) > 1 and self.variant.gamma < 0
         self.threads = None if threads is None else whole(threads, "threads", 1)
         self.variant.check(along_rays=grid.lines is not None, on_grid=True)
         self.shape = (len(grid.planes), *grid.shape)

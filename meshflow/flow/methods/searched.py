@@ -17,6 +17,9 @@ class Search(HeightMethod):
     word: ClassVar[str] = "search"
 
     along: Along = option("all", "Points move in all directions, or only along their normals.")
+    blend: bool = option(
+        False, "Blend the best two or three runs with the weights of least estimated risk; of height fields and images."
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

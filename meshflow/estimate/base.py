@@ -1,0 +1,66 @@
+"""The base that a fixed choice stands on: the data at a larger scale, so that only what departs from its slope is an edge."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from meshflow.flow.engines.grid import GridFlow
+from meshflow.flow.family import Variant
+from meshflow.flow.steppers import SuperTime
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.discontinuities import Cuts
+from meshflow.surfaces.grid import Grid
+
+__all__ = ["base_of"]
+
+# The time of the heat flow that makes it, in squared sample distances.
+TIME = 64.0
+# A difference of neighbours that departs by so many sigma from those before and behind it is a jump, which the base keeps.
+JUMP = 6.0
+# So little contrast that the flow is the heat equation: slopes of the whole range from sample to sample.
+FLAT = 1e-3
+
+
+def base_of(grid: Grid, sigma: float, threads: int | None = None) -> Array:
+    """The base of the planes (k, h, w) of a grid: the heat flow, which crosses no jump.
+
+    A tilted plane is its own base, whatever its slope.
+
+    :param sigma: the noise, unit of the planes.
+    """
+    planes = np.where(grid.missing, 0, grid.planes)
+    there = np.broadcast_to(~grid.missing, planes.shape)
+    spread = float(np.max(planes, where=there, initial=-np.inf) - np.min(planes, where=there, initial=np.inf))
+    if spread == 0.0:
+        return planes
+    right, down = (_jumps(planes, grid.missing, axis, JUMP * sigma) for axis in (2, 1))
+    if grid.cuts is not None:
+        right, down = right | grid.cuts.right, down | grid.cuts.down
+    step = float(np.sqrt(np.mean(grid.spacing[0]) * grid.spacing[1]))
+    flow = GridFlow(replace(grid, contrast=FLAT * step / spread, cuts=Cuts(right, down)), Variant(), threads)
+    u = SuperTime().step(flow, flow.start(), TIME * step**2)
+    return u.T.reshape(planes.shape)
+
+
+def _jumps(planes: Array, missing: Array, axis: int, most: float) -> Array:
+    """Where neighbours along an axis differ by ``most`` from what the differences around do: all channels together."""
+    differences = np.diff(planes, axis=axis)
+    whole = ~missing.take(range(1, missing.shape[axis - 1]), axis - 1)
+    whole &= ~missing.take(range(missing.shape[axis - 1] - 1), axis - 1)
+    beside = [_shifted(differences, whole, axis, by) for by in (-2, -1, 1, 2)]
+    departure = differences - _median(differences, *beside)
+    return whole & (np.square(departure).sum(axis=0) > most**2 * len(planes))
+
+
+def _shifted(differences: Array, whole: Array, axis: int, by: int) -> Array:
+    """The differences so many places further along an axis; the same where there is none."""
+    size = differences.shape[axis]
+    at = np.clip(np.arange(size) + by, 0, size - 1)
+    return np.where(whole.take(at, axis - 1), differences.take(at, axis), differences)
+
+
+def _median(a: Array, b: Array, c: Array, d: Array, e: Array) -> Array:
+    """The median of five numbers, for each place."""
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    low, high = np.maximum(low, np.minimum(c, d)), np.minimum(high, np.maximum(c, d))
+    return np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))

@@ -1,0 +1,39 @@
+"""Several runs with weights: those of least estimated risk, on the simplex."""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from meshflow.geometry.validation import Array
+
+__all__ = ["blended"]
+
+
+def blended(changes: Array, left: Array) -> tuple[Array, float]:
+    """The weights w, none below zero and of sum 1, of least w . changes w + 2 w . left, and that.
+
+    With u_i - u0 = d_i the risk of sum w_i u_i is mean (sum w_i d_i)^2 + 2 sigma^2 sum w_i left_i - sigma^2: a quadratic form,
+    as the divergence is linear. The runs are few: each set of them is asked for its least.
+
+    :param changes: (m, m), mean d_i d_j.
+    :param left: (m,), sigma^2 times the share of the noise that each run leaves.
+    """
+    count, best, least = len(left), np.zeros(len(left)), np.inf
+    for size in range(1, count + 1):
+        for some in combinations(range(count), size):
+            weights = np.zeros(count)
+            weights[list(some)] = _even(changes[np.ix_(some, some)], left[list(some)])
+            value = float(weights @ changes @ weights + 2.0 * weights @ left)
+            if (weights >= 0).all() and value < least:
+                best, least = weights, value
+    return best, least
+
+
+def _even(changes: Array, left: Array) -> Sequence[float]:
+    """The weights of sum 1 of the least value, of whatever sign."""
+    m = len(left)
+    system = np.zeros((m + 1, m + 1))
+    system[:m, :m], system[:m, m], system[m, :m] = changes, 1.0, 1.0
+    found = np.linalg.lstsq(system, np.append(-left, 1.0), rcond=None)[0]
+    return found[:m]

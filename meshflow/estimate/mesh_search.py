@@ -1,0 +1,103 @@
+"""The choice of variant, contrast and time for channels of a mesh: a search for the least estimated risk."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.estimate.risk import FINER, PROBE, Candidate, Configuration, ranked
+from meshflow.estimate.sure import Probed, risks_on
+from meshflow.flow.contract import Flow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.mobility import slowed
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.mesh import Mesh
+
+__all__ = ["LOOKED_AT", "MESH_ENOUGH", "TIMES", "MeshSearch", "searched_on_mesh"]
+
+# Times at which the risk is looked at, in squared sample distances: each twice the one two places before it.
+TIMES = tuple(2.0**power * part for power in range(-3, 7) for part in (1.0, 1.5))
+# On meshes, whose rate costs thirty times as much, up to so many vertices and squared sample distances.
+MESH_ENOUGH, LOOKED_AT = 20_000, 16.0
+# How often the contrast is refined while that lowers the risk.
+FINE = 3
+
+
+@dataclass(frozen=True)
+class MeshSearch:
+    """What a search looks at.
+
+    :ivar configurations: variants with their contrasts.
+    :ivar times: squared length, growing.
+    :ivar free: whether contrasts between those of the configurations may be tried.
+    :ivar sigma: the noise, unit of the values.
+    :ivar end: the time that is given, at which variants are compared; None: the time is searched for, too.
+    :ivar weights: of twicing.
+    :ivar speed: of each sample (n, 1); None: all go freely.
+    """
+
+    configurations: tuple[Configuration, ...]
+    times: tuple[float, ...]
+    free: bool
+    sigma: float
+    end: float | None = None
+    weights: tuple[float, ...] = (0.0,)
+    speed: Array | None = None
+
+    def tried(self, probed: Probed, configuration: Configuration) -> list[Candidate]:
+        """The candidates of a configuration, one for each weight of twicing; none where its run was not stable."""
+        patience, made = 2 if self.end is None else len(self.times), []
+        curve = risks_on(probed, configuration, self.times, self.weights, patience)
+        for weight, at in curve.sums.items() if curve.sound else ():
+            times = sorted(at) if self.end is None else [self.end] if self.end in at else []
+            squares = [curve.mean(weight, time) for time in times]
+            if self.end is None:
+                times, squares = [0.0, *times], [probed.square, *squares]
+            if times:
+                made.append(Candidate(replace(configuration, twice=weight), tuple(times), tuple(squares)))
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class _Channels:
+    """The channels of a mesh."""
+
+    data: Mesh
+    lift: Lift
+    places: Array
+    speed: Array | None
+
+    def flow(self, configuration: Configuration) -> tuple[Flow, None]:
+        """What moves them."""
+        surface = self.data.lifted(replace(self.lift, contrast=configuration.contrast))
+        return slowed(MeshFlow(surface, configuration.variant), self.speed), None
+
+
+def searched_on_mesh(data: Mesh, lift: Lift, search: MeshSearch) -> tuple[Candidate, ...]:
+    """The candidates of a search on the channels of a mesh, the best first."""
+    probed = _probed(data, lift, search)
+    found = ranked(one for configuration in search.configurations for one in search.tried(probed, configuration))
+    ways = [FINER, 1.0 / FINER]
+    for _ in range(FINE if search.free and found else 0):
+        best = found[0]
+        contrast = best.configuration.contrast
+        steps = [replace(best.configuration, contrast=contrast * way, twice=0.0) for way in ways]
+        found = ranked((*found, *(one for step in steps for one in search.tried(probed, step))))
+        if found[0] is best or found[0].configuration.variant != best.configuration.variant:
+            break
+        ways = [FINER if found[0].configuration.contrast > contrast else 1.0 / FINER]
+    return found
+
+
+def _probed(data: Mesh, lift: Lift, search: MeshSearch) -> Probed:
+    """A mesh, and a copy beside it that starts with random signs on its channels."""
+    if data.channels is None:
+        raise InputError("search: a mesh with channels expected, got one without")
+    channels = data.channels
+    probe = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=channels.shape)
+    twin = replace(data, channels=channels + PROBE * search.sigma * probe)
+    counted = np.flatnonzero(~data.fixed)
+    copies = tuple(_Channels(one, lift, counted[None], search.speed) for one in (data, twin))
+    sigma = np.full((channels.shape[1], 1), search.sigma)
+    return Probed(copies, np.zeros(1, np.intp), probe[counted].T[None], sigma)

@@ -1,0 +1,56 @@
+"""Random probes for Monte Carlo estimates of the risk: fields of deviation 1 that correlate as the noise does."""
+
+import numpy as np
+
+from meshflow.geometry.validation import Array
+
+__all__ = ["probes"]
+
+
+def probes(
+    shape: tuple[int, int, int],
+    count: int = 1,
+    correlation: Array | None = None,
+    between: Array | None = None,
+    seed: int = 0,
+) -> Array:
+    """Fields b of mean 0 and covariance C, the correlation of the noise: E[b . J b] = tr(C J) for every matrix J.
+
+    For white noise they are random signs, which have the least variance of all: none for a diagonal J. For correlated noise they
+    are Gaussian. Those are periodic: what lies at one side of the grid correlates with the opposite side, which no flow joins.
+
+    :param shape: (k, h, w), channels, rows and columns.
+    :param count: how many, p.
+    :param correlation: (2r+1, 2r+1), by lag in rows and columns, 1 in the middle; None: white.
+    :param between: (k, k), correlation of channels; None: none.
+    :param seed: of the random numbers.
+    :returns: (p, k, h, w), float32.
+    """
+    draw = np.random.default_rng(seed)
+    if correlation is None and between is None:
+        return (2 * draw.integers(0, 2, (count, *shape), dtype=np.int8) - 1).astype(np.float32)
+    found = _correlated(draw, (count, *shape), correlation)
+    if between is not None:
+        found = np.einsum("ij,pjhw->pihw", _root(between), found)
+    return found.astype(np.float32)
+
+
+def _correlated(draw: np.random.Generator, shape: tuple[int, int, int, int], correlation: Array | None) -> Array:
+    """Gaussian fields (p, k, h, w), white or filtered with the root of their spectrum, of which nothing is below zero."""
+    if correlation is None:
+        return draw.standard_normal(shape, dtype=np.float32)
+    p, k, *need = shape
+    h, w = (max(have, side) for have, side in zip(need, correlation.shape, strict=True))
+    kernel = np.zeros((h, w))
+    rows, columns = (np.arange(size) - size // 2 for size in correlation.shape)
+    kernel[np.ix_(rows % h, columns % w)] = correlation
+    power = np.maximum(np.fft.fft2(kernel).real, 0.0)
+    gain = np.sqrt(power / power.mean())[:, : w // 2 + 1]
+    white = draw.standard_normal((p, k, h, w), dtype=np.float32)
+    return np.fft.irfft2(np.fft.rfft2(white) * gain, s=(h, w))[..., : shape[2], : shape[3]]
+
+
+def _root(matrix: Array) -> Array:
+    """The symmetric root of a correlation matrix."""
+    values, vectors = np.linalg.eigh(np.asarray(matrix, np.float64))
+    return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
