@@ -119,7 +119,10 @@ ALL: tuple[Flag, ...] = (
     Flag("fused", Path, "Where to write the result.", OUTPUT, ..., ("--out", "-o")),
     Flag("picture", Path | None, "Write a picture of before, after and what was removed (.png).", FIRST),
     Flag(
-        "report", Path | None, "Write a report: before, after, removed, parameters and their reasons, risk (.html or .png).", FIRST
+        "report",
+        Path | None,
+        "Write a report: before, after, removed, parameters and their reasons, risk (.html or .png).",
+        FIRST,
     ),
     Flag("dtype", str | None, "Number type of a raster or picture; 'source' rounds back to whole numbers.", OUTPUT),
     _yes("overwrite", "Replace OUT if it is there.", FIRST),

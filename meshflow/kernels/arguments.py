@@ -1,4 +1,4 @@
-"""What may come into a kernel as an array, and how it is checked."""
+"""Array arguments of kernels, and their checks."""
 
 import ctypes
 import re
@@ -30,7 +30,7 @@ LETTERS = {
     np.dtype(np.uint64): "Q",
     **NUMBERS,
 }
-# An array's object begins with where its samples are: behind what every object begins with.
+# The object of an array starts with the address of its samples, after the header of every object.
 HEAD = object.__basicsize__
 
 
@@ -43,7 +43,7 @@ def _asked(array: Array) -> int:
 
 
 _SAMPLES = np.zeros(4)
-# Where an array's samples are: ``array.ctypes.data``, which takes longer than all other checks together.
+# The address of the samples of an array; ``array.ctypes.data`` takes longer than all other checks together.
 address: Callable[[Array], int] = (
     _read_from_object
     if all(_read_from_object(a) == _asked(a) for a in (_SAMPLES, _SAMPLES[1:], _SAMPLES[::-2]))
@@ -55,8 +55,8 @@ class Call:
     """A call of a kernel, while its arrays are checked.
 
     :ivar kernel: the name of the kernel.
-    :ivar number: the letter of the number type, "" until an array has told it.
-    :ivar sizes: what the names in shapes stand for, as far as is known.
+    :ivar number: the letter of the number type, "" until an array determines it.
+    :ivar sizes: the values of the names in shapes, as far as known.
     """
 
     def __init__(self, kernel: str) -> None:
@@ -67,9 +67,9 @@ class Call:
 class Parameter:
     """One parameter of a kernel.
 
-    :ivar name: as the function of Python has it.
-    :ivar types: what ctypes hands over.
-    :ivar letter: the types as interface.h writes them.
+    :ivar name: in the Python function.
+    :ivar types: the ctypes that are passed.
+    :ivar letter: the types in the notation of interface.h.
     """
 
     name: str = ""
@@ -77,13 +77,13 @@ class Parameter:
     letter: str = ""
 
     def named(self, name: str) -> Self:
-        """The same with its name."""
+        """The parameter with a name."""
         made = copy(self)
         made.name = name
         return made
 
     def letters(self, number: str) -> str:
-        """Its types as interface.h writes them, for a number type."""
+        """Its types in the notation of interface.h, for a number type."""
         del number
         return self.letter
 
@@ -97,18 +97,18 @@ class PlainParameter(Parameter):
     is_size: bool = False
 
     def taken(self, value: Any, kernel: str) -> Any:
-        """What is handed over for a value; it is refused where it cannot be."""
+        """The value that is passed; invalid values are refused."""
         raise NotImplementedError
 
     def check_layout(self, lib: ctypes.CDLL) -> None:
-        """Compare what is declared in Python with what was compiled."""
+        """Compare the declaration in Python with the compiled code."""
 
 
 class ArrayParameter(Parameter):
     """An array; see :func:`~meshflow.kernels.parameters.read` and :func:`~meshflow.kernels.parameters.write`.
 
     :ivar sizes: the names in its shape.
-    :ivar wanted: what may come, in words.
+    :ivar wanted: a description of valid arrays.
     """
 
     def __init__(
@@ -145,9 +145,9 @@ class ArrayParameter(Parameter):
         return ("w" if self.written else "r") + letter + "vq" * (len(self.types) - 1)
 
     def check(self, value: Array, call: Call) -> tuple[int, ...]:
-        """Refuse what is not as declared, and learn sizes and number type.
+        """Refuse arrays that differ from the declaration, and determine sizes and number type.
 
-        :return: the steps along all axes but the last, in samples, where rows may stand apart.
+        :return: the strides of all axes but the last, in samples, where rows need not be adjacent.
         """
         self._check_kind(value, call)
         self._check_shape(value, call)
@@ -155,13 +155,13 @@ class ArrayParameter(Parameter):
         return tuple(step // value.itemsize for step in value.strides[:-1]) if self.strided else ()
 
     def extent(self, value: Array) -> int:
-        """How many bytes it spans."""
+        """The number of bytes from its first to its last sample."""
         if not value.size or not self.strided:
             return value.nbytes
         return sum((n - 1) * step for n, step in zip(value.shape, value.strides, strict=True)) + value.itemsize
 
     def check_indices(self, array: Any, bound: int, kernel: str) -> None:
-        """Whether all numbers of an array of indices are 0 or more and below a bound."""
+        """Refuse indices that are negative, or not below a bound."""
         if _outside(array.dtype.name)(array.size, address(array), bound):
             raise ValueError(
                 f"{kernel}: {self.name}: indices of 0 or more and below {self.below} = {bound} expected, "
@@ -224,14 +224,14 @@ class ArrayParameter(Parameter):
 
 @cache
 def _outside(dtype: str) -> Callable[[int, int, int], int]:
-    """How many of n numbers of a type, at an address, are no indices below a bound."""
+    """A function that counts the numbers at an address that are no indices below a bound."""
     count = library()[f"outside_{dtype}"]
     count.argtypes, count.restype = (ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64), ctypes.c_int64
     return count
 
 
 def _axis(entry: str | int) -> tuple[str, int]:
-    """The length of an axis, "n", "n+1" or 3, as a name ("" for none) and what is added to it."""
+    """The length of an axis, "n", "n+1" or 3, as a name ("" for none) and an offset."""
     if isinstance(entry, int):
         return "", entry
     found = re.fullmatch(r"([A-Za-z_]\w*)\s*([+-]\s*\d+)?", entry)

@@ -1,4 +1,4 @@
-"""Arrays as they are, copied: what loops over memory are measured against."""
+"""Copies of arrays, with which loops over memory are compared."""
 
 from typing import Annotated
 
@@ -14,9 +14,9 @@ def copied(
     target: Annotated[Array, write("T", "n")],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Copy an array by several threads: the speed of memory, beside which that of a rate is told.
+    """Copy an array with several threads, which measures the speed of memory.
 
     :param source: (n,), float32 or float64.
     :param target: (n,), of the same type.
-    :param threads: how many threads; None: see :func:`meshflow.kernels.library.default_threads`.
+    :param threads: number of threads; None: see :func:`meshflow.kernels.library.default_threads`.
     """

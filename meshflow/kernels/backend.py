@@ -1,8 +1,8 @@
-"""What pip calls to build this package: setuptools, with the kernels compiled and the wheel named for any Python.
+"""The build backend: setuptools, with compiled kernels and wheels for any Python 3.
 
-It is setuptools' own backend but for this: ``ziglang`` is asked for where no C++ compiler is there, the library is compiled when
-the modules are copied, a wheel is tagged py3-none and by the system that the library runs on, and a source distribution holds
-the C++ files. An editable install compiles into the source tree, as the first use of a kernel would.
+It differs from the backend of setuptools as follows: it requires ``ziglang`` where there is no C++ compiler; the library is
+compiled when modules are copied; wheels are tagged py3-none and with the platform of the library; and source distributions
+contain the C++ files. An editable install compiles into the source tree, as the first use of a kernel does.
 """
 
 import re
@@ -42,12 +42,12 @@ PLACE = Path("meshflow", "kernels")
 
 
 def get_requires_for_build_wheel(config_settings: dict[str, Any] | None = None) -> list[str]:
-    """What is needed beside setuptools: the package that brings a compiler, where there is none."""
+    """The requirements besides setuptools: a package with a compiler, where there is none."""
     return [*_required(config_settings), *_compiler_needed()]
 
 
 def get_requires_for_build_editable(config_settings: dict[str, Any] | None = None) -> list[str]:
-    """What is needed beside setuptools, for an editable install."""
+    """The requirements besides setuptools, for an editable install."""
     return [*_required_if_editable(config_settings), *_compiler_needed()]
 
 
@@ -56,7 +56,7 @@ def _compiler_needed() -> list[str]:
 
 
 class BuildLibrary(build_py):
-    """Copies the modules, and compiles the kernels beside them."""
+    """Copies the modules and compiles the kernels."""
 
     def run(self) -> None:
         """Copy, and compile for every instruction set of the target."""
@@ -65,25 +65,25 @@ class BuildLibrary(build_py):
             super().run()
             library.loaded()
             return
-        shutil.rmtree(self.build_lib, ignore_errors=True)  # what an earlier build left, of files that are no more
+        shutil.rmtree(self.build_lib, ignore_errors=True)  # removes files of an earlier build
         super().run()
         place = Path(self.build_lib, PLACE, "_lib")
         place.mkdir(parents=True)
         for level in target.instruction_sets:
             made = place / f"meshflow-{level}{target.suffix}"
             if not compiler.Target.named():
-                # Where Python is started in the source tree, the package there is used: it has its library, too.
+                # Python uses the package in the source tree if it is started there, so that tree also gets the library.
                 shutil.copy(library.built(level), made)
             else:
                 compiler.build(compiler.found(), level, made, library.PLACE / "objects")
 
     def get_source_files(self) -> list[str]:
-        """Every file of a source distribution that this needs."""
+        """The files of a source distribution that this command needs."""
         kernels = [str(path) for ending in ("*.h", "*.cpp") for path in sorted(PLACE.glob(ending))]
         return [*super().get_source_files(), *kernels]
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
-        """Every file that is installed."""
+        """The installed files."""
         target = compiler.Target.wanted()
         made = [
             Path(self.build_lib, PLACE, "_lib", f"meshflow-{level}{target.suffix}") for level in target.instruction_sets
@@ -92,16 +92,16 @@ class BuildLibrary(build_py):
 
 
 class NamedForAnyPython(bdist_wheel):
-    """A wheel with a library in it that knows nothing of Python."""
+    """A wheel with a library that does not depend on the version of Python."""
 
     def finalize_options(self) -> None:
-        """It is for one kind of machine: its files go where those of such packages go."""
+        """Mark the wheel as specific to a platform."""
         self.distribution.has_ext_modules = _yes
         super().finalize_options()
         self.root_is_pure = False
 
     def get_tag(self) -> tuple[str, str, str]:
-        """Any Python 3, no interface of Python, and the system that the library runs on."""
+        """Any Python 3, no ABI, and the platform of the library."""
         target, platform = compiler.Target.wanted(), super().get_tag()[2]
         if target.system == "linux":
             platform = _tag_of_linux(self.bdist_dir or "", target)
@@ -115,7 +115,7 @@ def _yes() -> bool:
 
 
 def _tag_of_linux(place: str, target: compiler.Target) -> str:
-    """The tag for a library: by the newest symbols of the C library that it asks for, whichever compiler has made it."""
+    """The platform tag of a library, from the newest symbols of the C library that it needs."""
     needed = {
         tuple(int(number) for number in version.split(b"."))
         for path in Path(place).rglob("meshflow-*.so")

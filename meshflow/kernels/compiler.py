@@ -1,7 +1,7 @@
-"""The C++ compiler that is there, and how it makes the library of kernels. Standard library only: it runs while building.
+"""Finds a C++ compiler and builds the library of kernels. It uses the standard library only, since it runs during builds.
 
-Every ``*.cpp`` beside this file is compiled once for each instruction set, and linked without a C++ runtime into one library for
-each instruction set: a function that both had in common could otherwise be taken from the wrong one.
+Every ``*.cpp`` beside this file is compiled once per instruction set, and linked without a C++ runtime into one library per
+instruction set; with a single library, common functions could be taken from the wrong instruction set.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from pathlib import Path
 __all__ = ["BuildError", "Compiler", "Target", "build", "digest", "flags", "found", "sources"]
 
 HERE = Path(__file__).parent
-# Asked before it is known what the machine can do, or slow by nature: compiled for any machine of its kind.
+# Used before the capabilities of the machine are known, or not critical for speed: compiled for any machine of its kind.
 FOR_ANY = ("machine.cpp", "team.cpp")
 WARNINGS = ("-Wall", "-Wextra")
 FLAGS = (
@@ -35,9 +35,9 @@ FLAGS = (
     "-fno-threadsafe-statics",
     "-fno-math-errno",
     "-fno-trapping-math",
-    "-ffp-contract=off",  # products fused with sums would differ between tilings and instruction sets
+    "-ffp-contract=off",  # fused products and sums would differ between tilings and instruction sets
 )
-# A library that checks itself while it runs, by what MESHFLOW_SANITIZE says; see .ci/sanitize.
+# Flags of a library with sanitizers, according to MESHFLOW_SANITIZE; see .ci/sanitize.
 CHECKED = ("-fno-omit-frame-pointer", "-g", "-O1")
 SANITIZED = {
     "": (),
@@ -45,7 +45,7 @@ SANITIZED = {
     "thread": ("-fsanitize=thread", *CHECKED),
 }
 MSVC_FLAGS = ("/nologo", "/std:c++20", "/O2", "/fp:precise", "/GR-", "/GS-", "/W3", "/Zc:preprocessor", "/MD")
-# Systems by their name in a target: what zig calls them, the tag of their wheels, the end of a library's name.
+# Systems by their name in a target: the name for zig, the wheel tag, the suffix of libraries.
 SYSTEMS = {
     "linux": ("linux-gnu.2.17", "manylinux_2_17_{machine}", ".so"),
     "musl": ("linux-musl", "musllinux_1_2_{machine}", ".so"),
@@ -57,12 +57,12 @@ TAGS = {("macos", "aarch64"): "arm64", ("windows", "x86_64"): "amd64", ("windows
 
 
 class BuildError(RuntimeError):
-    """The kernels could not be compiled: which compiler was tried, and what it said."""
+    """The kernels could not be compiled. The message names the compiler and contains its output."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """A machine that the library is for.
+    """The machine of a library.
 
     :ivar machine: "x86_64", "aarch64", ...
     :ivar system: "linux", "musl", "macos" or "windows".
@@ -83,14 +83,14 @@ class Target:
 
     @staticmethod
     def named() -> str:
-        """What ``MESHFLOW_TARGET`` says, empty without it."""
+        """The value of ``MESHFLOW_TARGET``, empty by default."""
         return os.environ.get("MESHFLOW_TARGET", "")
 
     @classmethod
     def wanted(cls) -> "Target":
-        """What ``MESHFLOW_TARGET`` names, "aarch64-linux" for example; this machine without it.
+        """The target in ``MESHFLOW_TARGET``, for example "aarch64-linux"; by default this machine.
 
-        :raises BuildError: for a system that is not known.
+        :raises BuildError: for an unknown system.
         """
         text = cls.named()
         if not text:
@@ -103,26 +103,26 @@ class Target:
 
     @property
     def instruction_sets(self) -> tuple[str, ...]:
-        """What the kernels are compiled for, the fastest first: levels of x86-64, or what every machine of the kind has."""
+        """The instruction sets of the kernels, the fastest first: levels of x86-64, or the baseline."""
         return ("v3", "v2") if self.machine == "x86_64" else ("baseline",)
 
     @property
     def suffix(self) -> str:
-        """The end of a library's name."""
+        """The suffix of libraries."""
         return SYSTEMS[self.system][2] if self.system in SYSTEMS else ".so"
 
     @property
     def tag(self) -> str:
-        """The platform tag of a wheel; for Linux, of one whose library zig has made."""
+        """The platform tag of a wheel; for Linux, that of a library made by zig."""
         return SYSTEMS[self.system][1].format(machine=TAGS.get((self.system, self.machine), self.machine))
 
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C++ compiler, and the words that it wants.
+    """A C++ compiler and its flags.
 
-    :ivar command: how it is called.
-    :ivar target: what it compiles for.
+    :ivar command: its command.
+    :ivar target: the machine that it compiles for.
     """
 
     command: tuple[str, ...]
@@ -137,7 +137,7 @@ class Compiler:
         return "msvc" if names[-1] in ("cl", "clang-cl") else "gnu"
 
     def compile(self, source: Path, to: Path, level: str, extra: Sequence[str] = ()) -> list[str]:
-        """The command that makes an object of a source, for an instruction set ("" for any machine of its kind).
+        """The command that compiles a source for an instruction set ("" for any machine of its kind).
 
         :param extra: further flags.
         """
@@ -157,7 +157,7 @@ class Compiler:
             ]
         machine: list[str] = []
         if self.kind == "zig":
-            # ReleaseFast's checks are zig's own; without this its C++ would trap where C++ leaves things open.
+            # Without this, zig compiles traps for undefined behaviour into C++.
             machine = ["-target", self._zig_target, "-fno-sanitize=undefined"]
         if digit != "0" and not any_machine:
             machine.append(
@@ -170,7 +170,7 @@ class Compiler:
         return [*self.command, *flags, "-c", str(source), "-o", str(to)]
 
     def link(self, objects: Sequence[Path], to: Path, extra: Sequence[str] = ()) -> list[str]:
-        """The command that makes a library of objects: by the C compiler, so that a C++ runtime is missed if it is needed."""
+        """The command that links objects to a library: by the C compiler, so that use of a C++ runtime is an error."""
         names = [str(o) for o in objects]
         if self.kind == "msvc":
             return [*self.command, "/nologo", "/LD", *names, f"/Fe{to}", *extra]
@@ -188,7 +188,7 @@ class Compiler:
 
     @property
     def _oldest(self) -> list[str]:
-        """The oldest macOS that it shall run on, as the tag of a wheel says."""
+        """The flag for the oldest supported macOS, as in the wheel tag."""
         return ["-mmacosx-version-min=11.0"] if self.kind == "gnu" and self.target.system == "macos" else []
 
     @property
@@ -197,7 +197,7 @@ class Compiler:
         return f"{self.target.machine}-{system}"
 
     def works(self) -> str:
-        """Empty where it makes a library of what the kernels are made of; else what it said."""
+        """Empty where it can compile code like that of the kernels; else its output."""
         with tempfile.TemporaryDirectory() as place:
             source = Path(place, "trial.cpp")
             source.write_text(
@@ -214,7 +214,7 @@ class Compiler:
 
 
 def _c_of(word: str) -> str:
-    """The C compiler that belongs to a C++ compiler's name; any other word as it is."""
+    """The C compiler that belongs to the name of a C++ compiler; other words unchanged."""
     folder, name = os.path.split(word)
     name = re.sub(r"\bc\+\+", "cc", re.sub(r"clang\+\+", "clang", re.sub(r"\bg\+\+", "gcc", name)))
     return os.path.join(folder, name) if name else word
@@ -236,12 +236,12 @@ def _zig() -> tuple[str, ...] | None:
 
 
 def found() -> Compiler | None:
-    """The compiler that shall be used: of ``CXX``; else one on the path that works; else zig's of the package ``ziglang``.
+    """The compiler to use: that of ``CXX``; else a working one on the path; else that of the package ``ziglang``.
 
-    One that the environment names is not tried: where it fails, that is said, and no other one taken. For a machine
-    that is named (``MESHFLOW_TARGET``) it is zig's, which asks for the oldest C library that will do.
+    A compiler from the environment is not tested: its failure is reported, and no other one is used instead. For a target in
+    ``MESHFLOW_TARGET`` it is zig, which needs the oldest C library.
 
-    :return: None where there is none: the package ``ziglang`` brings one.
+    :return: None where there is none.
     """
     target, zig = Target.wanted(), _zig()
     named = shlex.split(os.environ.get("CXX", ""), posix=os.name != "nt")
@@ -257,12 +257,12 @@ def found() -> Compiler | None:
 
 
 def sources() -> list[Path]:
-    """The C++ files beside this one, by name; none in a package that was installed from a wheel."""
+    """The C++ files beside this one, by name; none in a package installed from a wheel."""
     return sorted(HERE.glob("*.cpp"))
 
 
 def _texts(source: Path) -> dict[str, bytes]:
-    """A source and every header of ours that it includes, by name."""
+    """A source and all headers of this folder that it includes, by name."""
     texts, left = {}, [source]
     while left:
         path = left.pop()
@@ -275,7 +275,7 @@ def _texts(source: Path) -> dict[str, bytes]:
 
 
 def digest(source: Path, *words: object) -> str:
-    """What an object is made of, in 16 letters: the source, its headers, the flags, and these words."""
+    """A digest, in 16 letters, of a source, its headers, the flags, and these words."""
     made = hashlib.sha256(repr((FLAGS, FOR_ANY, *words)).encode())
     for name, text in sorted(_texts(source).items()):
         made.update(name.encode() + text)
@@ -283,9 +283,9 @@ def digest(source: Path, *words: object) -> str:
 
 
 def sanitized() -> tuple[str, ...]:
-    """Flags of a library that checks its memory ("address") or its threads ("thread"), as ``MESHFLOW_SANITIZE`` says.
+    """Sanitizer flags according to ``MESHFLOW_SANITIZE``: "address" checks memory, "thread" checks threads.
 
-    :raises BuildError: for another word.
+    :raises BuildError: for another value.
     """
     word = os.environ.get("MESHFLOW_SANITIZE", "")
     if word not in SANITIZED:
@@ -294,7 +294,7 @@ def sanitized() -> tuple[str, ...]:
 
 
 def flags() -> tuple[str, ...]:
-    """Flags beyond the usual ones: those of ``CXXFLAGS``, and of a library that checks itself."""
+    """Additional flags: those of ``CXXFLAGS``, and of sanitizers."""
     return (*shlex.split(os.environ.get("CXXFLAGS", "")), *sanitized())
 
 
@@ -304,8 +304,8 @@ def build(compiler: Compiler | None, level: str, to: Path, objects: Path) -> Non
     :param compiler: see :func:`found`.
     :param level: the instruction set, one of the target's.
     :param to: the library.
-    :param objects: a folder of objects, which are made anew where a source of theirs has changed.
-    :raises BuildError: without a compiler, or with what it said.
+    :param objects: a folder of objects, which are compiled again where their sources have changed.
+    :raises BuildError: without a compiler, or when it fails; the message contains its output.
     """
     if compiler is None:
         raise BuildError(

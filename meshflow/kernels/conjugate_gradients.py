@@ -1,7 +1,7 @@
 """Conjugate gradients for all columns of a sparse symmetric system at once; sums do not depend on the number of threads.
 
-The matrix is packed first: in an order of its rows, scaled to a unit diagonal, which is left out, and of the entries between two
-rows of one block each pair once, ``near`` ones; all others are ``far`` ones.
+The matrix is packed first: its rows are reordered, and it is scaled to a unit diagonal, which is not stored. Entries between two
+rows of the same block (``near``) are stored once per pair; all others (``far``) are stored as they are.
 """
 
 from typing import Annotated
@@ -45,9 +45,9 @@ def pack_rows(
     diagonal: Annotated[Array, write("float64", "n")],
     threads: Threads = None,
 ) -> None:
-    """Where the near and the far entries of each row of a CSR matrix begin when it is packed, and its diagonal.
+    """The start of the near and far entries of each row of a packed CSR matrix, and its diagonal.
 
-    :param order: packed row r is row ``order[r]``, and ``where`` the other way round; None: as they are.
+    :param order: packed row r is row ``order[r]``; ``where`` is the inverse; None: the order is not changed.
     """
 
 
@@ -70,8 +70,8 @@ def pack_entries(
 ) -> None:
     """The entries of a CSR matrix, packed.
 
-    :param scale: what rows and columns are multiplied by, in the packed order.
-    :param near: as :func:`pack_rows` makes it, and ``far``.
+    :param scale: factors on rows and columns, in the packed order.
+    :param near: from :func:`pack_rows`, like ``far``.
     """
 
 
@@ -84,9 +84,9 @@ def pack_vectors(
     back: Annotated[int, integer],
     threads: Threads = None,
 ) -> None:
-    """target[r] = scale[r] source[order[r]]; or back, target[order[r]] += scale[r] source[r].
+    """target[r] = scale[r] source[order[r]]; or, with ``back``, target[order[r]] += scale[r] source[r].
 
-    :param back: 0, or 1 for back.
+    :param back: 0 or 1.
     """
 
 
@@ -110,12 +110,12 @@ def conjugate_gradients(
     most: Annotated[int, integer],
     threads: Threads = None,
 ) -> int:
-    """Go on from x, the residual r and the direction p of a packed system; how many iterations it took.
+    """Iterate from x, the residual r and the direction p of a packed system; returns the number of iterations.
 
-    Ends after ``most`` of them, or where ``size`` is at most ``goal`` in every column.
+    It ends after ``most`` iterations, or when ``size`` is at most ``goal`` in every column.
 
-    :param diagonal: of the matrix before it was scaled, in the packed order.
-    :param q: room to work in.
-    :param rho: r . r of each column, and ``size``, r . r of the system before it was scaled.
+    :param diagonal: of the matrix before scaling, in the packed order.
+    :param q: a work array.
+    :param rho: r . r of each column; ``size``: r . r of the system before scaling.
     """
     raise NotImplementedError

@@ -1,8 +1,8 @@
-"""The gate between arrays of Python and loops of C++: each kernel is declared once, and what comes in is checked against it.
+"""The gate between arrays of Python and loops of C++: each kernel is declared once, and its arguments are checked.
 
-A kernel is a Python function without a body. The annotation of each parameter says what may come; the gate refuses all else
-before anything is read. It compares the declaration with the types of the compiled function, when that is first called. Arrays
-of the same types, shapes and order as in a call before are not looked at again, but for where they are: a call costs
+A kernel is a Python function without a body. The annotation of each parameter describes valid arguments; the gate refuses all
+others before anything is read. On the first call it compares the declaration with the types of the compiled function. Arrays of
+the same types, shapes and order as in an earlier call are not checked again, except for their addresses, so that a call costs
 microseconds.
 """
 
@@ -24,11 +24,11 @@ P = ParamSpec("P")
 R = TypeVar("R")
 NO_MEMORY, CANCELLED, OUT_OF_RANGE, BAD_SIZES = -1, -2, -3, -4  # Failure of interface.h
 ENDINGS = {"f": "_f32", "d": "_f64", "": ""}
-REMEMBERED = 512  # kinds of calls of one kernel
+REMEMBERED = 512  # the largest number of kinds of calls per kernel
 
 
 class Stopped(RuntimeError):
-    """A kernel was stopped by its caller's :class:`~meshflow.kernels.parameters.Stop` before it was done."""
+    """A kernel was stopped by a :class:`~meshflow.kernels.parameters.Stop` of its caller before it finished."""
 
 
 class _Entry(ctypes.Structure):
@@ -37,12 +37,12 @@ class _Entry(ctypes.Structure):
 
 @dataclass(frozen=True)
 class _Checked:
-    """A kind of call: arrays of these types, shapes and orders have been found right.
+    """A kind of call whose array types, shapes and orders have been checked.
 
     :ivar run: the compiled function.
-    :ivar values: what is handed over, without what differs from call to call.
-    :ivar extents: the bytes that each array spans, 0 for one that is not there.
-    :ivar indices: arrays of indices, where they stand in the call, and what they are below.
+    :ivar values: the passed values, without those that differ from call to call.
+    :ivar extents: the extent of each array in bytes, 0 for a missing one.
+    :ivar indices: arrays of indices, their positions in the call, and their bounds.
     """
 
     run: Callable[..., int]
@@ -55,7 +55,7 @@ class Kernel(Generic[P, R]):
     """A compiled loop as a function of Python; see :func:`kernel`.
 
     :ivar name: its name, in Python and in C++.
-    :ivar parameters: what may come in, in the order of the call.
+    :ivar parameters: in the order of the call.
     """
 
     def __init__(self, declared: Callable[P, R]) -> None:
@@ -72,7 +72,7 @@ class Kernel(Generic[P, R]):
         for p in self.parameters:
             if isinstance(p, ArrayParameter) and p.below and p.below_size[0] not in {*self._sizes, *explicit}:
                 raise TypeError(f"{self.name}: {p.name}: no array has the size {p.below}")
-        # Where the parameters stand in the call of Python, and in that of C++.
+        # The positions of the parameters in the Python call and in the C++ call.
         self._plain: list[tuple[int, int, PlainParameter]] = []
         self._arrays: list[tuple[int, int, ArrayParameter]] = []
         at = len(self._sizes)
@@ -83,7 +83,7 @@ class Kernel(Generic[P, R]):
                 self._plain.append((i, at, p))
             at += len(p.types)
         self._handed = at
-        # Pairs of arrays that may not share memory, the first of which is written; whether they may be the same.
+        # Pairs of arrays that must not share memory, the first of which is written; whether they may be identical.
         self._apart = [
             (k, m, other.name in one.over or one.name in other.over)
             for k, (_, _, one) in enumerate(self._arrays)
@@ -94,7 +94,7 @@ class Kernel(Generic[P, R]):
         self._checked: dict[tuple[Any, ...], _Checked] = {}
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        """Check what came, and run the loop."""
+        """Check the arguments, and run the loop."""
         given: tuple[Any, ...] = args
         if kwargs or len(args) != len(self.parameters):
             given = self._ordered(args, kwargs)
@@ -131,11 +131,11 @@ class Kernel(Generic[P, R]):
         values = {**self._defaults, **named}
         rest = self._names[len(args) :]
         if len(args) > len(self._names) or not (named.keys() <= set(rest) and values.keys() >= set(rest)):
-            self._given.bind(*args, **named)  # says what is wrong
+            self._given.bind(*args, **named)  # raises the error
         return (*args, *[values[name] for name in rest])
 
     def _looked_at(self, given: tuple[Any, ...], key: tuple[Any, ...]) -> _Checked:
-        """Check arrays of a kind that has not come before, and remember it."""
+        """Check a new kind of call, and remember it."""
         call = Call(self.name)
         for i, _, p in self._plain:
             if p.is_size:
@@ -174,7 +174,7 @@ class Kernel(Generic[P, R]):
 
     def _failed(self, code: int) -> None:
         if code == NO_MEMORY:
-            raise MemoryError(f"{self.name}: no memory for what it needs while it works")
+            raise MemoryError(f"{self.name}: not enough memory for its work arrays")
         if code == CANCELLED:
             raise Stopped(f"{self.name}: stopped before it was done")
         if code == OUT_OF_RANGE:
@@ -184,7 +184,7 @@ class Kernel(Generic[P, R]):
         raise RuntimeError(f"{self.name}: it failed with the code {code}, which has no meaning here")
 
     def _found(self, number: str) -> Callable[..., int]:
-        """The compiled function for a number type ("" where it has none), once its types agree with the declaration."""
+        """The compiled function for a number type ("" where it has none), if its types agree with the declaration."""
         if not number and any(p.generic for _, _, p in self._arrays):
             raise TypeError(f"{self.name}: no array tells the number type: one at least must be given")
         lib, name = library(), f"{self.name}{ENDINGS[number]}"
@@ -206,14 +206,14 @@ class Kernel(Generic[P, R]):
 
 
 def kernel(declared: Callable[P, R]) -> Kernel[P, R]:
-    """Declare a kernel: its name, its parameters and what it is for; the loop of that name is in C++.
+    """Declare a kernel: its name, parameters and description; the loop of that name is in C++.
 
-    The compiled function takes, in this order: one ``i64`` for each size that the shapes name, in the order in which they are
-    first named; then each parameter: an array as a pointer (and its steps, if rows may stand apart), ``integer`` and ``size`` as
-    ``i64``, ``real`` as ``double``, ``threads`` as ``i32``, ``stop`` as ``const i32*``, a struct as a pointer.
+    The compiled function takes, in this order: one ``i64`` for each named size of the shapes, in the order in which they are
+    first named; then each parameter: an array as a pointer (and its strides, if rows need not be adjacent), ``integer`` and
+    ``size`` as ``i64``, ``real`` as ``double``, ``threads`` as ``i32``, ``stop`` as ``const i32*``, a struct as a pointer.
 
     :param declared: a function without a body, each parameter annotated with :data:`typing.Annotated`; it returns None, or an
-        int where the kernel counts something.
+        int where the kernel counts.
     :raises TypeError: on a call, for an array of another kind, or where declaration and compiled function differ.
     :raises ValueError: on a call, for an array of another shape or order, one that cannot be written, or one that is written and
         shares memory with another.

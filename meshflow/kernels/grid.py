@@ -1,4 +1,4 @@
-"""The flow on a grid: its rate, area and bound, the weights of an implicit step, and how triangles are laid out for them."""
+"""Kernels of the flow on a grid: rate, area, bound, the weights of an implicit step, and the layout of the triangles."""
 
 import ctypes
 from typing import Annotated, ClassVar
@@ -27,9 +27,9 @@ __all__ = [
     "laid_out",
 ]
 
-# Elements that are looked at together (grid_cells.h).
+# Elements that are processed together (grid_cells.h).
 BLOCK = 16
-# What grid_measured is asked for, and what moves along what (grid_rays.h, grid_rows.h).
+# What grid_measured computes, and the kinds of free directions (grid_rays.h, grid_rows.h).
 AREA, BOUND = 1, 2
 CHANNELS, LINES, PINHOLE = range(3)
 
@@ -63,14 +63,14 @@ def laid_out(
     kinds: Annotated[Array, write(np.uint8, "m", "b")],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Lay out which triangles are there and which of their edges are borders (grid_cells.h).
+    """Lay out the triangles that exist, and which of their edges are borders (grid_cells.h).
 
     :param there: (m, n), the bits of :func:`meshflow.surfaces.triangles.triangles_there`.
     :param which: the triangulation, 0 forward, 1 backward.
-    :param borders: 1 where edges of borders shall be marked, else 0.
+    :param borders: 1 to mark border edges, else 0.
     :param codes: (m, n + 1), of each element.
     :param kinds: (m, blocks), of each block of BLOCK elements.
-    :param threads: how many.
+    :param threads: number of threads.
     """
 
 
@@ -98,18 +98,18 @@ def grid_rate(
 
     :param u: the planes, (k, h, w).
     :param geometry: (h, 7), of triangles with a leg in a row: (alpha / x)^2, (alpha / y)^2, y / 2x, x / 2y, x y / 6, x, y.
-    :param codes: of :func:`laid_out`, each row that differs once; ``kinds`` likewise.
-    :param row_of: (2, h - 1), which of them each row of cells has, forward and backward.
+    :param codes: of :func:`laid_out`, each distinct row once; ``kinds`` likewise.
+    :param row_of: (2, h - 1), the distinct row of each row of cells, forward and backward.
     :param held: samples that stay, not zero.
     :param lines: origins (three coordinates) and directions, one after the other, each (h or 1, w or 1); empty for channels.
-    :param where: (6, 3), of each coordinate: its first number, the steps down and to the right, 0 where it is the same.
+    :param where: (6, 3), for each coordinate its first index and the steps down and to the right, 0 where it is constant.
     :param time_factor: factors of time.
-    :param taps: the Gaussian of patches, from its middle outwards; empty where lengths are those of single samples.
+    :param taps: the Gaussian of patches, from its centre outwards; empty without patches.
     :param options: which flow.
     :param out: where to write; it may be a, b or c.
     :param one: a, ``two`` b, ``three`` c.
     :param blend: the factors.
-    :param threads: how many.
+    :param threads: number of threads.
     """
 
 
@@ -130,10 +130,10 @@ def grid_measured(
     found: Annotated[Array, write(np.float64, 2)],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Measure the surface; parameters as of :func:`grid_rate`.
+    """Measure the surface; parameters as in :func:`grid_rate`.
 
     :param asked: AREA or BOUND.
-    :param found: the area; and of one channel without patches the greatest s M_flat / M, else the greatest bound of a triangle
+    :param found: the area; and for one channel without patches the largest s M_flat / M, else the largest bound of a triangle
         times the factor of time at its corners.
     """
 
@@ -155,10 +155,10 @@ def grid_weights(
     inverses: Annotated[Array, write("T", "h", "w")],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """The weights of an implicit step; parameters as of :func:`grid_rate`.
+    """The weights of an implicit step; parameters as in :func:`grid_rate`.
 
-    :param edges: (4, h, w), zeros: half the cotangents opposite to the edges that begin at a sample, to the right, down, down on
-        the left, and down on the right.
+    :param edges: (4, h, w), initially zero: half the cotangents opposite to the edges that start at a sample: to the right, down,
+        down left, and down right.
     :param inverses: s / M |d|^2.
     """
 
@@ -176,12 +176,12 @@ def grid_multiplied(
     """Write (mass + dt stiffness) p.
 
     :param p: (k, h, w).
-    :param q: where it is written.
+    :param q: the result.
     :param weight: the diagonal.
-    :param edges: of :func:`grid_weights`; times -dt they are what stands beside the diagonal.
+    :param edges: of :func:`grid_weights`; times -dt they are the off-diagonal entries.
     :param dt: the step.
     :param dots: p . q of each channel.
-    :param threads: how many.
+    :param threads: number of threads.
     """
 
 
@@ -196,13 +196,13 @@ def grid_descended(
     dots: Annotated[Array, write(np.float64, 2, "k")],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Add alpha p to x and take alpha q from r, in their places.
+    """Add alpha p to x and subtract alpha q from r, in place.
 
-    :param alpha: one for each channel.
+    :param alpha: one per channel.
     :param p: (k, h, w), as ``q``, ``x`` and ``r``.
     :param weight: the preconditioner.
     :param dots: (2, k): r . r and r . (r / weight).
-    :param threads: how many.
+    :param threads: number of threads.
     """
 
 
@@ -214,7 +214,7 @@ def grid_turned(
     p: Annotated[Array, write("T", "k", "h", "w")],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Write r / weight + beta p over p; parameters as of :func:`grid_descended`."""
+    """Replace p by r / weight + beta p; parameters as in :func:`grid_descended`."""
 
 
 @kernel
@@ -228,11 +228,11 @@ def grid_size(
     found: Annotated[Array, write(np.float64, 2)],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Sum of the squares and greatest square of the samples of a sum of factor times array.
+    """Sum of squares and largest square of the samples of a sum of factors times arrays.
 
     :param factors: of a, b, c and d.
     :param a: (k, h, w), as ``b``, ``c`` and ``d``; None where there is none.
-    :param every: every so manieth row is looked at.
-    :param found: the sum and the greatest; not numbers where a sample is none.
-    :param threads: how many.
+    :param every: use every ``every``-th row.
+    :param found: the sum and the largest; NaN where a sample is NaN.
+    :param threads: number of threads.
     """

@@ -1,7 +1,7 @@
-"""The library of kernels: the one for the instruction set of this machine, loaded once; how many threads it uses.
+"""The library of kernels for the instruction set of this machine, and its number of threads.
 
-In a source tree it is compiled when it is first loaded, and again when a source has changed, into ``_lib`` beside the sources.
-An installed package holds it and never compiles.
+In a source tree it is compiled into ``_lib`` beside the sources when it is first loaded, and again when a source has changed. An
+installed package contains it and never compiles.
 """
 
 import ctypes
@@ -30,11 +30,11 @@ __all__ = [
 
 PLACE = Path(__file__).parent / "_lib"
 _USED: ContextVar[int | None] = ContextVar("threads", default=None)
-KEPT = 86400.0  # seconds after which an object or a library of other sources is taken away, when another one is made
+KEPT = 86400.0  # seconds after which objects and libraries of other sources are removed, when another one is made
 
 
 class KernelsMissing(ImportError):
-    """The compiled loops are not there, or not for this machine: the message says what is missing."""
+    """The compiled kernels are missing, or not for this machine. The message says what is missing."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Environment:
     """What the kernels run with.
 
     :ivar instruction_set: "v3" or "v2" of x86-64; "baseline" elsewhere.
-    :ivar compiler: what compiled them.
-    :ivar threads: how many threads are used where the caller names none.
+    :ivar compiler: that compiled them.
+    :ivar threads: the default number of threads.
     :ivar path: the library.
     """
 
@@ -54,7 +54,7 @@ class Environment:
 
 
 def environment() -> Environment:
-    """The instruction set in use, the compiler that made the kernels, and the threads by default."""
+    """The instruction set in use, the compiler of the kernels, and the default number of threads."""
     lib, level, path = loaded()
     lib.machine_compiler.restype = ctypes.c_char_p
     return Environment(level, lib.machine_compiler().decode(), default_threads(), path)
@@ -81,9 +81,9 @@ def default_threads() -> int:
 
 @contextmanager
 def using_threads(threads: int | None) -> Iterator[None]:
-    """While it lasts, kernels that are called from here use so many threads where none are named; None changes nothing.
+    """Context: kernels called in it use this number of threads by default; None changes nothing.
 
-    What other threads of the caller call meanwhile is not concerned.
+    It does not affect calls from other threads.
     """
     before = _USED.set(_USED.get() if threads is None else threads)
     try:
@@ -101,7 +101,7 @@ def library() -> ctypes.CDLL:
 def loaded() -> tuple[ctypes.CDLL, str, Path]:
     """The library for this machine, its instruction set, and its file.
 
-    :raises KernelsMissing: where the machine has none of the instruction sets, or ``MESHFLOW_ISA`` names one that is not there.
+    :raises KernelsMissing: where the machine supports none of the instruction sets, or ``MESHFLOW_ISA`` names a missing one.
     :raises compiler.BuildError: in a source tree, where it cannot be compiled.
     """
     levels = compiler.Target.here().instruction_sets
@@ -121,9 +121,9 @@ def loaded() -> tuple[ctypes.CDLL, str, Path]:
 
 @cache
 def opened(level: str) -> tuple[ctypes.CDLL, Path]:
-    """The library for one instruction set, and its file: nothing of it but ``machine_missing`` may be called yet.
+    """The library for one instruction set, and its file; only ``machine_missing`` may be called before the machine is checked.
 
-    :raises KernelsMissing: where it is not there, or the system does not load it.
+    :raises KernelsMissing: where it is missing, or the system cannot load it.
     """
     path = built(level) if compiler.sources() else PLACE / f"meshflow-{level}{compiler.Target.here().suffix}"
     try:
@@ -135,7 +135,7 @@ def opened(level: str) -> tuple[ctypes.CDLL, Path]:
 
 
 def built(level: str) -> Path:
-    """The library of a source tree for one instruction set, compiled where it is not there or a source has changed.
+    """The library of a source tree for one instruction set, compiled where it is missing or a source has changed.
 
     :raises compiler.BuildError: where it cannot be compiled.
     """
@@ -153,7 +153,7 @@ def built(level: str) -> Path:
 
 
 def swept() -> None:
-    """Take away what was compiled of other sources, more than a day ago; a file that is in use elsewhere stays."""
+    """Remove files that were compiled from other sources more than a day ago; files in use are kept."""
     for path in [*PLACE.glob("meshflow-*"), *PLACE.glob("objects/*")]:
         try:
             if path.is_file() and path.stat().st_mtime < time.time() - KEPT:
@@ -164,7 +164,7 @@ def swept() -> None:
 
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """One process at a time; a lock is gone when its process is."""
+    """A lock between processes, which is released when its process ends."""
     with path.open("a+b") as file:
         if os.name == "nt":
             import msvcrt
@@ -174,7 +174,7 @@ def _alone(path: Path) -> Iterator[None]:
                 try:
                     msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
                     break
-                except OSError:  # it gives up after ten seconds
+                except OSError:  # the lock times out after ten seconds
                     continue
         else:
             import fcntl

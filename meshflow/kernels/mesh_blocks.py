@@ -1,4 +1,4 @@
-"""Triangles in blocks that fit the cache of a core: steps of points in R^3 whose cotangents never go through memory."""
+"""Triangles in blocks that fit the cache of a core: steps of points in R^3 without arrays of cotangents."""
 
 from typing import Annotated
 
@@ -13,9 +13,9 @@ Block = Annotated[Array, read("int32", "n")]
 
 @kernel
 def count_blocks(faces: Faces, block: Block, first: Annotated[Array, write("int64", "b+1")]) -> int:
-    """Where the triangles of each block begin, those that have a corner among its vertices; how many there are in all.
+    """The start of the triangles of each block, those with a corner among its vertices; returns their number.
 
-    :param block: whose each vertex is.
+    :param block: of each vertex.
     """
     raise NotImplementedError
 
@@ -31,11 +31,11 @@ def number_blocks(
     start: Annotated[Array, write("int64", "b+1")],
     triangles: Annotated[Array, write("uint16", "t", 3)],
 ) -> int:
-    """Number the vertices of each block, those that it owns before those around, and its triangles by these; the most of a block.
+    """Number the vertices of each block, own ones first, and its triangles; returns the largest number of vertices of a block.
 
-    :param order: the vertices, ``size`` of them in turn for each block.
-    :param first: as :func:`count_blocks` makes it.
-    :param vertices: with room for v = 3 t + n; of each block from ``start`` on.
+    :param order: the vertices, ``size`` of them for each block.
+    :param first: from :func:`count_blocks`.
+    :param vertices: with room for v = 3 t + n; those of each block begin at ``start``.
     """
     raise NotImplementedError
 
@@ -61,6 +61,6 @@ def march_blocks(
 
     :param kind: of mass, by the numbers of ``meshflow.geometry.operator.MASSES``.
     :param held: vertices that do not move.
-    :param inverse: takes dt / M.
-    :param sharpest: takes the greatest cotangent of each block, infinite where a triangle has no area.
+    :param inverse: receives dt / M.
+    :param sharpest: receives the largest cotangent of each block, infinite where a triangle has no area.
     """

@@ -1,4 +1,4 @@
-"""Who touches whom on a mesh: the corners around each vertex, the edges of one triangle, the pattern of its matrices.
+"""Connectivity of a mesh: the corners around each vertex, border edges, the pattern of its matrices.
 
 Corner c of a mesh is corner ``c % 3`` of triangle ``c // 3``.
 """
@@ -23,9 +23,9 @@ def corners_around(
     first: Annotated[Array, write("int64", "n+1")],
     corners: Annotated[Array, write("int32", "c")],
 ) -> None:
-    """Where the corners of each vertex begin, ``first``, and the corners of one vertex after the other, in their order.
+    """The start of the corners of each vertex, ``first``, and the corners of all vertices in order.
 
-    :param n: how many vertices there are.
+    :param n: number of vertices.
     """
 
 
@@ -42,7 +42,7 @@ def pattern_rows(
     indptr: Annotated[Array, write("int32", "n+1")],
     threads: Threads = None,
 ) -> int:
-    """Where the rows of the CSR pattern begin, each vertex with all that share a triangle with it; how many entries there are."""
+    """The start of the rows of the CSR pattern of vertices that share a triangle; returns the number of entries."""
     raise NotImplementedError
 
 
@@ -57,10 +57,10 @@ def pattern_entries(
     diagonal: Annotated[Array, write("int32", "n")],
     threads: Threads = None,
 ) -> None:
-    """The columns of the pattern, sorted in each row; where entries stand.
+    """The columns of the pattern, sorted in each row, and the positions of entries.
 
-    ``slots`` takes those of the two neighbours of each corner, counted in its row (255: it must be looked for), ``diagonal``
-    those of the diagonal, counted from the first row.
+    ``slots`` receives those of the two neighbours of each corner, relative to its row (255: it must be searched for),
+    ``diagonal`` those of the diagonal, relative to the first row.
 
-    :param indptr: as :func:`pattern_rows` makes it.
+    :param indptr: from :func:`pattern_rows`.
     """

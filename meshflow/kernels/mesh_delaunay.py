@@ -1,4 +1,4 @@
-"""Triangles known by the lengths of their sides: what they measure, and edges flipped until they are Delaunay."""
+"""Triangles given by edge lengths: their angles and areas, and flips until they are Delaunay."""
 
 from typing import Annotated
 
@@ -15,7 +15,7 @@ def length_angles(
     area: Annotated[Array, write("float64", "m")],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Cotangents and areas of triangles of given sides, opposite each corner."""
+    """Cotangents and areas of triangles from edge lengths, opposite each corner."""
 
 
 @kernel
@@ -24,8 +24,8 @@ def flip_edges(
     lengths: Annotated[Array, write("float64", "m", 3)],
     glue: Annotated[Array, write("int32", "c")],
 ) -> int:
-    """Flip edges, in place, until no cotangent weight is below 0; how many flips it took.
+    """Flip edges, in place, until no cotangent weight is negative; returns the number of flips.
 
-    :param glue: for each side, counted as the corner opposite to it, the side that it lies on; negative where it is not flipped.
+    :param glue: for each edge of a triangle, by its opposite corner, the matching edge of its neighbour; negative: not flipped.
     """
     raise NotImplementedError

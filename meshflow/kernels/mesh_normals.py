@@ -1,4 +1,4 @@
-"""Triangles as carriers of normals: how normals spread from one to the next, how points follow."""
+"""Diffusion of the normals of triangles, and points that follow them."""
 
 from typing import Annotated
 
@@ -33,7 +33,7 @@ def edge_conductances(
     conductances: Annotated[Array, write("float64", "m", 3)],
     threads: Threads = None,
 ) -> None:
-    """|e| / |d| of the edge opposite each corner, d the way from centroid to centroid; zero where nothing is beyond it.
+    """|e| / |d| of the edge opposite each corner, d the path from centroid to centroid; zero at the boundary.
 
     :param across: the triangle beyond the edge opposite each corner; negative for none.
     """
@@ -51,7 +51,7 @@ def spread_normals(
     out: Annotated[Array, write("float64", "m", 3)],
     threads: Threads = None,
 ) -> None:
-    """One step of dt of A dn/dt = sum of w (1 + contrast2 |n_beyond - n|^2)^power (n_beyond - n), made unit normals.
+    """One step of dt of A dn/dt = sum of w (1 + contrast2 |n_beyond - n|^2)^power (n_beyond - n), normalized.
 
     :param weights: w, of the edge opposite each corner.
     :param across: as in :func:`edge_conductances`.
@@ -84,7 +84,7 @@ def directed_weights(
     weights: Annotated[Array, write("float64", "m", 3)],
     threads: Threads = None,
 ) -> None:
-    """Weights in place of cotangents, of a diffusion along the directions in which the normals of the vertices turn little.
+    """Weights, instead of cotangents, of a diffusion along directions of small curvature.
 
     :param normals: of the vertices.
     :param threshold: the curvature, per length, above which a direction is not followed.

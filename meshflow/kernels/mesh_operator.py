@@ -1,6 +1,6 @@
-"""The cotangent operator of a mesh: what its triangles measure, and what each vertex gathers from the triangles around it.
+"""The cotangent operator of a mesh: measures of the triangles, and sums over the triangles around each vertex.
 
-Corner c of a mesh is corner ``c % 3`` of triangle ``c // 3``. ``first`` and ``corners`` say which corners are around each vertex
+Corner c of a mesh is corner ``c % 3`` of triangle ``c // 3``. ``first`` and ``corners`` give the corners around each vertex
 (:func:`meshflow.kernels.mesh_connectivity.corners_around`). Masses have the numbers of ``meshflow.geometry.operator.MASSES``.
 """
 
@@ -42,8 +42,8 @@ def triangle_angles(
 ) -> None:
     """Cotangents and areas of triangles in R^d (Desbrun et al. 2000, section 5.4).
 
-    :param forms: lengths measured in further coordinates, added to those of the points; see :func:`chart_forms`.
-    :param sharpness: q, which stretches the lengths of the points against those of the forms.
+    :param forms: for lengths in further coordinates, which are added to those of the points; see :func:`chart_forms`.
+    :param sharpness: q, which stretches the lengths of the points relative to those of the forms.
     """
 
 
@@ -54,7 +54,7 @@ def form_angles(
     area: Annotated[Array, write("float64", "m")],
     threads: Threads = None,
 ) -> None:
-    """Cotangents and areas of triangles known by their quadratic forms."""
+    """Cotangents and areas of triangles given by quadratic forms."""
 
 
 @kernel
@@ -63,7 +63,7 @@ def chart_forms(
     forms: Annotated[Array, write("float64", "m", 4)],
     threads: Threads = None,
 ) -> None:
-    """Quadratic forms, the dots at three corners and four times the squared area, of triangles given by their corners."""
+    """Quadratic forms of triangles given by corners: the dot products at three corners, and four times the squared area."""
 
 
 @kernel
@@ -74,7 +74,7 @@ def triangle_bounds(
     bounds: Annotated[Array, write("float64", "m")],
     threads: Threads = None,
 ) -> None:
-    """Upper bounds of the eigenvalues of M^-1 L that each triangle allows, per squared length."""
+    """Upper bounds of the eigenvalues of M^-1 L, one per triangle, per squared length."""
 
 
 @kernel
@@ -87,7 +87,7 @@ def vertex_mass(
     mass: Annotated[Array, write("float64", "n")],
     threads: Threads = None,
 ) -> None:
-    """The area that belongs to each vertex."""
+    """The area of each vertex."""
 
 
 @kernel
@@ -112,7 +112,7 @@ def chart_gradient(
     gradient: Annotated[Array, write("float64", "n", "d")],
     threads: Threads = None,
 ) -> None:
-    """The same of coordinates that each triangle's corners have in a chart of its own."""
+    """The area gradient for coordinates of corners in separate charts of the triangles."""
 
 
 @kernel
@@ -123,7 +123,7 @@ def border_conormals(
     charts: Annotated[Array, read("float64", "b", 3, "d")],
     gradient: Annotated[Array, write("float64", "n", "d")],
 ) -> None:
-    """Take out of an area gradient what it holds at the boundary for want of a triangle beyond: half the conormal of each edge.
+    """Remove the boundary part of an area gradient, half the conormal of each boundary edge.
 
     :param border: the corners opposite to the boundary edges.
     :param charts: the coordinates of the corners of their triangles.
@@ -140,7 +140,7 @@ def area_seen(
     seen: Annotated[Array, write("float64", "n")],
     threads: Threads = None,
 ) -> None:
-    """Area of the triangles around each vertex after projecting them along its direction."""
+    """Area of the triangles around each vertex, projected along its direction."""
 
 
 @kernel
@@ -157,8 +157,8 @@ def fill_stiffness(
     data: Annotated[Array, write("float64", "e")],
     threads: Threads = None,
 ) -> None:
-    """The numbers of the stiffness L in a pattern, or L_ij (d_i . d_j) of vertices that move along rays.
+    """The entries of the stiffness L in a pattern, or L_ij (d_i . d_j) for vertices that move along rays.
 
-    :param indptr: of the pattern, as :func:`meshflow.kernels.mesh_connectivity.pattern_rows` makes it; ``indices``, ``slots`` and
-        ``diagonal`` as :func:`meshflow.kernels.mesh_connectivity.pattern_entries` does.
+    :param indptr: of the pattern, from :func:`meshflow.kernels.mesh_connectivity.pattern_rows`; ``indices``, ``slots`` and
+        ``diagonal`` from :func:`meshflow.kernels.mesh_connectivity.pattern_entries`.
     """

@@ -1,4 +1,4 @@
-"""What the parameters of a kernel may be: arrays that are read or written, sizes, numbers, options, threads, a way to stop."""
+"""Kinds of parameters of kernels: arrays that are read or written, sizes, numbers, options, threads, a stop flag."""
 
 import ctypes
 import operator
@@ -26,22 +26,22 @@ LARGEST = 2**63
 
 
 class Stop:
-    """What a caller's other thread sets to stop a kernel: no part of its work begins after that."""
+    """A flag with which another thread stops a kernel; no further part of its work is started then."""
 
     def __init__(self) -> None:
         self._flag = ctypes.c_int32(0)
 
     def set(self) -> None:
-        """Stop what was given this."""
+        """Stop the kernel."""
         self._flag.value = 1
 
     def is_set(self) -> bool:
-        """Whether it shall stop."""
+        """Whether the flag is set."""
         return self._flag.value != 0
 
     @property
     def address(self) -> int:
-        """Where the flag stands in memory."""
+        """The address of the flag."""
         return ctypes.addressof(self._flag)
 
 
@@ -55,10 +55,10 @@ def read(
     """An array that is read, in C order; const A* in C++.
 
     :param dtype: "T" for the kernel's number type, float32 or float64, one for all of its arrays; else a dtype.
-    :param shape: the length of each axis: a number, or a name that stands for one length in the whole call, or "n+1".
-    :param optional: None may come, a null pointer.
-    :param strided: rows may stand apart: each is contiguous. The steps along all axes but the last are handed over after the
-        pointer, as i64, in samples.
+    :param shape: the length of each axis: a number, or a name that has one value in the whole call, or "n+1".
+    :param optional: None is allowed and passed as a null pointer.
+    :param strided: rows need not be adjacent, but each is contiguous. The strides of all axes but the last are passed after
+        the pointer, as i64, in samples.
     :param below: for int32 and int64: all numbers must be indices, 0 or more and below this size, "n" or
         "n+1" (one pass over the array).
     """
@@ -68,13 +68,13 @@ def read(
 def write(
     dtype: Any, *shape: str | int, optional: bool = False, strided: bool = False, over: str | tuple[str, ...] = ()
 ) -> ArrayParameter:
-    """An array that is written, or read and written; A* in C++. It shares no memory with any other one.
+    """An array that is written, or read and written; A* in C++. It must not share memory with another one.
 
     :param dtype: as in :func:`read`.
     :param shape: as in :func:`read`.
     :param optional: as in :func:`read`.
     :param strided: as in :func:`read`.
-    :param over: the name of an array that this may be the same as, or several names: it is then written over.
+    :param over: the name, or names, of arrays that it may be identical to, which are then overwritten.
     """
     names = (over,) if isinstance(over, str) else over
     return ArrayParameter(dtype, shape, written=True, optional=optional, strided=strided, over=names, below="")
@@ -98,7 +98,7 @@ class _Size(_Integer):
     is_size = True
 
     def taken(self, value: Any, kernel: str) -> Any:
-        """The same, which arrays are compared with."""
+        """A size, with which arrays are compared."""
         number = super().taken(value, kernel)
         if number < 0:
             raise ValueError(f"{kernel}: {self.name}: a size of 0 or more expected, got {value}")
@@ -120,7 +120,7 @@ class _Threads(PlainParameter):
     types, letter = (ctypes.c_int32,), "vi"
 
     def taken(self, value: Any, kernel: str) -> Any:
-        """How many threads; None: as many as the process may use."""
+        """The number of threads; None: as many as the process may use."""
         if value is None:
             return min(default_threads(), THREADS)
         try:
@@ -136,7 +136,7 @@ class _Stop(PlainParameter):
     types, letter = (ctypes.c_void_p,), "ri"
 
     def taken(self, value: Any, kernel: str) -> Any:
-        """The address of its flag, or none."""
+        """The address of its flag, or null."""
         if value is not None and not isinstance(value, Stop):
             raise TypeError(f"{kernel}: {self.name}: a Stop or None expected, got {value!r}")
         return value.address if value is not None else None
@@ -164,9 +164,9 @@ class _Layout(ctypes.Structure):
 
 
 def compare_layout(kind: type[Struct], lib: ctypes.CDLL) -> None:
-    """Whether a struct has the same members at the same places in Python and in the library.
+    """Compare the members of a struct and their offsets in Python and in the library.
 
-    :raises TypeError: where it has not, with both.
+    :raises TypeError: where they differ; the message shows both.
     """
     ask = getattr(lib, f"layout_{kind.__name__}")
     ask.restype = _Layout

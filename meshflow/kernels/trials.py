@@ -1,4 +1,4 @@
-"""Kernels of no use but to try the gate and the team with: every kind of parameter, every way to fail."""
+"""Kernels that test the gate and the threads: every kind of parameter, every kind of failure."""
 
 import ctypes
 from typing import Annotated, ClassVar
