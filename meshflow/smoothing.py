@@ -127,13 +127,11 @@ def smooth(
 
     :param data: a numpy array of shape (h, w), a height field, or (h, w, k), an image of k channels; NaN and masked samples are
         missing. ``(points, faces)`` is a mesh. Also ``trimesh.Trimesh``; ``pyvista`` PolyData, ImageData and StructuredGrid;
-        ``open3d`` triangle meshes and depth images; ``meshio.Mesh``; ``xarray.DataArray``; a ``trimesh.Scene`` or
-        ``pyvista.MultiBlock``, whose parts are smoothed one by one; a data object of meshflow; a document of
-        :func:`meshflow.read`; a path.
+        ``open3d`` meshes and depth images; ``meshio.Mesh``; ``xarray.DataArray``; ``trimesh.Scene`` and ``pyvista.MultiBlock``,
+        whose parts are smoothed one by one; a data object of meshflow; a document of :func:`meshflow.read`; a path.
     :param method: a method such as ``PeronaMalik(sharpness=2)``, or its name, which stands for the class with its defaults.
         ``"quick"`` is one fixed choice for all data. None: a method is searched for.
-    :param time: how long the flow runs, in squared length. ``scale`` gives it as the standard deviation of the Gaussian filter
-        that the flow equals on flat data: time = scale² / 2.
+    :param time: how long the flow runs, squared length; or ``scale``, of the equal Gaussian on flat data: time = scale² / 2.
     :param strength: a factor on the noise; above 1 more is removed, below 1 less.
     :param noise: the standard deviation of the noise, in the unit of the values. None: it is estimated.
     :param stop: ``Steps``, ``Residual``, ``AreaLoss``, ``Displacement``, a callable (values, time), or several of them.
@@ -141,11 +139,9 @@ def smooth(
         ``PreserveArea``, ``MinComponent``, or several of them. Their arrays hold one number per sample, as the data stores
         its samples, or are the name of an array that the data holds.
     :param boundary: the condition at borders and holes: ``plane-preserving | neumann | fixed``, for meshes also ``border-curve``.
-    :param domain: ``length``, or for range images ``disparity``: then the inverse depths are smoothed, and all numbers refer
-        to them.
-    :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` as they are and leave
-        out, ``repair`` from their neighbours, or ``include`` as data. None: repair single ones of images, else keep;
-        warnings say which.
+    :param domain: ``length``, or for range images ``disparity``: inverse depths are smoothed, and all numbers refer to them.
+    :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` (as they are, left out),
+        ``repair`` (from their neighbours) or ``include`` (as data). None: repair single ones of images, else keep.
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.

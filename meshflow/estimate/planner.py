@@ -11,12 +11,14 @@ from meshflow.estimate.plan import Decided, Plan, size_of
 from meshflow.estimate.points import moving
 from meshflow.estimate.preparation import Preparation, prepared
 from meshflow.estimate.quantization import steps_of
+from meshflow.estimate.quantized import LeastBending, quantized
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
 from meshflow.flow.constraints import Limit, trust_of
 from meshflow.flow.methods import words_for
 from meshflow.flow.methods.beltrami import Patches
 from meshflow.flow.methods.points import PointMethod
+from meshflow.flow.methods.searched import Quick
 from meshflow.flow.mobility import speed_of
 from meshflow.geometry.validation import Array, mask_of
 from meshflow.surfaces.data import Data, array_of
@@ -26,7 +28,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation, orientation_of
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["noise_in", "plan"]
+__all__ = ["noise_in", "plan", "plan_of_flow"]
 
 # Time at which a run ends that does not come to its stop, in squared sample distances.
 PATIENT = 100.0
@@ -90,12 +92,22 @@ def plan(data: Data, request: Request) -> Plan:
     elif isinstance(data, Mesh) and data.moves != "channels":
         found = moving(data, request, noise, mobility)
     else:
-        found = tuned(data, request, noise, mobility)
+        found = None if isinstance(data, Mesh) else quantized(data, request, noise)
+        found = found or tuned(data, request, noise, mobility)
     warnings = () if how is None else how.warnings
     found = replace(
         found, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=(*warnings, *found.warnings)
     )
     return _ended(_held(found))
+
+
+def plan_of_flow(data: Data, request: Request) -> Plan:
+    """:func:`plan` with states on the way: a flow also where the default is none.
+
+    :raises InputError: likewise.
+    """
+    found = plan(data, request)
+    return plan(data, replace(request, method=Quick())) if isinstance(found.method, LeastBending) else found
 
 
 def _unseen(missing: Array, mask: Array | None) -> Array:
@@ -271,7 +283,7 @@ def _held(found: Plan) -> Plan:
     """With its largest change and its data weights."""
     data, request = found.data, found.request
     limit, origin = limit_of(data, request, found.noise)
-    if limit is not None:
+    if limit is not None and not isinstance(found.method, LeastBending):
         why = "half the quantum, rounding is the noise" if origin == "estimated" else ""
         found = found.with_({"max_change": Decided(origin, why)}, max_change=limit)
     if request.constraints.data_weights is None:

@@ -8,6 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.planner import plan_of_flow
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
 from meshflow.flow.conservation import Kept, free_of
@@ -100,7 +101,7 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
 
 def _states(data: Data, request: Request, count: int, progress: Progress) -> Iterator[tuple[float, Data]]:
     """:func:`states`, once what was asked for is known to make sense."""
-    plan = planned(data, request)
+    plan = plan_of_flow(data, request)
     engine = _engine(plan)
     flow = _steered(engine, plan)
     yield 0.0, plan.result()

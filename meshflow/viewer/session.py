@@ -13,7 +13,7 @@ from meshflow.errors import InputError
 from meshflow.estimate.command_line import flags_of
 from meshflow.estimate.parameters import Parameter, squared_unit
 from meshflow.estimate.plan import Plan
-from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.planner import plan_of_flow
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
 from meshflow.flow.methods import POINT_METHODS, method_of
@@ -95,7 +95,7 @@ class Session:
         """
         if request.stops or request.steps is not None:
             raise InputError("view: the slider says when to stop; leave out steps, residual, area_loss, displacement")
-        plan = planned(data, request)
+        plan = plan_of_flow(data, request)
         if plan.idle is not None:
             raise InputError(f"view: nothing to look at, {plan.idle}")
         if not plan.time:

@@ -1,0 +1,94 @@
+"""Level regions of quantised heights: lakes and levelled tops, apart from the steps of slopes and the bottoms of bowls."""
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, find_objects
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from meshflow.geometry.validation import Array
+
+__all__ = ["plateaus_of"]
+
+# A plateau stays where it is this wide, in samples from its middle to its shore, holds so many, nearly all beside it lies on one
+# side of it, and it is so many times wider than the next step, which is looked for so far off.
+WIDTH, SIZE, ONE_SIDED, MUCH_WIDER, BESIDE = 4, 100, 0.9, 2.0, 40
+# The shore of a plateau, as a share of the width of the next step.
+SHORE = 0.4
+
+
+def plateaus_of(values: Array, missing: Array, quantum: float) -> Array:
+    """Level regions (h, w) that stay as they are: lakes, and tops that were levelled.
+
+    Wide ones, with nearly all that is beside them on one side of them, above or below; the steps of a slope have what is higher
+    on one side and what is lower on the other. And much wider than the next step: the bottom of a bowl that was rounded is 1.4
+    times as wide as that, one that was levelled half a step above it three times.
+    """
+    numbers = _level_regions(values, missing)
+    core = binary_erosion(_within(numbers), iterations=WIDTH - 1, border_value=1)
+    sizes = np.bincount(numbers[~missing])
+    wide = np.zeros(len(sizes), bool)
+    wide[np.unique(numbers[core & ~missing])] = True
+    higher, lower = _beside(values, numbers, missing, len(sizes))
+    one_sided = np.maximum(higher, lower) >= ONE_SIDED * np.maximum(higher + lower, 1)
+    kept = np.zeros(missing.shape, bool)
+    places = find_objects(numbers + 1) if (wide & one_sided).any() else []
+    for number in np.flatnonzero(wide & one_sided & (sizes >= SIZE)):
+        rows, columns = places[number]
+        around = tuple(slice(max(part.start - BESIDE, 0), part.stop + BESIDE) for part in (rows, columns))
+        piece = (numbers[around] == number) & ~missing[around]
+        kept[around] |= _levelled(values[around], missing[around], piece, quantum)
+    return kept
+
+
+def _level_regions(values: Array, missing: Array) -> Array:
+    """A number (h, w) for each region of one value, from 0."""
+    index = np.arange(missing.size).reshape(missing.shape)
+    pairs = []
+    for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        alike = (values[one] == values[two]) & ~missing[one] & ~missing[two]
+        pairs.append(np.stack([index[one][alike], index[two][alike]]))
+    ends = np.concatenate(pairs, axis=1)
+    graph = coo_array((np.ones(ends.shape[1], bool), (ends[0], ends[1])), shape=(missing.size, missing.size))
+    return np.asarray(connected_components(graph, directed=False)[1]).reshape(missing.shape)
+
+
+def _within(numbers: Array) -> Array:
+    """The samples (h, w) whose four neighbours are of the same region."""
+    inside = np.ones(numbers.shape, bool)
+    for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        same = numbers[one] == numbers[two]
+        inside[one] &= same
+        inside[two] &= same
+    return inside
+
+
+def _beside(values: Array, numbers: Array, missing: Array, count: int) -> tuple[Array, Array]:
+    """How many neighbours of each region are higher, and how many lower."""
+    higher, lower = np.zeros(count), np.zeros(count)
+    for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        known = ~missing[one] & ~missing[two]
+        up, down = (values[two] > values[one]) & known, (values[two] < values[one]) & known
+        higher += np.bincount(numbers[one][up], minlength=count) + np.bincount(numbers[two][down], minlength=count)
+        lower += np.bincount(numbers[one][down], minlength=count) + np.bincount(numbers[two][up], minlength=count)
+    return higher, lower
+
+
+def _levelled(values: Array, missing: Array, piece: Array, quantum: float) -> Array:
+    """What of a region (h, w) is level, where it is much wider than the step beside it: all but its shore.
+
+    The shore rises by up to half a quantum and was rounded to the same level: half as wide as the next step.
+    """
+    level = float(values[piece].flat[0])
+    inland = _distance(np.pad(piece | missing, 1, mode="edge"))[1:-1, 1:-1]
+    further = ~missing & (np.abs(values.astype(np.float64) - level) > 1.5 * quantum)
+    near = further & np.asarray(binary_dilation(~further & ~missing, np.ones((3, 3), bool)), bool)
+    width = float(np.median(_distance(~piece)[near])) - 1.0 if near.any() else 0.0
+    if float(inland.max()) <= MUCH_WIDER * width:
+        return np.zeros(piece.shape, bool)
+    return np.logical_and(piece, inland > SHORE * width)
+
+
+def _distance(inside: Array) -> Array:
+    """How far each sample (h, w) is from the next one that is not inside, in samples."""
+    found: Array = np.asarray(distance_transform_edt(inside), np.float64)
+    return found

@@ -1,0 +1,81 @@
+"""The plan for quantised heights: where rounding is the noise, the surface of least bending that was recorded as these steps."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from meshflow.estimate.heights import as_they_are
+from meshflow.estimate.noise import Noise
+from meshflow.estimate.plan import Decided, Plan
+from meshflow.estimate.request import Request
+from meshflow.estimate.unrounding import Unrounded, unrounded
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.geometry.options import option
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+
+__all__ = ["LeastBending", "quantized"]
+
+# Noise of so many times the error of rounding is noise of its own: it makes that error independent of the data, and the risk of a
+# flow can be estimated.
+MOSTLY = 1.8
+UNCHANGED = "data left unchanged: rounding is the noise, and no smoothing was estimated to lower its error"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeastBending(HeightMethod):
+    """The surface of least bending within the steps of quantised data. It is found by the data, not chosen by name."""
+
+    word: ClassVar[str] = "least-bending"
+
+    length: float | None = option(None, "Over how many samples it smooths.", "samples", "-")
+
+
+def quantized(data: HeightField | Image, request: Request, noise: Noise) -> Plan | None:
+    """The surface that was recorded as whole steps, and no flow; None where rounding is not most of the noise, where the caller
+    asks for something else, and for several channels.
+    """
+    heights = data.z if isinstance(data, HeightField) else data.values
+    if heights.ndim != 2 or not _suits(data, request) or not _mostly_rounded(noise, request.strength):
+        return None
+    aspect = float(np.mean(data.spacing[0]) / data.spacing[1])
+    beside = float(np.sqrt(max((noise.sigma * request.strength) ** 2 - noise.quantum**2 / 12.0, 0.0)))
+    found = unrounded(heights, data.missing, data.fixed, noise.quantum, beside, aspect)
+    plan = as_they_are(data, request, noise)
+    plan = plan.with_({"time": Decided("default", "no flow"), "method": Decided("estimated", "rounding is the noise")})
+    if found.length == 0:
+        return replace(plan, method=LeastBending(), idle=UNCHANGED, time=0.0)
+    done = replace(data, z=found.values) if isinstance(data, HeightField) else replace(data, values=found.values)
+    step = (
+        f"half the quantum{', rounding is the noise' if found.most <= 0.5 * noise.quantum else ', and noise beside it'}"
+    )
+    decided = {"length": Decided("estimated", "least estimated risk"), "max_change": Decided("estimated", step)}
+    plan = plan.with_(decided, method=LeastBending(length=found.length), max_change=found.most)
+    return replace(plan, data=done, idle=_in_words(found), time=0.0, warnings=_of_plateaus(found))
+
+
+def _suits(data: HeightField | Image, request: Request) -> bool:
+    """Whether the caller leaves open what is done, and how far samples may move."""
+    held = request.constraints
+    asked = request.asked or request.insisting or request.method is not None or request.boundary is not None
+    bound = any(given is not None for given in (held.max_change, held.mobility))
+    cut = isinstance(data, HeightField) and data.cuts is not None
+    return request.searching and not (asked or bound or cut) and min(data.missing.shape) >= 8
+
+
+def _mostly_rounded(noise: Noise, strength: float) -> bool:
+    """Whether the error of rounding is most of the noise."""
+    return 0 < noise.sigma * strength <= MOSTLY * noise.quantum / np.sqrt(12.0)
+
+
+def _in_words(found: Unrounded) -> str:
+    return (
+        f"rounding is the noise: the surface of least bending that was recorded as these steps, smoothed over {found.length:.2g} "
+        f"samples, expected error {found.risk:.3g}"
+    )
+
+
+def _of_plateaus(found: Unrounded) -> tuple[str, ...]:
+    count = int(found.plateaus.sum())
+    return (f"{count} samples of level plateaus, as lakes are, stay as they are",) if count else ()

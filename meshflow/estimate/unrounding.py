@@ -1,0 +1,316 @@
+"""Quantised heights: the surface of least bending that was recorded as these whole steps.
+
+The error of rounding is known to the half step, and is no white noise: on gentle land it is the stairs themselves. So its risk is
+not estimated as that of noise. A smooth surface that fits is rounded again, and what rounding does to it says how its error and
+what smoothing makes of it go together: mean |u - z|^2 + mean |e|^2 + 2 mean e (u - z), the last from the simulated error e.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.fft import dctn, idctn, next_fast_len
+from scipy.ndimage import binary_dilation, distance_transform_edt
+
+from meshflow.estimate.noise import spread_tiles
+from meshflow.estimate.plateaus import plateaus_of
+from meshflow.geometry.validation import Array
+
+__all__ = ["Unrounded", "unrounded"]
+
+# Stiffness lambda against bending, per sample: from next to nothing removed to a plane over hundreds of samples.
+STIFFNESSES = (np.inf, *(2.0**power for power in range(8, -26, -2)))
+# The grid is continued by so many samples beyond its rim, as its mirror image turned by 180 degrees: planes stay planes.
+RIM = 24
+# A surface is turned about its own rim so often.
+TURNS = 4
+# What lies further off than this, in the half widths of its box, is an edge; samples this near to it stay as they are.
+EDGE, NEAR = 1.5, 2
+# With more edges than this a surface says nothing of how it was rounded.
+EDGES = 0.7
+# Deviations of the noise by which the box is wider than the half step.
+WIDER = 2.0
+# Risks that differ by no more than this share of the square of the error of rounding are the same.
+CAUTION = 0.01
+# Up to this place among the stiffnesses land counts as rough.
+ROUGH = 3
+# Samples of the tiles that a fit is made on.
+ENOUGH = 160_000
+# Noise beside the rounding is looked for so often again; less of it than this share of the quantum is none.
+AGAIN, LITTLE = 2, 0.04
+# What is changed must lower the risk at least so far.
+GAIN = 0.97
+# Rounds in which the box is met (alternating directions), fewer where less than this share of its half width changes, and rounds
+# in which missing samples are filled.
+MEETING, SETTLED, FILLING = 100, 3e-4, 8
+
+# Smoothed heights within their box, the same with edges as they are, and the share of those.
+_Held = tuple[Array, Array, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Unrounded:
+    """A surface that was recorded as whole steps.
+
+    :ivar values: (h, w).
+    :ivar length: over how many samples it is smoothed; 0 where nothing is gained.
+    :ivar plateaus: (h, w), level samples that stay.
+    :ivar most: what no sample has changed by more than, unit of the values.
+    :ivar risk: root mean square error to be expected, unit of the values.
+    """
+
+    values: Array
+    length: float
+    most: float
+    plateaus: Array
+    risk: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Plate:
+    """Solves for least bending on a grid (h, w), continued beyond its rim.
+
+    :ivar shape: (h, w).
+    :ivar aspect: width over height of a cell.
+    :ivar rim: stiffness of the surface that is turned about its rim to continue it; infinite: the heights as they are.
+    """
+
+    shape: tuple[int, int]
+    aspect: float
+    rim: float = np.inf
+
+    @cached_property
+    def pads(self) -> tuple[tuple[int, int], ...]:
+        """How far each side is continued."""
+        rims = []
+        for n in self.shape:
+            fast = (r for r in range(RIM, 2 * RIM) if next_fast_len(n + 2 * r, real=True) == n + 2 * r)
+            rims.append(min(next(fast, RIM), n - 1))
+        return tuple((rim, rim) for rim in rims)
+
+    @cached_property
+    def bending(self) -> Array:
+        """The eigenvalues of the squared Laplacian, of the cosines."""
+        sizes = [n + sum(pad) for n, pad in zip(self.shape, self.pads, strict=True)]
+        down, across = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in sizes)
+        return np.square(down[:, None] * self.aspect + across[None, :] / self.aspect)
+
+    def inner(self, continued: Array) -> Array:
+        """Heights (h, w) of those that were continued."""
+        (top, _), (left, _) = self.pads
+        return continued[top : top + self.shape[0], left : left + self.shape[1]]
+
+    def continued(self, z: Array) -> Array:
+        """Heights (h, w) with what continues them beyond the rim."""
+        down, across = self.pads
+        around = np.pad(z, (down, across), mode="reflect", reflect_type="odd")
+        for _ in range(TURNS if np.isfinite(self.rim) else 0):
+            turned = self.smooth(cosines(around), self.rim)
+            around = np.pad(turned, (down, across), mode="reflect", reflect_type="odd")
+            self.inner(around)[...] = z
+        return around
+
+    def smooth(self, spectrum: Array, stiffness: float) -> Array:
+        """The least (h, w) of |bending u|^2 + stiffness |u - z|^2, of the cosines of continued heights."""
+        return self.inner(heights(spectrum * (stiffness / (stiffness + self.bending))))
+
+
+def cosines(z: Array) -> Array:
+    """The cosines of continued heights."""
+    return np.asarray(dctn(z, norm="ortho"))
+
+
+def heights(spectrum: Array) -> Array:
+    """The continued heights of their cosines."""
+    return np.asarray(idctn(spectrum, norm="ortho"))
+
+
+@dataclass(frozen=True, eq=False)
+class _Box:
+    """What each sample may be: z +- half."""
+
+    z: Array
+    half: float
+
+    def held(self, u: Array) -> Array:
+        """u within the box."""
+        return np.clip(u, self.z - self.half, self.z + self.half)
+
+    def edges(self, u: Array) -> Array:
+        """The samples (h, w) near an edge, which u would blur by more than the box allows."""
+        return binary_dilation(np.abs(u - self.z) > EDGE * self.half, np.ones((3, 3), bool), iterations=NEAR)
+
+
+def unrounded(
+    values: Array, missing: Array, fixed: Array, quantum: float, noise: float = 0.0, aspect: float = 1.0
+) -> Unrounded:
+    """The smoothest surface, in the sense of bending, that was recorded as these whole steps.
+
+    :param values: (h, w).
+    :param missing: (h, w); what stands there is not looked at.
+    :param fixed: (h, w), samples that stay.
+    :param quantum: the step, unit of the values.
+    :param noise: deviation of the noise beside the error of rounding, as far as it is known, likewise.
+    :param aspect: width over height of a cell.
+    """
+    base = float(values[~missing].flat[0])  # steps are counted from a value that is there
+    z = _filled(values.astype(np.float64) - base, missing, aspect)
+    plateaus = plateaus_of(values, missing, quantum)
+    counted = ~(missing | plateaus)
+    tiles = spread_tiles(missing.shape, ENOUGH, 2)
+    noise = noise if noise > LITTLE * quantum else 0.0
+    fits = sorted(_fitted(z[tile], counted[tile], quantum, aspect, noise) for tile in tiles)
+    fit = fits[len(fits) // 2]
+    if fit.place == 0:
+        return Unrounded(values, 0.0, fit.half, plateaus, fit.risk)
+    stiffness, box = STIFFNESSES[fit.place], _Box(z, fit.half)
+    plate = _Plate(_size(z), aspect, stiffness)
+    half, u = np.full(z.shape, box.half), plate.smooth(cosines(plate.continued(z)), stiffness)
+    if fit.edged:
+        half[box.edges(u)] = 0.0
+    half[plateaus | fixed] = 0.0
+    half[missing] = np.inf
+    met = _met(plate, z, half, stiffness) + base
+    done = np.where(missing | (half == 0.0), values, met).astype(values.dtype)
+    return Unrounded(done, stiffness**-0.25, fit.half, plateaus, fit.risk)
+
+
+@dataclass(frozen=True, order=True)
+class _Fit:
+    """What was found for a tile.
+
+    :ivar place: of the stiffness; 0: nothing is gained.
+    :ivar edged: samples near edges stay.
+    :ivar half: of the box.
+    :ivar risk: root mean square error to be expected.
+    """
+
+    place: int
+    edged: bool
+    half: float
+    risk: float
+
+
+def _fitted(z: Array, counted: Array, quantum: float, aspect: float, noise: float, again: int = AGAIN) -> _Fit:
+    """The stiffness of a tile, and the noise beside the rounding, as that is seen with it.
+
+    :param noise: its deviation as far as it is known; ``again``: how often more of it is looked for.
+    """
+    plate, box = _Plate(_size(z), aspect), _Box(z, quantum / 2.0 + WIDER * noise)
+    place, edged, risk = _chosen(plate, box, counted, quantum, noise)
+    if place > 0 and again > 0:
+        more = _noise_beyond(plate, box, STIFFNESSES[place], counted, quantum)
+        if more > max(1.25 * noise, LITTLE * quantum):
+            return _fitted(z, counted, quantum, aspect, more, again - 1)
+    return _Fit(place, edged, box.half, risk)
+
+
+def _size(z: Array) -> tuple[int, int]:
+    h, w = z.shape
+    return h, w
+
+
+def _filled(z: Array, missing: Array, aspect: float) -> Array:
+    """Heights with missing samples bridged smoothly."""
+    if not missing.any():
+        return z
+    z = z[tuple(np.asarray(distance_transform_edt(missing, return_distances=False, return_indices=True)))]
+    plate = _Plate(_size(z), aspect)
+    for power in range(FILLING):
+        z = np.where(missing, plate.smooth(cosines(plate.continued(z)), 2.0 ** -(2 + power)), z)
+    return z
+
+
+def _chosen(plate: _Plate, box: _Box, counted: Array, quantum: float, noise: float) -> tuple[int, bool, float]:
+    """The place of the stiffness of least risk, whether edges stay with it, and that risk as a root mean square."""
+    z, total = box.z, float(np.sqrt(quantum**2 / 12.0 + noise**2))
+    if not counted.any():
+        return 0, False, total
+    made = [_both(box, smoothed) for smoothed in _smoothed(plate, z)]
+    off = np.array([np.sqrt(np.mean(np.square(clipped - z)[counted])) for clipped, _, _ in made])
+    smoothest = max(int(np.sum(off <= total)) - 1, 1)  # as far from the data as rounding is
+    clipped, edged, share = made[smoothest]
+    worst = np.zeros((len(made), 2))
+    for pilot in (clipped, *([edged] if 0 < share <= EDGES else [])):
+        worst = np.maximum(worst, _risks(plate, box, made, pilot, counted, (quantum, noise)))
+    i, k = _next_to_least(worst)
+    if 0 < i <= ROUGH:  # land that is as rough as its steps: one that is rougher than that may have been recorded, too
+        rougher = made[max(smoothest - 1, 1)][0]
+        worst = np.maximum(worst, _risks(plate, box, made, rougher, counted, (quantum, noise)))
+        i, k = _next_to_least(worst)
+    if i == 0 or worst[i, k] > GAIN**2:
+        return 0, False, total
+    return i, k == 1, total * float(np.sqrt(max(worst[i, k], 0.0)))
+
+
+def _risks(
+    plate: _Plate, box: _Box, made: list[_Held], pilot: Array, counted: Array, error: tuple[float, float]
+) -> Array:
+    """The mean square errors to be expected, over that of rounding, of each stiffness, with and without edges.
+
+    :param made: the heights smoothed with each stiffness.
+    :param pilot: a surface that may have been recorded.
+    :param error: the quantum, and the deviation of the noise beside it.
+    """
+    quantum, noise = error
+    z, found = box.z, np.zeros((len(made), 2))
+    again = np.rint((pilot + noise * np.random.default_rng(0).normal(size=z.shape)) / quantum) * quantum
+    off = (again - pilot)[counted]
+    power = max(float(np.mean(off**2)), 0.25 * (quantum**2 / 12.0 + noise**2))
+    twin = _Box(again, box.half)
+    for i, smoothed in enumerate(_smoothed(plate, again)):
+        for k, (one, two) in enumerate(zip(made[i][:2], _both(twin, smoothed)[:2], strict=True)):
+            cross = float(np.mean(off * (two - again)[counted]))
+            found[i, k] = (float(np.mean(np.square(one - z)[counted])) + power + 2.0 * cross) / power
+    return found
+
+
+def _next_to_least(risks: Array) -> tuple[int, int]:
+    """The place among the stiffnesses, and whether with edges, of what is next to the least risk: the stiffest where land is
+    rough, else the softest, whose slopes are better.
+    """
+    enough = risks <= float(risks.min()) + CAUTION
+    places = np.flatnonzero(enough.any(axis=1))
+    i = int(places[0] if places[0] <= ROUGH else places[-1])
+    return i, int(np.argmax(enough[i]))
+
+
+def _noise_beyond(plate: _Plate, box: _Box, stiffness: float, counted: Array, quantum: float) -> float:
+    """The deviation of noise by which so many samples are further from a smooth surface than the half step, away from edges.
+
+    Rounding moves none so far; with noise of s beside it 0.8 s / quantum of them are.
+    """
+    u = plate.smooth(cosines(plate.continued(box.z)), stiffness)
+    seen = counted & ~box.edges(u)
+    if not seen.any():
+        return 0.0
+    return float((np.abs(u - box.z) > 0.5 * quantum)[seen].mean()) * quantum / 0.8
+
+
+def _smoothed(plate: _Plate, z: Array) -> list[Array]:
+    """The heights smoothed with each of the stiffnesses, as they are for the first."""
+    spectrum = cosines(plate.continued(z))
+    return [z if not np.isfinite(s) else plate.smooth(spectrum, s) for s in STIFFNESSES]
+
+
+def _both(box: _Box, u: Array) -> _Held:
+    """Smoothed heights within the box; the same with edges as they are; and the share of those."""
+    clipped, edges = box.held(u), box.edges(u)
+    return clipped, np.where(edges, box.z, clipped), float(edges.mean())
+
+
+def _met(plate: _Plate, z: Array, half: Array, stiffness: float) -> Array:
+    """The least of |bending u|^2 + stiffness |u - z|^2 within z +- half, by alternating directions (Boyd and others 2011)."""
+    z, half = plate.continued(z), np.pad(half, plate.pads, constant_values=np.inf)
+    low, high = z - half, z + half
+    u = heights(cosines(z) * (stiffness / (stiffness + plate.bending)))
+    held, gap, rho = np.clip(u, low, high), np.zeros_like(z), max(stiffness, 1e-3)
+    least = float(half[half > 0].min(initial=np.inf))
+    factor = 1.0 / (plate.bending + stiffness + rho)
+    for _ in range(MEETING):
+        u = heights(cosines(stiffness * z + rho * (held - gap)) * factor)
+        before, held = held, np.clip(u + gap, low, high)
+        gap += u - held
+        if float(np.sqrt(np.mean(np.square(held - before)))) < SETTLED * least:
+            break
+    return plate.inner(held)
