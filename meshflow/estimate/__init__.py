@@ -1,1 +1,1 @@
-"""What shall be run: the noise of the data, the risk of each method, and the plan."""
+"""Planning of runs: the noise of the data, the risk of each method, and the plan."""

@@ -1,4 +1,4 @@
-"""A request as the words of the command line that asks for it."""
+"""Converts a request to arguments of the command line."""
 
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
@@ -9,7 +9,7 @@ __all__ = ["flags_of"]
 
 
 def flags_of(request: Request) -> list[str]:
-    """The words of the command line that ask for what a request asks, but for its arrays and callables."""
+    """The arguments of the command line for a request, without its arrays and callables."""
     words: list[str] = []
     method = request.method
     for kind, part in ((Request, request), (Compute, request.compute), (type(method), method)):

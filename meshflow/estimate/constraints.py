@@ -1,4 +1,4 @@
-"""What a run is held to: samples that stay or move less, a largest change, data weights, a volume."""
+"""Constraints of a run: fixed or slower samples, a largest change, data weights, a volume."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
@@ -18,40 +18,40 @@ __all__ = [
     "PreserveVolume",
 ]  # fmt: skip
 
-# What is given for each sample: a number for all, an array as the data stores its samples, or the name of an array in the data.
+# One number per sample: a number for all, an array in the order of the data, or the name of an array in the data.
 PerSample = ArrayLike | str
 
 
 @dataclass(frozen=True, eq=False)
 class Fixed:
-    """Samples that stay as they are, beside those that the data itself fixes."""
+    """Samples that do not move, in addition to those that the data itself fixes."""
 
     mask: PerSample = option(
-        None, "Mask of the samples that stay, not zero: a raster, picture, .npy, or vertex attribute.", flag="fixed"
+        None, "Mask, not zero where samples do not move: a raster, picture, .npy, or vertex attribute.", flag="fixed"
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Mask:
-    """The samples that may move; all others stay. The noise is looked for among them."""
+    """The samples that may move; all others stay. The noise is estimated from them."""
 
     mask: PerSample = option(
-        None, "Mask of the samples that may move, not zero: a raster, picture, .npy, or vertex attribute.", flag="mask"
+        None, "Mask, not zero where samples may move: a raster, picture, .npy, or vertex attribute.", flag="mask"
     )
 
 
 @dataclass(frozen=True, eq=False)
 class MaxChange:
-    """No sample leaves its value by more.
+    """The largest change of a sample.
 
-    Half the quantum by default where rounding is all the noise that is found, of range images none. Where the points of a mesh
-    move: of their way, whichever the axes; an array (n, 3), of each coordinate.
+    By default half the quantum where rounding is the only noise found; for range images none. Where the points of a mesh move, it
+    limits their displacement, independent of the axes; an array (n, 3) limits each coordinate.
     """
 
     most: PerSample = option(
         None,
-        "No sample changes by more: a number, a raster or .npy of them, the name of a vertex attribute, or 'step': half the step "
-        "of quantized data. Default: half the quantum where rounding is the noise, else none.",
+        "Largest change of a sample: a number, a raster or .npy, the name of a vertex attribute, or 'step': half the step of "
+        "quantized data. Default: half the quantum where rounding is the noise, else none.",
         "unit of the values",
         "max-change",
     )
@@ -59,12 +59,12 @@ class MaxChange:
 
 @dataclass(frozen=True, eq=False)
 class DataWeights:
-    """Weights w of a fidelity term: the flow comes to rest between smoothness and data.
+    """Weights w of a fidelity term: the steady state of the flow balances smoothness and data.
 
-    At rest the area of the surface (values times the contrast alpha) plus the sum of w (u - u0)^2 / 2 over the samples is least:
-    on flat data that smooths over a length of alpha / sqrt(w). With w = 1 / sigma^2 this is the contrast in h / sigma, one to
-    three sample distances for the contrasts that a search finds; a quarter of the weights smooths over twice the length. What
-    counts between the samples is the ratio of their weights: 1 / variance, where the variance of each is known.
+    The steady state minimizes the area of the surface (values times the contrast alpha) plus the sum of w (u - u0)^2 / 2 over the
+    samples. On flat data it smooths over a length of alpha / sqrt(w). With w = 1 / sigma^2 this is the contrast in h / sigma, one
+    to three sample distances for the contrasts that a search finds; a quarter of the weights smooths over twice the length. The
+    ratios of the weights of samples should be those of 1 / variance, where the variance of each sample is known.
     """
 
     weights: PerSample = option(
@@ -77,14 +77,14 @@ class DataWeights:
 
 @dataclass(frozen=True, eq=False)
 class Mobility:
-    """How fast samples go, from 0 (stays) to 1 (freely): the soft constraints of [DMSB99].
+    """A factor on the rate of each sample, from 0 (fixed) to 1 (free): the soft constraints of [DMSB99].
 
-    The search runs as slowly; the noise is looked for as if all went freely.
+    The search uses it; the noise is estimated as if all samples were free.
     """
 
     mobility: PerSample = option(
         None,
-        "How fast samples go, 0 (stays) to 1 (freely): a number, a raster or .npy, or a vertex attribute.",
+        "Factor on the rate of samples, 0 (fixed) to 1 (free): a number, a raster or .npy, or a vertex attribute.",
         flag="mobility",
     )
 
@@ -93,8 +93,8 @@ class Mobility:
 class PreserveVolume:
     """A closed mesh whose points move keeps its volume.
 
-    :param by: ``normals``: all free points move by one length along their normals, exact in every step; ``scaling``: about the
-        centroid [DMSB99].
+    :param by: ``normals``: all free points move by one length along their normals, exact in every step; ``scaling``: scale about
+        the centroid [DMSB99].
     """
 
     by: Literal["normals", "scaling"] = "normals"
@@ -106,15 +106,15 @@ class PreserveVolume:
 
 @dataclass(frozen=True)
 class PreserveArea:
-    """A mesh whose points move keeps its area, by scaling about the centroid."""
+    """A mesh whose points move keeps its area by scaling about the centroid."""
 
 
 @dataclass(frozen=True)
 class MinComponent:
-    """Connected pieces of a range image of fewer samples are dropped."""
+    """Components of a range image of fewer samples are dropped."""
 
     samples: int = option(
-        1, "Drop connected pieces of a range image of fewer samples. Default: none.", "samples", "min-component"
+        1, "Drop components of a range image of fewer samples. Default: none.", "samples", "min-component"
     )
 
     def __post_init__(self) -> None:
@@ -127,14 +127,14 @@ KINDS = (Fixed, Mask, MaxChange, DataWeights, Mobility, PreserveVolume, Preserve
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """All that a run is held to, at most one of each kind; arrays as the data object has its samples.
+    """All constraints of a run, at most one of each kind; arrays are in the order of the data object.
 
     :ivar fixed: mask of the samples that stay; ``mask``: of those that may move.
     :ivar max_change: a number, an array, or ``step``.
     :ivar data_weights: a number or an array.
     :ivar mobility: a number or an array.
-    :ivar preserve: of a mesh whose points move.
-    :ivar min_component: of a range image, samples.
+    :ivar preserve: for a mesh whose points move.
+    :ivar min_component: for a range image, number of samples.
     """
 
     fixed: Any = field(default=None)
@@ -147,9 +147,9 @@ class Constraints:
 
     @classmethod
     def of(cls, given: "Constraint | Iterable[Constraint]") -> "Constraints":
-        """What a caller gives, one or several.
+        """Collect one or several constraints.
 
-        :raises InputError: for what is no constraint, and two of one kind.
+        :raises InputError: for an object that is no constraint, and two of one kind.
         """
         several: list[Any] = [given]
         if isinstance(given, Iterable) and not isinstance(given, (str, type)):
@@ -176,9 +176,9 @@ class Constraints:
         return cls(**found)
 
     def sampled(self, samples: Callable[[Any, str], Any]) -> "Constraints":
-        """With arrays as the data object has its samples.
+        """The constraints with arrays in the order of the data object.
 
-        :param samples: makes such an array of an array or the name of one, and the constraint's name.
+        :param samples: converts an array or its name, given the name of the constraint.
         """
         changed = {}
         for name in ("fixed", "mask", "max_change", "data_weights", "mobility"):
@@ -201,12 +201,12 @@ class Constraints:
 
     @property
     def arrays(self) -> tuple[str, ...]:
-        """The names of those that hold an array of one number for each sample."""
+        """The names of the constraints with an array of one number per sample."""
         return tuple(f.name for f in fields(self) if np.ndim(getattr(self, f.name)) > 0)
 
 
 def _said(one: Constraint) -> tuple[str, Any]:
-    """The name of a constraint among :class:`Constraints`, and its value."""
+    """The field of :class:`Constraints` for a constraint, and its value."""
     if isinstance(one, Fixed):
         return "fixed", one.mask
     if isinstance(one, Mask):

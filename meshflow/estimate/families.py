@@ -1,4 +1,4 @@
-"""What a search looks at, as data: exponents of the family, and contrasts in sample distances over the noise."""
+"""The configurations that a search tries: exponents of the family, and contrasts in sample distances over the noise."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from meshflow.flow.family import Variant
 __all__ = ["CHANNEL_FAMILY", "FAMILY", "MESH_FAMILY", "RAY_FAMILY", "Family", "configurations"]
 
 Family = tuple[tuple[dict[str, float], tuple[float, ...]], ...]
-# What the search looks at where nobody names a method.
+# The configurations of a search where no method is named.
 FAMILY: Family = (
     ({"patch": 1.5}, (0.4, 3.0)),
     ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (2.0,)),
@@ -16,7 +16,7 @@ FAMILY: Family = (
     ({"gamma": -1.0, "sharpness": 2.0}, (1.0, 2.7)),
     ({"gamma": -1.0, "sharpness": 3.0}, (0.5, 1.35)),
 )
-# The same for several channels, of which variants with gamma -1 are stiff: stable steps shorten as edges steepen.
+# The same for several channels, for which variants with gamma -1 are stiff: stable steps shorten as edges steepen.
 CHANNEL_FAMILY: Family = (
     ({}, (1.5, 3.0)),
     ({"patch": 0.7}, (2.5,)),
@@ -24,21 +24,21 @@ CHANNEL_FAMILY: Family = (
     ({"patch": 1.5}, (0.4, 3.0)),
     ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (1.0, 2.0)),
 )
-# The same on meshes.
+# The same for meshes.
 MESH_FAMILY: Family = (
     ({}, (2.0,)),
     ({"gamma": -1.0, "sharpness": 1.5}, (2.0, 5.0)),
     ({"gamma": -1.0, "sharpness": 2.0}, (1.5,)),
 )
-# The same along rays, where lengths are what they are: contrast 1.
+# The same along rays, where the contrast is 1.
 RAY_FAMILY: tuple[dict[str, float], ...] = ({}, {"gamma": -1.0}, {"gamma": 1.0})
 
 
 def configurations(family: Family, unit: float, like: Variant, contrast: float | None) -> tuple[Configuration, ...]:
-    """Members of a family with their contrasts.
+    """The configurations of a family.
 
-    :param unit: h / sigma, what contrasts are counted in.
-    :param like: indicator, mass and floor.
+    :param unit: h / sigma, the unit of contrasts.
+    :param like: gives indicator, mass and floor.
     :param contrast: given; None: those of the family.
     """
     made = [

@@ -1,4 +1,4 @@
-"""Frames of a view that stays: the mean of each sample and how far it can be trusted."""
+"""The mean of frames of the same view, and the standard deviation of each sample."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Averaged", "averaged"]
 
-# As how many frames the noise model of all samples counts beside what a sample itself has shown.
+# The weight of the noise model of all samples beside the spread of a sample, in frames.
 PRIOR = 4.0
-# Median depths of frames of one view are not so many times one another.
+# Median depths of frames of one view differ by less than this factor.
 OTHER = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """Frames as one.
+    """The mean of frames.
 
     :ivar mean: (h, w), NaN where no frame has a sample.
     :ivar sigma: (h, w), the standard deviation of the mean, unit of the values; NaN likewise.
-    :ivar count: (h, w), frames that have the sample.
+    :ivar count: (h, w), number of frames that have the sample.
     """
 
     mean: Array
@@ -39,8 +39,8 @@ class Averaged:
 def averaged(frames: Iterable[Array]) -> Averaged:
     """The mean of frames of the same view, and its standard deviation from their spread.
 
-    The spread of few frames says little, so that of each sample is held towards what all samples of its depth show, as if that
-    had been seen in four frames more. One frame at a time is held in memory.
+    The spread of few frames is uncertain. Therefore the variance of each sample is combined with that of all samples of its
+    depth, which counts like four further frames. One frame at a time is in memory.
 
     :param frames: (h, w) each, NaN, infinite and 0 where missing.
     :raises InputError: for fewer than two frames, or frames of different sizes, units or views.
@@ -86,7 +86,7 @@ def _spread(first: Array, mean: Array, squares: Array, count: Array) -> Array:
     missing = ~np.isfinite(first) | (first == 0)
     growth = noise_growth(np.where(missing, 0.0, first), missing)
     prior = np.full(mean.shape, known) if growth is None else np.square(growth.at(mean))
-    if growth is not None and known > 0:  # what differs from frame to frame, not what differs from place to place
+    if growth is not None and known > 0:  # the temporal noise, not the spatial one
         prior *= known / max(float(np.median(prior[several])), np.finfo(float).tiny)
     free = np.maximum(count - 1, 0)
     return np.sqrt((PRIOR * prior + free * own) / (PRIOR + free))

@@ -1,4 +1,4 @@
-"""Values above a base, and depths along rays: method, contrast and time as given, by rule, or of least estimated risk."""
+"""Plans for values above a base, and for depths along rays: method, contrast and time as given, by rule, or by search."""
 
 from dataclasses import replace
 from typing import Any
@@ -25,21 +25,21 @@ from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "is_rounded", "limit_of", "no_noise", "tuned"]
 
-# Times in squared sample distances where nobody names one, and nothing is searched for: 7.5 for the one variant that suits most
-# data, 5 for a variant of the caller's (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths
-# over one edge and shrinks little.
+# Default times without a search, in squared sample distances: 7.5 for the one variant that suits most data, 5 for a variant of
+# the caller (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths over one edge and
+# shrinks little.
 ONE_TIME, GRID_TIME, MESH_TIME = 7.5, 5.0, 0.5
 ONE, ONE_EDGE = {"gamma": -1.0, "sharpness": 1.5}, 3.0
-# Where rounding is the noise it is not independent of the data, and its risk cannot be estimated: one variant again. Of widths 0
+# Where rounding is the noise it is not independent of the data, and its risk cannot be estimated: one fixed variant. Of widths 0
 # to 3, contrasts 0.5 to 2 and times 1 to 60 it is within 1 % of the best for a Mars terrain in steps of 200 m, a fractal one in
 # steps of 4 m and one in steps of 1 m.
 ROUNDED, ROUNDED_EDGE, ROUNDED_TIME = {"patch": 1.0}, 1.0, 1.5
-# Contrast in sample distances over noise for a variant of the caller's, where nothing is searched for: without patch channels 1.5
+# Contrast in sample distances over noise for a variant of the caller, without a search: without patch channels 1.5
 # comes within 12 % of the best contrast and time on four of five scenes and 23 % on the fifth (tests/bench_show.py).
 EDGE = 1.5
 # Time along rays, in squared sample distances for each sigma / h: between 0.02 and 2.4 sigma / h the best time of the ray flow on
 # panels, a ball and a box is 10 to 12 times that, for noise that grows with the depth and noise that does not.
-# So much noise is no noise of a camera: no more than RAY_MOST.
+# The time is limited to RAY_MOST, since no camera has more noise.
 RAY_TIME, RAY_MOST = 10.0, 100.0
 HARM = "data left unchanged: every method was estimated to increase the error"
 UNSURE = (
@@ -51,7 +51,7 @@ GIVEN = Decided("given")
 
 
 def as_they_are(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
-    """Without a search: contrast 1, or where channels move with the points of a mesh what suits their noise.
+    """A plan without a search: contrast 1, or, where channels move with the points of a mesh, one that suits their noise.
 
     :param mobility: (n, 1), of each sample.
     """
@@ -67,7 +67,7 @@ def as_they_are(data: Data, request: Request, noise: Noise, mobility: Array | No
 
 
 def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
-    """Without a search: one method for all data, or the one that is named, with its contrast and time by rule.
+    """A plan without a search: one method for all data, or the named one, with contrast and time by rule.
 
     :param mobility: (n, 1), of each sample.
     """
@@ -91,7 +91,7 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
 
 
 def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
-    """Values above a base: method, contrast and time of the least estimated risk, or without a search.
+    """A plan for values above a base: method, contrast and time with the least estimated risk, or without a search.
 
     :param mobility: (n, 1), of each sample.
     """
@@ -100,7 +100,7 @@ def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = N
         plan = replace(_begun(data, request, noise, mobility), idle=no_noise(noise))
         return plan.with_({"time": Decided("default", "nothing to remove")})
     large = isinstance(data, Mesh) and len(data.points) > MESH_ENOUGH
-    # A method by its exponents has a contrast by rule; one of a name, contrasts of its own to choose from.
+    # A method given by exponents has a contrast by rule; a named method has a list of contrasts to choose from.
     ruled = request.named and asked.ruled
     known = timed is not None and (ruled or timed == 0)
     open_ = request.searching and sigma > 0 and request.steps is None
@@ -112,7 +112,7 @@ def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = N
 
 
 def _begun(data: Data, request: Request, noise: Noise, mobility: Array | None) -> Plan:
-    """A plan with what the caller gives, the paper's exponents for what is left open, and nothing chosen yet."""
+    """A plan with the given options and the exponents of the paper for the others, before anything is chosen."""
     asked = request.heights
     method: HeightMethod = asked
     if isinstance(asked, Search):
@@ -125,7 +125,7 @@ def _begun(data: Data, request: Request, noise: Noise, mobility: Array | None) -
 
 
 def _filled(request: Request, variant: Variant, contrast: float, twicing: float) -> HeightMethod:
-    """The method that is named, or that of the exponents that were found, with its numbers."""
+    """The named method, or that of the found exponents, with its numbers."""
     asked = request.heights
     if request.named:
         return replace(asked, contrast=contrast, twicing=twicing)
@@ -139,9 +139,9 @@ def _with(request: Request, found: Configuration) -> HeightMethod:
 
 
 def _ruled(plan: Plan, contrast: float, how: Decided, much: float, words: str) -> Plan:
-    """With a contrast, the time that is given or by rule, and twicing as it is given.
+    """The plan with a contrast, the given time or the time by rule, and the given twicing.
 
-    :param much: the time by rule, squared sample distances; ``words``: the same in words.
+    :param much: the time by rule, squared sample distances; ``words``: its description.
     """
     request = plan.request
     time, when = _time(request, much * plan.data.step**2, Decided("default", words))
@@ -151,7 +151,7 @@ def _ruled(plan: Plan, contrast: float, how: Decided, much: float, words: str) -
 
 
 def _time(request: Request, found: float, how: Decided) -> tuple[float, Decided]:
-    """The time that the caller gives, or else the one that was found, and how."""
+    """The given time, or else the found one, and its origin."""
     given = request.until_time
     if given is None:
         return found, how
@@ -159,14 +159,14 @@ def _time(request: Request, found: float, how: Decided) -> tuple[float, Decided]
 
 
 def _of_twicing(request: Request) -> Decided:
-    """Who decided on the weight of twicing."""
+    """The origin of the weight of twicing."""
     if request.compute.triangles == "clamped":
         return Decided("default", "it overshoots")
     return GIVEN if request.twicing is not None else Decided()
 
 
 def _family(data: Data, request: Request) -> Family:
-    """What the search looks at: exponents, and contrasts in sample distances over the noise."""
+    """The configurations of the search: exponents, and contrasts in sample distances over the noise."""
     if request.named:
         return ((request.heights.exponents, request.heights.contrasts),)
     if isinstance(data, Mesh):
@@ -230,9 +230,9 @@ def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tu
 
 
 def _chosen(plan: Plan, found: Found, sigma: float, many: bool) -> Plan:
-    """With the best of the candidates.
+    """The plan with the best candidate.
 
-    :param many: several weights of twicing were looked at.
+    :param many: whether several weights of twicing were tried.
     """
     request, best, candidates = plan.request, found.candidates[0].configuration, found.candidates
     where = "least estimated risk"
@@ -260,16 +260,16 @@ def _chosen(plan: Plan, found: Found, sigma: float, many: bool) -> Plan:
 
 
 def _exponents_found(request: Request) -> dict[str, Decided]:
-    """Who decided on the exponents of a search."""
+    """The origins of the exponents of a search."""
     if request.named:
         return {}
     return {name: Decided("estimated") for name in ("method", "gamma", "sharpness", "patch")}
 
 
 def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobility: Array | None = None) -> Plan:
-    """A range image with its noise: gamma 0 and a time by rule, or with a search both of least estimated risk.
+    """A plan for a range image: gamma 0 and a time by rule, or, with a search, both with the least estimated risk.
 
-    :param why: how the noise grows, in words.
+    :param why: a description of the growth of the noise.
     :param mobility: (n, 1), of each sample.
     """
     asked = request.heights
@@ -294,9 +294,9 @@ def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobil
 
 
 def _timed_along(plan: Plan, data: RangeImage, ratio: Array, footprint: Array) -> Plan:
-    """With the time that is given, or in proportion to the noise.
+    """The plan with the given time, or a time in proportion to the noise.
 
-    :param ratio: sigma over the width of a pixel, of the samples that are there; ``footprint``: that width.
+    :param ratio: sigma over the width of a pixel, for samples that are present; ``footprint``: that width.
     """
     request, noise = plan.request, plan.noise
     width = footprint if data.time_unit == "length" else 1.0
@@ -318,7 +318,7 @@ def _timed_along(plan: Plan, data: RangeImage, ratio: Array, footprint: Array) -
 
 
 def _searched_along(plan: Plan, data: RangeImage, sigma: np.ndarray) -> Plan:
-    """With gamma and time of least estimated risk.
+    """The plan with gamma and time of least estimated risk.
 
     :param sigma: (h, w), a number everywhere.
     """
@@ -341,14 +341,14 @@ def _searched_along(plan: Plan, data: RangeImage, sigma: np.ndarray) -> Plan:
 
 
 def no_noise(noise: Noise) -> str:
-    """Why nothing is done where there is nothing to remove."""
+    """The reason why nothing is done where there is no noise."""
     if noise.how == "nothing":
         return "too few samples to tell noise from data: nothing was changed"
     return "no noise was found: nothing to remove, nothing was changed"
 
 
 def limit_of(data: Data, request: Request, noise: Noise) -> tuple[Any, Origin]:
-    """What no sample leaves, unit of the values, None for no limit, and where that came from."""
+    """The largest change of a sample, unit of the values, None for no limit, and its origin."""
     if request.constraints.max_change is not None:
         return request.constraints.max_change, "given"
     if isinstance(data, (Mesh, RangeImage)):
@@ -357,5 +357,5 @@ def limit_of(data: Data, request: Request, noise: Noise) -> tuple[Any, Origin]:
 
 
 def is_rounded(noise: Noise) -> bool:
-    """Whether rounding is all the noise there is."""
+    """Whether rounding is the only noise."""
     return 0 < noise.sigma <= 1.01 * noise.quantum / np.sqrt(12.0)

@@ -16,20 +16,20 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["LOOKED_AT", "MESH_ENOUGH", "TIMES", "MeshSearch", "searched_on_mesh"]
 
-# Times at which the risk is looked at, in squared sample distances: each twice the one two places before it.
+# Times at which the risk is estimated, in squared sample distances; each is twice the one two places before it.
 TIMES = tuple(2.0**power * part for power in range(-3, 7) for part in (1.0, 1.5))
-# On meshes, whose rate costs thirty times as much, up to so many vertices and squared sample distances.
+# Limits of vertices and of squared sample distances for meshes, whose rate costs thirty times as much.
 MESH_ENOUGH, LOOKED_AT = 20_000, 16.0
-# How often the contrast is refined while that lowers the risk.
+# The largest number of refinements of the contrast.
 FINE = 3
 
 
 @dataclass(frozen=True)
 class MeshSearch:
-    """What a search looks at.
+    """The input of a search.
 
     :ivar configurations: variants with their contrasts.
-    :ivar times: squared length, growing.
+    :ivar times: squared length, increasing.
     :ivar free: whether contrasts between those of the configurations may be tried.
     :ivar sigma: the noise, unit of the values.
     :ivar end: the time that is given, at which variants are compared; None: the time is searched for, too.

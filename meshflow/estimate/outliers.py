@@ -1,4 +1,4 @@
-"""Samples that are not of the data: values far outside of all others, and impulses that differ from all their neighbours."""
+"""Finds outliers: values far from all others, and impulses that differ from all their neighbours."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ __all__ = ["Outliers", "large_pieces", "outliers_of"]
 
 # Median absolute deviation of a Gaussian to its standard deviation.
 MAD = 1.4826
-# Samples of which quantiles are taken.
+# Samples used for quantiles.
 ENOUGH = 200_000
-# A value lies far outside at so many times the range of the middle 98 % of the others.
+# A value is far outside at this multiple of the range of the middle 98 % of the others.
 FAR = 10.0
-# Far values that differ from one another come in pieces of so few samples, and are no more than this share.
+# Far values that differ from each other form pieces of at most this many samples, and are at most this share.
 PIECE, SHARE = 9, 0.01
-# Values by which files mark what is missing: a gap as wide as the others' range is enough for them.
+# Values that files use for missing samples; for them a gap as wide as the range of the others suffices.
 MARKERS = (
     -9999.0,
     -32768.0,
@@ -34,31 +34,31 @@ MARKERS = (
     2147483647.0,
 )
 HUGE = 1e20
-# Fewer levels than these are a drawing, in which nothing lies far outside.
+# Data with fewer levels is a drawing, in which no value is far outside.
 LEVELS = 16
-# An impulse differs from the median around it by so many deviations of what is around it; by fewer where impulses are dense, and
-# where it has the very value that many of them have.
+# An impulse differs from the median around it by this many deviations of its neighbourhood; by fewer where impulses are dense,
+# and where it has the same value as many of them.
 IMPULSE, IMPULSE_AMONG_MANY, IMPULSE_OF_A_VALUE = 6.0, 4.0, 2.0
-# Values are those of impulses where this share of them has each.
+# A value is one of impulses if this share of them has it.
 OFTEN = 0.1
-# Impulses are dense where they are this share of the samples, and this share of them is like none of their neighbours. Of thin
-# lines, which are as many, hardly any sample is. Then those count, too, that are like a few of their neighbours.
+# Impulses are dense if they are this share of the samples, and this share of them is unlike all neighbours, which hardly any
+# sample of thin lines is. Then samples that are like a few of their neighbours are also impulses.
 DENSE, ISOLATED, LIKE = 2e-3, 0.3, 3
-# How often impulses are looked for without those that were found, where they are dense.
+# The number of repetitions without the impulses found so far, where they are dense.
 ROUNDS = 3
-# Samples whose neighbourhoods are looked at at a time.
+# Samples whose neighbourhoods are processed at a time.
 CHUNK = 200_000
 
 
 @dataclass(frozen=True, eq=False)
 class Outliers:
-    """Samples that are not of the data.
+    """Outliers of a grid.
 
-    :ivar far: (h, w), values far outside of all others: missing samples that are not declared, overflows.
+    :ivar far: (h, w), values far from all others: undeclared missing samples, overflows.
     :ivar impulses: (h, w), samples that differ from all their neighbours: hot pixels, salt and pepper.
-    :ivar value: of the samples far outside, where they are all alike; None where they differ.
-    :ivar span: least and greatest value of the others.
-    :ivar dense: the impulses are so many that they are a fault of the sensor, and nothing that is drawn.
+    :ivar value: of the far samples, if they are all equal; else None.
+    :ivar span: least and largest value of the others.
+    :ivar dense: whether the impulses are so many that they come from the sensor, and not from the scene.
     """
 
     far: Array
@@ -69,16 +69,17 @@ class Outliers:
 
     @property
     def mask(self) -> Array:
-        """All of them, (h, w)."""
+        """All outliers (h, w)."""
         return self.far | self.impulses
 
 
 def outliers_of(values: Array, missing: Array) -> Outliers | None:
-    """The samples of a grid that are not of the data; None where there are none.
+    """The outliers of a grid; None where there are none.
 
-    A sample is out where one of its channels is. Far outside: further from the median than ten times the range of the middle
-    98 %, of one value or in pieces of few samples, and a cliff away from what is beside them. Impulses: six robust deviations
-    of the 5 x 5 samples around off their median, and unlike each neighbour (Garnett and others 2005 count likeness so).
+    A sample is an outlier if one of its channels is. Far values are farther from the median than ten times the range of the
+    middle 98 %, have one value or form pieces of few samples, and are separated from their neighbours by a cliff. Impulses
+    differ from the median of the 5 x 5 samples around them by six robust deviations, and from each neighbour (as in Garnett and
+    others 2005).
 
     :param values: (h, w) or (h, w, k).
     :param missing: (h, w).
@@ -102,7 +103,7 @@ def outliers_of(values: Array, missing: Array) -> Outliers | None:
 
 
 def _far(z: Array, there: Array) -> Array:
-    """The samples (h, w) far outside of all others."""
+    """The samples (h, w) far from all others."""
     far = np.zeros(z.shape, bool)
     for _ in range(4):
         found = _marked(z, there & ~far)
@@ -113,7 +114,7 @@ def _far(z: Array, there: Array) -> Array:
 
 
 def _marked(z: Array, there: Array) -> Array | None:
-    """The samples that have the least or the greatest value, where that marks what is missing; None where it does not."""
+    """The samples with the least or the largest value, if that marks missing samples; else None."""
     known = z[there]
     if known.size < 2:
         return None
@@ -132,7 +133,7 @@ def _marked(z: Array, there: Array) -> Array | None:
 
 
 def _strays(z: Array, there: Array) -> Array:
-    """Samples far outside that differ from one another, in small pieces with a cliff around."""
+    """Far samples that differ from each other, in small pieces with a cliff around."""
     out = np.zeros(z.shape, bool)
     known = z[there]
     if known.size < LEVELS:
@@ -153,7 +154,7 @@ def _strays(z: Array, there: Array) -> Array:
 
 
 def large_pieces(mask: Array) -> Array:
-    """The samples (h, w) of a mask that hang together in pieces of more than nine samples."""
+    """The samples (h, w) of a mask in components of more than nine samples."""
     pieces = np.asarray(label(mask, np.ones((3, 3), int))[0], np.int64)  # type: ignore[index]
     large = np.bincount(pieces.ravel()) > PIECE
     large[0] = False
@@ -161,7 +162,7 @@ def large_pieces(mask: Array) -> Array:
 
 
 def _middle(values: Array) -> tuple[float, float]:
-    """Between which the middle 98 % of values lie, or of at least their number less two."""
+    """The range of the middle 98 % of values, or of at least all but two."""
     some = np.sort(values[:: max(1, values.size // ENOUGH)].astype(np.float64))
     off = max(1, some.size // 100)
     return float(some[min(off, some.size - 1)]), float(some[max(some.size - 1 - off, 0)])
@@ -191,10 +192,10 @@ def _impulses(z: Array, there: Array) -> tuple[Array, bool]:
 
 
 def _unlike(z: Array, there: Array, least: float, most: float | Array) -> tuple[Array, Array]:
-    """Samples that are off the median around them and like no more than three neighbours; those that are like none.
+    """Samples that differ from the median around them and are like at most three neighbours; and those that are like none.
 
-    :param least: deviation, the step of quantised data.
-    :param most: so many deviations off is what a sample may be, a number or one for each (h, w).
+    :param least: the least deviation, the step of quantized data.
+    :param most: the largest allowed difference in deviations, a number or (h, w).
     """
     field = np.pad(np.where(there, z, np.nan).astype(np.float64), 2, constant_values=np.nan)
     usual, places = _suspects(field, there, np.min(most) / 2.0)
@@ -222,10 +223,10 @@ def _unlike(z: Array, there: Array, least: float, most: float | Array) -> tuple[
 
 
 def _suspects(field: Array, there: Array, least: float) -> tuple[float, Array]:
-    """The usual deviation of a sample from its neighbours, and the places of samples that are off along rows and columns.
+    """The usual deviation of a sample from its neighbours, and the samples that differ along rows and columns.
 
-    :param field: (h + 4, w + 4), NaN where nothing is.
-    :param least: deviations off that are worth a look.
+    :param field: (h + 4, w + 4), NaN where missing.
+    :param least: the least difference in deviations.
     """
     inner = field[2:-2, 2:-2]
     across = inner - 0.5 * (field[2:-2, 1:-3] + field[2:-2, 3:-1])
@@ -239,6 +240,6 @@ def _suspects(field: Array, there: Array, least: float) -> tuple[float, Array]:
 
 
 def _parts(places: Array) -> Iterator[Array]:
-    """Places, so many at a time that their neighbourhoods fit into memory."""
+    """The places in parts whose neighbourhoods fit in memory."""
     for start in range(0, places.size, CHUNK):
         yield places[start : start + CHUNK]

@@ -1,4 +1,4 @@
-"""A value as it was used: with its unit, who chose it, and why."""
+"""Parameters of a run: value, unit, origin and reason."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -18,12 +18,12 @@ Origin = Literal["given", "estimated", "default"]
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """A parameter as it was used. One that is a number behaves as a number.
+    """A parameter of a run. Numeric parameters behave as numbers.
 
     :ivar value: a number or a word.
-    :ivar unit: of a number; empty where it has none, or where nobody has said which.
+    :ivar unit: of a number; empty if it has none, or it is not known.
     :ivar origin: ``given | estimated | default``.
-    :ivar why: a few words, where there is a reason to tell.
+    :ivar why: the reason, if there is one.
     """
 
     value: float | str
@@ -87,7 +87,7 @@ class Parameter:
 
 
 def value_unit(data: Data) -> str:
-    """The unit of what is smoothed, where the data names it."""
+    """The unit of the smoothed values, if the data defines it."""
     return data.unit if isinstance(data, (HeightField, RangeImage)) else ""
 
 
@@ -103,7 +103,7 @@ def squared_unit(data: Data) -> str:
 
 
 def contrast_unit(data: Data) -> str:
-    """The unit of the contrast: none where value and length share theirs."""
+    """The unit of the contrast; none where values and lengths have the same unit."""
     if isinstance(data, Image):
         return "pixels per unit" if squared_unit(data) == "pixels²" else "length per unit"
     return "length per unit" if isinstance(data, Mesh) and data.moves != "points" else ""

@@ -1,4 +1,4 @@
-"""The plan of a run: typed values, and for each who decided it and why."""
+"""The plan of a run: typed values, each with its origin and reason."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -31,7 +31,7 @@ __all__ = ["Decided", "Part", "Plan", "size_of"]
 
 @dataclass(frozen=True)
 class Decided:
-    """Who decided on a value, and why."""
+    """The origin of a value, and the reason."""
 
     origin: Origin = "default"
     why: str = ""
@@ -51,18 +51,18 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is run.
+    """The plan of a run.
 
-    :ivar data: as it is run; what may not move is fixed.
-    :ivar request: what the caller asked for.
-    :ivar noise: what was found, or given.
+    :ivar data: for the flow; samples that must not move are fixed.
+    :ivar request: of the caller.
+    :ivar noise: estimated or given.
     :ivar method: with all its numbers.
-    :ivar lift: how the data becomes a surface: contrast, diagonals, boundary.
-    :ivar time: squared length; where the run is ended by steps or stops, its latest end.
-    :ivar decided: who decided, by the name of an option; of what is not named, nobody had to.
+    :ivar lift: how the data is turned into a surface: contrast, diagonals, boundary.
+    :ivar time: squared length; where steps or stops end the run, its latest end.
+    :ivar decided: origins and reasons by the names of options.
     :ivar candidates: of the search, the chosen one first.
     :ivar blend: the runs that are blended, the first one is that of ``method`` and ``time``; empty: that alone.
-    :ivar idle: why nothing is done; None where something is.
+    :ivar idle: why nothing is done; None where something is done.
     :ivar warnings: sentences.
     :ivar mobility: (n, 1), how fast each sample goes; None: all go freely.
     :ivar stays: mask of the samples that the data or the caller fixes; None: of none.
@@ -71,7 +71,7 @@ class Plan:
     :ivar preserve: what a mesh whose points move keeps.
     :ivar orientation: how the caller's grid was turned to become ``data``; the request's arrays were turned with it.
     :ivar setting: of a mesh whose points move; None of everything else.
-    :ivar preparation: what was done to the samples of a grid before; None of everything else.
+    :ivar preparation: of the samples of a grid before the flow; else None.
     """
 
     data: Data
@@ -95,7 +95,7 @@ class Plan:
     preparation: Preparation | None = None
 
     def result(self, u: Array | None = None) -> Data:
-        """The data with coordinates u (n, k) of the flow, as the caller has it; None: of a run that does nothing."""
+        """The data of the caller with coordinates u (n, k) of the flow; None: for a run that does nothing."""
         done = self.data if u is None else self.data.lowered(u)
         if isinstance(done, (Mesh, RangeImage)):
             return done
@@ -103,7 +103,7 @@ class Plan:
         return done if self.preparation is None else self.preparation.restored(done, u is None)
 
     def with_(self, decided: Mapping[str, Decided], **changes: Any) -> "Plan":
-        """With other values, and who decided on them beside those that were decided before."""
+        """The plan with other values, and their origins in addition to those so far."""
         return replace(self, decided={**self.decided, **decided}, **changes)
 
     def only(self, part: Part) -> "Plan":
@@ -113,14 +113,14 @@ class Plan:
 
     @property
     def variant(self) -> Variant:
-        """Exponents, edge indicator and mass, as engines take them."""
+        """Exponents, edge indicator and mass, for the engines."""
         if isinstance(self.method, HeightMethod):
             return self.method.variant
         return Variant(mass=getattr(self.method, "mass", "barycentric"))
 
     @property
     def points(self) -> PointMethod | None:
-        """The method of a mesh whose points move; None of everything else."""
+        """The method for a mesh whose points move; else None."""
         return self.method if isinstance(self.method, PointMethod) else None
 
     @property
@@ -130,7 +130,7 @@ class Plan:
 
     @property
     def there(self) -> float:
-        """The share of the samples that are there."""
+        """The share of the samples that are not missing."""
         return 1.0 if isinstance(self.data, Mesh) else float(np.mean(~self.data.missing))
 
     @property
@@ -141,7 +141,7 @@ class Plan:
         return Until(time, request.steps, request.stops, scale=self._scale())
 
     def limit(self, start: Array) -> Limit | None:
-        """What no coordinate leaves.
+        """The limit on all coordinates.
 
         :param start: u (n, k) of the flow, before its first step.
         """
@@ -151,18 +151,18 @@ class Plan:
         return Limit.of(start, self.max_change, size_of(self.data)[0], around)
 
     def _scale(self) -> Scale:
-        """What makes the numbers of stops those of u."""
+        """The conversion from the numbers of stops to those of u."""
         shape, n = size_of(self.data)
         k = int(np.prod(shape)) // n
         each = 1.0 if isinstance(self.data, Mesh) and self.data.moves != "channels" else float(np.sqrt(k))
         stays = self.data.fixed if isinstance(self.data, Mesh) else self.data.fixed | self.data.missing
-        moving = float(np.mean(~stays)) or 1.0  # where nothing may move no stop is asked
+        moving = float(np.mean(~stays)) or 1.0  # stops are not used where nothing may move
         return Scale(self.noise.sigma * self.request.strength * each, moving, _Seen(shape, self))
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """Makes of u the values (h, w), (h, w, k) or (n, k) as the caller knows them, read-only."""
+    """Converts u to the values (h, w), (h, w, k) or (n, k) of the caller, read-only."""
 
     shape: tuple[int, ...]
     plan: Plan
@@ -176,7 +176,7 @@ class _Seen:
 
 
 def size_of(data: Data) -> tuple[tuple[int, ...], int]:
-    """The shape of the coordinates that move, as the caller knows them, and how many samples they are of."""
+    """The shape of the moving coordinates for the caller, and the number of samples."""
     values = array_of(data)
     n = len(data.points) if isinstance(data, Mesh) else int(np.prod(values.shape[:2]))
     if isinstance(data, Mesh) and data.moves == "all":

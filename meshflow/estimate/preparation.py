@@ -1,4 +1,4 @@
-"""What is done to the samples of a grid before the flow, and taken back after it: outliers, offsets of lines, a far datum."""
+"""Prepares the samples of a grid for the flow, and restores them afterwards: outliers, offsets of lines, a far datum."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -16,7 +16,7 @@ from meshflow.surfaces.image import Image
 __all__ = ["OutlierWord", "Preparation", "prepared"]
 
 OutlierWord = Literal["keep", "repair", "include"]
-# Values whose level is so many times their range: their differences are exact, and single precision would lose them.
+# The ratio of level to range at which a datum is subtracted; differences are exact, but single precision would lose them.
 DISTANT = 4.0
 
 OnGrid = HeightField | Image
@@ -24,14 +24,14 @@ OnGrid = HeightField | Image
 
 @dataclass(frozen=True, eq=False)
 class Preparation:
-    """What was done to the samples of a grid before the flow.
+    """The preparation of a grid for the flow.
 
-    :ivar source: the data as it came.
-    :ivar outliers: the samples that are not of the data; None: none are, or they were not looked for.
-    :ivar repaired: (h, w), those that were replaced from their ring.
-    :ivar datum: what was taken off all values of a channel, () or (k,).
-    :ivar levelled: lines were levelled on request.
-    :ivar insists: what was replaced stays replaced where no noise is found.
+    :ivar source: the original data.
+    :ivar outliers: of the data; None: there are none, or they were not looked for.
+    :ivar repaired: (h, w), outliers that were replaced from their neighbours.
+    :ivar datum: subtracted from all values of a channel, () or (k,).
+    :ivar levelled: whether offsets of lines were removed.
+    :ivar insists: whether replaced samples stay replaced where no noise is found.
     :ivar warnings: sentences.
     """
 
@@ -45,26 +45,26 @@ class Preparation:
 
     @property
     def unseen(self) -> Array:
-        """The samples (h, w) in which noise is not looked for: those that were made up, as far as they are few."""
+        """The samples (h, w) that are not used for the noise: replaced ones, if they are few."""
         few = self.outliers is not None and not self.outliers.dense
         return self.repaired if few else np.zeros_like(self.repaired)
 
     @property
     def rounding(self) -> float:
-        """Half the step of the source's own numbers, where a datum was taken off: less is no noise."""
+        """Half the rounding step of the source, where a datum was subtracted; smaller values are no noise."""
         if not self.datum.any():
             return 0.0
         values = array_of(self.source)
         return 0.5 * float(np.spacing(np.abs(self.datum).max().astype(values.dtype)))
 
     def seen(self, values: Array) -> Array:
-        """Values of the flow as the caller knows them, with their datum."""
+        """Values of the flow with their datum."""
         return (values + self.datum).astype(values.dtype) if self.datum.any() else values
 
     def restored(self, done: OnGrid, idle: bool) -> OnGrid:
-        """Data of the flow as the caller has it: with its datum, and all that was left out as it was, to the bit.
+        """The result for the caller: with the datum, and with samples that were left out unchanged to the bit.
 
-        :param idle: nothing was smoothed.
+        :param idle: whether nothing was smoothed.
         """
         source, values = array_of(self.source), array_of(done)
         if self.datum.any():
@@ -78,14 +78,14 @@ class Preparation:
 def prepared(
     data: OnGrid, outliers: OutlierWord | None = None, level: Level | None = None
 ) -> tuple[OnGrid, Preparation]:
-    """The data as the flow takes it, and how that is taken back.
+    """The data for the flow, and its preparation.
 
-    Samples that are not of the data are missing in it, or replaced from their ring; lines are levelled where that is asked for;
-    values far from zero in single precision lose their datum, so that no digits of their differences are lost.
+    Outliers become missing or are replaced from their neighbours; offsets of lines are removed on request; a datum is
+    subtracted from values far from zero in single precision, so that no digits of their differences are lost.
 
-    :param outliers: ``keep``: as missing samples, which stay as they are; ``repair``: replaced; ``include``: they are data.
-        None: of images repaired where they are single, else kept.
-    :param level: ``rows`` or ``columns``; None: none, but a word where they are shifted against each other.
+    :param outliers: ``keep``: left out and unchanged; ``repair``: replaced; ``include``: taken as data. None: single ones of
+        images are repaired, others kept.
+    :param level: ``rows`` or ``columns``; None: none, but a warning where they are shifted against each other.
     """
     values, missing = array_of(data), data.missing
     found = None if outliers == "include" else outliers_of(values, missing)
@@ -130,11 +130,11 @@ def _kept(data: Data, found: Outliers, word: OutlierWord | None) -> Array:
         return np.full(found.far.shape, word == "keep")
     if isinstance(data, HeightField):
         return np.ones(found.far.shape, bool)
-    return large_pieces(found.far)  # whole regions mark what is missing
+    return large_pieces(found.far)  # whole regions mark missing samples
 
 
 def _datum(values: Array, missing: Array) -> Array:
-    """What is taken off each channel of single precision, () or (k,): zero where its values are not far from zero."""
+    """The datum of each channel in single precision, () or (k,); zero where its values are not far from zero."""
     none = np.zeros(values.shape[2:])
     there = values[~missing].reshape(-1, *values.shape[2:])
     if values.dtype != np.float32 or there.size == 0:
@@ -145,7 +145,7 @@ def _datum(values: Array, missing: Array) -> Array:
 
 
 def _said(values: Array, found: Outliers, repaired: Array) -> list[str]:
-    """What is told of outliers: which they are, how many, what became of them, and which option says otherwise."""
+    """Warnings about outliers: their kind, number and treatment, and the options that change it."""
     words = []
     low, high = found.span
     for mask, what in ((found.far, "far"), (found.impulses & ~found.far, "impulses")):

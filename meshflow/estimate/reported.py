@@ -1,4 +1,4 @@
-"""A plan as parameters: each with its value, unit, origin and reason. They are made from the plan, never the plan from them."""
+"""The parameters of a plan for reports, each with value, unit, origin and reason."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ __all__ = ["expected_error", "parameters_of"]
 
 
 def parameters_of(plan: Plan) -> dict[str, Parameter]:
-    """What is run, in numbers and words, in reading order."""
+    """The parameters of a plan, in reading order."""
     time = {"time": _decided(plan, "time", plan.time, squared_unit(plan.data))}
     return {
         **_of_noise(plan),
@@ -45,7 +45,7 @@ def _of_noise(plan: Plan) -> dict[str, Parameter]:
 
 
 def _of_method(plan: Plan) -> dict[str, Parameter]:
-    """The method and its options, and what of the surface it was told."""
+    """The method and its options, and the settings of the surface."""
     method, found = plan.method, {"method": _decided(plan, "method", plan.method.word)}
     if isinstance(method, HeightMethod):
         variant = plan.variant
@@ -80,7 +80,7 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
 
 
 def _of_search(plan: Plan) -> dict[str, Parameter]:
-    """The expected error of what was chosen."""
+    """The expected error of the chosen candidate."""
     if not plan.candidates:
         return {}
     along = "along the normals" if plan.points is not None else ""
@@ -98,7 +98,7 @@ def _brief(part: Part) -> str:
 
 
 def expected_error(candidate: Candidate, unit: str, along: str = "") -> Parameter:
-    """What a candidate is expected to leave; a mean square below zero is told as what it is, no error of zero."""
+    """The expected error of a candidate; a negative mean square is reported as below what can be measured."""
     words = f"root mean square error {along or 'to be expected'}"
     if candidate.least[1] <= 0:
         words = f"below what can be measured; {words}"
@@ -106,7 +106,7 @@ def expected_error(candidate: Candidate, unit: str, along: str = "") -> Paramete
 
 
 def _of_constraints(plan: Plan) -> dict[str, Parameter]:
-    """What the run is held to."""
+    """The constraints."""
     asked, found = plan.request.constraints, {}
     if plan.max_change is not None:
         most = float(plan.max_change) if np.ndim(plan.max_change) == 0 else "one per sample"
@@ -128,7 +128,7 @@ def _of_constraints(plan: Plan) -> dict[str, Parameter]:
 
 
 def _of_request(plan: Plan) -> dict[str, Parameter]:
-    """What the caller said that nothing else tells."""
+    """Given options that are not reported elsewhere."""
     request, compute, found = plan.request, plan.request.compute, {}
     if request.steps is not None:
         found["steps"] = Parameter(float(request.steps), "", "given")

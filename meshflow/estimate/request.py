@@ -1,4 +1,4 @@
-"""What a caller asks for: typed parts, each checked when it is made; what is left out is found from the data."""
+"""The request of a caller: typed parts, each checked when it is made. Options that are None are estimated from the data."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -28,15 +28,15 @@ BOUNDARIES, DOMAINS = ("plane-preserving", "neumann", "fixed", "border-curve"), 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Request:
-    """What shall be run, as far as the caller says.
+    """The options of a run that the caller gives.
 
-    :raises InputError: for options that exclude each other or make no sense.
+    :raises InputError: for options that exclude each other, or invalid values.
     """
 
     method: Method | None = None
     time: float | None = option(
         None,
-        "How far, in squared length: m² of a terrain, pixels² of an image, pixel footprints² of a range image. Default: from the "
+        "Time of the flow: m² for a terrain, pixels² for an image, pixel footprints² for a range image. Default: from the "
         "data.",
         "squared length",
     )
@@ -45,27 +45,25 @@ class Request:
         "Instead of time: the standard deviation of the Gaussian that the flow equals on flat data; time = scale²/2.",
         "length",
     )
-    strength: float = option(1.0, "More or less of it: the noise times this is what is removed.")
+    strength: float = option(1.0, "Factor on the noise: above 1 more is removed, below 1 less.")
     noise: float | None = option(None, "Standard deviation of the noise. Default: estimated.", "unit of the values")
     steps: int | None = None
     stops: tuple[Stop, ...] = ()
     constraints: Constraints = Constraints()
     boundary: BoundaryWord | None = option(
         None,
-        "plane-preserving: tilted planes rest at borders and holes; neumann: no flux; fixed: borders stay; border-curve: those "
-        "of a mesh move by their own curvature. Default: neumann for images, else plane-preserving.",
+        "plane-preserving: tilted planes do not move at borders and holes; neumann: no flux; fixed: borders stay; border-curve: "
+        "borders of a mesh move by their own curvature. Default: neumann for images, else plane-preserving.",
     )
     domain: Domain = option(
-        "length", "disparity: inverse depths are smoothed, where the noise of stereo and structured light is even."
+        "length", "disparity: inverse depths are smoothed, in which stereo and structured light have uniform noise."
     )
     outliers: OutlierWord | None = option(
         None,
-        "Samples that are not of the data (undeclared nodata, impulses): keep leaves them out and as they are, repair replaces "
-        "them from their neighbours, include takes them for data. Default: repair single ones of images, else keep.",
+        "Outliers (undeclared nodata, impulses): keep leaves them out of the flow and unchanged, repair replaces them from their "
+        "neighbours, include takes them as data. Default: repair single ones of images, else keep.",
     )
-    level: Level | None = option(
-        None, "Level rows or columns that are shifted against each other, as scan lines are. Default: none."
-    )
+    level: Level | None = option(None, "Remove offsets of rows or columns, as scan lines have them. Default: none.")
     compute: Compute = Compute()
 
     def __post_init__(self) -> None:
@@ -102,10 +100,10 @@ class Request:
         constraints: "Constraint | Iterable[Constraint]" = (),
         **numbers: object,
     ) -> "Request":
-        """A request in the words of :func:`meshflow.smooth`.
+        """A request from the keywords of :func:`meshflow.smooth`.
 
         :param numbers: the other fields, by name.
-        :raises InputError: for unknown words, and what makes no sense.
+        :raises InputError: for unknown words and invalid values.
         """
         steps, stops = _stops(stop)
         chosen = None if method is None else method_of(method)
@@ -113,32 +111,32 @@ class Request:
 
     @property
     def until_time(self) -> float | None:
-        """The time asked for, squared length."""
+        """The requested time, squared length."""
         return self.scale**2 / 2 if self.scale is not None else self.time
 
     @property
     def heights(self) -> HeightMethod:
-        """The options of a method for values above a base; those of a search where none is named."""
+        """The options of the method for values above a base; those of a search where no method is named."""
         return self.method if isinstance(self.method, HeightMethod) else Search()
 
     @property
     def twicing(self) -> float | None:
-        """The weight of twicing that is given; zero where no value may leave its range."""
+        """The given weight of twicing; zero where values must stay in range."""
         return 0.0 if self.compute.triangles == "clamped" else self.heights.twicing
 
     @property
     def named(self) -> bool:
-        """Whether the caller names a method for values above a base."""
+        """Whether a method for values above a base is named."""
         return isinstance(self.method, HeightMethod) and not isinstance(self.method, Search)
 
     @property
     def searching(self) -> bool:
-        """Whether what is open may be searched for."""
+        """Whether options that are not given may be searched for."""
         return self.compute.search is not False and not isinstance(self.method, Quick)
 
     @property
     def insisting(self) -> bool:
-        """Whether a search is asked for where it is not what is done by default."""
+        """Whether a search is requested where it is not the default."""
         return self.compute.search is True or type(self.method) is Search
 
     @property
@@ -148,23 +146,23 @@ class Request:
 
     @property
     def asked(self) -> bool:
-        """Whether something is to be run even where no noise is found."""
+        """Whether the flow runs even where no noise is found."""
         return self.until_time is not None or self.steps is not None or self.weighted or bool(self.stops)
 
     @property
     def rim(self) -> Boundary | None:
-        """The boundary as the operator of a surface knows it: one that moves as a curve is held by that."""
+        """The boundary for the operator; a border that moves as a curve is fixed there."""
         if self.compute.triangles == "clamped" and self.boundary is None:
-            return "neumann"  # that of the plane has weights below zero
+            return "neumann"  # the plane-preserving boundary has negative weights
         return "fixed" if self.boundary == "border-curve" else self.boundary
 
     def _must_keep_range(self) -> None:
-        """Refuse what would leave the range that clamped weights keep."""
+        """Refuse options with which values could leave the range that clamped weights keep."""
         mass = getattr(self.method, "mass", "barycentric")
         if self.boundary == "plane-preserving" or mass == "voronoi":
             raise InputError(
                 f"triangles='clamped': boundary neumann or fixed and mass barycentric or ring expected, got "
-                f"{self.boundary or 'neumann'} and {mass}, which have weights below zero"
+                f"{self.boundary or 'neumann'} and {mass}, which have negative weights"
             )
         if self.heights.twicing:
             raise InputError(
@@ -173,9 +171,9 @@ class Request:
 
 
 def _stops(given: object) -> tuple[int | None, tuple[Stop, ...]]:
-    """The number of steps, and the stops, of what a caller gives: one or several.
+    """The number of steps, and the stops, from one or several given ones.
 
-    :raises InputError: for what is no stop, and two of one kind.
+    :raises InputError: for an object that is no stop, and two of one kind.
     """
     several = list(given) if isinstance(given, (tuple, list)) else [given]
     steps: int | None = None

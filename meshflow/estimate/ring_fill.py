@@ -1,4 +1,4 @@
-"""Samples replaced from their ring: the median of the neighbours that are known, from the rim inwards."""
+"""Replaces samples by the median of their known neighbours, from the rim inwards."""
 
 import numpy as np
 
@@ -6,21 +6,21 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["filled_from_ring"]
 
-# So many rings are filled inwards: what is wider is no place for a guess.
+# The number of rings that are filled; wider regions are not guessed.
 RINGS = 3
-# Neighbours of the eight that are asked for.
+# The least number of known neighbours, of eight.
 LEAST = 3
 
 
 def filled_from_ring(values: Array, out: Array, missing: Array) -> tuple[Array, Array]:
-    """Values with the samples that are out replaced, and which have been.
+    """Values with replaced samples, and the mask of the replaced ones.
 
-    Each is the median of the known samples of the eight around it, channel by channel, so that edges stay; then those further in,
-    three rings at most.
+    Each is the median of the known samples among the eight around it, channel by channel, so that edges are kept; then those
+    further inwards, up to three rings.
 
-    :param values: (h, w) or (h, w, k); nothing of it is changed.
-    :param out: (h, w), samples to be replaced.
-    :param missing: (h, w), samples that are not known and stay as they are.
+    :param values: (h, w) or (h, w, k); not changed.
+    :param out: (h, w), samples to replace.
+    :param missing: (h, w), unknown samples, which are unchanged.
     """
     known, changed = ~(out | missing), values.copy()
     done = np.zeros(out.shape, bool)
@@ -43,7 +43,7 @@ def filled_from_ring(values: Array, out: Array, missing: Array) -> tuple[Array, 
 
 
 def _around(places: Array, shape: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Rows and columns (m, 8) of the neighbours of places (m, 2), and which of them lie on the grid."""
+    """Rows and columns (m, 8) of the neighbours of places (m, 2), and the mask of those on the grid."""
     steps = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c])
     rows, columns = places[:, :1] + steps[:, 0], places[:, 1:] + steps[:, 1]
     inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])

@@ -1,4 +1,4 @@
-"""Which variant of the family, and for how long: the risk estimated from the noisy data alone."""
+"""The risk of configurations over time, estimated from the noisy data only."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from meshflow.flow.family import Variant
 
 __all__ = ["FINER", "PROBE", "TWICE", "Candidate", "Configuration", "as_good", "ranked"]
 
-# The twin starts beside the flow by this share of the noise: a derivative, to the rounding of single precision.
+# The perturbation of the twin, as a share of the noise: its difference is a derivative, up to the rounding of single precision.
 PROBE = 0.1
-# Weights of twicing that are looked at: they cost no further run.
+# Weights of twicing that are tried; they need no further run.
 TWICE = (0.0, 0.5, 1.0)
 # Contrasts tried beside the best one.
 FINER = 1.35
@@ -20,12 +20,12 @@ FINER = 1.35
 
 @dataclass(frozen=True)
 class Configuration:
-    """A variant and the contrast it is taken with.
+    """A variant with its contrast.
 
     :ivar contrast: alpha, length per unit of the value.
-    :ivar twice: w of u(t) + w (u(t) - u(2 t)), twicing in time (Tukey 1977): what the flow would still take away is given
-        back. Of the heat equation with w = 1 the response is 1 - (1 - exp(-k^2 t))^2, flat where the data is.
-    :ivar boundary: of the grid it was tried on, where that is another than the data's own.
+    :ivar twice: w of u(t) + w (u(t) - u(2 t)), twicing in time (Tukey 1977): what the flow would remove next is added
+        back. For the heat equation with w = 1 the response is 1 - (1 - exp(-k^2 t))^2, which is flat at low frequencies.
+    :ivar boundary: of the grid, if it differs from that of the data.
     """
 
     variant: Variant
@@ -35,7 +35,7 @@ class Configuration:
 
     @property
     def words(self) -> dict[str, Any]:
-        """Names to numbers and words, in reading order."""
+        """The options by name, in reading order."""
         m = self.variant
         named = {"gamma": m.gamma, "sharpness": m.sharpness, "patch": m.patch, "contrast": self.contrast}
         return {**named, "twicing": self.twice, **({"boundary": self.boundary} if self.boundary else {})}
@@ -43,12 +43,12 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Candidate:
-    """What a configuration is expected to leave.
+    """A configuration with its estimated risk over time.
 
-    :ivar configuration: a :class:`Configuration`, or another thing with ``words``.
+    :ivar configuration: a :class:`Configuration`, or another object with ``words``.
     :ivar times: at which the risk was estimated, squared length; the first is zero.
-    :ivar squares: mean square error, squared unit of the values; at time zero sigma^2. What sigma is wrong by shifts all of
-        them alike: they may be negative, and are compared all the same.
+    :ivar squares: mean square error, squared unit of the values; at time zero sigma^2. An error of sigma shifts all
+        of them equally: they may be negative, and can still be compared.
     :ivar doubt: standard error of its least mean square error less that of the chosen one; 0 of that, and where it is not known.
     """
 
@@ -75,7 +75,7 @@ class Candidate:
 
 
 def ranked(candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
-    """Candidates by their least risk, the least first."""
+    """Candidates sorted by their least risk."""
     return tuple(sorted(candidates, key=lambda candidate: candidate.least[1]))
 
 

@@ -1,4 +1,4 @@
-"""Rows or columns that are shifted against each other: offsets of scan lines, told and taken out."""
+"""Offsets of scan lines: detects and removes shifts of rows or columns against each other."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,27 +14,27 @@ __all__ = ["Level", "Stripes", "line_offsets", "stripes_of"]
 Level = Literal["rows", "columns"]
 # Median absolute deviation of a Gaussian to its standard deviation.
 MAD = 1.4826
-# Fewer lines than these, or samples in a line, say nothing of stripes.
+# The least number of lines, and of samples in a line.
 LEAST = 16
-# Second differences of offsets that are independent are correlated by -2/3 from line to line; of land, which is smooth, above 0.
+# Second differences of independent offsets have a correlation of -2/3 from line to line; those of a smooth surface, above 0.
 OPPOSED = -0.4
-# Stripes are told where they are so many times what the lines across show, and what noise makes of a line's median.
+# Stripes are reported if they are this many times those of the lines across, and those that noise causes in the median of a line.
 STANDING = 2.5
-# Offsets are seen where the lines bend by so many times the square of what the lines across, or noise, do.
+# Offsets are visible if the squared bends of the lines are this many times those of the lines across, and of noise.
 SEEN = 1.5
-# How often the weights of a fit are made anew.
+# The number of updates of the weights of a fit.
 FITS = 12
-# The land is at least as rough as this share of the offsets.
+# The surface is at least as rough as this share of the offsets.
 SLIGHT = 0.02
-# Samples of a line that are looked at, and lines.
+# The numbers of samples per line, and of lines, that are used.
 ENOUGH, LINES = 512, 2048
 
 
 @dataclass(frozen=True)
 class Stripes:
-    """Offsets of lines that are seen in the data.
+    """Detected offsets of lines.
 
-    :ivar along: ``rows`` or ``columns``, which are shifted as wholes.
+    :ivar along: ``rows`` or ``columns``, which have offsets.
     :ivar size: standard deviation of the offsets, unit of the values.
     """
 
@@ -45,10 +45,10 @@ class Stripes:
 def stripes_of(values: Array, missing: Array) -> Stripes | None:
     """Whether rows or columns are shifted against each other; None where they are not.
 
-    The median of each line's second differences across the lines: offsets that are independent make it large, of opposed signs
-    from line to line. Told only where it stands out of the same across, and of what noise leaves of it.
+    It uses the median of each line's second differences across the lines, which independent offsets make large and alternating in
+    sign. Offsets are reported only if it exceeds that of the lines across, and that of noise.
 
-    :param values: (h, w) or (h, w, k), of which the mean of the channels is looked at.
+    :param values: (h, w) or (h, w, k), of which the mean of the channels is used.
     :param missing: (h, w).
     """
     flat = _flat(values, missing)
@@ -70,8 +70,9 @@ def stripes_of(values: Array, missing: Array) -> Stripes | None:
 def line_offsets(values: Array, missing: Array, along: Level) -> Array:
     """The offset of each line, (h, 1) or (1, w), for images (h, 1, k) or (1, w, k), of mean zero.
 
-    The second differences of neighbouring lines are those of the offsets and of the land. They are told apart by how rough the
-    land is the other way, where there are no offsets: what varies slowly from line to line stays, land as well as offsets.
+    The second differences of neighbouring lines are those of the offsets and of the surface. They are separated by the
+    roughness of the surface in the other direction, which has no offsets. Slow variation from line to line, of surface or
+    offsets, is kept.
 
     :param values: (h, w) or (h, w, k).
     :param missing: (h, w).
@@ -95,10 +96,10 @@ def _flat(values: Array, missing: Array) -> Array:
 
 
 def _bends(lines: Array, whole: bool = False) -> tuple[Array, float]:
-    """The median second difference of each line but the outer ones, and the deviation of such a number where only noise is.
+    """The median second difference of each line except the outer ones, and its deviation for pure noise.
 
-    :param whole: the mean of what lies within three deviations of the median instead, which is less noisy, for every line: NaN
-        of those that are too short, which are left out else.
+    :param whole: instead of the median the mean of values within three deviations of it, which is less noisy, for every line;
+        NaN for lines that are too short, which are left out otherwise.
     """
     lines = lines[:, :: max(1, lines.shape[1] // ENOUGH)]
     if len(lines) < 3:
@@ -120,12 +121,12 @@ def _bends(lines: Array, whole: bool = False) -> tuple[Array, float]:
 
 
 def _split(lines: Array, others: Array) -> Array:
-    """The offset of each line; none where the lines say nothing.
+    """The offset of each line; zero where it cannot be determined.
 
-    The bends of the lines are second differences of offsets, and those of the land, of which a few are large where an edge runs
-    along the lines: least squares, weighted anew as the land's bends follow from the fit (Cauchy's weights).
+    The bends of the lines are second differences of the offsets plus those of the surface, a few of which are large where an
+    edge runs along the lines. The fit is by iteratively reweighted least squares (Cauchy weights).
 
-    :param others: the same samples, taken as lines the other way.
+    :param others: the same samples as lines in the other direction.
     """
     count = len(lines)
     bends, noise = _bends(lines, whole=True)
@@ -137,7 +138,7 @@ def _split(lines: Array, others: Array) -> Array:
     spread = (size**2 - max(usual, noise**2)) / 6.0
     if size**2 <= SEEN * max(usual, noise**2):
         return np.zeros(count)
-    # What noise makes of a line counts as its offset: it leaves with it.
+    # The mean noise of a line counts as part of its offset and is removed with it.
     land = max(float(np.sqrt(max(usual - blur**2, 0.0))), SLIGHT * size)
     there = np.isfinite(bends)
     rows = np.arange(count - 2).repeat(3)

@@ -20,7 +20,7 @@ __all__ = ["Copies", "Curve", "Probed", "Seen", "joined", "risks_on", "seen_at"]
 # A run is given up when its mean square error has stayed above its least, by this share and this share of the noise, for some
 # times: what is given back by twicing is known by then.
 BEYOND, SLIGHT = 0.05, 0.01
-# Rates after which a run is given up: a flow without stiffness reaches 96 squared sample distances in 200.
+# The largest number of rates of a run; a flow that is not stiff reaches 96 squared sample distances in 200.
 RATES = 240
 # What of the noise is left lies between nothing and all, but for its own standard error; a run that says otherwise is unstable.
 LEAST_LEFT, MOST_LEFT, SURE = -0.05, 1.5, 4.0
