@@ -12,6 +12,7 @@ from trimesh.exchange.off import export_off
 from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import carries, stored_normals
+from meshflow.io.formats.scene_bytes import written
 from meshflow.io.formats.vtk import save_polydata
 from meshflow.io.vertex_merging import joined
 from meshflow.surfaces.mesh import Mesh
@@ -52,6 +53,7 @@ _HOLDS = {
         "vertex normals",
     },
 }
+_HOLDS[".gltf"], _HOLDS[".3mf"] = _HOLDS[".glb"], {"parts"}
 _HOLDS[".vtk"] = _HOLDS[".vtu"] = _HOLDS[".vtp"]
 
 
@@ -64,14 +66,13 @@ def save(scene: trimesh.Scene, path: Path, target: Path, tags: Mapping[str, str]
     suffix = target.suffix.lower()
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
     notes = list(_lost(meshes, suffix))
-    if suffix in (".ply", ".stl", ".glb"):
+    if suffix in (".ply", ".stl", ".glb", ".gltf"):
         notes.extend(_rounded(meshes, suffix))
     if suffix == ".obj":
         notes.extend(_save_obj(scene, meshes, path, target))
         return tuple(notes)
-    if suffix == ".glb":
-        content = scene.export(file_type="glb")
-        path.write_bytes(content if isinstance(content, bytes) else str(content).encode())
+    if suffix in (".glb", ".gltf", ".3mf"):
+        path.write_bytes(written(scene, suffix))
         return tuple(notes)
     one = meshes[0] if len(meshes) == 1 and np.allclose(_frame(scene), np.eye(4), atol=0) else scene.to_mesh()
     if suffix == ".off" and carries(one):
@@ -124,7 +125,7 @@ def _lost(meshes: list[Any], suffix: str) -> Iterator[str]:
         }
         there |= dict.fromkeys(name for name, is_there in features.items() if is_there)
         # a mesh has one visual in trimesh: with texture coordinates, only GLB also gets vertex colours
-        if features["texture coordinates"] and features["vertex colours"] and suffix != ".glb":
+        if features["texture coordinates"] and features["vertex colours"] and suffix not in (".glb", ".gltf"):
             yield f"{suffix[1:].upper()}: texture coordinates are written, the vertex colours beside them are not"
     lost = [name for name in there if name not in _HOLDS[suffix]]
     if lost:

@@ -9,6 +9,7 @@ from typing import Protocol, Unpack, runtime_checkable
 from meshflow.errors import FormatError, InputError
 from meshflow.io.atomic_write import must_be_free
 from meshflow.io.document import Document, Format, WriteOptions, Writing
+from meshflow.io.formats.elsewhere import must_be_known
 from meshflow.io.formats.ply_layout import has_grid
 from meshflow.io.incoming import set_down
 from meshflow.io.metadata import Metadata, ReadOptions
@@ -21,7 +22,7 @@ PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 TIFF = frozenset({".tif", ".tiff"})
 # The extensions suggested where a format does not hold the data.
 ROOM = {
-    "mesh": tuple(sorted(MESHES - {".gltf", ".3mf"})),
+    "mesh": tuple(sorted(MESHES)),
     "depth": (".png", ".tif", ".npy", ".exr", ".ply"),
     "image": (".png", ".tif", ".jpg", ".npy"),
     "terrain": (".tif", ".asc", ".npy"),
@@ -162,6 +163,8 @@ def read_with(path: Path, options: ReadOptions) -> Document:
     """:func:`read`, with options that have been checked."""
     path = set_down(path)
     _must_be_a_file(path)
+    if options.kind is None and options.camera is None:
+        must_be_known(path)
     found = next(entry for entry in FORMATS if entry.claims(path, options)).load()
     options.must_belong(f"{found.NAME} ({path.name})", found.READS)
     return found.read(path, options)

@@ -79,6 +79,10 @@ def with_changes(
     :param values: (n, k) of the channel ``name``; colours are rounded and clipped, alpha is kept.
     """
     new = mesh.copy()
+    if isinstance(mesh.visual, TextureVisuals) and isinstance(new.visual, TextureVisuals):
+        for word, beside in mesh.visual.vertex_attributes.items():  # which its copy leaves out
+            if word != "uv":
+                new.visual.vertex_attributes[word] = np.array(beside)
     if points is not None:
         new.vertices = points
         if normals is not None:

@@ -5,10 +5,12 @@ and the channel that moved; the other formats are written by the library that re
 """
 
 import struct
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from zipfile import BadZipFile
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import FormatError, InputError, MissingPackage
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Document, MeshSource, WriteOptions
 from meshflow.io.metadata import ReadOptions
@@ -19,7 +21,7 @@ __all__ = ["can_write", "read", "write"]
 NAME: str = "a mesh file"
 READS: tuple[str, ...] = ("kind", "channels", "moves", "allow_remote")
 WRITES: tuple[str, ...] = ()
-_WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".vtp", ".vtu", ".vtk", ".vtm")
+_WRITTEN = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".3mf", ".vtp", ".vtu", ".vtk", ".vtm")
 
 # What the readers raise for invalid files; they have no common exception.
 _BROKEN = (
@@ -38,6 +40,8 @@ _BROKEN = (
     UserWarning,
     ValueError,
     struct.error,
+    zlib.error,
+    BadZipFile,
 )
 
 
@@ -109,7 +113,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         raise InputError(f"{path.name}: channels of a mesh file are named, got {type(options.channels).__name__}")
     try:
         return reader(path, options)
-    except FormatError:
+    except (FormatError, MissingPackage):
         raise
     except InputError as cause:
         raise FormatError(f"{path.name}: {cause}") from cause

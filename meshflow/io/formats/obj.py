@@ -4,6 +4,7 @@ Other readers renumber vertices along texture seams and drop groups. An OBJ has 
 position, texture and normal separately. Therefore the relevant lines are parsed here.
 """
 
+import codecs
 import io
 import re
 import shutil
@@ -127,7 +128,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises FormatError: for lines that are not OBJ, or without faces.
     :raises InputError: for channels that it does not have, or whatever the data object refuses.
     """
-    lines = path.read_bytes().decode("latin-1").split("\n")
+    lines = _text(path.read_bytes()).split("\n")
     rows, normal_rows, polygons, normals, labels = _parsed(path, lines)
     if not polygons:
         raise FormatError(f"{path.name}: no faces in {len(rows)} vertices; a mesh with triangles expected")
@@ -156,6 +157,13 @@ def read(path: Path, options: ReadOptions) -> Document:
         )
     at = np.array(normal_rows, dtype=np.int64)
     return Document(skin.data, path, Obj(path, tuple(lines), np.array(rows), at, corners, skin, sections), notes)
+
+
+def _text(content: bytes) -> str:
+    """The bytes of an OBJ as Latin-1, so that every byte has a character; of UTF-16 those of UTF-8, without a byte order mark."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        content = content.decode("utf-16").encode()
+    return content.removeprefix(codecs.BOM_UTF8).decode("latin-1")
 
 
 def _linked(names: list[str], polygons: list[list[int]], home: Array) -> tuple[Section, ...]:

@@ -72,6 +72,10 @@ def read(path: Path, options: ReadOptions) -> Document:
     if options.channels is not None:
         raise InputError(f"channels={options.channels!r}: an OFF file has no vertex attributes that are read")
     content = path.read_bytes()
+    # trimesh wants the word and the numbers apart, and so do we; a byte order mark is no part of the word
+    content = re.sub(
+        rb"^(?:\xef\xbb\xbf)?(\s*(?:#.*\n\s*)*(?:ST)?C?N?OFF)(?=\d)", rb"\1 ", content.removeprefix(b"\xef\xbb\xbf")
+    )
     lines = content.decode("latin-1").split("\n")
     filled = [number for number, line in enumerate(lines) if line.split("#")[0].strip()]
     header = lines[filled[0]].split("#")[0].split() if filled else []

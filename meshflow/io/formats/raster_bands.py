@@ -19,6 +19,7 @@ from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, real
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Source
+from meshflow.io.formats.elsewhere import said_of
 from meshflow.io.formats.raster_drivers import allowed_drivers, must_be_numbers, must_fit
 from meshflow.io.formats.raster_frame import Frame, Framed, alpha_as, describe, place
 from meshflow.io.formats.zipped_heights import taken_out
@@ -291,4 +292,4 @@ def _unreadable(path: Path, cause: BaseException) -> FormatError:
         if labels
         else "is it whole, and a raster that GDAL opens (GeoTIFF, .asc, .hgt, .dem, PDS label, VRT, PNG, ...)?"
     )
-    return FormatError(f"{path.name} cannot be read ({_reason(cause)}); {advice}")
+    return FormatError(f"{path.name} cannot be read ({_reason(cause)}); {said_of(path) or advice}")

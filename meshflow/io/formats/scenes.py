@@ -4,6 +4,7 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import is_zipfile
 
 import numpy as np
 import trimesh
@@ -16,6 +17,7 @@ from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stored_normals, with_changes
 from meshflow.io.document import Document, Imported, MeshSource, Section
 from meshflow.io.formats.gltf import lost, named
+from meshflow.io.formats.scene_bytes import need_3mf, written
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.own_folder import must_stay_inside
 from meshflow.io.vertex_merging import Skin, joined, said_of
@@ -114,8 +116,7 @@ class Parts(MeshSource):
         if self.ascii:
             path.write_text("".join(export_stl_ascii(scene.geometry[part.name]) for part in self.parts))
             return ()
-        content = scene.export(file_type=self.suffix[1:])
-        path.write_bytes(content if isinstance(content, bytes) else str(content).encode())
+        path.write_bytes(written(scene, self.suffix))
         return ()
 
 
@@ -131,8 +132,16 @@ def read(path: Path, options: ReadOptions) -> Document:
     if suffix in (".gltf", ".glb") and not options.allow_remote:
         advice = "move it there, or --allow-remote (allow_remote=True)"
         must_stay_inside(path, named(path), f"a {suffix[1:].upper()}", advice)
+    if suffix == ".3mf":
+        if not is_zipfile(path):
+            raise FormatError(
+                f"{path.name}: not a 3MF, which is a zip; is it whole, and does its extension tell the truth?"
+            )
+        need_3mf()
     near = FilePathResolver(str(path), allow_anywhere=options.allow_remote)
     scene = trimesh.load_scene(path, file_type=suffix[1:], process=False, resolver=near)
+    for mesh in scene.geometry.values():
+        _round_colours(mesh)
     parts = _parts_of(path.name, scene, suffix)
     others = len(scene.geometry) - len(parts)
     if others:
@@ -225,6 +234,16 @@ def _one_after_the_other(parts: tuple[Part, ...], channels: str | None) -> tuple
     family = np.concatenate([np.full(len(part.mesh.vertices), part.family) for part in parts])
     values = np.concatenate([channel_of(part.mesh, channels) for part in parts]) if channels is not None else None
     return points, np.concatenate(faces), family, values
+
+
+def _round_colours(mesh: object) -> None:
+    """Colours beside a texture, which trimesh leaves as they are stored and writes as whole numbers, in 256 steps."""
+    beside = getattr(getattr(mesh, "visual", None), "vertex_attributes", {})
+    colours = np.asarray(beside["color"]) if "color" in beside else None
+    if colours is None or colours.dtype == np.uint8:
+        return
+    most = 1.0 if colours.dtype.kind == "f" else float(np.iinfo(colours.dtype).max)
+    beside["color"] = np.rint(np.clip(colours / most, 0, 1) * 255).astype(np.uint8)
 
 
 def _without_copies(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

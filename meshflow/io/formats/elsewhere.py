@@ -1,0 +1,58 @@
+"""Files that are neither read here nor by GDAL: what they are, and the way from them to a surface."""
+
+from pathlib import Path
+
+from meshflow.errors import FormatError
+
+__all__ = ["must_be_known", "said_of"]
+
+_CLOUD = "a point cloud has no surface; reconstruct one first (open3d: create_from_point_cloud_poisson), or rasterize it (PDAL)"
+_SCENE = "export it as .glb first (Blender)"
+_CAD = "it holds curves and no triangles; mesh it first (FreeCAD, Gmsh), as .stl or .ply"
+_MESHIO = "read it with meshio and hand it over: meshflow.smooth(meshio.read(path))"
+_PYVISTA = "open it with pyvista.read and hand the object over: meshflow.smooth(pyvista.read(path))"
+_ARCHIVE = "unpack it first"
+_KNOWN = {
+    ".pcd": ("a point cloud of PCL", _CLOUD),
+    ".las": ("a lidar cloud", _CLOUD),
+    ".laz": ("a lidar cloud", _CLOUD),
+    ".e57": ("scans in E57", _CLOUD),
+    ".pts": ("a point cloud", _CLOUD),
+    ".ptx": ("a point cloud", _CLOUD),
+    ".dae": ("a scene of COLLADA", _SCENE),
+    ".fbx": ("a scene of FBX", _SCENE),
+    ".blend": ("a scene of Blender", _SCENE),
+    ".usd": ("a scene of USD", _SCENE),
+    ".usdz": ("a scene of USD", _SCENE),
+    ".step": ("a CAD model", _CAD),
+    ".stp": ("a CAD model", _CAD),
+    ".iges": ("a CAD model", _CAD),
+    ".igs": ("a CAD model", _CAD),
+    ".msh": ("a mesh of Gmsh", _MESHIO),
+    ".inp": ("a mesh of Abaqus", _MESHIO),
+    ".xdmf": ("a mesh in XDMF", _MESHIO),
+    ".vti": ("a grid of VTK", _PYVISTA),
+    ".vts": ("a grid of VTK", _PYVISTA),
+    ".vtr": ("a grid of VTK", _PYVISTA),
+    ".pvtp": ("pieces of VTK", _PYVISTA),
+    ".7z": ("an archive", _ARCHIVE),
+    ".gz": ("an archive", _ARCHIVE),
+}
+# Read by GDAL where it can be: a grid as lines of x, y, z.
+_PERHAPS = {".xyz": ("a point cloud, and no grid line by line", _CLOUD), ".zip": ("an archive", _ARCHIVE)}
+
+
+def must_be_known(path: Path) -> None:
+    """Refuse a file of which the extension says that nothing here reads it.
+
+    :raises FormatError: with what it is and the way out.
+    """
+    if path.suffix.lower() in _KNOWN:
+        what, way = _KNOWN[path.suffix.lower()]
+        raise FormatError(f"{path.name}: {what}, which is not read; {way}")
+
+
+def said_of(path: Path) -> str:
+    """What is to be said of a file that GDAL could not read either; empty where nothing is."""
+    what, way = _PERHAPS.get(path.suffix.lower(), ("", ""))
+    return f"{what}: {way}" if what else ""
