@@ -17,7 +17,8 @@ from meshflow.estimate.constraints import (
     MinComponent,
     Mobility,
 )
-from meshflow.estimate.noise import Noise, noise_growth
+from meshflow.estimate.noise import Noise
+from meshflow.estimate.noise_growth import noise_growth
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.planner import noise_in
 from meshflow.estimate.planner import plan as planned
@@ -281,8 +282,8 @@ def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
 
     :param data: as in :func:`smooth`.
     :param metadata: as in :func:`smooth`.
-    :returns: the standard deviation ``sigma``, the standard deviation of each channel, the quantum of rounded data, and the
-        share of samples that are multiples of the quantum.
+    :returns: the standard deviation ``sigma``, the standard deviation of each channel, the correlation between samples and between
+        channels, offsets of rows and columns, and the quantum of rounded data; ``sentences()`` says it in words.
     :raises InputError: for data that cannot be smoothed.
     """
     must_exist(metadata)
@@ -300,6 +301,12 @@ def noise_facts(data: Any) -> dict[str, float]:
         facts["on the quantum"] = found.share
     if len(found.channels) > 1:
         facts |= {f"noise of channel {i}": sigma for i, sigma in enumerate(found.channels)}
+    if found.correlation is not None:
+        facts |= {"noise length, rows (samples)": found.lengths[0], "noise length, columns (samples)": found.lengths[1]}
+    lines = found.lines
+    facts |= {
+        f"offsets of {name}": size for name, size in (("rows", lines.rows), ("columns", lines.columns)) if size > 0
+    }
     if isinstance(data, RangeImage):
         growth = noise_growth(data.depth, data.missing)
         if growth is not None:

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from meshflow.estimate.noise import MAD, noise_of
-from meshflow.synthetic import scenes
+from meshflow.estimate.noise import noise_of
+from meshflow.estimate.noise_growth import MAD
+from meshflow.estimate.noise_spectrum import length_of
+from meshflow.synthetic import Camera, CorrelatedNoise, scenes
 
 pytestmark = pytest.mark.bench
 SIGMAS = (3, 5, 10, 20)
@@ -40,3 +42,62 @@ def test_noise_found_over_noise_that_was_added():
     calm = [abs(np.log(ratio)) for (name, _), ratio in ours.items() if name != "grass"]
     assert max(calm) < 0.2
     assert errors[0].mean() < errors[1].mean()
+
+
+CORRELATED = {"blur 0.5": 0.5, "blur 0.7": 0.7, "blur 1.2": 1.2, "blur 2": 2.0, "linear 2": 2.0, "cubic 2": 2.0}
+PARTS = (0.02, 0.05, 0.1)
+TERRAINS = ("steps", "mesas", "ramps", "fractal_terrain", "jacksboro")
+
+
+def crop(z):
+    """The middle 256 x 256."""
+    rows, columns = (max(0, (n - 256) // 2) for n in z.shape[:2])
+    return z[rows : rows + 256, columns : columns + 256]
+
+
+def test_correlated_noise_found_over_noise_that_was_added():
+    print(
+        f"\nsigma found over added, length found over true; noise of {PARTS} of the range; - : taken for white; seed 5"
+    )
+    print(f"  {'':16s} {'   '.join(f'{name:^32s}' for name in CORRELATED)}")
+    sure, unseen, count = [], 0, 0
+    for name, truth in subjects():
+        truth, row = scenes.steps(256) if name == "steps" else crop(truth), []  # flat parts as wide as tiles are asked
+        for word, length in CORRELATED.items():
+            noise = CorrelatedNoise(length, kind=word.split()[0])
+            true_length = np.mean(length_of(noise.correlation(8)))
+            for part in PARTS:
+                sigma = part * np.ptp(truth)
+                found = noise_of(truth + sigma * noise.drawn(truth.shape, 5), np.zeros(truth.shape, bool))
+                count, unseen = count + 1, unseen + (found.correlation is None)
+                ratios = (found.sigma / sigma, found.length / true_length)
+                row.append("    -     " if found.correlation is None else f"{ratios[0]:.2f} {ratios[1]:.2f}")
+                if name in TERRAINS and found.correlation is not None:
+                    sure.append(ratios)
+        print(f"  {name:16s} {' '.join(f'{cell:>10s}' for cell in row)}")
+    off = np.abs(np.array(sure) - 1)
+    worst = f"sigma at worst {off[:, 0].max():.0%} off, length {off[:, 1].max():.0%}"
+    print(f"  taken for white: {unseen} of {count}; where it was seen on terrains {worst}")
+    assert np.quantile(off[:, 0], 0.95) < 0.15
+    assert np.quantile(off[:, 1], 0.95) < 0.25
+
+
+def test_noise_of_a_simulated_camera():
+    data = pytest.importorskip("skimage.data")
+    print("\nphotographs: sigma and correlation of neighbours, found | true")
+    ratios = []
+    for name in ("astronaut", "chelsea", "coffee", "rocket"):
+        scene = crop(getattr(data, name)().astype(float))
+        for shot, quality in ((0.002, None), (0.006, 92), (0.02, 85)):
+            photograph, clean = Camera(shot=shot, quality=quality, seed=1).photograph(scene)
+            noise, found = photograph - clean, noise_of(photograph, np.zeros(scene.shape[:2], bool))
+            beside = np.corrcoef(noise[:, 1:].ravel(), noise[:, :-1].ravel())[0, 1]
+            middle = 0 if found.correlation is None else found.correlation.shape[0] // 2
+            seen = 0.0 if found.correlation is None else found.correlation[middle, middle + 1]
+            ratios.append(found.sigma / noise.std())
+            print(
+                f"  {name:10s} shot {shot} JPEG {quality}: {found.sigma:5.2f} | {noise.std():5.2f}   {seen:.2f} | {beside:.2f}"
+            )
+    print(f"  mean error of sigma {np.mean(np.abs(np.log(ratios))):.0%}")
+    assert min(ratios) > 0.6
+    assert max(ratios) < 1.4

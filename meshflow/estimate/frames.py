@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.noise import noise_growth
+from meshflow.estimate.noise_growth import noise_growth
 from meshflow.geometry.validation import Array
 
 __all__ = ["Averaged", "averaged"]

@@ -1,18 +1,26 @@
-"""The power spectrum of a rough surface with noise on it: three numbers for white noise, two more for correlated noise.
+"""The power spectrum of a rough surface with noise on it: three numbers for white noise, two or three more for correlated noise.
 
-    P(k) = A |k / k0|^-beta + F + N G(k_r; L) G(k_c; L),      G(k; L): the power of a sampled Gaussian of deviation L, 1 at k = 0
+    P(k) = A |k / k0|^-beta + F + N G(k_r; L_r) G(k_c; L_c)
+
+G(k; L) is the power of a sampled Gaussian of deviation L, 1 at k = 0 (``blur``), or exp(-(2 pi L k)^4), which is level for longer
+and falls more steeply, as interpolation by splines leaves it (``spline``).
 
 A self-affine surface is a power law; what is white is level; noise that was blurred or interpolated is level up to a frequency of
 about 1 / (2 pi L) and falls beyond it, faster than any power. The parameters are those of greatest Whittle likelihood,
 sum w (I / P + log P), found by Fisher scoring; beta has a weak prior, what is known of terrains and photographs.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
 from meshflow.geometry.validation import Array
+
+Shape = Literal["blur", "spline"]
 
 __all__ = ["Frequencies", "Spectrum", "fitted"]
 
@@ -20,31 +28,33 @@ __all__ = ["Frequencies", "Spectrum", "fitted"]
 REFERENCE = 0.25
 # Exponents of spectra of terrains and photographs, their mean and deviation (Mandelbrot 1982: 2 H + 2, H from 0 to 1).
 BETA, BETA_SPREAD = 3.3, 0.8
-# Least and greatest log A, beta, log F, log N, log L.
-LOWEST = np.array([-150.0, 0.5, -150.0, -150.0, np.log(0.3)])
-HIGHEST = np.array([150.0, 8.0, 150.0, 150.0, np.log(3.2)])
+# Least and greatest log A, beta, log F, log N, log L_r, log L_c.
+LOWEST = np.array([-150.0, 0.5, -150.0, -150.0, np.log(0.3), np.log(0.1)])
+HIGHEST = np.array([150.0, 8.0, 150.0, 150.0, np.log(3.2), np.log(3.2)])
 # Iterations at most, and the change of the log likelihood at which they end.
 ITERATIONS, ENOUGH = 30, 1e-2
 # Aliases of the sampled Gaussian.
-ALIASES = np.arange(-2, 3)
+ALIASES, ONES = np.arange(-1.0, 2.0), np.ones(3)
 
 
 @dataclass(frozen=True, eq=False)
 class Frequencies:
-    """Frequencies of a spectrum, (m,) each, cycles per sample.
+    """Frequencies of a spectrum, (m,), cycles per sample.
 
-    :ivar rows: along the columns, from row to row; ``columns``: from column to column.
-    :ivar weights: how many independent values of one tile are averaged in each.
+    :ivar lines: (l,), the frequencies that occur along either axis.
+    :ivar down: (m,), the index in ``lines`` of each frequency from row to row; ``across``: from column to column.
+    :ivar weights: (m,), how many independent values of one tile are averaged in each.
     """
 
-    rows: Array
-    columns: Array
+    lines: Array
+    down: Array
+    across: Array
     weights: Array
 
     @cached_property
     def radius(self) -> Array:
         """Distance from zero frequency."""
-        return np.hypot(self.rows, self.columns)
+        return np.hypot(self.lines[self.down], self.lines[self.across])
 
     @cached_property
     def log_radius(self) -> Array:
@@ -59,16 +69,20 @@ class Spectrum:
     :ivar surface: A, the power of the surface at a quarter of the sampling frequency; ``exponent``: beta.
     :ivar white: F; the variance of what is white.
     :ivar blurred: N, the power of the correlated noise at frequency zero; 0 for none.
-    :ivar length: L, samples.
+    :ivar lengths: L_r and L_c, samples.
     :ivar misfit: twice the log likelihood lost to a spectrum that is free at each frequency.
+    :ivar shape: of G.
+    :ivar numbers: the parameters as :func:`fitted` has them.
     """
 
     surface: float
     exponent: float
     white: float
     blurred: float
-    length: float
+    lengths: tuple[float, float]
     misfit: float
+    numbers: tuple[float, ...]
+    shape: Shape = "blur"
 
     def of_surface(self, at: Frequencies) -> Array:
         """The power (m,) of the surface."""
@@ -76,62 +90,83 @@ class Spectrum:
 
     def of_blurred(self, at: Frequencies) -> Array:
         """The power (m,) of the correlated noise."""
-        return self.blurred * gaussian(at.rows, self.length)[0] * gaussian(at.columns, self.length)[0]
-
-    def covariance(self, reach: int) -> Array:
-        """The covariance (2 reach + 1, 2 reach + 1) of the noise by lag in rows and columns."""
-        at = np.arange(-64, 64) / 128.0
-        power = gaussian(at, self.length)[0]
-        lags = np.cos(2.0 * np.pi * np.outer(np.arange(-reach, reach + 1), at)) @ power / at.size
-        found = self.blurred * np.outer(lags, lags)
-        found[reach, reach] += self.white
-        return found
+        down, across = (SHAPES[self.shape](at.lines, length)[0] for length in self.lengths)
+        return self.blurred * down[at.down] * across[at.across]
 
 
 def gaussian(at: Array, length: float) -> tuple[Array, Array]:
     """The power of white noise filtered by a sampled Gaussian, by frequency, 1 at zero, and its derivative by log length."""
-    exponent = -2.0 * np.pi**2 * length**2 * (at[:, None] - ALIASES) ** 2
+    exponent = -2.0 * np.pi**2 * length**2 * (np.append(at, 0.0) - ALIASES[:, None]) ** 2
     each = np.exp(exponent)
-    none = -2.0 * np.pi**2 * length**2 * ALIASES**2
-    whole, whole_rate = each.sum(axis=1), (each * 2.0 * exponent).sum(axis=1)
-    zero, zero_rate = np.exp(none).sum(), (np.exp(none) * 2.0 * none).sum()
-    power = (whole / zero) ** 2
-    return power, 2.0 * power * (whole_rate / whole - zero_rate / zero)
+    whole = ONES @ each
+    rate = (ONES @ (each * exponent)) * (2.0 / whole)
+    power = (whole[:-1] / whole[-1]) ** 2
+    return power, 2.0 * power * (rate[:-1] - rate[-1])
 
 
-def fitted(power: Array, at: Frequencies, weights: Array, starts: list[list[float]], offset: float = 0.0) -> Spectrum:
+def spline(at: Array, length: float) -> tuple[Array, Array]:
+    """exp(-(2 pi length at)^4), and its derivative by log length."""
+    exponent = -((2.0 * np.pi * length * at) ** 4)
+    power = np.exp(exponent)
+    return power, 4.0 * exponent * power
+
+
+SHAPES = MappingProxyType({"blur": gaussian, "spline": spline})
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What a fit is told beside the power: frequencies, weights (m,), offset and shape."""
+
+    at: Frequencies
+    weights: Array
+    offset: float
+    shape: Shape
+
+
+def fitted(
+    power: Array,
+    at: Frequencies,
+    weights: Array,
+    starts: Sequence[Sequence[float]],
+    offset: float = 0.0,
+    shape: Shape = "blur",
+) -> Spectrum:
     """The spectrum of greatest likelihood from several starts.
 
     :param power: (m,), the mean of the spectra of tiles.
+    :param shape: of the power of correlated noise.
     :param offset: added to power and model alike: what is far below it does not count.
     :param weights: (m,), independent values behind each mean.
-    :param starts: log A and beta, then log F, then log N and log L: 2, 3 or 5 numbers, the others are left out of the model.
+    :param starts: log A and beta, then log F, then log N and log L, or log L_r and log L_c: 2, 3, 5 or 6 numbers, the others are
+        left out of the model.
     """
-    ends = [_climbed(power + offset, at, weights, np.array(start), offset) for start in starts]
+    ends = [_climbed(power + offset, _Problem(at, weights, offset, shape), np.array(start)) for start in starts]
     best, misfit = min(ends, key=lambda end: end[1])
     numbers = [float(number) for number in best]
-    white = np.exp(numbers[2]) if len(numbers) > 2 else 0.0
-    blurred, length = (np.exp(numbers[3]), np.exp(numbers[4])) if len(numbers) > 4 else (0.0, 0.0)
-    return Spectrum(np.exp(numbers[0]), numbers[1], float(white), float(blurred), float(length), 2.0 * misfit)
+    white = float(np.exp(numbers[2])) if len(numbers) > 2 else 0.0
+    blurred = float(np.exp(numbers[3])) if len(numbers) > 4 else 0.0
+    lengths = (float(np.exp(numbers[4])), float(np.exp(numbers[-1]))) if len(numbers) > 4 else (0.0, 0.0)
+    return Spectrum(float(np.exp(numbers[0])), numbers[1], white, blurred, lengths, 2.0 * misfit, tuple(numbers), shape)
 
 
-def _climbed(power: Array, at: Frequencies, weights: Array, start: Array, offset: float) -> tuple[Array, float]:
+def _climbed(power: Array, problem: _Problem, start: Array) -> tuple[Array, float]:
     """Parameters of greatest likelihood near a start, and the log likelihood that a free spectrum has more."""
     low, high = LOWEST[: len(start)], HIGHEST[: len(start)]
     here = np.clip(start, low, high)
-    misfit, model, slopes = _misfit(here, power, at, weights, offset)
+    misfit, model, slopes = _misfit(here, power, problem)
     damping = 1e-2
     for _ in range(ITERATIONS):
         relative = slopes / model
-        gradient = relative @ (weights * (power / model - 1.0))
-        information = (relative * weights) @ relative.T
+        gradient = relative @ (problem.weights * (power / model - 1.0))
+        information = (relative * problem.weights) @ relative.T
         gradient[1] -= (here[1] - BETA) / BETA_SPREAD**2
         information[1, 1] += 1.0 / BETA_SPREAD**2
         scale = np.diag(np.diag(information) + 1e-6)
         while damping < 1e8:
             step = np.linalg.solve(information + damping * scale, gradient)
             there = np.clip(here + np.clip(step, -2.0, 2.0), low, high)
-            lower, model_there, slopes_there = _misfit(there, power, at, weights, offset)
+            lower, model_there, slopes_there = _misfit(there, power, problem)
             if lower < misfit:
                 break
             damping *= 6.0
@@ -144,20 +179,22 @@ def _climbed(power: Array, at: Frequencies, weights: Array, start: Array, offset
     return here, misfit
 
 
-def _misfit(numbers: Array, power: Array, at: Frequencies, weights: Array, offset: float) -> tuple[float, Array, Array]:
+def _misfit(numbers: Array, power: Array, problem: _Problem) -> tuple[float, Array, Array]:
     """The log likelihood that is lost, the model (m,), and its derivatives (p, m) by the parameters."""
-    log_radius = at.log_radius
+    at, log_radius, shape = problem.at, problem.at.log_radius, SHAPES[problem.shape]
     surface = np.exp(numbers[0] - numbers[1] * log_radius)
-    model, slopes = surface + offset, [surface, -surface * log_radius]
+    model, slopes = surface + problem.offset, [surface, -surface * log_radius]
     if len(numbers) > 2:
         white = np.full_like(surface, np.exp(numbers[2]))
         model = model + white
         slopes.append(white)
     if len(numbers) > 4:
-        (down, down_rate), (across, across_rate) = (gaussian(f, np.exp(numbers[4])) for f in (at.rows, at.columns))
-        blurred = np.exp(numbers[3])
-        model = model + blurred * down * across
-        slopes += [blurred * down * across, blurred * (down_rate * across + down * across_rate)]
+        down, down_rate = (np.exp(numbers[3]) * part[at.down] for part in shape(at.lines, np.exp(numbers[4])))
+        across, across_rate = (part[at.across] for part in shape(at.lines, np.exp(numbers[-1])))
+        blurred = down * across
+        model = model + blurred
+        rates = [down_rate * across, down * across_rate]
+        slopes += [blurred, *(rates if len(numbers) > 5 else [rates[0] + rates[1]])]
     ratio = power / model
     prior = 0.5 * ((numbers[1] - BETA) / BETA_SPREAD) ** 2
-    return float(weights @ (ratio - np.log(ratio) - 1.0) + prior), model, np.array(slopes)
+    return float(problem.weights @ (ratio - np.log(ratio) - 1.0) + prior), model, np.array(slopes)

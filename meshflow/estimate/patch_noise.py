@@ -4,9 +4,11 @@ A patch of noise alone has a covariance of sigma^2 in every direction; what the 
 smallest eigenvalue of the covariance of many patches is that of the noise. It is biased low by the finite number of patches and
 high by texture. Against the second, patches are taken whose second differences are no larger than noise would make them, and
 sigma is estimated again from those until it stays. Against the first (ours), the same eigenvalue is found for white noise of
-deviation 1 at the same places, and divides it.
+deviation 1 at the same places, and divides it. Planes are taken out of the patches first (ours), so that single precision is
+enough for the rest.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -20,10 +22,23 @@ __all__ = ["patch_noise"]
 # Of sides 5, 6 and 7 and confidences of 0.97, 0.99 and 0.998, these err least over twelve scenes and four levels of noise: 3 % in
 # the mean, 9 % at worst on all but a photograph of grass (tests/bench_noise.py).
 SIDE, CONFIDENCE = 7, 0.99
-# Patches looked at, and how often the choice is made anew.
-PATCHES, ROUNDS = 60_000, 6
+# Patches of which the covariance is made, at first and at last, and how often the choice is made anew.
+SOME, PATCHES, ROUNDS = 8_000, 20_000, 6
 # Fewer patches than these say nothing of a covariance.
 LEAST = 4 * SIDE * SIDE
+# So many times as often is white noise of the few patches looked at, if they are half as many; so far apart in the field.
+ALIKE, SHIFT = 2, 131
+# The side of the field of white noise of which patches are cut as of the data.
+FIELD = 768
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where patches may be cut from a tile z (h, w): the places (n,), counted along its rows, and the energy of each."""
+
+    z: Array
+    at: Array
+    energy: Array
 
 
 def patch_noise(parts: list[tuple[Array, Array]]) -> float | None:
@@ -32,77 +47,107 @@ def patch_noise(parts: list[tuple[Array, Array]]) -> float | None:
     :param parts: tiles of the data (h, w), and which of their samples are there.
     :returns: None for too few patches of which all samples are there.
     """
-    found = [_energies(z, there) for z, there in parts if min(z.shape) >= SIDE + 2]
-    energy = np.concatenate([e[ok] for e, ok in found]) if found else np.zeros(0)
+    places = [_places(z, there) for z, there in parts if min(z.shape) >= SIDE + 2]
+    energy = np.concatenate([place.energy for place in places]) if places else np.zeros(0)
     if energy.size < LEAST:
         return None
-    textured = energy > 0
-    if textured.mean() < 0.5:
+    textured = np.flatnonzero(energy > 0)
+    if textured.size < 0.5 * energy.size:
         return 0.0  # most of it is constant: there is no noise
-    chosen = np.flatnonzero(textured)  # what is clipped or filled has none to show
-    if chosen.size > PATCHES:
-        chosen = chosen[np.random.default_rng(0).choice(chosen.size, PATCHES, replace=False)]
-    if chosen.size < LEAST:
+    if textured.size < LEAST:
         return None
-    energy = energy[chosen]
-    patches, unit = _cut([z for z, _ in parts if min(z.shape) >= SIDE + 2], [ok for _, ok in found], np.sort(chosen))
-    return _iterated(energy[np.argsort(chosen)], patches, unit)
+    return float(np.sqrt(max(_iterated(places, energy, textured), 0.0)))
 
 
-def _iterated(energy: Array, patches: Array, unit: Array) -> float:
-    """sigma from the patches (n, d d) that are weak enough for the one before; ``unit``: noise of deviation 1 in their place."""
-    variance = _least(patches) / _least(unit)
+def _iterated(places: list[_Places], energy: Array, textured: Array) -> float:
+    """The variance from the patches that are weak enough for the one before.
+
+    :param energy: of all places one after another.
+    :param textured: (m,), the places that are no part of something constant.
+    """
+    weak, variance = textured, _variance(places, textured, SOME)
     for _ in range(ROUNDS):
-        weak = energy < _threshold() * variance
-        if weak.sum() < LEAST:
-            weak = np.zeros(len(energy), bool)
-            weak[np.argsort(energy)[:LEAST]] = True
-        again = _least(patches[weak]) / _least(unit[weak])
-        if abs(again - variance) <= 1e-3 * variance:
-            return float(np.sqrt(max(again, 0.0)))
-        variance = again
-    return float(np.sqrt(max(variance, 0.0)))
+        weak = textured[energy[textured] < _threshold() * variance]
+        if weak.size < LEAST:
+            weak = np.sort(textured[np.argpartition(energy[textured], LEAST)[:LEAST]])
+        before, variance = variance, _variance(places, weak, SOME)
+        if variance > 0.996 * before:  # it falls from one choice to the next, but for chance
+            break
+    return _variance(places, weak, PATCHES) if weak.size > SOME else variance
+
+
+def _variance(places: list[_Places], chosen: Array, most: int) -> float:
+    """The smallest eigenvalue of the covariance of patches over that of white noise in their place.
+
+    :param chosen: (m,), growing, counted over all places; ``most`` of them are looked at, spread evenly.
+    """
+    if chosen.size > most:
+        chosen = chosen[(np.arange(most) * (chosen.size / most)).astype(np.intp)]
+    patches, before, field = [], 0, sliding_window_view(_field(), (SIDE, SIDE))
+    # Few patches that overlap are worth fewer still: then their eigenvalue is the mean of several in other places of the field.
+    again = range(max(1, ALIKE * SOME // max(chosen.size, SOME // 4))) if chosen.size < SOME else range(1)
+    unit: list[list[Array]] = [[] for _ in again]
+    for place in places:
+        first, last = np.searchsorted(chosen, (before, before + place.at.size))
+        at = place.at[chosen[first:last] - before]
+        before += place.at.size
+        rows, columns = np.divmod(at, place.z.shape[1] - SIDE - 1)
+        patches.append(sliding_window_view(place.z, (SIDE, SIDE))[rows + 1, columns + 1].reshape(-1, SIDE * SIDE))
+        for k in again:
+            there = (rows + k * SHIFT) % len(field), (columns + 2 * k * SHIFT) % len(field)
+            unit[k].append(field[there].reshape(-1, SIDE * SIDE))
+    return _least(np.concatenate(patches)) / float(np.mean([_least(np.concatenate(one)) for one in unit]))
 
 
 def _least(patches: Array) -> float:
-    """The smallest eigenvalue of the covariance of patches (n, d d)."""
-    centred = patches - patches.mean(axis=0)
-    return float(np.linalg.eigvalsh(centred.T @ centred / len(patches))[0])
+    """The smallest eigenvalue of the covariance of patches (n, d d) without their planes."""
+    basis = _planes()
+    level = (patches - patches[:, :1]).astype(np.float32)
+    level -= (level @ basis) @ basis.T
+    level -= level.mean(axis=0)
+    return float(np.linalg.eigvalsh((level.T @ level / np.float32(len(level))).astype(np.float64))[3])
 
 
-def _energies(z: Array, there: Array) -> tuple[Array, Array]:
-    """Sum of squared second differences along rows and columns over each patch, and where the patch and its rim are there."""
-    gone = ~there
-    clean = np.where(there, z, 0.0)
-    across = clean[1:-1, :-2] - 2.0 * clean[1:-1, 1:-1] + clean[1:-1, 2:]
-    down = clean[:-2, 1:-1] - 2.0 * clean[1:-1, 1:-1] + clean[2:, 1:-1]
-    return _boxed(across * across + down * down, SIDE), _boxed(gone.astype(np.float64), SIDE + 2) == 0
+@lru_cache(maxsize=1)
+def _planes() -> Array:
+    """An orthonormal basis (d d, 3) of the planes over a patch."""
+    rows, columns = np.mgrid[0:SIDE, 0:SIDE]
+    return np.linalg.qr(np.stack([np.ones(SIDE * SIDE), rows.ravel(), columns.ravel()], axis=1))[0].astype(np.float32)
 
 
-def _boxed(a: Array, side: int) -> Array:
-    """Sums over all windows of a side, each its own: no rounding of one window reaches another."""
-    h, w = a.shape[0] - side + 1, a.shape[1] - side + 1
-    rows, sums = np.zeros((h, a.shape[1])), np.zeros((h, w))
-    for r in range(side):
+def _places(z: Array, there: Array) -> _Places:
+    """Where the patch and its rim are there, and the sum of squared second differences along rows and columns over it."""
+    clean = z if there.all() else np.where(there, z, 0.0)
+    middle = 2.0 * clean[1:-1, 1:-1]
+    squares = (clean[1:-1, :-2] - middle + clean[1:-1, 2:]).astype(np.float32) ** 2
+    squares += (clean[:-2, 1:-1] - middle + clean[2:, 1:-1]).astype(np.float32) ** 2
+    energy = _boxed(squares).ravel()
+    if clean is z:
+        return _Places(z, np.arange(energy.size), energy)
+    side = SIDE + 2
+    gone = np.zeros((z.shape[0] + 1, z.shape[1] + 1), np.int64)
+    gone[1:, 1:] = (~there).cumsum(axis=0).cumsum(axis=1)
+    whole = gone[side:, side:] - gone[:-side, side:] - gone[side:, :-side] + gone[:-side, :-side] == 0
+    at = np.flatnonzero(whole)
+    return _Places(z, at, energy[at])
+
+
+def _boxed(a: Array) -> Array:
+    """Sums over all patches, each its own: no rounding of one reaches another."""
+    h, w = a.shape[0] - SIDE + 1, a.shape[1] - SIDE + 1
+    rows = a[:h].copy()
+    for r in range(1, SIDE):
         rows += a[r : h + r]
-    for c in range(side):
+    sums = rows[:, :w].copy()
+    for c in range(1, SIDE):
         sums += rows[:, c : w + c]
     return sums
 
 
-def _cut(tiles: list[Array], ok: list[Array], chosen: Array) -> tuple[Array, Array]:
-    """The patches (n, d d) of the chosen among those that are there, counted over all tiles, and white noise in their places."""
-    patches, unit, before = [], [], 0
-    draw = np.random.default_rng(1)
-    for z, whole in zip(tiles, ok, strict=True):
-        places = np.flatnonzero(whole.ravel())
-        mine = places[chosen[(chosen >= before) & (chosen < before + len(places))] - before]
-        before += len(places)
-        inner = z[1:-1, 1:-1]
-        rows, columns = np.divmod(mine, whole.shape[1])
-        for field, kept in ((inner, patches), (draw.normal(size=inner.shape), unit)):
-            kept.append(sliding_window_view(field, (SIDE, SIDE))[rows, columns].reshape(len(mine), SIDE * SIDE))
-    return np.concatenate(patches), np.concatenate(unit)
+@lru_cache(maxsize=1)
+def _field() -> Array:
+    """White noise of deviation 1, in single precision."""
+    return np.random.default_rng(1).standard_normal((FIELD, FIELD), dtype=np.float32)
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,8 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.estimate.heights import along_rays, as_they_are, limit_of, tuned
-from meshflow.estimate.noise import Noise, noise_growth, noise_of, noise_on
+from meshflow.estimate.noise import Noise, noise_of, noise_on
+from meshflow.estimate.noise_growth import noise_growth
 from meshflow.estimate.plan import Decided, Plan, size_of
 from meshflow.estimate.points import moving
 from meshflow.estimate.preparation import Preparation, prepared

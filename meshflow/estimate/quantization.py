@@ -1,5 +1,6 @@
 """The steps of quantised data, which may grow with the value: of depths from a disparity, with its square."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,14 +8,16 @@ from scipy.ndimage import minimum_filter
 
 from meshflow.geometry.validation import Array
 
-__all__ = ["Steps", "steps_of"]
+__all__ = ["Steps", "quantum_of", "steps_of", "terraced"]
 
 # Levels of which the least step is taken: where samples are few not every level occurs, and what is left has gaps of several.
 AROUND = 15
 # A set of values is quantised if it has so many times fewer levels.
 FEWER = 20
-# Samples looked at.
-ENOUGH = 60_000
+# Samples looked at, for steps that grow and for one that does not.
+ENOUGH, MANY = 60_000, 200_000
+# Values of which it is asked first whether most differ: then they are not quantised, and no more need be sorted.
+GLANCE = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,3 +58,43 @@ def _even(levels: Array, rounding: float) -> Steps | None:
     if step <= rounding or np.abs(counts - np.rint(counts)).max() > 0.05:
         return None
     return Steps(levels[[0, -1]], np.array([step, step]))
+
+
+def quantum_of(values: Array) -> tuple[float, float]:
+    """The step of which all values are multiples, up to rounding, and the share that is; 0 where there is none."""
+    glance = values[:: max(1, values.size // GLANCE)]
+    if glance.size >= GLANCE and len(np.unique(glance)) > glance.size / 4:
+        return 0.0, 0.0
+    some = values[:: max(1, values.size // MANY)].astype(np.float64)
+    levels, counts = np.unique(some, return_counts=True)
+    if len(levels) < 2 or len(levels) > some.size / 4:
+        return 0.0, 0.0
+    for step in _steps(levels):
+        multiples = (levels - levels[np.argmax(counts)]) / step
+        slack = 1e-3 + np.finfo(values.dtype).eps * np.abs(levels) / step
+        on = float(counts[np.abs(multiples - np.rint(multiples)) < slack].sum() / some.size)
+        if on > 0.99:
+            return step, on
+    return 0.0, 0.0
+
+
+def _steps(levels: Array) -> Iterator[float]:
+    """What the quantum may be: the least difference of levels, and that of most of them, where a few samples lie between."""
+    differences = np.diff(levels)
+    yield float(differences.min())
+    yield float(np.median(differences))
+
+
+def terraced(parts: list[tuple[Array, Array]], quantum: float) -> bool:
+    """Whether neighbours that differ do so by one quantum, mostly: something smooth was rounded, and not drawn in blocks."""
+    steps, single, levels = 0, 0, set()
+    for z, there in parts:
+        for axis in (0, 1):
+            both = np.take(there, range(1, there.shape[axis]), axis) & np.take(
+                there, range(there.shape[axis] - 1), axis
+            )
+            difference = np.abs(np.diff(np.where(there, z, 0.0), axis=axis)[both]) / quantum
+            steps += int((difference > 0.5).sum())
+            single += int(((difference > 0.5) & (difference < 1.5)).sum())
+        levels.update(np.unique(z[there])[:3].tolist())
+    return len(levels) > 2 and 2 * single > steps

@@ -36,6 +36,8 @@ def _decided(plan: Plan, name: str, value: float | str, unit: str = "") -> Param
 
 def _of_noise(plan: Plan) -> dict[str, Parameter]:
     how = {"given": "", "nothing": "too few samples"}.get(plan.noise.how, f"from {plan.noise.how}")
+    if plan.noise.correlation is not None:
+        how += f", correlated over about {plan.noise.length:.2g} samples"
     why = plan.decided["noise"].why if "noise" in plan.decided else how
     unit, strength = value_unit(plan.data), plan.request.strength
     found = {"noise": Parameter(plan.noise.sigma, unit, "given" if plan.noise.how == "given" else "estimated", why)}

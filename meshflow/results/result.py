@@ -189,13 +189,6 @@ class Result:
             name: {"value": p.value, "unit": p.unit, "origin": p.origin, **({"why": p.why} if p.why else {})}
             for name, p in self.parameters.items()
         }
-        noise = {
-            "sigma": self.noise.sigma,
-            "channels": list(self.noise.channels),
-            "quantum": self.noise.quantum,
-            "on_quantum": self.noise.share,
-            "how": self.noise.how,
-        }
         return {
             "version": self.version,
             "stopped_because": self.stopped_because,
@@ -203,7 +196,7 @@ class Result:
             "steps": self.end.step,
             "stepper": self.end.stepper,
             "parameters": parameters,
-            "noise": noise,
+            "noise": self.noise.to_dict(),
             "removed": {
                 "rms": self._rms,
                 "largest": float(np.abs(self.counted).max()),
@@ -248,6 +241,7 @@ class Result:
                 error = f"{candidate.risk:.6g}" if candidate.least[1] > 0 else "below what can be measured"
                 near = "; as good, as far as can be told" if as_good(candidate, self.candidates[0]) else ""
                 lines.append(f"               {error} at time {candidate.least[0]:.4g}: {', '.join(words)}{near}")
+        lines += [f"  noise        {sentence}" for sentence in self.noise.sentences()]
         return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
 
     @property

@@ -8,6 +8,8 @@
 **Meshes on a known surface** (which gives distances from it): :func:`cube`, :func:`plate`, :func:`part`, :func:`sphere`,
 :func:`ring`, :func:`blob`, :func:`dome`; the method ``noisy`` adds noise.
 
+**What instruments leave**: :class:`CorrelatedNoise`, a :class:`Camera`, :func:`striped` lines, :func:`spiked` samples.
+
 **Depth sensors**: :func:`observe` what a :class:`StructuredLight` or :class:`TimeOfFlight` camera sees of :class:`Panel`,
 :class:`Ball`, :class:`Block`, :class:`CappedBall`, or a mesh; :func:`seen` without noise.
 """
@@ -17,6 +19,7 @@ from typing import TYPE_CHECKING
 from meshflow.lazy import lazily
 
 if TYPE_CHECKING:
+    from meshflow.synthetic.instruments import Camera, CorrelatedNoise, spiked, striped
     from meshflow.synthetic.samples import depth_scene, irregular_mesh, picture, terrain
     from meshflow.synthetic.scenes import fractal_terrain, mesas, noisy, quantised, ramps, steps
     from meshflow.synthetic.sensors import Frame, StructuredLight, TimeOfFlight, observe, seen
@@ -26,7 +29,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Ball",
     "Block",
+    "Camera",
     "CappedBall",
+    "CorrelatedNoise",
     "Frame",
     "Noise",
     "Panel",
@@ -50,13 +55,16 @@ __all__ = [
     "ring",
     "seen",
     "sphere",
+    "spiked",
     "steps",
+    "striped",
     "terrain",
 ]
 
 __getattr__, __dir__ = lazily(
     __name__,
     {
+        "instruments": ("Camera", "CorrelatedNoise", "spiked", "striped"),
         "samples": ("depth_scene", "irregular_mesh", "picture", "terrain"),
         "scenes": ("fractal_terrain", "mesas", "noisy", "quantised", "ramps", "steps"),
         "sensors": ("Frame", "StructuredLight", "TimeOfFlight", "observe", "seen"),

@@ -1,0 +1,133 @@
+"""Tiles of a grid by frequency: what the estimate of correlated noise looks at.
+
+Tiles of 32 x 32 samples overlap by half. From each its quadratic is taken, and a Hann window is laid over it: then the steep
+spectrum of a surface does not leak into the frequencies at which noise is seen.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from meshflow.estimate.noise_model import Frequencies
+from meshflow.geometry.validation import Array
+
+__all__ = ["SIDE", "Tiles", "Tiling", "tiles_of", "tiling"]
+
+SIDE = 32
+# Tiles looked at, at most, spread evenly.
+MOST = 600
+# The share of a tile that may be clipped, where so many tiles are left that are not.
+CLIPPED, FEW = 0.02, 12
+# Of the values of windowed tiles that overlap by half, the share that is independent.
+INDEPENDENT = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Tiling:
+    """What all tiles share.
+
+    :ivar basis: (SIDE^2, 6), orthonormal quadratics.
+    :ivar window: (SIDE, SIDE), of mean square 1 / SIDE^2, so that white noise has its variance as power.
+    :ivar at: the frequencies that are looked at, (m,).
+    :ivar used: (SIDE / 2 + 1, SIDE / 2 + 1), which of a quarter of the spectrum those are.
+    """
+
+    basis: Array
+    window: Array
+    at: Frequencies
+    used: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tiles:
+    """Tiles of one channel.
+
+    :ivar transform: (n, SIDE, SIDE / 2 + 1), the Fourier transform of each.
+    :ivar names: (n,), growing: a number for the place of each, the same in all channels.
+    """
+
+    transform: Array
+    names: Array
+
+    @cached_property
+    def power(self) -> Array:
+        """The power (n, m) by frequency; both signs of a frequency along the columns together."""
+        return folded(np.real(self.transform) ** 2 + np.imag(self.transform) ** 2)
+
+
+@lru_cache(maxsize=1)
+def tiling() -> Tiling:
+    """Basis, window and frequencies of all tiles."""
+    along = (np.arange(SIDE) + 0.5) / SIDE * 2.0 - 1.0
+    powers = [np.outer(along**i, along**j).ravel() for i in range(3) for j in range(3 - i)]
+    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(SIDE) + 0.5) / SIDE)
+    window = np.outer(hann, hann)
+    half = SIDE // 2
+    rows, columns = np.indices((half + 1, half + 1))
+    count = np.full(rows.shape, 2.0)  # of a frequency and its mirror image; those on an axis are their own
+    for edge in (0, -1):
+        count[edge] = count[:, edge] = 1.0
+    used = np.hypot(rows, columns) >= 2.0  # below is what is left of the quadratic
+    at = Frequencies(np.arange(half + 1) / SIDE, rows[used], columns[used], count[used] * INDEPENDENT)
+    return Tiling(np.linalg.qr(np.array(powers).T)[0], window / np.sqrt(np.sum(window**2)), at, used)
+
+
+def tiles_of(parts: list[tuple[Array, Array]]) -> Tiles:
+    """The tiles of one channel of which every sample is there.
+
+    :param parts: pieces of the data (h, w), and which of their samples are there.
+    """
+    half, shared = SIDE // 2, tiling()
+    places = [_places(there) for _, there in parts]
+    clear = [place[~clipped] for place, clipped in zip(places, _clipped(parts, places), strict=True)]
+    if sum(map(len, clear)) >= FEW:
+        places = clear
+    total = max(1, sum(len(place) for place in places))
+    cut, names, before = [np.zeros((0, SIDE, SIDE))], [np.zeros(0, np.intp)], 0
+    for (z, _), place in zip(parts, places, strict=True):
+        some = min(len(place), -(-len(place) * MOST // total))
+        if some:
+            rows, columns = place[np.arange(some) * len(place) // some].T
+            names.append(before + rows * z.shape[1] + columns)
+            cut.append(sliding_window_view(z, (SIDE, SIDE))[rows * half, columns * half])
+        before += z.size
+    flat = np.concatenate(cut).astype(np.float64).reshape(-1, SIDE * SIDE)
+    flat -= flat.mean(axis=1, keepdims=True)
+    flat -= (flat @ shared.basis) @ shared.basis.T
+    return Tiles(np.fft.rfft2(flat.reshape(-1, SIDE, SIDE) * shared.window), np.concatenate(names))
+
+
+def _clipped(parts: list[tuple[Array, Array]], places: list[Array]) -> list[Array]:
+    """Of each place (n,), whether more than a few samples of its tile are at the end of the range, where noise is cut off."""
+    known = [z if there.all() else z[there] for z, there in parts]
+    ends = (min(some.min(initial=np.inf) for some in known), max(some.max(initial=-np.inf) for some in known))
+    found = []
+    for (z, _), place in zip(parts, places, strict=True):
+        cut = (z == ends[0]) | (z == ends[1])
+        if len(place) == 0 or cut.mean() < 0.1 * CLIPPED:
+            found.append(np.zeros(len(place), bool))
+            continue
+        rows, columns = place.T * (SIDE // 2)
+        found.append(sliding_window_view(cut, (SIDE, SIDE))[rows, columns].mean(axis=(1, 2)) > CLIPPED)
+    return found
+
+
+def folded(spectrum: Array) -> Array:
+    """A real spectrum (n, SIDE, SIDE / 2 + 1) as the mean of both signs of each frequency along the columns, (n, m)."""
+    half = SIDE // 2
+    quarter = spectrum[:, : half + 1].copy()
+    quarter[:, 1:half] = 0.5 * (quarter[:, 1:half] + spectrum[:, :half:-1])
+    return quarter[:, tiling().used]
+
+
+def _places(there: Array) -> Array:
+    """The places (n, 2), in half tiles, of tiles that are all there."""
+    if min(there.shape) < SIDE:
+        return np.zeros((0, 2), np.intp)
+    half = SIDE // 2
+    count = ((there.shape[0] - SIDE) // half + 1, (there.shape[1] - SIDE) // half + 1)
+    if there.all():
+        return np.argwhere(np.ones(count, bool))
+    return np.argwhere(sliding_window_view(there, (SIDE, SIDE))[::half, ::half].all(axis=(2, 3)))

@@ -1,0 +1,22 @@
+"""Windows spread over a grid, of which what is asked of the whole is asked."""
+
+import numpy as np
+
+__all__ = ["ENOUGH", "Tile", "spread_tiles"]
+
+# Samples looked at, at most, on so many windows along either side: more change nothing that matters.
+ENOUGH, TILES = 1_000_000, 8
+
+Tile = tuple[slice, slice]
+
+
+def spread_tiles(shape: tuple[int, ...], enough: int = ENOUGH, count: int = TILES) -> list[Tile]:
+    """Windows that hold at most ``enough`` samples together, spread evenly; the whole grid where it is small."""
+    h, w = shape
+    if h * w <= enough:
+        return [(slice(0, h), slice(0, w))]
+    side = int(np.sqrt(enough)) // count
+    high, wide = min(h, side), min(w, side)
+    tops = np.unique(np.linspace(0, h - high, max(1, count * side // high)).astype(int))
+    lefts = np.unique(np.linspace(0, w - wide, max(1, count * side // wide)).astype(int))
+    return [(slice(top, top + high), slice(left, left + wide)) for top in tops for left in lefts]
