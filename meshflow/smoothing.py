@@ -282,8 +282,8 @@ def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
 
     :param data: as in :func:`smooth`.
     :param metadata: as in :func:`smooth`.
-    :returns: the standard deviation ``sigma``, the standard deviation of each channel, the correlation between samples and between
-        channels, offsets of rows and columns, and the quantum of rounded data; ``sentences()`` says it in words.
+    :returns: the standard deviation ``sigma``, the standard deviation of each channel, the correlation between samples and
+        between channels, offsets of rows and columns, and the quantum of rounded data; ``sentences()`` says it in words.
     :raises InputError: for data that cannot be smoothed.
     """
     must_exist(metadata)
