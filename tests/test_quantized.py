@@ -166,6 +166,18 @@ def test_land_that_no_smoothing_helps_is_left_as_it_is():
     assert rms(found.values - rough) <= 1.02 * rms(z - rough)
 
 
+def test_where_edges_matter_the_flow_that_keeps_them_is_taken_and_lakes_stay():
+    truth = mesas(96)
+    z, quantum = recorded(truth, 20, 0.0)
+    found = meshflow.smooth(z, result=True)
+    assert found.parameters["patch"].value == 1.0
+    assert found.end.step > 0
+    assert np.abs(found.data - z).max() <= quantum / 2.0 * (1 + 1e-6)
+    none = np.zeros(z.shape, bool)
+    bent = unrounded(z, none, none, quantum).values
+    assert rms(found.data - truth) < 0.95 * rms(bent - truth)
+
+
 def test_what_shows_states_on_the_way_shows_a_flow():
     z, _ = recorded(hills(), 20, 0.0)
     shown = list(states(HeightField(z), Request(), 4))

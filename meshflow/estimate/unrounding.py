@@ -5,6 +5,7 @@ not estimated as that of noise. A smooth surface that fits is rounded again, and
 what smoothing makes of it go together: mean |u - z|^2 + mean |e|^2 + 2 mean e (u - z), the last from the simulated error e.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,11 +13,11 @@ import numpy as np
 from scipy.fft import dctn, idctn, next_fast_len
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from meshflow.estimate.noise import spread_tiles
+from meshflow.estimate.noise import Tile, spread_tiles
 from meshflow.estimate.plateaus import plateaus_of
 from meshflow.geometry.validation import Array
 
-__all__ = ["Unrounded", "unrounded"]
+__all__ = ["Unrounded", "rival_risks", "unrounded"]
 
 # Stiffness lambda against bending, per sample: from next to nothing removed to a plane over hundreds of samples.
 STIFFNESSES = (np.inf, *(2.0**power for power in range(8, -26, -2)))
@@ -227,11 +228,9 @@ def _chosen(plate: _Plate, box: _Box, counted: Array, quantum: float, noise: flo
     if not counted.any():
         return 0, False, total
     made = [_both(box, smoothed) for smoothed in _smoothed(plate, z)]
-    off = np.array([np.sqrt(np.mean(np.square(clipped - z)[counted])) for clipped, _, _ in made])
-    smoothest = max(int(np.sum(off <= total)) - 1, 1)  # as far from the data as rounding is
-    clipped, edged, share = made[smoothest]
+    smoothest, pilots = _pilots(made, z, counted, total)
     worst = np.zeros((len(made), 2))
-    for pilot in (clipped, *([edged] if 0 < share <= EDGES else [])):
+    for pilot in pilots:
         worst = np.maximum(worst, _risks(plate, box, made, pilot, counted, (quantum, noise)))
     i, k = _next_to_least(worst)
     if 0 < i <= ROUGH:  # land that is as rough as its steps: one that is rougher than that may have been recorded, too
@@ -241,6 +240,40 @@ def _chosen(plate: _Plate, box: _Box, counted: Array, quantum: float, noise: flo
     if i == 0 or worst[i, k] > GAIN**2:
         return 0, False, total
     return i, k == 1, total * float(np.sqrt(max(worst[i, k], 0.0)))
+
+
+def _pilots(made: list[_Held], z: Array, counted: Array, total: float) -> tuple[int, list[Array]]:
+    """The place of the stiffness that is as far from the data as rounding is, and surfaces of it that may have been recorded."""
+    off = np.array([np.sqrt(np.mean(np.square(clipped - z)[counted])) for clipped, _, _ in made])
+    smoothest = max(int(np.sum(off <= total)) - 1, 1)
+    clipped, edged, share = made[smoothest]
+    return smoothest, [clipped, *([edged] if 0 < share <= EDGES else [])]
+
+
+def rival_risks(
+    rival: Callable[[Array, Tile], Array], values: Array, missing: Array, quantum: float, aspect: float
+) -> tuple[float, float]:
+    """The mean square errors to be expected of another method and of least bending, over that of rounding, on one tile.
+
+    :param rival: makes of the heights of a tile, and where that is, smoothed ones.
+    :param values: (h, w), rounded and without noise.
+    """
+    tiles = spread_tiles(missing.shape, ENOUGH, 2)
+    tile = tiles[len(tiles) // 2]
+    z = _filled(values[tile].astype(np.float64) - float(values[~missing].flat[0]), missing[tile], aspect)
+    plate, box, counted = _Plate(_size(z), aspect), _Box(z, quantum / 2.0), ~missing[tile]
+    if not counted.any():
+        return np.inf, 0.0
+    made = [_both(box, smoothed) for smoothed in _smoothed(plate, z)]
+    worst, other, one = np.zeros((len(made), 2)), 0.0, rival(z, tile)
+    for pilot in _pilots(made, z, counted, quantum / np.sqrt(12.0))[1]:
+        worst = np.maximum(worst, _risks(plate, box, made, pilot, counted, (quantum, 0.0)))
+        again = np.rint(pilot / quantum) * quantum
+        off = (again - pilot)[counted]
+        power = max(float(np.mean(off**2)), 0.25 * quantum**2 / 12.0)
+        cross = float(np.mean(off * (rival(again, tile) - again)[counted]))
+        other = max(other, (float(np.mean(np.square(one - z)[counted])) + power + 2.0 * cross) / power)
+    return other, float(worst[_next_to_least(worst)])
 
 
 def _risks(
