@@ -1,4 +1,4 @@
-"""The base that a fixed choice stands on: the data at a larger scale, so that only what departs from its slope is an edge."""
+"""The base of data for a fixed method: the data at a larger scale. Only departures from its slope then count as edges."""
 
 from dataclasses import replace
 
@@ -13,18 +13,18 @@ from meshflow.surfaces.grid import Grid
 
 __all__ = ["base_of"]
 
-# The time of the heat flow that makes it, in squared sample distances.
+# The time of the heat flow for the base, in squared sample distances.
 TIME = 64.0
-# A difference of neighbours that departs by so many sigma from those before and behind it is a jump, which the base keeps.
+# A difference of neighbours that departs by so many sigma from the differences around it is a jump, which the base keeps.
 JUMP = 6.0
-# So little contrast that the flow is the heat equation: slopes of the whole range from sample to sample.
+# The slope of a step over the whole range. It is so small that the flow is the heat equation.
 FLAT = 1e-3
 
 
 def base_of(grid: Grid, sigma: float, threads: int | None = None) -> Array:
-    """The base of the planes (k, h, w) of a grid: the heat flow, which crosses no jump.
+    """The base of the planes (k, h, w) of a grid: the result of a heat flow that crosses no jump.
 
-    A tilted plane is its own base, whatever its slope.
+    A tilted plane of any slope is its own base.
 
     :param sigma: the noise, unit of the planes.
     """
@@ -43,7 +43,7 @@ def base_of(grid: Grid, sigma: float, threads: int | None = None) -> Array:
 
 
 def _jumps(planes: Array, missing: Array, axis: int, most: float) -> Array:
-    """Where neighbours along an axis differ by ``most`` from what the differences around do: all channels together."""
+    """Mask of the differences along an axis that depart by ``most`` from the differences around them, over all channels."""
     differences = np.diff(planes, axis=axis)
     whole = ~missing.take(range(1, missing.shape[axis - 1]), axis - 1)
     whole &= ~missing.take(range(missing.shape[axis - 1] - 1), axis - 1)
@@ -53,14 +53,14 @@ def _jumps(planes: Array, missing: Array, axis: int, most: float) -> Array:
 
 
 def _shifted(differences: Array, whole: Array, axis: int, by: int) -> Array:
-    """The differences so many places further along an axis; the same where there is none."""
+    """The differences ``by`` places further along an axis; at the ends the last one is repeated."""
     size = differences.shape[axis]
     at = np.clip(np.arange(size) + by, 0, size - 1)
     return np.where(whole.take(at, axis - 1), differences.take(at, axis), differences)
 
 
 def _median(a: Array, b: Array, c: Array, d: Array, e: Array) -> Array:
-    """The median of five numbers, for each place."""
+    """The median of five arrays, elementwise."""
     low, high = np.minimum(a, b), np.maximum(a, b)
     low, high = np.maximum(low, np.minimum(c, d)), np.minimum(high, np.maximum(c, d))
     return np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))

@@ -1,4 +1,4 @@
-"""Several runs with weights: those of least estimated risk, on the simplex."""
+"""A weighted mean of several runs, with the nonnegative weights of least estimated risk."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -11,13 +11,13 @@ __all__ = ["blended"]
 
 
 def blended(changes: Array, left: Array) -> tuple[Array, float]:
-    """The weights w, none below zero and of sum 1, of least w . changes w + 2 w . left, and that.
+    """The weights w that minimize w . changes w + 2 w . left, with w >= 0 and sum 1, and that minimum.
 
-    With u_i - u0 = d_i the risk of sum w_i u_i is mean (sum w_i d_i)^2 + 2 sigma^2 sum w_i left_i - sigma^2: a quadratic form,
-    as the divergence is linear. The runs are few: each set of them is asked for its least.
+    With d_i = u_i - u0 the risk of sum w_i u_i is mean (sum w_i d_i)^2 + 2 sum w_i left_i - sigma^2. It is quadratic in w,
+    because the divergence is linear. There are few runs, so every subset of them is tried.
 
     :param changes: (m, m), mean d_i d_j.
-    :param left: (m,), sigma^2 times the share of the noise that each run leaves.
+    :param left: (m,), sigma^2 times the share of the noise that remains after each run.
     """
     count, best, least = len(left), np.zeros(len(left)), np.inf
     for size in range(1, count + 1):
@@ -31,7 +31,7 @@ def blended(changes: Array, left: Array) -> tuple[Array, float]:
 
 
 def _even(changes: Array, left: Array) -> Sequence[float]:
-    """The weights of sum 1 of the least value, of whatever sign."""
+    """The weights of sum 1 and of any sign that minimize the same form."""
     m = len(left)
     system = np.zeros((m + 1, m + 1))
     system[:m, :m], system[:m, m], system[m, :m] = changes, 1.0, 1.0

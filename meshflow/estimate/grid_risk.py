@@ -1,4 +1,4 @@
-"""A piece of a grid with its probes: the copies that are run beside it."""
+"""A piece of a grid with its probes: the perturbed copies that are run together with it."""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +16,7 @@ from meshflow.surfaces.grid import Grid
 
 __all__ = ["probed"]
 
-# The rounding of single precision that is no matter, as a share of the noise.
+# The rounding error of single precision that is negligible, as a share of the noise.
 FINE = 1e-3
 
 
@@ -24,7 +24,7 @@ FINE = 1e-3
 class _Beside:
     """Copies of a piece side by side.
 
-    :ivar places: (c, m), of the samples that are counted, in each copy.
+    :ivar places: (c, m), indices of the samples that are counted, in each copy.
     :ivar limit: (n, k); ``speed``: (n, 1).
     """
 
@@ -34,7 +34,7 @@ class _Beside:
     speed: Array | None
 
     def flow(self, configuration: Configuration) -> tuple[Flow, Limit | None]:
-        """What moves them, with one thread: several such runs go on at once."""
+        """The flow with one thread, because several runs go on at once, and the limit of their changes."""
         engine = GridFlow(replace(self.grid, contrast=configuration.contrast), configuration.variant, 1)
         start = engine.start()
         limit = None if self.limit is None else Limit(start, self.limit.astype(start.dtype))
@@ -44,13 +44,13 @@ class _Beside:
 def probed(piece: Piece, probes: Array) -> Probed:
     """A piece with its probes.
 
-    :param probes: (p, k, h, w), of deviation 1, correlated as the noise.
+    :param probes: (p, k, h, w), of deviation 1, correlated like the noise.
     """
     grid, lines = piece.grid, piece.grid.lines is not None
     planes = grid.planes if lines else _single(grid, piece.sigma)
     noise, k = (PROBE * piece.sigma).astype(planes.dtype), len(planes)
     starts = [planes, *(planes + noise * probe.astype(planes.dtype) for probe in probes)]
-    # Lines end at the sides of their image: copies of them are moved one by one.
+    # Lines of sight end at the sides of their image, so their copies are run one by one.
     groups = [[one] for one in starts] if lines else [starts]
     copies = tuple(_Beside(*repeated(piece, group)) for group in groups)
     at = probes.reshape(*probes.shape[:2], -1)[..., piece.counted].astype(planes.dtype)
@@ -62,7 +62,7 @@ def probed(piece: Piece, probes: Array) -> Probed:
 
 
 def _single(grid: Grid, sigma: Array) -> Array:
-    """Planes in single precision, above their middles, where rounding is far below the noise; else as they are."""
+    """Planes in single precision, relative to their middles, if rounding is far below the noise; else unchanged."""
     there = np.broadcast_to(~grid.missing, grid.planes.shape)
     low = np.min(grid.planes, axis=(1, 2), where=there, initial=np.inf, keepdims=True)
     high = np.max(grid.planes, axis=(1, 2), where=there, initial=-np.inf, keepdims=True)

@@ -1,4 +1,4 @@
-"""The search on grids: all configurations on few tiles, the best on more; differences count by their standard errors."""
+"""The search on grids: all configurations on few tiles, the best on more. Differences are compared with their standard errors."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,43 +17,44 @@ from meshflow.surfaces.grid import Grid
 
 __all__ = ["Found", "GridSearch", "searched_on_grid"]
 
-# Up to so many samples all of a grid is looked at: with all configurations, and with the best ones; else so many tiles.
+# The largest grids that are searched whole, with all configurations and with the best ones; and the numbers of tiles of larger
+# ones.
 WHOLE, WHOLE_FINE, FEW, MANY = 24_000, 70_000, 16, 64
-# Times looked at first, in squared sample distances; then each half octave from half to four times what was found.
+# Times of the first round, in squared sample distances. The second round has half octaves from half to four times the best time.
 OCTAVES = (*(2.0**power for power in range(-3, 7)), 96.0)
-# The best, and the best of another variant within so many standard errors of their difference, are looked at again.
+# The second round has the best and the best of another variant within NEAR standard errors of their difference, at most MOST.
 NEAR, MOST = 2.0, 2
-# Below this share of the noise's square the risk is small against its own error: twice as many tiles are taken, and the contrast
-# is changed only for what is gained beyond the standard error. Elsewhere less than that is sure enough.
+# If the risk is below the share SMOOTH of the square of the noise, it is small against its own error. Then twice as many tiles
+# are used, and the contrast changes only for a gain of SURE standard errors; otherwise a gain of ALMOST_SURE is enough.
 SMOOTH, SURE, ALMOST_SURE = 0.03, 1.0, 0.3
-# How often the contrast is changed.
+# The largest number of changes of the contrast.
 ROUNDS = 3
-# Tiles along the border, for what holds there.
+# The largest number of tiles along the border, for the choice of the boundary.
 BORDER = 32
-# So many numbers are probed: a small grid several times; with correlated noise, of which fewer are independent, more.
+# The least number of probed samples: a small grid has several probes, at most PROBES. Correlated noise needs more.
 PROBED, PROBED_CORRELATED, PROBES = 16_000, 60_000, 6
-# So many runs are blended, and the least weight that is worth a run.
+# The largest number of blended runs, and the least weight of one.
 BLENDED, SLIGHT = 3, 0.02
-# An error below zero by this share of the noise's square is none: nothing is believed of that curve.
+# A curve with a mean square error below this share of the square of the noise is rejected.
 BELOW = -0.5
 
 
 @dataclass(frozen=True, eq=False)
 class GridSearch:
-    """What a search on a grid looks at.
+    """The input of a search on a grid.
 
     :ivar configurations: variants with their contrasts.
-    :ivar free: whether contrasts between those may be tried.
-    :ivar sigma: the noise, unit of the values: of each channel (k, 1, 1), of each sample (1, h, w), or of all (1, 1, 1).
-    :ivar end: the time that is given, squared length, at which configurations are compared; None: it is searched for, too.
+    :ivar free: whether other contrasts may be tried.
+    :ivar sigma: the noise, unit of the values: per channel (k, 1, 1), per sample (1, h, w), or one number (1, 1, 1).
+    :ivar end: the given time, squared length, at which configurations are compared; None: the time is also searched for.
     :ivar weights: of twicing.
-    :ivar correlation: (2r+1, 2r+1), of the noise by lag; None: white.
-    :ivar between: (k, k), of the noise of channels; None: none.
-    :ivar limit: (k, h, w), what no sample leaves; None: none.
-    :ivar speed: (1, h, w), the mobility; None: all go freely.
-    :ivar blend: whether the best runs are blended, too.
-    :ivar border: whether the other boundary, ``neumann``, may be tried.
-    :ivar threads: how many.
+    :ivar correlation: (2r+1, 2r+1), correlation of the noise by lag; None: white.
+    :ivar between: (k, k), correlation of the noise between channels; None: independent.
+    :ivar limit: (k, h, w), the largest change of each sample; None: none.
+    :ivar speed: (1, h, w), the mobility; None: all samples are free.
+    :ivar blend: whether the best runs may be blended.
+    :ivar border: whether the boundary ``neumann`` may be tried.
+    :ivar threads: the number of threads.
     """
 
     configurations: tuple[Configuration, ...]
@@ -72,12 +73,12 @@ class GridSearch:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search came to.
+    """The result of a search.
 
-    :ivar candidates: the chosen one first; none where no estimate can be believed.
-    :ivar better: whether the chosen one lowers the error by more than the standard error of that.
-    :ivar neumann: whether the other boundary errs less.
-    :ivar weights: of the first candidates, where blending them errs less than the first alone; else empty.
+    :ivar candidates: the chosen one first; empty if no estimate is reliable.
+    :ivar better: whether the chosen one lowers the error by more than the standard error of that gain.
+    :ivar neumann: whether the boundary ``neumann`` has a lower error.
+    :ivar weights: of the first candidates, if blending them has a lower risk than the first alone; else empty.
     """
 
     candidates: tuple[Candidate, ...]
@@ -88,9 +89,9 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class _Best:
-    """The least of a curve.
+    """The minimum of a curve.
 
-    :ivar risks: (g,), sums over tiles at that time.
+    :ivar risks: (g,), sum of the squared error over each tile at that time.
     """
 
     configuration: Configuration
@@ -101,12 +102,12 @@ class _Best:
     curve: Curve
 
     def beyond(self, other: "_Best") -> float:
-        """The standard error of the difference of their mean risks, by that of their tiles."""
+        """The standard error of the difference of the two mean risks, from the spread over the tiles."""
         return _error(self.risks - other.risks, self.curve.sizes)
 
 
 def searched_on_grid(grid: Grid, search: GridSearch) -> Found:
-    """The candidates of a search on a grid, of which the contrast is left aside."""
+    """The result of a search on a grid. The contrast of the grid is ignored."""
     unit = float(np.mean(grid.spacing[0]) * grid.spacing[1])
     with ThreadPoolExecutor(search.threads) as pool:
         parts = _looked_at(grid, search, FEW, WHOLE)
@@ -123,7 +124,7 @@ def searched_on_grid(grid: Grid, search: GridSearch) -> Found:
         if search.free:
             fine = _sharpened(runs, fine, unit)
         known = {best.configuration for best in fine}
-        if runs.parts is parts:  # what was left behind was looked at on the same samples
+        if runs.parts is parts:  # both rounds used the same samples
             least = min(best.square for best in fine)
             fine = [*fine, *(one for one in found if one.configuration not in known and one.square >= least)]
         ranked = sorted(fine, key=lambda best: best.square)
@@ -137,7 +138,7 @@ def searched_on_grid(grid: Grid, search: GridSearch) -> Found:
 
 
 def _octaves(search: GridSearch, unit: float) -> tuple[float, ...]:
-    """The times looked at first, squared length."""
+    """The times of the first round, squared length."""
     if search.end is None:
         return tuple(time * unit for time in OCTAVES)
     parts = (0.25, 0.5, 1.0, *((2.0,) if max(search.weights) > 0 else ()))
@@ -145,7 +146,7 @@ def _octaves(search: GridSearch, unit: float) -> tuple[float, ...]:
 
 
 def _fine(search: GridSearch, time: float, unit: float) -> tuple[float, ...]:
-    """The times looked at then, squared length."""
+    """The times of the second round around the best time, squared length."""
     if search.end is not None:
         return _octaves(search, unit)
     low = 2.0 ** np.floor(np.log2(max(time / unit, OCTAVES[0])) - 1.0)
@@ -167,7 +168,7 @@ def _looked_at(grid: Grid, search: GridSearch, tiles: int, most: int) -> tuple[P
 
 
 def _with_probes(parts: Sequence[Piece], search: GridSearch) -> tuple[Probed, ...]:
-    """Pieces with as many probes as their size asks for."""
+    """Pieces with their probes; the smaller they are, the more probes."""
     size, made = sum(len(part.counted) for part in parts), []
     enough = PROBED if search.correlation is None else PROBED_CORRELATED
     count = int(np.clip(-(-enough // max(1, size)), 1, PROBES))
@@ -200,14 +201,14 @@ class _Runs:
         return [(one, joined(job.result() for job in waiting[one])) for one in times]
 
     def best(self, times: Mapping[Configuration, Sequence[float]], patience: int) -> list[_Best]:
-        """The least of each configuration's curve, of those that can be believed."""
+        """The minimum of the curve of each configuration; unreliable curves are left out."""
         least = BELOW * self.parts[0].square
         found = [_least(one, curve, self.search.end) for one, curve in self.curves(times, patience) if curve.sound]
         return [best for best in found if best is not None and best.square >= least]
 
 
 def _least(configuration: Configuration, curve: Curve, end: float | None) -> _Best | None:
-    """The least of a curve, one that was evaluated; None for an empty one."""
+    """The minimum over the evaluated times of a curve; None for an empty one."""
     best: _Best | None = None
     for weight, at in curve.sums.items():
         for time in at:
@@ -220,7 +221,7 @@ def _least(configuration: Configuration, curve: Curve, end: float | None) -> _Be
 
 
 def _error(differences: Array, sizes: Array) -> float:
-    """The standard error of a mean over all tiles, from sums over each."""
+    """The standard error of the mean over all tiles, from the sum over each tile."""
     return float(np.std(differences) * np.sqrt(len(differences)) / sizes.sum())
 
 
@@ -238,28 +239,28 @@ def _near(ranked: Sequence[_Best]) -> list[_Best]:
 
 
 def _sharpened(runs: _Runs, fine: Sequence[_Best], unit: float) -> list[_Best]:
-    """With more or less contrast than the best, as long as that surely lowers the risk."""
+    """Adds runs with higher and lower contrast than the best, while that significantly lowers the risk."""
     best, found = min(fine, key=lambda one: one.square), list(fine)
     sure = SURE if best.square < SMOOTH * runs.parts[0].square else ALMOST_SURE
-    ways = [FINER, 1.0 / FINER]
+    factors = [FINER, 1.0 / FINER]
     for _ in range(ROUNDS):
         contrast = best.configuration.contrast
         steps = {
-            replace(best.configuration, contrast=contrast * way): _fine(runs.search, best.time * way**1.5, unit)
-            for way in ways
+            replace(best.configuration, contrast=contrast * factor): _fine(runs.search, best.time * factor**1.5, unit)
+            for factor in factors
         }
         tried = runs.best(steps, 2)
         found += tried
         top = min(tried, key=lambda one: one.square, default=best)
         if top.square + sure * top.beyond(best) >= best.square:
             break
-        ways = [top.configuration.contrast / contrast]
+        factors = [top.configuration.contrast / contrast]
         best = top
     return [one for one in found if one is best or one.square >= best.square]
 
 
 def _weights(runs: _Runs, best: Sequence[_Best], unit: float) -> tuple[float, ...]:
-    """The weights of the best runs in the blend of least risk; none where that is the first one alone."""
+    """The weights of the best runs in the blend of least risk; empty if the first alone is best."""
     changes, left = np.zeros((len(best), len(best))), np.zeros(len(best))
     for part in runs.parts:
         jobs = [
@@ -286,7 +287,7 @@ def _weights(runs: _Runs, best: Sequence[_Best], unit: float) -> tuple[float, ..
 
 
 def _candidate(best: _Best, chosen: _Best, square: float, end: float | None, boundary: str) -> Candidate:
-    """What a configuration is expected to leave, over time."""
+    """The candidate of a configuration: its risk over time."""
     configuration = replace(best.configuration, twice=best.weight, boundary=boundary if best is chosen else "")
     times = tuple(sorted(best.curve.sums[best.weight])) if end is None else (best.time,)
     squares = tuple(best.curve.mean(best.weight, time) for time in times)
@@ -297,7 +298,7 @@ def _candidate(best: _Best, chosen: _Best, square: float, end: float | None, bou
 
 
 def _less_at_the_border(grid: Grid, runs: _Runs, best: _Best) -> bool:
-    """Whether the flow errs less along the border with the other boundary."""
+    """Whether the boundary ``neumann`` has a lower risk along the border."""
     search = replace(runs.search, end=best.time, weights=(best.weight,))
     windows, sums = along_border(grid, BORDER, SIDE // 2), []
     for boundary in (grid.boundary, "neumann"):

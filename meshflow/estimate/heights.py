@@ -175,7 +175,9 @@ def _family(data: Data, request: Request) -> Family:
 
 
 def _searched(plan: Plan, sigma: float) -> Plan | None:
-    """The method, contrast and time of least estimated risk, of what the caller leaves open; None where none can be believed."""
+    """The method, contrast and time of least estimated risk, for the options that the caller leaves open; None if no estimate
+    is reliable.
+    """
     data, request = plan.data, plan.request
     asked, end = request.heights, request.until_time
     like = Variant(indicator=asked.indicator, mass=asked.mass)
@@ -196,7 +198,7 @@ def _searched(plan: Plan, sigma: float) -> Plan | None:
 
 
 def _rough(noise: Noise, sigma: float) -> float:
-    """The noise as differences of neighbours show it: less than it is where it is correlated."""
+    """The noise in differences of neighbours, which is smaller than sigma for correlated noise."""
     if noise.correlation is None:
         return sigma
     middle = len(noise.correlation) // 2
@@ -205,7 +207,7 @@ def _rough(noise: Noise, sigma: float) -> float:
 
 
 def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tuple[float, ...]) -> GridSearch:
-    """What a search looks at on a grid."""
+    """The input of a search on a grid."""
     data, request, noise = plan.data, plan.request, plan.noise
     limit, k = limit_of(data, request, noise)[0], len(grid.planes)
     if limit is not None:

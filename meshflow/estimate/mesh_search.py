@@ -32,9 +32,9 @@ class MeshSearch:
     :ivar times: squared length, increasing.
     :ivar free: whether contrasts between those of the configurations may be tried.
     :ivar sigma: the noise, unit of the values.
-    :ivar end: the time that is given, at which variants are compared; None: the time is searched for, too.
+    :ivar end: the given time, at which variants are compared; None: the time is also searched for.
     :ivar weights: of twicing.
-    :ivar speed: of each sample (n, 1); None: all go freely.
+    :ivar speed: the mobility of each sample (n, 1); None: all are free.
     """
 
     configurations: tuple[Configuration, ...]
@@ -46,7 +46,7 @@ class MeshSearch:
     speed: Array | None = None
 
     def tried(self, probed: Probed, configuration: Configuration) -> list[Candidate]:
-        """The candidates of a configuration, one for each weight of twicing; none where its run was not stable."""
+        """The candidates of a configuration, one for each weight of twicing; empty if its run was not stable."""
         patience, made = 2 if self.end is None else len(self.times), []
         curve = risks_on(probed, configuration, self.times, self.weights, patience)
         for weight, at in curve.sums.items() if curve.sound else ():
@@ -69,7 +69,7 @@ class _Channels:
     speed: Array | None
 
     def flow(self, configuration: Configuration) -> tuple[Flow, None]:
-        """What moves them."""
+        """The flow of the channels, without a limit."""
         surface = self.data.lifted(replace(self.lift, contrast=configuration.contrast))
         return slowed(MeshFlow(surface, configuration.variant), self.speed), None
 
@@ -78,20 +78,20 @@ def searched_on_mesh(data: Mesh, lift: Lift, search: MeshSearch) -> tuple[Candid
     """The candidates of a search on the channels of a mesh, the best first."""
     probed = _probed(data, lift, search)
     found = ranked(one for configuration in search.configurations for one in search.tried(probed, configuration))
-    ways = [FINER, 1.0 / FINER]
+    factors = [FINER, 1.0 / FINER]
     for _ in range(FINE if search.free and found else 0):
         best = found[0]
         contrast = best.configuration.contrast
-        steps = [replace(best.configuration, contrast=contrast * way, twice=0.0) for way in ways]
+        steps = [replace(best.configuration, contrast=contrast * factor, twice=0.0) for factor in factors]
         found = ranked((*found, *(one for step in steps for one in search.tried(probed, step))))
         if found[0] is best or found[0].configuration.variant != best.configuration.variant:
             break
-        ways = [FINER if found[0].configuration.contrast > contrast else 1.0 / FINER]
+        factors = [FINER if found[0].configuration.contrast > contrast else 1.0 / FINER]
     return found
 
 
 def _probed(data: Mesh, lift: Lift, search: MeshSearch) -> Probed:
-    """A mesh, and a copy beside it that starts with random signs on its channels."""
+    """A mesh, and a copy whose channels are perturbed by random signs."""
     if data.channels is None:
         raise InputError("search: a mesh with channels expected, got one without")
     channels = data.channels

@@ -1,4 +1,4 @@
-"""What of a grid a search looks at: all of a small one, of a large one tiles side by side; and beside them a copy per probe."""
+"""The samples of a grid that a search uses: all of a small grid, tiles side by side of a large one, and a copy per probe."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,11 +11,11 @@ from meshflow.surfaces.grid import Grid
 
 __all__ = ["MARGIN", "SIDE", "Piece", "Window", "along_border", "pieces_of", "repeated", "spread", "whole"]
 
-# Samples along a tile's side, and how many of them at a cut are not counted.
+# The side of a tile in samples, and the number of samples at a cut that are not counted.
 SIDE, MARGIN = 40, 4
-# Tiles that are run together: rows as long as that are fast, and two threads have work.
+# The number of tiles that are run together: rows of that length are fast, and two threads have work.
 TOGETHER = 32
-# Blocks of a grid that is looked at as a whole, for standard errors: at most so wide, and at least so many along a side.
+# Blocks of a grid that is used as a whole, for standard errors: their largest width, and the least number along a side.
 BLOCK, BLOCKS = 32, 4
 
 Window = tuple[slice, slice]
@@ -23,14 +23,14 @@ Window = tuple[slice, slice]
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Tiles of a grid side by side, a column of nothing between them.
+    """Tiles of a grid side by side, with a column of missing samples between them.
 
-    :ivar grid: the samples as they came.
-    :ivar counted: (m,), places in the rows of the grid, one tile after the other, of the samples that are counted.
-    :ivar begins: (g,), where in ``counted`` each tile begins.
-    :ivar sigma: (1, h, w), (k, 1, 1) or (1, 1, 1), the noise of each sample, or of each channel.
-    :ivar limit: (k, h, w), what no sample leaves; None: none.
-    :ivar speed: (1, h, w), the mobility; None: all go freely.
+    :ivar grid: the unchanged samples.
+    :ivar counted: (m,), row-major indices in the grid of the samples that are counted, tile by tile.
+    :ivar begins: (g,), index in ``counted`` of the first sample of each tile.
+    :ivar sigma: the noise of each sample (1, h, w), of each channel (k, 1, 1), or of all (1, 1, 1).
+    :ivar limit: (k, h, w), the largest change of each sample; None: none.
+    :ivar speed: (1, h, w), the mobility; None: all samples are free.
     """
 
     grid: Grid
@@ -42,7 +42,7 @@ class Piece:
 
 
 def whole(grid: Grid, sigma: Array, limit: Array | None = None, speed: Array | None = None) -> Piece:
-    """A grid as one piece; its blocks stand for tiles."""
+    """A grid as one piece. Its blocks serve as tiles."""
     h, w = grid.shape
     side = max(2, min(BLOCK, h // BLOCKS, w // BLOCKS))
     rows, columns = np.arange(h) // side, np.arange(w) // side
@@ -55,7 +55,7 @@ def pieces_of(
 ) -> tuple[Piece, ...]:
     """Windows of a grid, all of one size, as pieces.
 
-    Where rows have spacings of their own, those of a piece lie in the same rows.
+    If rows have different spacings, the windows of a piece lie in the same rows.
     """
     if np.ndim(grid.spacing[0]):
         tops = sorted({window[0].start for window in windows})
@@ -67,7 +67,9 @@ def pieces_of(
 
 
 def spread(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
-    """About so many windows, evenly over a grid; those of which less than half could move are left out, and others taken."""
+    """About ``count`` evenly spaced windows of a grid. Windows with less than half of their samples free are replaced by
+    others.
+    """
     h, w = grid.shape
     high, wide = min(h, side), min(w, side)
     free, found = ~(grid.missing | grid.fixed), []
@@ -86,7 +88,7 @@ def spread(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
 
 
 def along_border(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
-    """At most so many windows along the border of a grid, evenly."""
+    """At most ``count`` evenly spaced windows along the border of a grid."""
     h, w = grid.shape
     high, wide = min(h, side), min(w, side)
     rows = sorted({int(r) for r in np.linspace(0, h - high, max(2, -(-h // high)))})
@@ -100,7 +102,7 @@ def along_border(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
 
 
 def _laid(h: int, w: int, high: int, wide: int, count: int) -> list[Window]:
-    """Windows in even rows and columns, which do not overlap."""
+    """Windows in evenly spaced rows and columns that do not overlap."""
     down = int(np.clip(np.rint(np.sqrt(count * h / w)), 1, max(1, h // high)))
     across = int(np.clip(np.rint(count / down), 1, max(1, w // wide)))
     down = int(np.clip(np.rint(count / across), down, max(1, h // high)))
@@ -110,13 +112,16 @@ def _laid(h: int, w: int, high: int, wide: int, count: int) -> list[Window]:
 
 
 def _counts(grid: Grid) -> Array:
-    """The samples (h, w) that are counted: those that may move, or where there is none, those that are there."""
+    """Mask (h, w) of the samples that are counted: those that may move, or if there are none, those that are present."""
     counted = ~(grid.missing | grid.fixed)
     return counted if counted.any() else ~grid.missing
 
 
 def _piece(grid: Grid, label: Array, sigma: Array, limit: Array | None, speed: Array | None) -> Piece:
-    """A piece of a grid of which each sample has the number of its tile, or -1 where it is not counted."""
+    """A piece of a grid.
+
+    :param label: (h, w), the number of the tile of each sample, -1 where it is not counted.
+    """
     flat = label.ravel()
     places = np.flatnonzero(flat >= 0)
     places = places[np.argsort(flat[places], kind="stable")]
@@ -141,7 +146,9 @@ def _joined(grid: Grid, windows: list[Window], sigma: Array, limit: Array | None
 
 
 def _inner(window: Window, h: int, w: int, number: int) -> Array:
-    """The number of a tile where its samples are counted: not beside a cut, but at the border of the grid."""
+    """The number of a tile where its samples are counted, else -1. Samples beside a cut do not count; those at the border of
+    the grid do.
+    """
     rows, columns = window
     label = np.full((rows.stop - rows.start, columns.stop - columns.start), -1)
     label[
@@ -152,19 +159,19 @@ def _inner(window: Window, h: int, w: int, number: int) -> Array:
 
 
 def _parts_beside(array: Array | None, windows: list[Window]) -> Array | None:
-    """Parts of an array (k, h, w) side by side."""
+    """Windows of an array (k, h, w) side by side."""
     return None if array is None else _beside([array[..., *window] for window in windows], 0.0)
 
 
 def _beside(parts: Sequence[Array], fill: float) -> Array:
-    """Arrays (..., h, w) side by side, a column of ``fill`` between them."""
+    """Arrays (..., h, w) side by side with a column of ``fill`` between them."""
     gap = np.full((*parts[0].shape[:-1], 1), fill, parts[0].dtype)
     row = [array for part in parts for array in (gap, part)]
     return np.concatenate(row[1:], axis=-1)
 
 
 def _cuts_beside(cuts: Cuts, windows: Sequence[Window]) -> Cuts:
-    """The cuts of windows that stand side by side."""
+    """The cuts of windows side by side."""
     right, down = [], []
     for rows, columns in windows:
         inner = cuts.right[rows, columns.start : columns.stop - 1]
@@ -174,10 +181,9 @@ def _cuts_beside(cuts: Cuts, windows: Sequence[Window]) -> Cuts:
 
 
 def repeated(piece: Piece, planes: Sequence[Array]) -> tuple[Grid, Array, Array | None, Array | None]:
-    """The grid of a piece once for each of some planes (k, h, w), side by side: one call of a kernel moves all of them.
+    """Copies of the grid of a piece side by side, one for each of ``planes`` (k, h, w), so that one call of a kernel moves all.
 
-    :returns: the grid; the places of the samples that are counted in each copy, (copies, m); the limit, (n, k); the mobility,
-        (n, 1).
+    :returns: the grid; the indices (copies, m) of the counted samples of each copy; the limit (n, k); the mobility (n, 1).
     """
     grid, (h, w), count = piece.grid, piece.grid.shape, len(planes)
     missing, fixed = (_beside([array] * count, fill) for array, fill in ((grid.missing, True), (grid.fixed, False)))
@@ -189,5 +195,5 @@ def repeated(piece: Piece, planes: Sequence[Array]) -> tuple[Grid, Array, Array 
 
 
 def _columns(array: Array | None, count: int) -> Array | None:
-    """An array (k, h, w) so many times side by side, as (n, k)."""
+    """``count`` copies of an array (k, h, w) side by side, as (n, k)."""
     return None if array is None else _beside([array] * count, 0.0).reshape(len(array), -1).T

@@ -39,7 +39,7 @@ class Decided:
 
 @dataclass(frozen=True)
 class Part:
-    """One run of several that are blended.
+    """One of several runs that are blended.
 
     :ivar time: squared length.
     """

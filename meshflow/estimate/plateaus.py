@@ -1,4 +1,4 @@
-"""Level regions of quantised heights: lakes and levelled tops, apart from the steps of slopes and the bottoms of bowls."""
+"""Level regions of quantised heights: lakes and levelled tops, as opposed to the steps of slopes and the bottoms of bowls."""
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, find_objects
@@ -9,19 +9,19 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["plateaus_of"]
 
-# A plateau stays where it is this wide, in samples from its middle to its shore, holds so many, nearly all beside it lies on one
-# side of it, and it is so many times wider than the next step, which is looked for so far off.
+# A plateau is kept if it has this width (samples from its middle to its shore) and this size, if this share of its neighbours
+# is on one side of it (above or below), and if it is so many times wider than the next step within BESIDE samples.
 WIDTH, SIZE, ONE_SIDED, MUCH_WIDER, BESIDE = 4, 100, 0.9, 2.0, 40
 # The shore of a plateau, as a share of the width of the next step.
 SHORE = 0.4
 
 
 def plateaus_of(values: Array, missing: Array, quantum: float) -> Array:
-    """Level regions (h, w) that stay as they are: lakes, and tops that were levelled.
+    """Mask (h, w) of level regions that are kept: lakes, and levelled tops.
 
-    Wide ones, with nearly all that is beside them on one side of them, above or below; the steps of a slope have what is higher
-    on one side and what is lower on the other. And much wider than the next step: the bottom of a bowl that was rounded is 1.4
-    times as wide as that, one that was levelled half a step above it three times.
+    Such a region is wide, and nearly all of its neighbours are above it, or nearly all below it; a step of a slope has higher
+    neighbours on one side and lower ones on the other. It is also much wider than the next step: the rounded bottom of a bowl is
+    1.4 times as wide as that, one that was levelled half a step above its bottom three times.
     """
     numbers = _level_regions(values, missing)
     core = binary_erosion(_within(numbers), iterations=WIDTH - 1, border_value=1)
@@ -41,7 +41,7 @@ def plateaus_of(values: Array, missing: Array, quantum: float) -> Array:
 
 
 def _level_regions(values: Array, missing: Array) -> Array:
-    """A number (h, w) for each region of one value, from 0."""
+    """The number (h, w), from 0, of the region of equal values of each sample."""
     index = np.arange(missing.size).reshape(missing.shape)
     pairs = []
     for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
@@ -53,7 +53,7 @@ def _level_regions(values: Array, missing: Array) -> Array:
 
 
 def _within(numbers: Array) -> Array:
-    """The samples (h, w) whose four neighbours are of the same region."""
+    """Mask (h, w) of the samples whose four neighbours belong to the same region."""
     inside = np.ones(numbers.shape, bool)
     for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         same = numbers[one] == numbers[two]
@@ -63,7 +63,7 @@ def _within(numbers: Array) -> Array:
 
 
 def _beside(values: Array, numbers: Array, missing: Array, count: int) -> tuple[Array, Array]:
-    """How many neighbours of each region are higher, and how many lower."""
+    """The numbers of higher and of lower neighbours of each region."""
     higher, lower = np.zeros(count), np.zeros(count)
     for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         known = ~missing[one] & ~missing[two]
@@ -74,9 +74,9 @@ def _beside(values: Array, numbers: Array, missing: Array, count: int) -> tuple[
 
 
 def _levelled(values: Array, missing: Array, piece: Array, quantum: float) -> Array:
-    """What of a region (h, w) is level, where it is much wider than the step beside it: all but its shore.
+    """The level part (h, w) of a region, without its shore; nothing unless it is much wider than the next step.
 
-    The shore rises by up to half a quantum and was rounded to the same level: half as wide as the next step.
+    The shore rises by up to half a quantum and was rounded to the same level. It is half as wide as the next step.
     """
     level = float(values[piece].flat[0])
     inland = _distance(np.pad(piece | missing, 1, mode="edge"))[1:-1, 1:-1]
@@ -89,6 +89,6 @@ def _levelled(values: Array, missing: Array, piece: Array, quantum: float) -> Ar
 
 
 def _distance(inside: Array) -> Array:
-    """How far each sample (h, w) is from the next one that is not inside, in samples."""
+    """The distance of each sample (h, w) to the nearest one that is not inside, in samples."""
     found: Array = np.asarray(distance_transform_edt(inside), np.float64)
     return found

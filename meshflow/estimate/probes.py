@@ -1,4 +1,4 @@
-"""Random probes for Monte Carlo estimates of the risk: fields of deviation 1 that correlate as the noise does."""
+"""Random probes for Monte Carlo estimates of the risk: fields of deviation 1 with the correlation of the noise."""
 
 import numpy as np
 
@@ -16,11 +16,11 @@ def probes(
 ) -> Array:
     """Fields b of mean 0 and covariance C, the correlation of the noise: E[b . J b] = tr(C J) for every matrix J.
 
-    For white noise they are random signs, which have the least variance of all: none for a diagonal J. For correlated noise they
-    are Gaussian. Those are periodic: what lies at one side of the grid correlates with the opposite side, which no flow joins.
+    For white noise they are random signs, whose estimate has the least variance, zero for a diagonal J. For correlated noise they
+    are Gaussian and periodic: opposite sides of the grid correlate, which has no effect because no flow joins them.
 
     :param shape: (k, h, w), channels, rows and columns.
-    :param count: how many, p.
+    :param count: the number of probes, p.
     :param correlation: (2r+1, 2r+1), by lag in rows and columns, 1 in the middle; None: white.
     :param between: (k, k), correlation of channels; None: none.
     :param seed: of the random numbers.
@@ -36,7 +36,7 @@ def probes(
 
 
 def _correlated(draw: np.random.Generator, shape: tuple[int, int, int, int], correlation: Array | None) -> Array:
-    """Gaussian fields (p, k, h, w), white or filtered with the root of their spectrum, of which nothing is below zero."""
+    """Gaussian fields (p, k, h, w), white or filtered with the square root of their spectrum, clipped at zero."""
     if correlation is None:
         return draw.standard_normal(shape, dtype=np.float32)
     p, k, *need = shape
@@ -51,6 +51,6 @@ def _correlated(draw: np.random.Generator, shape: tuple[int, int, int, int], cor
 
 
 def _root(matrix: Array) -> Array:
-    """The symmetric root of a correlation matrix."""
+    """The symmetric square root of a correlation matrix."""
     values, vectors = np.linalg.eigh(np.asarray(matrix, np.float64))
     return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T

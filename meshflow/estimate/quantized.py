@@ -1,4 +1,4 @@
-"""The plan for quantised heights: where rounding is the noise, the surface of least bending that was recorded as these steps."""
+"""The plan for quantised heights whose noise is rounding: the surface of least bending that rounds to these steps."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -24,8 +24,8 @@ from meshflow.surfaces.image import Image
 
 __all__ = ["LeastBending", "quantized"]
 
-# Noise of so many times the error of rounding is noise of its own: it makes that error independent of the data, and the risk of a
-# flow can be estimated.
+# Noise above this multiple of the rounding error makes that error independent of the data, so the risk of a flow can be
+# estimated.
 MOSTLY = 1.8
 # A flow that keeps edges is taken where its risk is next to that of least bending: where edges matter the two come near,
 # elsewhere bending is better by far. A risk far below it is not credible.
@@ -35,7 +35,7 @@ UNCHANGED = "data left unchanged: rounding is the noise, and no smoothing was es
 
 @dataclass(frozen=True, kw_only=True)
 class LeastBending(HeightMethod):
-    """The surface of least bending within the steps of quantised data. It is found by the data, not chosen by name."""
+    """The surface of least bending within the steps of quantised data. It is chosen from the data, not by name."""
 
     word: ClassVar[str] = "least-bending"
 
@@ -43,8 +43,9 @@ class LeastBending(HeightMethod):
 
 
 def quantized(data: HeightField | Image, request: Request, noise: Noise) -> Plan | None:
-    """The surface that was recorded as whole steps, and no flow; None where rounding is not most of the noise, where the caller
-    asks for something else, and for several channels.
+    """A plan whose result is the surface of least bending within the steps, without a flow.
+
+    :returns: None if rounding is not most of the noise, if the caller asks for something else, and for several channels.
     """
     heights = data.z if isinstance(data, HeightField) else data.values
     if heights.ndim != 2 or not _suits(data, request) or not _mostly_rounded(noise, request.strength):
@@ -92,7 +93,7 @@ class _Flowed:
 
 
 def _suits(data: HeightField | Image, request: Request) -> bool:
-    """Whether the caller leaves open what is done, and how far samples may move."""
+    """Whether the caller leaves the method and the largest change open, and the data is suitable."""
     held = request.constraints
     asked = request.asked or request.insisting or request.method is not None or request.boundary is not None
     bound = any(given is not None for given in (held.max_change, held.mobility))

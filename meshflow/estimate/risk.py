@@ -49,7 +49,8 @@ class Candidate:
     :ivar times: at which the risk was estimated, squared length; the first is zero.
     :ivar squares: mean square error, squared unit of the values; at time zero sigma^2. An error of sigma shifts all
         of them equally: they may be negative, and can still be compared.
-    :ivar doubt: standard error of its least mean square error less that of the chosen one; 0 of that, and where it is not known.
+    :ivar doubt: standard error of the difference of its least mean square error and that of the chosen one; 0 for the chosen one,
+        and if unknown.
     """
 
     configuration: Any
@@ -64,7 +65,7 @@ class Candidate:
 
     @property
     def least(self) -> tuple[float, float]:
-        """Time and mean square error where that is least, of the times looked at."""
+        """The time and the mean square error at the minimum over ``times``."""
         i = int(np.argmin(self.squares))
         return self.times[i], self.squares[i]
 
@@ -80,5 +81,5 @@ def ranked(candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
 
 
 def as_good(candidate: Candidate, chosen: Candidate) -> bool:
-    """Whether a candidate errs as little as the chosen one, as far as the estimate can tell."""
+    """Whether a candidate differs from the chosen one by no more than the standard error."""
     return candidate is not chosen and abs(candidate.least[1] - chosen.least[1]) <= candidate.doubt

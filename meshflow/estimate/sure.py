@@ -17,22 +17,22 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Copies", "Curve", "Probed", "Seen", "joined", "risks_on", "seen_at"]
 
-# A run is given up when its mean square error has stayed above its least, by this share and this share of the noise, for some
-# times: what is given back by twicing is known by then.
+# A run ends when its mean square error has exceeded its minimum by BEYOND of it plus SLIGHT of the noise at several times in a
+# row; the errors with twicing are then known, too.
 BEYOND, SLIGHT = 0.05, 0.01
 # The largest number of rates of a run; a flow that is not stiff reaches 96 squared sample distances in 200.
 RATES = 240
-# What of the noise is left lies between nothing and all, but for its own standard error; a run that says otherwise is unstable.
+# The remaining share of the noise is between 0 and 1 up to SURE standard errors. A run outside of these bounds is unstable.
 LEAST_LEFT, MOST_LEFT, SURE = -0.05, 1.5, 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What a configuration is expected to leave on tiles.
+    """The expected error of a configuration over time, on tiles.
 
-    :ivar sums: of the squared error over each tile (g,), by the weight of twicing and the time.
-    :ivar sizes: (g,), how many numbers those are of.
-    :ivar sound: whether the run was stable as far as it went.
+    :ivar sums: sum of the squared error over each tile (g,), by the weight of twicing and the time.
+    :ivar sizes: (g,), the number of values in each tile.
+    :ivar sound: whether the run was stable.
     """
 
     sums: Mapping[float, Mapping[float, Array]]
@@ -45,7 +45,7 @@ class Curve:
 
 
 def joined(curves: Iterable[Curve]) -> Curve:
-    """The curves of one configuration on several pieces as one, at the times that all of them have come to."""
+    """The curves of one configuration on several pieces as one curve, at the times that all of them reached."""
     curves = tuple(curves)
     sums = {
         weight: {
@@ -59,27 +59,27 @@ def joined(curves: Iterable[Curve]) -> Curve:
 
 
 class Copies(Protocol):
-    """Copies of one data that are moved together."""
+    """Copies of the same data that are run together."""
 
     @property
     def places(self) -> Array:
-        """(c, m), of the samples that are counted, in each copy."""
+        """(c, m), indices of the samples that are counted, in each copy."""
         ...
 
     def flow(self, configuration: Configuration) -> tuple[Flow, Limit | None]:
-        """What moves them, and what they are held to."""
+        """The flow, and the limit of changes."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Probed:
-    """Data, and beside it copies that start at u0 + PROBE sigma b, one for each probe b.
+    """Data, and copies of it that start at u0 + PROBE sigma b, one for each probe b.
 
     :ivar copies: all of them; the first one is the data itself.
-    :ivar begins: (g,), where among the samples that are counted each tile begins.
-    :ivar probes: (p, k, m), b at those samples, of deviation 1, correlated as the noise.
+    :ivar begins: (g,), index of the first counted sample of each tile.
+    :ivar probes: (p, k, m), b at the counted samples, of deviation 1, correlated like the noise.
     :ivar sigma: (k, m) or (k, 1), the noise.
-    :ivar relative: (k, m), what errors are counted in, of mean square 1; None: all alike.
+    :ivar relative: (k, m), unit of the error at each sample, of mean square 1; None: all equal.
     """
 
     copies: tuple[Copies, ...]
@@ -90,18 +90,20 @@ class Probed:
 
     @cached_property
     def sizes(self) -> Array:
-        """(g,), how many numbers of each tile are counted."""
+        """(g,), the number of counted values of each tile."""
         _, k, m = self.probes.shape
         return k * np.diff(self.begins, append=m)
 
     @cached_property
     def square(self) -> float:
-        """The mean square of the noise, squared unit of the values: the risk of leaving all as it is."""
+        """The mean square of the noise, squared unit of the values: the risk of unchanged data."""
         return float(np.mean(self.sigma**2))
 
     @cached_property
     def pull(self) -> Array:
-        """(p, k, m), what makes of the way between copy and data sigma^2 times the share of the noise that is left."""
+        """(p, k, m), factors whose product with the difference of copy and data is sigma^2 times the remaining share of the
+        noise.
+        """
         each = self.sigma if self.relative is None else self.sigma / np.square(self.relative)
         norm = len(self.probes) * np.mean(np.square(self.probes, dtype=np.float64), axis=2, keepdims=True)
         return (self.probes * (each / PROBE) / norm).astype(self.probes.dtype)
@@ -111,14 +113,19 @@ class Probed:
         return np.add.reduceat(values, self.begins, axis=1, dtype=np.float64).sum(axis=0)
 
     def counted(self, states: Sequence[Array]) -> Array:
-        """(1 + p, k, m), the samples that are counted, of the data and of all copies, from the states (n, k)."""
+        """(1 + p, k, m), the counted samples of the data and of all copies, from the states (n, k)."""
         taken = [np.take(u.T, part.places, axis=1) for u, part in zip(states, self.copies, strict=True)]
         return np.concatenate([np.swapaxes(one, 0, 1) for one in taken])
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A state: what has changed (k, m), the sums over tiles (g,) of its square, and sigma^2 times what is left of the noise."""
+    """A state of a run.
+
+    :ivar change: (k, m), from the start.
+    :ivar square: (g,), sum of its square over each tile.
+    :ivar left: (g,), sum over each tile of sigma^2 times the remaining share of the noise.
+    """
 
     change: Array
     square: Array
@@ -126,13 +133,15 @@ class Seen:
 
     @classmethod
     def of(cls, probed: Probed, now: Array, start: Array) -> "Seen":
-        """From the samples that are counted (1 + p, k, m), and where those of the data began (k, m)."""
+        """From the counted samples ``now`` (1 + p, k, m), and those of the data at the start (k, m)."""
         change = now[0] - start if probed.relative is None else (now[0] - start) / probed.relative
         left = np.einsum("pkm,pkm->km", now[1:] - now[0], probed.pull)
         return cls(change, probed.sums(change * change), probed.sums(left))
 
     def twiced(self, probed: Probed, later: "Seen", weight: float) -> "Seen":
-        """With what the flow still takes by twice the time given back, times a weight."""
+        """The state with twicing: adds ``weight`` times the change that the flow makes until twice the time, with opposite
+        sign.
+        """
         change = self.change + weight * (self.change - later.change)
         return Seen(change, probed.sums(change * change), self.left + weight * (self.left - later.left))
 
@@ -140,14 +149,14 @@ class Seen:
 def risks_on(
     probed: Probed, configuration: Configuration, times: Sequence[float], weights: Sequence[float], patience: int
 ) -> Curve:
-    """The squared error to be expected on each tile.
+    """The expected squared error on each tile.
 
-    |u - u0|^2 - sigma^2 + 2 sigma^2 b . (u(u0 + e b) - u(u0)) / e: what was changed, less the noise, plus what of the noise is
-    left, measured by runs that start beside the first by e b. For correlated noise b has its covariance.
+    It is |u - u0|^2 - sigma^2 + 2 sigma^2 b . (u(u0 + e b) - u(u0)) / e: the change, minus the noise, plus the remaining noise,
+    measured by runs that start at u0 + e b. For correlated noise b has its covariance.
 
-    :param times: growing, above zero; twicing with a weight above zero is known at a time of which the double is among them.
-    :param weights: of twicing; they cost no further run.
-    :param patience: the run ends when the risk has been above its least, by 5 %, at more than so many times in a row.
+    :param times: positive and increasing; the error with twicing is known at times whose double is also among them.
+    :param weights: of twicing; they need no further run.
+    :param patience: the run ends when the risk has exceeded its minimum by 5 % at more than this many times in a row.
     """
     sums: dict[float, dict[float, Array]] = {weight: {} for weight in weights}
     seen: dict[float, Seen] = {}
@@ -156,7 +165,7 @@ def risks_on(
         seen[time] = now
         if not _stable(probed, now):
             return Curve(sums, probed.sizes, sound=False)
-        latest = _told(probed, seen, time, sums)
+        latest = _recorded(probed, seen, time, sums)
         least = min(least, latest)
         worse = worse + 1 if latest > least + BEYOND * (abs(least) + SLIGHT * probed.square) else 0
         if worse > patience:
@@ -166,7 +175,7 @@ def risks_on(
 
 
 def seen_at(probed: Probed, configuration: Configuration, times: Sequence[float], at: float) -> Seen | None:
-    """What a configuration does to the data by a time, with its twicing; None where it does not come so far."""
+    """The state of a configuration at time ``at``, with its twicing; None if the run does not reach it."""
     weight, found = configuration.twice, {}
     for time, now in _walk(probed, configuration, times):
         if time in (at, 2.0 * at):
@@ -180,7 +189,7 @@ def seen_at(probed: Probed, configuration: Configuration, times: Sequence[float]
 
 
 def _walk(probed: Probed, configuration: Configuration, times: Sequence[float]) -> Iterator[tuple[float, Seen]]:
-    """What is seen at each time, until so many rates are spent that a flow is too stiff to be worth its run."""
+    """The state at each time. It ends early if a stiff flow needs more than RATES evaluations."""
     flows, limits = zip(*(part.flow(configuration) for part in probed.copies), strict=True)
     spaces, stepper = [Workspace(flow) for flow in flows], SuperTime()
     states, since, spent = [flow.start() for flow in flows], 0.0, 0
@@ -200,8 +209,10 @@ def _walk(probed: Probed, configuration: Configuration, times: Sequence[float]) 
         yield time, Seen.of(probed, probed.counted(states), start)
 
 
-def _told(probed: Probed, seen: Mapping[float, Seen], time: float, sums: Mapping[float, dict[float, Array]]) -> float:
-    """Write down the risks that are known at a time; the least mean square error of them."""
+def _recorded(
+    probed: Probed, seen: Mapping[float, Seen], time: float, sums: Mapping[float, dict[float, Array]]
+) -> float:
+    """Adds the risks that are known at a time to ``sums``, and returns the least mean square error of them."""
     now, half, found = seen[time], seen.get(0.5 * time), []
     noise = probed.square * probed.sizes
     cross = None if half is None else probed.sums(now.change * half.change)
@@ -218,7 +229,7 @@ def _told(probed: Probed, seen: Mapping[float, Seen], time: float, sums: Mapping
 
 
 def _stable(probed: Probed, seen: Seen) -> bool:
-    """Whether what is left of the noise is a share of it, as far as that is known."""
+    """Whether the remaining share of the noise is within its bounds, up to its standard error."""
     share = seen.left / (probed.square * probed.sizes)
     if not np.isfinite(share).all() or not np.isfinite(seen.square).all():
         return False

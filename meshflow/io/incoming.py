@@ -1,4 +1,6 @@
-"""Files that cannot be read in place: pipes and stdin, and names that libraries cannot open; a copy or a link stands for them."""
+"""Files that cannot be read in place: pipes, stdin, and names that libraries cannot open. They are replaced by a copy or a
+link.
+"""
 
 import atexit
 import os
@@ -16,7 +18,7 @@ from meshflow.errors import FormatError
 __all__ = ["STDIN", "plainly_named", "set_down", "temporary"]
 
 STDIN = Path("-")
-# How files begin that say themselves what they are, for those that come without an extension.
+# The first bytes of formats that can be recognised by them, for files without an extension.
 _BEGINS = (
     (b"ply", ".ply"),
     (b"glTF", ".glb"),
@@ -38,16 +40,16 @@ _BEGINS = (
 
 @lru_cache(maxsize=1)
 def temporary(process: int) -> Path:
-    """A folder of this process for files that it needs as long as it runs; what is in it goes with it."""
+    """A temporary folder of this process; it is deleted when the process ends."""
     folder = mkdtemp(prefix="meshflow-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
 
 
 def set_down(path: Path) -> Path:
-    """A file as it is; of ``-`` (stdin), a pipe or a device all that comes, as a file with the extension that belongs to it.
+    """The path of a regular file unchanged; the content of ``-`` (stdin), a pipe or a device as a file with the right extension.
 
-    :raises FormatError: when nothing comes, or it has no extension and does not say what it is.
+    :raises FormatError: if the content is empty, or has no extension and cannot be recognised by its first bytes.
     """
     if path != STDIN and (not path.exists() or path.is_dir() or stat.S_ISREG(path.stat().st_mode)):
         return path
@@ -70,7 +72,7 @@ def set_down(path: Path) -> Path:
 
 @contextmanager
 def plainly_named(path: Path) -> Iterator[Path]:
-    """A path that libraries can open: where a name is no UTF-8, a link to it, for as long as it is read."""
+    """A path that libraries can open: if the name is not UTF-8, a temporary link to it."""
     try:
         str(path).encode("utf-8")
     except UnicodeEncodeError:

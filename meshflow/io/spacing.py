@@ -140,7 +140,7 @@ def on_ellipsoid(
     (on the Earth it changes by 1 % from equator to pole). a and e are those of the ellipsoid of the CRS, on any planet.
 
     :param latitudes: (h,), of the centres of the rows, in any order.
-    :param columns: of the grid, so that one around the Earth is told.
+    :param columns: the number of columns of the grid, to recognise one around the Earth.
     :raises InputError: for a row beyond a pole.
     """
     radius, flattening = _ellipsoid(crs)

@@ -1,4 +1,4 @@
-"""Values that mark what is missing, where no tag says so: -9999, -3.4e38 and the like."""
+"""Values that mark missing samples without being declared in the file: -9999, -3.4e38 and the like."""
 
 from dataclasses import dataclass
 
@@ -8,23 +8,23 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Mark", "mark_in"]
 
-# What programs write where nothing was measured; beyond the largest no quantity of the field goes.
+# Values that programs write where nothing was measured, and a bound above which there are no measurements.
 _USUAL = (
     -9999.0, -99999.0, -999999.0, -9999999.0, -32768.0, -32767.0, 32767.0, -999.0, -2147483648.0, 9999.0, 99999.0, 999999.0,
     1e20, -1e20,
 )  # fmt: skip
 _BEYOND = 1e30
-# How often it must be there, and how far from all other samples, in the range of these.
+# The least number of marked samples, and the least distance to all other samples, as a multiple of their range.
 _OFTEN, _FAR = 2, 1.0
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A value that can only be a mark.
+    """A value that marks missing samples.
 
     :param value: as it is stored.
-    :param count: the samples that have it.
-    :param others: the least and the greatest of all other samples.
+    :param count: the number of samples with it.
+    :param others: the minimum and maximum of all other samples.
     """
 
     value: float
@@ -32,7 +32,7 @@ class Mark:
     others: tuple[float, float]
 
     @property
-    def told(self) -> str:
+    def sentence(self) -> str:
         """A sentence for the user."""
         low, high = self.others
         return (
@@ -42,10 +42,10 @@ class Mark:
 
 
 def mark_in(values: Array, gone: Array) -> Mark | None:
-    """The value at an end of all samples that marks missing ones without a word; None where there is none.
+    """The undeclared value, the minimum or maximum, that marks missing samples; None if there is none.
 
-    It is beyond 1e30, or one that programs write, there more than once and further from all other samples than these
-    are from each other.
+    It is beyond 1e30 in absolute value, or it is a usual one of programs, occurs more than once, and is further from all other
+    samples than the width of their range.
 
     :param values: as they are stored, any shape.
     :param gone: of the same shape, samples that are known to be missing.

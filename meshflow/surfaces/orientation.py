@@ -1,4 +1,6 @@
-"""How a grid lies: one of its eight turns and mirrors, chosen by the data, so that what is done to it does not depend on it."""
+"""Rotations and reflections of a grid. Data is brought to a standard orientation, so that results do not depend on the given
+one.
+"""
 
 from dataclasses import dataclass
 
@@ -9,16 +11,17 @@ from meshflow.surfaces.discontinuities import Cuts
 
 __all__ = ["AS_IT_IS", "Orientation", "orientation_of"]
 
-# Rows and columns that are looked at, at most; and the share of its terms below which a moment is their rounding.
+# The largest numbers of rows and of columns that are used; and the share of the sum of its absolute terms below which a moment
+# is zero.
 ENOUGH, ROUNDING = 512, 1e-9
 
 
 @dataclass(frozen=True)
 class Orientation:
-    """A turn or mirror of a grid: transposed first, then its rows and its columns reversed.
+    """A rotation or reflection of a grid: a transposition, followed by reversals of rows and of columns.
 
-    :ivar transposed: rows become columns.
-    :ivar rows: the order of the rows is reversed, ``columns``: that of the columns.
+    :ivar transposed: whether rows become columns.
+    :ivar rows: whether the order of the rows is reversed; ``columns``: that of the columns.
     """
 
     transposed: bool = False
@@ -27,33 +30,33 @@ class Orientation:
 
     @property
     def changes(self) -> bool:
-        """Whether anything is moved."""
+        """Whether it differs from the identity."""
         return self.transposed or self.rows or self.columns
 
     @property
     def inverse(self) -> "Orientation":
-        """The one that undoes it."""
+        """The inverse orientation."""
         rows, columns = (self.columns, self.rows) if self.transposed else (self.rows, self.columns)
         return Orientation(self.transposed, rows, columns)
 
     def of(self, array: Array) -> Array:
-        """An array (h, w, ...) moved, a view."""
+        """A reoriented view of an array (h, w, ...)."""
         turned = np.swapaxes(array, 0, 1) if self.transposed else array
         return turned[:: -1 if self.rows else 1, :: -1 if self.columns else 1]
 
     def of_samples(self, columns: Array, shape: tuple[int, int]) -> Array:
-        """An array (h * w, k) of a grid (h, w), moved likewise."""
+        """The reoriented array (h * w, k) of a grid (h, w)."""
         return self.of(columns.reshape(*shape, -1)).reshape(len(columns), -1) if self.changes else columns
 
     def of_spacing(self, spacing: Spacing) -> Spacing:
-        """(dx, dy) of the grid as it then lies; one dx per row cannot be transposed."""
+        """The spacing (dx, dy) of the reoriented grid; one dx per row cannot be transposed."""
         dx, dy = spacing
         if self.transposed:
             return float(dy), float(np.mean(dx))
         return (np.asarray(dx)[::-1] if self.rows and np.ndim(dx) else dx), dy
 
     def of_cuts(self, cuts: Cuts | None) -> Cuts | None:
-        """Cuts between the samples as they then lie."""
+        """The cuts of the reoriented grid."""
         if cuts is None:
             return None
         right, down = self.of(cuts.right), self.of(cuts.down)
@@ -64,15 +67,15 @@ AS_IT_IS = Orientation()
 
 
 def orientation_of(values: Array, missing: Array, spacing: Spacing) -> Orientation:
-    """The orientation that data has of itself: turned or mirrored data comes to lie the same.
+    """The orientation that brings data to its standard orientation, the same for rotated and reflected data.
 
-    What varies lies to the right and below, and extends along the rows: by moments of the squared deviation from the mean, which
-    data upside down has, too, and of what is there; by higher ones where lower ones are zero. Data that is symmetric in all of
-    them stays as it is.
+    In the standard orientation most variation is at the right and below, and extends along the rows. This is decided by moments
+    of the squared deviation from the mean, which do not change for data upside down, and of the mask of present samples; by
+    higher moments if the lower ones are zero. Data for which all of them are zero keeps its orientation.
 
     :param values: (h, w) or (h, w, k).
     :param missing: (h, w).
-    :param spacing: (dx, dy); rows of their own spacing stay rows.
+    :param spacing: (dx, dy); a grid with one dx per row is not transposed.
     """
     h, w = missing.shape
     rows, columns = _some(h), _some(w)
@@ -93,7 +96,7 @@ def orientation_of(values: Array, missing: Array, spacing: Spacing) -> Orientati
 
 
 def _some(size: int) -> Array:
-    """Places along a side, the same from either end."""
+    """Indices along a side, symmetric about its middle."""
     places = np.arange(size) if size <= ENOUGH else np.linspace(0, size - 1, ENOUGH // 2).astype(int)
     return np.unique(np.concatenate([places, size - 1 - places]))
 
@@ -108,7 +111,7 @@ def _energy(some: Array, there: Array) -> Array:
 
 
 def _negative(fields: list[Array], weights: tuple[Array, ...]) -> bool:
-    """Whether the first moment that is more than rounding is below zero."""
+    """Whether the first moment that is not zero up to rounding is negative."""
     for field in fields:
         for weight in weights:
             terms = field * weight

@@ -110,7 +110,7 @@ def load(
         gone |= alpha == 0
     while search and nodata is None and (mark := mark_in(raw, gone)) is not None:
         gone |= raw == mark.value
-        found += (mark.told,)
+        found += (mark.sentence,)
         frame = frame if frame.nodata is not None else replace(frame, nodata=mark.value)
     if frame.scaled:
         scale, offset = (np.reshape(factor, (-1, 1, 1)) for factor in (frame.scales, frame.offsets))

@@ -1,4 +1,4 @@
-"""What stands around the samples of a raster, and how it is written again."""
+"""The content of a raster file besides its samples, and how it is written back."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +20,7 @@ __all__ = ["Frame", "Framed", "alpha_as", "describe", "place"]
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Everything around the samples of a raster.
+    """The content of a raster file besides its samples.
 
     :param dtype: of the samples as they were stored.
     :param gone: (k, h, w), the missing samples of each band.
@@ -28,7 +28,7 @@ class Frame:
     :param palette: (n, 4), red, green, blue, alpha of each index.
     :param tags: text by namespace (domain of GDAL), ``""`` the default one.
     :param overviews: factors of the overviews.
-    :param notes: what was found among the samples, sentences for the user.
+    :param notes: findings about the samples, sentences for the user.
     """
 
     dtype: str
@@ -93,7 +93,7 @@ class Frame:
 class Framed(Source):
     """What is kept of a file that GDAL reads.
 
-    :param frame: everything around its samples.
+    :param frame: the content besides its samples.
     """
 
     frame: Frame
@@ -120,7 +120,7 @@ class Framed(Source):
 
 
 def place(frame: Frame) -> Mapping[str, object]:
-    """Where the samples lie, as GDAL takes it."""
+    """The position of the samples, as arguments for GDAL."""
     points, crs = frame.gcps
     if points:
         return {"gcps": points, "crs": CRS() if crs is None else crs}

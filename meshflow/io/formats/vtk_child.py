@@ -128,8 +128,8 @@ def _tree(data: vtkDataObject | None, blobs: list[bytes]) -> "Tree | None":
     if isinstance(data, vtkMultiBlockDataSet):
         blocks: list[tuple[str, Tree | None]] = []
         for i in range(data.GetNumberOfBlocks()):
-            told = data.GetMetaData(i).Get(vtkCompositeDataSet.NAME()) if data.HasMetaData(i) else None
-            blocks.append((told or str(i), _tree(data.GetBlock(i), blobs)))
+            name = data.GetMetaData(i).Get(vtkCompositeDataSet.NAME()) if data.HasMetaData(i) else None
+            blocks.append((name or str(i), _tree(data.GetBlock(i), blobs)))
         fields = vtkPolyData()
         fields.SetFieldData(data.GetFieldData())
         blobs.append(encoded(fields))

@@ -1,4 +1,4 @@
-"""Surfaces as files of VTK, by way of the memory: its writers do not survive a full disk."""
+"""Writes surfaces to VTK files. They are made in memory first, because the writers of VTK crash on a full disk."""
 
 import errno
 import os
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["save_blocks", "save_surface"]
 
-# Bytes written for each byte in memory, at most: numbers in text of base 64, not compressed.
+# The largest ratio of bytes written to bytes in memory, for uncompressed numbers in base 64.
 _GROWTH = 1.5
 
 
