@@ -21,7 +21,7 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Lines", "Noise", "noise_of", "noise_on"]
 
-# Samples looked at, at most, on tiles spread over the grid: more change nothing that matters.
+# The largest number of samples used, on tiles spread over the grid.
 ENOUGH = 300_000
 # Noise is at least this share of the range of the values, and so many times the error of rounding, if it is to be correlated: the
 # errors of rounding a smooth surface are correlated, too.
@@ -48,12 +48,14 @@ class Noise:
     """Noise of samples, in the unit of the values.
 
     :ivar sigma: standard deviation; the root mean square over the channels; 0 where none is found.
-    :ivar quantum: smallest step between values of quantised data; 0 where they are continuous.
+    :ivar quantum: smallest step between values of quantized data; 0 for continuous values.
     :ivar channels: sigma of each channel.
-    :ivar share: of the samples that lie on whole multiples of the quantum, one another's distance; 0 without a quantum.
-    :ivar how: what found it: ``patches``, ``spectrum`` (correlated noise), ``differences``, or ``nothing`` for too few samples.
-    :ivar correlation: (2 r + 1, 2 r + 1), of samples by their lag in rows and columns, 1 in the middle; None: the noise is white.
-    :ivar length: standard deviation, in samples, of the Gaussian that correlates neighbours of white noise as much; 0: white.
+    :ivar share: of the samples whose differences are multiples of the quantum; 0 without a quantum.
+    :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise), ``differences``, or ``nothing`` for too few samples.
+    :ivar correlation: (2 r + 1, 2 r + 1), between samples by their lag in rows and columns, 1 in the middle; None: the noise is
+        white.
+    :ivar length: standard deviation, in samples, of the Gaussian filter that gives white noise the same correlation of
+        neighbours; 0: white.
     :ivar lengths: the same from row to row, and from column to column.
     :ivar between: (k, k), the correlation between channels; None for one channel, or where it cannot be told.
     :ivar lines: offsets of rows and columns.
@@ -167,7 +169,7 @@ def _channel(channel: Array, missing: Array, windows: list[tuple[slice, slice]])
     if how == "patches" and spectrum is not None and sigma > 0:
         doubt = _doubt(sigma, float(np.sqrt(spectrum.plain.white)))
     if sigma <= 2.0 * np.finfo(channel.dtype).eps * max(abs(least), abs(most)):
-        sigma, covariance, lines, doubt = 0.0, None, Lines(), ""  # the rounding of numbers is no noise
+        sigma, covariance, lines, doubt = 0.0, None, Lines(), ""  # rounding of floating-point numbers is no noise
     if sigma > 0 or (quantum > 0 and terraced(parts, quantum)):
         sigma = max(sigma, quantum / np.sqrt(12.0))
     return _Channel(sigma, quantum, share, how, covariance, tiles, spectrum, lines, doubt)
@@ -226,8 +228,8 @@ def _doubt(one: float, other: float) -> str:
 def noise_on(channels: Array, faces: Array, normals: Array | None = None) -> Noise:
     """Estimate the noise of values on the vertices of a mesh, robustly.
 
-    Median absolute deviation of (I - A)^2 applied to the values, A the mean of the neighbours, each vertex divided by what that
-    makes of noise: what varies linearly from neighbour to neighbour, curvature among it, is left out.
+    It is the median absolute deviation of (I - A)^2 applied to the values, where A is the mean of the neighbours, divided at each
+    vertex by its response to noise. Linear variation between neighbours, and with it curvature, has no effect.
 
     :param channels: (n, k); with ``normals`` the points (n, d).
     :param faces: (m, 3).

@@ -11,7 +11,7 @@ __all__ = ["MAD", "Growth", "noise_growth", "residuals"]
 
 # Median absolute deviation of a Gaussian to its standard deviation.
 MAD = 1.4826
-# Classes of depth or intensity, of equally many samples, and the least of those.
+# Classes of depth or intensity with equal numbers of samples, and the least number of samples.
 CLASSES, CLASS_SIZE = 24, 50
 
 
@@ -19,7 +19,7 @@ CLASSES, CLASS_SIZE = 24, 50
 class Growth:
     """sigma = a + b x + c x^2, x a depth or an intensity; a, b, c >= 0.
 
-    :ivar span: least and greatest x looked at.
+    :ivar span: the range of x used.
     """
 
     a: float
@@ -28,28 +28,28 @@ class Growth:
     span: tuple[float, float]
 
     def at(self, x: Array) -> Array:
-        """sigma at x; beyond the span, as at its end."""
+        """sigma at x; outside the span that of its end."""
         held = np.clip(x, *self.span)
         return self.a + held * (self.b + held * self.c)
 
 
 def noise_growth(values: Array, missing: Array, levels: Array | None = None, enough: int = ENOUGH) -> Growth | None:
-    """How the noise of a grid grows with its own values (depth) or with ``levels`` (intensity).
+    """The growth of the noise of a grid with its values (depth) or with ``levels`` (intensity).
 
-    Second differences in classes of equally many samples, sigma = a + b x + c x^2 fitted by least squares with a, b, c >= 0, each
-    class weighted by its own sigma. Differences across jumps are few and the median does not see them.
+    It uses second differences in classes of equal numbers of samples. sigma = a + b x + c x^2 is fitted by least squares with
+    a, b, c >= 0, each class weighted by its sigma. The median is not affected by the few differences across jumps.
 
     :param values: (h, w).
     :param missing: (h, w).
     :param levels: (h, w); by default the values, averaged over 3 x 3.
-    :param enough: so many samples are looked at, at most.
+    :param enough: the largest number of samples used.
     :returns: None for too few samples.
     """
     from scipy.optimize import nnls
 
     if min(missing.shape) < 3:
         return None
-    tiles = spread_tiles(missing.shape, enough)  # all of one size: looked at as one stack
+    tiles = spread_tiles(missing.shape, enough)  # all of one size, stacked
     part = np.stack([values[tile] for tile in tiles]).astype(np.float64)
     residual, whole = residuals((part, np.stack([~missing[tile] for tile in tiles])))
     level = _averaged(part) if levels is None else np.stack([levels[tile][1:-1, 1:-1] for tile in tiles])
@@ -70,9 +70,10 @@ def noise_growth(values: Array, missing: Array, levels: Array | None = None, eno
 
 
 def residuals(part: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Second differences (..., h, w) as deviations of one sample, and where all that they ask is there.
+    """Second differences (..., h, w), scaled to the deviation of a sample, and where all their samples are present.
 
-    (1, -2, 1) across rows times the same across columns, of noise 6 sigma; along the one side that is long enough, sqrt 6 sigma.
+    They are (1, -2, 1) along rows times the same along columns, 6 sigma for noise; along one side only where the other is too
+    short, sqrt 6 sigma.
     """
     z, there = part
     gain, whole = 1.0, there

@@ -5,9 +5,9 @@
 G(k; L) is the power of a sampled Gaussian of deviation L, 1 at k = 0 (``blur``), or exp(-(2 pi L k)^4), which is level for longer
 and falls more steeply, as interpolation by splines leaves it (``spline``).
 
-A self-affine surface is a power law; what is white is level; noise that was blurred or interpolated is level up to a frequency of
-about 1 / (2 pi L) and falls beyond it, faster than any power. The parameters are those of greatest Whittle likelihood,
-sum w (I / P + log P), found by Fisher scoring; beta has a weak prior, what is known of terrains and photographs.
+A self-affine surface has a power law; white noise has a constant spectrum; the spectrum of blurred or interpolated noise is
+constant up to a frequency of about 1 / (2 pi L) and falls faster than any power above it. The parameters maximize the Whittle
+likelihood, which is minus the sum of w (I / P + log P), by Fisher scoring; beta has a weak prior from terrains and photographs.
 """
 
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ Shape = Literal["blur", "spline"]
 
 __all__ = ["Frequencies", "Spectrum", "fitted"]
 
-# Where surfaces are told apart from noise: the power law is stated at a quarter of the sampling frequency.
+# The reference frequency k0 of the power law: a quarter of the sampling frequency.
 REFERENCE = 0.25
-# Exponents of spectra of terrains and photographs, their mean and deviation (Mandelbrot 1982: 2 H + 2, H from 0 to 1).
+# Mean and deviation of the exponents of spectra of terrains and photographs (Mandelbrot 1982: 2 H + 2, H from 0 to 1).
 BETA, BETA_SPREAD = 3.3, 0.8
 # Least and greatest log A, beta, log F, log N, log L_r, log L_c.
 LOWEST = np.array([-150.0, 0.5, -150.0, -150.0, np.log(0.3), np.log(0.1)])
 HIGHEST = np.array([150.0, 8.0, 150.0, 150.0, np.log(3.2), np.log(3.2)])
-# Iterations at most, and the change of the log likelihood at which they end.
+# The largest number of iterations, and the change of the log likelihood at which they end.
 ITERATIONS, ENOUGH = 30, 1e-2
 # Aliases of the sampled Gaussian.
 ALIASES, ONES = np.arange(-1.0, 2.0), np.ones(3)
@@ -58,7 +58,7 @@ class Frequencies:
 
     @cached_property
     def log_radius(self) -> Array:
-        """The logarithm of the radius over that at which a surface's power is stated."""
+        """The logarithm of the radius over k0."""
         return np.log(self.radius / REFERENCE)
 
 
@@ -67,10 +67,10 @@ class Spectrum:
     """A fitted spectrum, powers in squared units of the values.
 
     :ivar surface: A, the power of the surface at a quarter of the sampling frequency; ``exponent``: beta.
-    :ivar white: F; the variance of what is white.
-    :ivar blurred: N, the power of the correlated noise at frequency zero; 0 for none.
+    :ivar white: F, the variance of the white noise.
+    :ivar blurred: N, the power of the correlated noise at frequency zero; 0 without it.
     :ivar lengths: L_r and L_c, samples.
-    :ivar misfit: twice the log likelihood lost to a spectrum that is free at each frequency.
+    :ivar misfit: twice the log likelihood lost against a spectrum that is free at each frequency.
     :ivar shape: of G.
     :ivar numbers: the parameters as :func:`fitted` has them.
     """
@@ -132,7 +132,7 @@ def fitted(
     offset: float = 0.0,
     shape: Shape = "blur",
 ) -> Spectrum:
-    """The spectrum of greatest likelihood from several starts.
+    """The spectrum of maximum likelihood, from several starts.
 
     :param power: (m,), the mean of the spectra of tiles.
     :param shape: of the power of correlated noise.
@@ -151,7 +151,7 @@ def fitted(
 
 
 def _climbed(power: Array, problem: _Problem, start: Array) -> tuple[Array, float]:
-    """Parameters of greatest likelihood near a start, and the log likelihood that a free spectrum has more."""
+    """Parameters of maximum likelihood near a start, and the log likelihood lost against a free spectrum."""
     low, high = LOWEST[: len(start)], HIGHEST[: len(start)]
     here = np.clip(start, low, high)
     misfit, model, slopes = _misfit(here, power, problem)
@@ -180,7 +180,7 @@ def _climbed(power: Array, problem: _Problem, start: Array) -> tuple[Array, floa
 
 
 def _misfit(numbers: Array, power: Array, problem: _Problem) -> tuple[float, Array, Array]:
-    """The log likelihood that is lost, the model (m,), and its derivatives (p, m) by the parameters."""
+    """The lost log likelihood, the model (m,), and its derivatives (p, m) with respect to the parameters."""
     at, log_radius, shape = problem.at, problem.at.log_radius, SHAPES[problem.shape]
     surface = np.exp(numbers[0] - numbers[1] * log_radius)
     model, slopes = surface + problem.offset, [surface, -surface * log_radius]

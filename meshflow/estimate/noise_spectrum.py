@@ -18,22 +18,23 @@ __all__ = ["Found", "between_of", "correlation_of", "length_of", "spectral_noise
 
 # Fewer tiles say nothing.
 LEAST = 5
-# The lowest share of tiles, where the choice begins; how many deviations of noise above that tiles may be; how often it is made.
+# The share of lowest tiles at the start of the selection; its tolerance in deviations of noise; the number of selections.
 LOWEST, MARGIN, ROUNDS = 0.05, 3.0, 3
-# Frequencies at which the choice begins, cycles per sample.
+# Frequencies of the first selection, cycles per sample.
 LOW = 0.26
 # The log power of a periodogram has this deviation.
 LOG_SPREAD = np.pi / np.sqrt(6.0)
-# What is below this share of the noise at frequency zero does not count.
+# Powers below this share of the noise at frequency zero have no effect.
 FAR_BELOW = 0.02
-# Where the surface is weak the noise may exceed the fitted one so many times.
+# Where the surface is weak, the noise may exceed the fitted one by this factor.
 FREE = 2.0
 # Log likelihoods that correlation must gain at first to be looked at any further.
 HINT = 3.0
 # Log likelihoods that another shape or a second length must gain, and the share of the misfit that it may leave.
 GAIN, BETTER = 30.0, 0.5
-# Noise is correlated if it exceeds surface and white noise somewhere so many times, is so much likelier than white noise (log),
-# is found in so many tiles, fits their power (squared relative error), and is neither too narrow to tell nor as wide as surfaces.
+# Noise is correlated if it exceeds surface and white noise somewhere by this factor, is likelier than white noise by this much
+# (log), is found in this many tiles, fits their power (squared relative error), and is neither too narrow nor as wide as
+# surfaces.
 ABOVE, EVIDENCE, FEW, MISFIT, NARROWEST, WIDEST = 1.25, 40.0, 6, 0.2, 0.35, 2.8
 # Where more than this share of it is white, which is white noise on a texture as a rule, these are asked.
 MIXED, ABOVE_WHITE, EVIDENCE_WHITE = 0.05, 2.5, 100.0
@@ -65,7 +66,7 @@ class Found:
 
     @property
     def evidence(self) -> float:
-        """Log likelihood gained by correlation."""
+        """The gain of log likelihood by correlation."""
         return 0.5 * (self.plain.misfit - self.spectrum.misfit)
 
     @property
@@ -91,8 +92,8 @@ class Found:
     def noise(self) -> Array:
         """The power (SIDE, SIDE / 2 + 1) of the noise.
 
-        Where the surface has less than half of the power of a frequency, it is what the surface leaves of it, whatever its shape;
-        elsewhere, at the lowest frequencies too, it is the fitted one, scaled to agree with its neighbours.
+        At frequencies at which the surface has less than half of the power, it is the remaining power, whatever its shape;
+        elsewhere, also at the lowest frequencies, it is the fitted noise, scaled to agree with its neighbours.
         """
         shared, half, spectrum = tiling(), SIDE // 2, self.spectrum
         at = self.at
@@ -149,7 +150,7 @@ def _flattest(power: Array, at: Frequencies) -> Array:
 
 
 def _agreeing(power: Array, at: Frequencies, spectrum: Spectrum, offset: float) -> Array:
-    """Tiles (n,) that have no more power than the spectrum at the frequencies at which that is noise."""
+    """Tiles (n,) with no more power than the spectrum at the frequencies at which it is noise."""
     noise = spectrum.of_blurred(at) + spectrum.white
     whole = noise + spectrum.of_surface(at) + offset
     share = (noise / whole) ** 2
@@ -159,7 +160,7 @@ def _agreeing(power: Array, at: Frequencies, spectrum: Spectrum, offset: float) 
 
 
 def _below(score: Array, limit: float) -> Array:
-    """Where a score is no more than the limit, and the least ones in any case."""
+    """Where a score is at most the limit; the lowest scores are always included."""
     return score <= max(limit, float(np.partition(score, LEAST - 1)[LEAST - 1]))
 
 
@@ -219,9 +220,9 @@ def between_of(channels: list[Tiles], found: list[Found]) -> Array | None:
 
 
 def correlation_of(covariance: Array) -> Array | None:
-    """The correlation (2 r + 1, 2 r + 1) by lag, 1 in the middle, r the last lag at which it counts; None for white noise.
+    """The correlation (2 r + 1, 2 r + 1) by lag, 1 in the middle, r the last significant lag; None for white noise.
 
-    :param covariance: (SIDE, SIDE) as of :meth:`Found.covariance`.
+    :param covariance: (SIDE, SIDE), from :meth:`Found.covariance`.
     """
     lags = np.roll(covariance / covariance[0, 0], (REACH, REACH), (0, 1))[: 2 * REACH + 1, : 2 * REACH + 1]
     lags = 0.5 * (lags + lags[::-1, ::-1])
@@ -240,7 +241,7 @@ def length_of(correlation: Array | None) -> tuple[float, float]:
 
 
 def _length(neighbours: float) -> float:
-    """The deviation of the Gaussian from the correlation of neighbours."""
+    """The deviation of the Gaussian for a correlation of neighbours."""
     return float(np.interp(neighbours, *_known(), left=0.0))
 
 

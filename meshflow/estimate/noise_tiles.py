@@ -20,7 +20,7 @@ SIDE = 32
 MOST = 600
 # The share of a tile that may be clipped, where so many tiles are left that are not.
 CLIPPED, FEW = 0.02, 12
-# Of the values of windowed tiles that overlap by half, the share that is independent.
+# The independent share of the values of windowed tiles that overlap by half.
 INDEPENDENT = 0.4
 
 
@@ -66,10 +66,10 @@ def tiling() -> Tiling:
     window = np.outer(hann, hann)
     half = SIDE // 2
     rows, columns = np.indices((half + 1, half + 1))
-    count = np.full(rows.shape, 2.0)  # of a frequency and its mirror image; those on an axis are their own
+    count = np.full(rows.shape, 2.0)  # a frequency and its mirror image; those on an axis are their own
     for edge in (0, -1):
         count[edge] = count[:, edge] = 1.0
-    used = np.hypot(rows, columns) >= 2.0  # below is what is left of the quadratic
+    used = np.hypot(rows, columns) >= 2.0  # lower frequencies contain the rest of the quadratic
     at = Frequencies(np.arange(half + 1) / SIDE, rows[used], columns[used], count[used] * INDEPENDENT)
     return Tiling(np.linalg.qr(np.array(powers).T)[0], window / np.sqrt(np.sum(window**2)), at, used)
 

@@ -1,11 +1,11 @@
 """The noise of an image from its weakly textured patches, after Liu, Tanaka and Okutomi (2013).
 
-A patch of noise alone has a covariance of sigma^2 in every direction; what the data draws into it fills few directions, so the
+A patch of pure noise has the covariance sigma^2 in every direction, while the data contributes to few directions. Therefore the
 smallest eigenvalue of the covariance of many patches is that of the noise. It is biased low by the finite number of patches and
-high by texture. Against the second, patches are taken whose second differences are no larger than noise would make them, and
-sigma is estimated again from those until it stays. Against the first (ours), the same eigenvalue is found for white noise of
-deviation 1 at the same places, and divides it. Planes are taken out of the patches first (ours), so that single precision is
-enough for the rest.
+high by texture. Against the bias by texture, only patches are used whose second differences are no larger than those of noise,
+and sigma is estimated again from them until it converges. Against the bias by the number of patches (our addition), it is
+divided by the same eigenvalue for white noise of deviation 1 at the same places. Planes are taken out of the patches first
+(ours), so that single precision is enough for the rest.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ __all__ = ["patch_noise"]
 SIDE, CONFIDENCE = 7, 0.99
 # Patches of which the covariance is made, at first and at last, and how often the choice is made anew.
 SOME, PATCHES, ROUNDS = 8_000, 20_000, 6
-# Fewer patches than these say nothing of a covariance.
+# The least number of patches for a covariance.
 LEAST = 4 * SIDE * SIDE
 # So many times as often is white noise of the few patches looked at, if they are half as many; so far apart in the field.
 ALIKE, SHIFT = 2, 131
@@ -44,8 +44,8 @@ class _Places:
 def patch_noise(parts: list[tuple[Array, Array]]) -> float | None:
     """Standard deviation of the noise of one channel.
 
-    :param parts: tiles of the data (h, w), and which of their samples are there.
-    :returns: None for too few patches of which all samples are there.
+    :param parts: tiles of the data (h, w), and masks of their present samples.
+    :returns: None for too few patches without missing samples.
     """
     places = [_places(z, there) for z, there in parts if min(z.shape) >= SIDE + 2]
     energy = np.concatenate([place.energy for place in places]) if places else np.zeros(0)
@@ -53,7 +53,7 @@ def patch_noise(parts: list[tuple[Array, Array]]) -> float | None:
         return None
     textured = np.flatnonzero(energy > 0)
     if textured.size < 0.5 * energy.size:
-        return 0.0  # most of it is constant: there is no noise
+        return 0.0  # most of it is constant: no noise
     if textured.size < LEAST:
         return None
     return float(np.sqrt(max(_iterated(places, energy, textured), 0.0)))
@@ -152,9 +152,10 @@ def _field() -> Array:
 
 @lru_cache(maxsize=1)
 def _threshold() -> float:
-    """What the energy of a patch of noise of deviation 1 stays below with the confidence asked for.
+    """The quantile, at the chosen confidence, of the energy of a patch of noise of deviation 1.
 
-    A quadratic form of normal numbers, z A z: a gamma distribution of its mean tr A and variance 2 tr A^2.
+    The energy is a quadratic form z A z of normal numbers; it is approximated by a gamma distribution with mean tr A and variance
+    2 tr A^2.
     """
     second = np.eye(SIDE, SIDE + 2) - 2.0 * np.eye(SIDE, SIDE + 2, 1) + np.eye(SIDE, SIDE + 2, 2)
     same = np.eye(SIDE, SIDE + 2, 1)

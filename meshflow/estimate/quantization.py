@@ -1,4 +1,4 @@
-"""The steps of quantised data, which may grow with the value: of depths from a disparity, with its square."""
+"""The steps of quantized data, which may grow with the value; for depths from disparities, with its square."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Steps", "quantum_of", "steps_of", "terraced"]
 
-# Levels of which the least step is taken: where samples are few not every level occurs, and what is left has gaps of several.
+# The number of adjacent levels whose least step is used, because not every level occurs where samples are few.
 AROUND = 15
-# A set of values is quantised if it has so many times fewer levels.
+# Values are quantized if they have fewer levels than samples by this factor.
 FEWER = 20
 # Samples looked at, for steps that grow and for one that does not.
 ENOUGH, MANY = 60_000, 200_000
-# Values of which it is asked first whether most differ: then they are not quantised, and no more need be sorted.
+# Values that are tested first: if most of them differ, the data is not quantized, and no more need to be sorted.
 GLANCE = 20_000
 
 
@@ -24,21 +24,21 @@ GLANCE = 20_000
 class Steps:
     """The distance of neighbouring levels, unit of the values.
 
-    :ivar levels: growing.
-    :ivar sizes: the step at each.
+    :ivar levels: increasing.
+    :ivar sizes: the step at each level.
     """
 
     levels: Array
     sizes: Array
 
     def at(self, values: Array) -> Array:
-        """The step at values, in double precision; beyond the levels, as at their ends; 1 where a value is NaN."""
+        """The step at values, in double precision; outside the levels that at their ends; 1 for NaN."""
         known = np.where(np.isnan(values), self.levels[0], values)
         return np.interp(known, self.levels, self.sizes)
 
 
 def steps_of(values: Array) -> Steps | None:
-    """The steps of values (n,); None where they are not quantised."""
+    """The steps of values (n,); None if they are not quantized."""
     some = values[:: max(1, values.size // ENOUGH)].astype(np.float64)
     levels = np.unique(some)
     if len(levels) < 2:
@@ -51,7 +51,7 @@ def steps_of(values: Array) -> Steps | None:
 
 
 def _even(levels: Array, rounding: float) -> Steps | None:
-    """One step everywhere, where all levels are multiples of it."""
+    """A constant step, if all levels are multiples of it."""
     gaps = np.diff(levels)
     step = float(gaps.min())
     counts = gaps / step
@@ -61,7 +61,7 @@ def _even(levels: Array, rounding: float) -> Steps | None:
 
 
 def quantum_of(values: Array) -> tuple[float, float]:
-    """The step of which all values are multiples, up to rounding, and the share that is; 0 where there is none."""
+    """The step of which the values are multiples, up to rounding, and the share of those that are; 0 without one."""
     glance = values[:: max(1, values.size // GLANCE)]
     if glance.size >= GLANCE and len(np.unique(glance)) > glance.size / 4:
         return 0.0, 0.0
@@ -79,14 +79,14 @@ def quantum_of(values: Array) -> tuple[float, float]:
 
 
 def _steps(levels: Array) -> Iterator[float]:
-    """What the quantum may be: the least difference of levels, and that of most of them, where a few samples lie between."""
+    """Candidates for the quantum: the least difference of levels, and the most frequent one if a few samples lie between."""
     differences = np.diff(levels)
     yield float(differences.min())
     yield float(np.median(differences))
 
 
 def terraced(parts: list[tuple[Array, Array]], quantum: float) -> bool:
-    """Whether neighbours that differ do so by one quantum, mostly: something smooth was rounded, and not drawn in blocks."""
+    """Whether differences of neighbours are mostly one quantum: smooth data was rounded, and is not made of blocks."""
     steps, single, levels = 0, 0, set()
     for z, there in parts:
         for axis in (0, 1):

@@ -11,7 +11,7 @@ Tile = tuple[slice, slice]
 
 
 def spread_tiles(shape: tuple[int, ...], enough: int = ENOUGH, count: int = TILES) -> list[Tile]:
-    """Windows that hold at most ``enough`` samples together, spread evenly; the whole grid where it is small."""
+    """Evenly spread windows with at most ``enough`` samples in total; the whole grid where it is small."""
     h, w = shape
     if h * w <= enough:
         return [(slice(0, h), slice(0, w))]

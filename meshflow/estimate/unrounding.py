@@ -1,8 +1,8 @@
-"""Quantised heights: the surface of least bending that was recorded as these whole steps.
+"""Quantised heights: the surface of least bending that rounds to the given steps.
 
-The error of rounding is known to the half step, and is no white noise: on gentle land it is the stairs themselves. So its risk is
-not estimated as that of noise. A smooth surface that fits is rounded again, and what rounding does to it says how its error and
-what smoothing makes of it go together: mean |u - z|^2 + mean |e|^2 + 2 mean e (u - z), the last from the simulated error e.
+The rounding error is bounded by half a step, but it is not white noise: on gentle slopes it is the staircase itself. Its risk is
+therefore not estimated as for noise. Instead a smooth surface that fits the data is rounded again. The simulated error e gives
+the risk mean |u - z|^2 + mean |e|^2 + 2 mean e (u - z), whose last term is the correlation of the error with the smoothing.
 """
 
 from collections.abc import Callable
@@ -19,45 +19,45 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Unrounded", "rival_risks", "unrounded"]
 
-# Stiffness lambda against bending, per sample: from next to nothing removed to a plane over hundreds of samples.
+# Stiffness lambda against bending, per sample: from almost no smoothing to a plane over hundreds of samples.
 STIFFNESSES = (np.inf, *(2.0**power for power in range(8, -26, -2)))
-# The grid is continued by so many samples beyond its rim, as its mirror image turned by 180 degrees: planes stay planes.
+# The grid is continued by at least this many samples beyond its rim by odd reflection, which continues planes as planes.
 RIM = 24
-# A surface is turned about its own rim so often.
+# The number of iterations of the continuation by a smoothed surface.
 TURNS = 4
-# What lies further off than this, in the half widths of its box, is an edge; samples this near to it stay as they are.
+# A sample further off than EDGE half widths of its box is an edge; samples within NEAR of it do not change.
 EDGE, NEAR = 1.5, 2
-# With more edges than this a surface says nothing of how it was rounded.
+# A surface with a larger share of edges is not used to simulate the rounding.
 EDGES = 0.7
-# Deviations of the noise by which the box is wider than the half step.
+# The box is wider than the half step by this many deviations of the noise.
 WIDER = 2.0
-# Risks that differ by no more than this share of the square of the error of rounding are the same.
+# Risks that differ by at most this share of the squared rounding error count as equal.
 CAUTION = 0.01
-# Up to this place among the stiffnesses land counts as rough.
+# The surface is rough if the index of its stiffness is at most this.
 ROUGH = 3
-# Samples of the tiles that a fit is made on.
+# The number of samples of the tiles for a fit.
 ENOUGH = 160_000
-# Noise beside the rounding is looked for so often again; less of it than this share of the quantum is none.
+# The number of repeated estimates of noise in addition to rounding, and the share of the quantum below which it is ignored.
 AGAIN, LITTLE = 2, 0.04
-# What is changed must lower the risk at least so far.
+# The largest ratio of the new root mean square error to the old one for which the data is changed.
 GAIN = 0.97
-# Rounds in which the box is met (alternating directions), fewer where less than this share of its half width changes, and rounds
-# in which missing samples are filled.
+# Iterations for the box (alternating directions), which end early if less than the share SETTLED of its half width changes; and
+# iterations for the filling of missing samples.
 MEETING, SETTLED, FILLING = 100, 3e-4, 8
 
-# Smoothed heights within their box, the same with edges as they are, and the share of those.
+# Smoothed heights within their box, the same with unchanged edges, and the share of edges.
 _Held = tuple[Array, Array, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Unrounded:
-    """A surface that was recorded as whole steps.
+    """A surface that rounds to the given steps.
 
     :ivar values: (h, w).
-    :ivar length: over how many samples it is smoothed; 0 where nothing is gained.
-    :ivar plateaus: (h, w), level samples that stay.
-    :ivar most: what no sample has changed by more than, unit of the values.
-    :ivar risk: root mean square error to be expected, unit of the values.
+    :ivar length: the length of the smoothing in samples; 0 if nothing is gained.
+    :ivar plateaus: (h, w), mask of level samples that do not change.
+    :ivar most: bound of the change of a sample, unit of the values.
+    :ivar risk: expected root mean square error, unit of the values.
     """
 
     values: Array
@@ -69,11 +69,11 @@ class Unrounded:
 
 @dataclass(frozen=True, eq=False)
 class _Plate:
-    """Solves for least bending on a grid (h, w), continued beyond its rim.
+    """Minimizes bending on a grid (h, w) that is continued beyond its rim.
 
     :ivar shape: (h, w).
     :ivar aspect: width over height of a cell.
-    :ivar rim: stiffness of the surface that is turned about its rim to continue it; infinite: the heights as they are.
+    :ivar rim: stiffness of the smoothed surface whose odd reflection continues the heights; infinite: that of the heights.
     """
 
     shape: tuple[int, int]
@@ -82,7 +82,7 @@ class _Plate:
 
     @cached_property
     def pads(self) -> tuple[tuple[int, int], ...]:
-        """How far each side is continued."""
+        """The number of samples by which each side is continued."""
         rims = []
         for n in self.shape:
             fast = (r for r in range(RIM, 2 * RIM) if next_fast_len(n + 2 * r, real=True) == n + 2 * r)
@@ -91,18 +91,18 @@ class _Plate:
 
     @cached_property
     def bending(self) -> Array:
-        """The eigenvalues of the squared Laplacian, of the cosines."""
+        """The eigenvalues of the squared Laplacian in the cosine basis."""
         sizes = [n + sum(pad) for n, pad in zip(self.shape, self.pads, strict=True)]
         down, across = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in sizes)
         return np.square(down[:, None] * self.aspect + across[None, :] / self.aspect)
 
     def inner(self, continued: Array) -> Array:
-        """Heights (h, w) of those that were continued."""
+        """The heights (h, w) within continued ones."""
         (top, _), (left, _) = self.pads
         return continued[top : top + self.shape[0], left : left + self.shape[1]]
 
     def continued(self, z: Array) -> Array:
-        """Heights (h, w) with what continues them beyond the rim."""
+        """Heights (h, w) with their continuation beyond the rim."""
         down, across = self.pads
         around = np.pad(z, (down, across), mode="reflect", reflect_type="odd")
         for _ in range(TURNS if np.isfinite(self.rim) else 0):
@@ -112,43 +112,43 @@ class _Plate:
         return around
 
     def smooth(self, spectrum: Array, stiffness: float) -> Array:
-        """The least (h, w) of |bending u|^2 + stiffness |u - z|^2, of the cosines of continued heights."""
+        """The minimizer u (h, w) of |bending u|^2 + stiffness |u - z|^2, from the cosine transform of continued heights z."""
         return self.inner(heights(spectrum * (stiffness / (stiffness + self.bending))))
 
 
 def cosines(z: Array) -> Array:
-    """The cosines of continued heights."""
+    """The cosine transform of continued heights."""
     return np.asarray(dctn(z, norm="ortho"))
 
 
 def heights(spectrum: Array) -> Array:
-    """The continued heights of their cosines."""
+    """The continued heights from their cosine transform."""
     return np.asarray(idctn(spectrum, norm="ortho"))
 
 
 @dataclass(frozen=True, eq=False)
 class _Box:
-    """What each sample may be: z +- half."""
+    """The interval of each sample: z +- half."""
 
     z: Array
     half: float
 
     def held(self, u: Array) -> Array:
-        """u within the box."""
+        """u, clipped to the box."""
         return np.clip(u, self.z - self.half, self.z + self.half)
 
     def edges(self, u: Array) -> Array:
-        """The samples (h, w) near an edge, which u would blur by more than the box allows."""
+        """Mask (h, w) of the samples near an edge, where u leaves the box by far."""
         return binary_dilation(np.abs(u - self.z) > EDGE * self.half, np.ones((3, 3), bool), iterations=NEAR)
 
 
 def unrounded(
     values: Array, missing: Array, fixed: Array, quantum: float, noise: float = 0.0, aspect: float = 1.0
 ) -> Unrounded:
-    """The smoothest surface, in the sense of bending, that was recorded as these whole steps.
+    """The surface of least bending that rounds to the given steps.
 
     :param values: (h, w).
-    :param missing: (h, w); what stands there is not looked at.
+    :param missing: (h, w); values there are ignored.
     :param fixed: (h, w), samples that stay.
     :param quantum: the step, unit of the values.
     :param noise: deviation of the noise beside the error of rounding, as far as it is known, likewise.
@@ -178,12 +178,12 @@ def unrounded(
 
 @dataclass(frozen=True, order=True)
 class _Fit:
-    """What was found for a tile.
+    """The fit of a tile.
 
-    :ivar place: of the stiffness; 0: nothing is gained.
-    :ivar edged: samples near edges stay.
-    :ivar half: of the box.
-    :ivar risk: root mean square error to be expected.
+    :ivar place: index of the stiffness; 0: nothing is gained.
+    :ivar edged: whether samples near edges do not change.
+    :ivar half: half width of the box.
+    :ivar risk: expected root mean square error.
     """
 
     place: int
@@ -193,9 +193,9 @@ class _Fit:
 
 
 def _fitted(z: Array, counted: Array, quantum: float, aspect: float, noise: float, again: int = AGAIN) -> _Fit:
-    """The stiffness of a tile, and the noise beside the rounding, as that is seen with it.
+    """The fit of a tile, with an estimate of the noise in addition to rounding.
 
-    :param noise: its deviation as far as it is known; ``again``: how often more of it is looked for.
+    :param noise: its known deviation; ``again``: the number of repeated estimates.
     """
     plate, box = _Plate(_size(z), aspect), _Box(z, quantum / 2.0 + WIDER * noise)
     place, edged, risk = _chosen(plate, box, counted, quantum, noise)
@@ -212,7 +212,7 @@ def _size(z: Array) -> tuple[int, int]:
 
 
 def _filled(z: Array, missing: Array, aspect: float) -> Array:
-    """Heights with missing samples bridged smoothly."""
+    """Heights with missing samples filled smoothly."""
     if not missing.any():
         return z
     z = z[tuple(np.asarray(distance_transform_edt(missing, return_distances=False, return_indices=True)))]
@@ -223,7 +223,7 @@ def _filled(z: Array, missing: Array, aspect: float) -> Array:
 
 
 def _chosen(plate: _Plate, box: _Box, counted: Array, quantum: float, noise: float) -> tuple[int, bool, float]:
-    """The place of the stiffness of least risk, whether edges stay with it, and that risk as a root mean square."""
+    """The index of the stiffness of least risk, whether edges are unchanged, and that risk as a root mean square."""
     z, total = box.z, float(np.sqrt(quantum**2 / 12.0 + noise**2))
     if not counted.any():
         return 0, False, total
@@ -233,7 +233,7 @@ def _chosen(plate: _Plate, box: _Box, counted: Array, quantum: float, noise: flo
     for pilot in pilots:
         worst = np.maximum(worst, _risks(plate, box, made, pilot, counted, (quantum, noise)))
     i, k = _next_to_least(worst)
-    if 0 < i <= ROUGH:  # land that is as rough as its steps: one that is rougher than that may have been recorded, too
+    if 0 < i <= ROUGH:  # the surface is as rough as its steps: the true one may be even rougher
         rougher = made[max(smoothest - 1, 1)][0]
         worst = np.maximum(worst, _risks(plate, box, made, rougher, counted, (quantum, noise)))
         i, k = _next_to_least(worst)
@@ -279,11 +279,11 @@ def rival_risks(
 def _risks(
     plate: _Plate, box: _Box, made: list[_Held], pilot: Array, counted: Array, error: tuple[float, float]
 ) -> Array:
-    """The mean square errors to be expected, over that of rounding, of each stiffness, with and without edges.
+    """The expected mean square errors of each stiffness, with smoothed and unchanged edges, relative to that of rounding.
 
     :param made: the heights smoothed with each stiffness.
-    :param pilot: a surface that may have been recorded.
-    :param error: the quantum, and the deviation of the noise beside it.
+    :param pilot: a possible true surface.
+    :param error: the quantum, and the deviation of the noise in addition to rounding.
     """
     quantum, noise = error
     z, found = box.z, np.zeros((len(made), 2))
@@ -299,8 +299,9 @@ def _risks(
 
 
 def _next_to_least(risks: Array) -> tuple[int, int]:
-    """The place among the stiffnesses, and whether with edges, of what is next to the least risk: the stiffest where land is
-    rough, else the softest, whose slopes are better.
+    """The index of the stiffness, and of the treatment of edges, among those of about the least risk.
+
+    It is the stiffest of them for a rough surface, else the softest, whose slopes are better.
     """
     enough = risks <= float(risks.min()) + CAUTION
     places = np.flatnonzero(enough.any(axis=1))
@@ -309,9 +310,9 @@ def _next_to_least(risks: Array) -> tuple[int, int]:
 
 
 def _noise_beyond(plate: _Plate, box: _Box, stiffness: float, counted: Array, quantum: float) -> float:
-    """The deviation of noise by which so many samples are further from a smooth surface than the half step, away from edges.
+    """The deviation of noise in addition to rounding, from the share of samples further than half a step from a smooth surface.
 
-    Rounding moves none so far; with noise of s beside it 0.8 s / quantum of them are.
+    Samples near edges are ignored. Rounding alone moves none so far; with additional noise s the share is 0.8 s / quantum.
     """
     u = plate.smooth(cosines(plate.continued(box.z)), stiffness)
     seen = counted & ~box.edges(u)
@@ -321,19 +322,21 @@ def _noise_beyond(plate: _Plate, box: _Box, stiffness: float, counted: Array, qu
 
 
 def _smoothed(plate: _Plate, z: Array) -> list[Array]:
-    """The heights smoothed with each of the stiffnesses, as they are for the first."""
+    """The heights smoothed with each of the stiffnesses; unchanged for the first."""
     spectrum = cosines(plate.continued(z))
     return [z if not np.isfinite(s) else plate.smooth(spectrum, s) for s in STIFFNESSES]
 
 
 def _both(box: _Box, u: Array) -> _Held:
-    """Smoothed heights within the box; the same with edges as they are; and the share of those."""
+    """Smoothed heights within the box; the same with unchanged edges; and the share of edges."""
     clipped, edges = box.held(u), box.edges(u)
     return clipped, np.where(edges, box.z, clipped), float(edges.mean())
 
 
 def _met(plate: _Plate, z: Array, half: Array, stiffness: float) -> Array:
-    """The least of |bending u|^2 + stiffness |u - z|^2 within z +- half, by alternating directions (Boyd and others 2011)."""
+    """The minimizer u of |bending u|^2 + stiffness |u - z|^2 with u in z +- half, by the alternating direction method of
+    multipliers (Boyd and others 2011).
+    """
     z, half = plate.continued(z), np.pad(half, plate.pads, constant_values=np.inf)
     low, high = z - half, z + half
     u = heights(cosines(z) * (stiffness / (stiffness + plate.bending)))
