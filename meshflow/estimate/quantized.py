@@ -8,9 +8,9 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.estimate.heights import as_they_are, by_rule, is_rounded
 from meshflow.estimate.noise import Noise
-from meshflow.estimate.noise_tiles import Tile
 from meshflow.estimate.plan import Decided, Plan
 from meshflow.estimate.request import Request
+from meshflow.estimate.spread import Tile
 from meshflow.estimate.unrounding import Unrounded, rival_risks, unrounded
 from meshflow.flow.constraints import Limit
 from meshflow.flow.controls import Until

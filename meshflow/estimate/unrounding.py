@@ -13,8 +13,8 @@ import numpy as np
 from scipy.fft import dctn, idctn, next_fast_len
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from meshflow.estimate.noise_tiles import Tile, spread_tiles
 from meshflow.estimate.plateaus import plateaus_of
+from meshflow.estimate.spread import Tile, spread_tiles
 from meshflow.geometry.validation import Array
 
 __all__ = ["Unrounded", "rival_risks", "unrounded"]
