@@ -6,9 +6,10 @@ pyvista finds it through an entry point on the first ``mesh.meshflow``; for xarr
 from importlib.util import find_spec
 from typing import Any
 
+from meshflow.errors import InputError
 from meshflow.smoothing import smooth
 
-__all__ = ["Smoothing"]
+__all__ = ["DatasetSmoothing", "Smoothing"]
 
 
 class Smoothing:
@@ -25,11 +26,42 @@ class Smoothing:
         return smooth(self._data, **options)
 
 
-if find_spec("pyvista"):
-    from pyvista import DataSet, register_dataset_accessor
+class DatasetSmoothing:
+    """The functions of meshflow for the variables of a Dataset; the Dataset itself is not changed.
 
-    register_dataset_accessor("meshflow", DataSet)(Smoothing)
+    :param data: an ``xarray.Dataset``.
+    """
+
+    def __init__(self, data: Any) -> None:
+        self._data = data
+
+    def smooth(self, *names: str, **options: Any) -> Any:
+        """Smooth variables one by one with :func:`meshflow.smooth`; returns a new Dataset with all others as they are.
+
+        :param names: of the variables; none: all with two dimensions or more that hold real numbers.
+        :raises InputError: for a name that is not there, and as :func:`meshflow.smooth`, the variable named.
+        """
+        gone = [name for name in names if name not in self._data.data_vars]
+        if gone:
+            raise InputError(
+                f"{', '.join(gone)}: no such variable; there are {', '.join(map(str, self._data.data_vars))}"
+            )
+        every = (str(name) for name, one in self._data.data_vars.items() if one.ndim > 1 and one.dtype.kind in "fiu")
+        made = {}
+        for name in names or every:
+            try:
+                made[name] = smooth(self._data[name], **options)
+            except InputError as cause:
+                raise InputError(f"variable {name}: {cause}") from cause
+        return self._data.assign(made)
+
+
+if find_spec("pyvista"):
+    import pyvista
+
+    pyvista.register_dataset_accessor("meshflow", pyvista.DataSet)(Smoothing)
 if find_spec("xarray"):
-    from xarray import register_dataarray_accessor
+    from xarray import register_dataarray_accessor, register_dataset_accessor
 
     register_dataarray_accessor("meshflow")(Smoothing)
+    register_dataset_accessor("meshflow")(DatasetSmoothing)

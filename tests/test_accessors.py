@@ -35,3 +35,19 @@ def test_pyvista_finds_it_by_its_entry_point():
     script = "import pyvista; assert type(pyvista.Sphere().meshflow).__name__ == 'Smoothing'"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_variables_of_a_dataset_are_smoothed_one_by_one():
+    rng = np.random.default_rng(0)
+    heights = xarray.DataArray(rng.normal(size=(16, 20)), dims=("y", "x"))
+    data = xarray.Dataset({"a": heights, "b": 2 * heights, "scalar": 3.0, "line": heights[0]})
+    smoothed = data.meshflow.smooth(method="heat", time=2.0)
+    assert np.array_equal(smoothed["a"], smooth(heights, method="heat", time=2.0))
+    assert (smoothed["b"] != data["b"]).any()
+    assert smoothed["line"].identical(data["line"])
+    one = data.meshflow.smooth("b", method="heat", time=2.0)
+    assert one["a"].identical(data["a"])
+    with pytest.raises(InputError, match="c: no such variable; there are a, b"):
+        data.meshflow.smooth("c")
+    with pytest.raises(InputError, match="variable line: "):
+        data.meshflow.smooth("line")

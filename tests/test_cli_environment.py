@@ -166,6 +166,12 @@ def test_a_device_is_not_replaced(heights):
     assert not Path("/dev/null").is_file()
 
 
+@pytest.mark.parametrize("begin", [b"solid a\n facet normal x 0 1\n outer loop\n", b"\xff" * 84 + b"\0" * 300])
+def test_a_broken_file_is_one_line_whatever_the_libraries_log(tmp_path, begin):
+    (tmp_path / "a.stl").write_bytes(begin)
+    refused(run("info", str(tmp_path / "a.stl")), "a.stl")
+
+
 # --- what runs out
 
 

@@ -312,3 +312,23 @@ def test_a_material_library_without_a_name_is_left_alone(tmp_path):
     (tmp_path / "elsewhere").mkdir()
     write(read(tmp_path / "a.obj"), tmp_path / "elsewhere" / "b.obj")
     assert "mtllib" in (tmp_path / "elsewhere" / "b.obj").read_text()
+
+
+@pytest.mark.parametrize("size", [1e100, 1e155, 1e300])
+def test_numbers_whose_squares_do_not_fit_are_refused(size):
+    z = np.random.default_rng(0).normal(size=(24, 24)) * size
+    refused(lambda: meshflow.smooth(z), r"up to 1e\+75 expected.*scale the data")
+    ball = trimesh.creation.icosphere(1)
+    refused(lambda: meshflow.smooth((ball.vertices * size, ball.faces)), r"up to 1e\+75 expected.*scale the data")
+    marked = np.random.default_rng(0).normal(size=(24, 24))
+    marked[3, 4] = size
+    assert np.isfinite(meshflow.smooth(marked)).all()
+
+
+def test_an_open_dataset_is_its_file_and_lists_are_told_apart(tmp_path):
+    z = tiff(tmp_path / "a.tif")
+    with rasterio.open(tmp_path / "a.tif") as source:
+        assert np.array_equal(meshflow.smooth(source, time=0).data.z, z)
+    with rasterio.MemoryFile((tmp_path / "a.tif").read_bytes()) as memory, memory.open() as source:
+        refused(lambda: meshflow.smooth(source), r"dataset.read\(1, masked=True\)")
+    refused(lambda: meshflow.smooth([z, z]), "one array expected, got a list of 2; smooth them one by one")

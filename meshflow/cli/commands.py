@@ -2,10 +2,12 @@
 
 import io
 import json as notation
+import logging
 import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -236,6 +238,7 @@ looking.add_to(app)
 def main() -> None:
     """Run the command. A refusal is one line on stderr and a nonzero exit code."""
     _end_in_order()
+    _hush()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a name, or a sign of ours, that the locale has no bytes for
             stream.reconfigure(errors="backslashreplace")
@@ -259,6 +262,13 @@ def main() -> None:
         if end.code in (INTERRUPTED, *ENDED):
             err.print("meshflow: interrupted; OUT is whole, or as it was before", markup=False)
         raise
+
+
+def _hush() -> None:
+    """What libraries log and warn of is not for the user of a command, who gets one line; python -W brings it back."""
+    logging.getLogger().addHandler(logging.NullHandler())
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
 
 
 def _end_in_order() -> None:

@@ -9,6 +9,8 @@ from meshflow.errors import InputError, NothingThere
 
 Array = NDArray[Any]
 Spacing = tuple[Array | float, float]
+# The square of its square still fits into double precision.
+LARGEST = 1e75
 
 __all__ = [
     "NOWHERE",
@@ -17,6 +19,7 @@ __all__ = [
     "brief",
     "indices_of",
     "mask_of",
+    "must_have_squares",
     "nowhere",
     "number",
     "positive",
@@ -47,6 +50,25 @@ def real(values: ArrayLike, name: str) -> Array:
     return array.astype(kind, copy=False)
 
 
+def must_have_squares(values: Array, name: str) -> None:
+    """Refuse numbers so large that their squares, of which lengths and areas are made, do not fit into double precision.
+
+    A few of them, which mark something, are no reason.
+
+    :raises InputError: with their size.
+    """
+    if (
+        values.dtype != np.float64
+        or not max(-np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)) > LARGEST
+    ):
+        return
+    typical = float(np.median(np.abs(values[np.isfinite(values)]))) if np.isfinite(values).any() else 0.0
+    if typical > LARGEST:
+        raise InputError(
+            f"{name}: numbers up to {LARGEST:g} expected, got {typical:.3g} as a typical one; scale the data"
+        )
+
+
 def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...], name: str) -> tuple[Array, Array]:
     """Values of a grid and the mask (h, w) of missing samples.
 
@@ -64,6 +86,7 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
         raise InputError(f"{name}: at least one channel expected, got shape {array.shape}")
     if min(array.shape[:2]) < 2:
         raise InputError(f"{name}: at least 2 x 2 samples are needed to span a triangle, got {array.shape}")
+    must_have_squares(array, name)
     gone = np.asarray(~np.isfinite(array))
     if masked is not None:
         gone |= masked

@@ -52,6 +52,12 @@ def opened(data: object, options: ReadOptions) -> tuple[object, ReadOptions]:
 
     :raises FormatError: for a file that cannot be read.
     """
+    if type(data).__module__.startswith("rasterio.") and isinstance(getattr(data, "name", None), str):
+        data = Path(getattr(data, "name"))  # noqa: B009 - a dataset that is open stands for its file
+        if not data.is_file():
+            raise InputError(
+                "a rasterio dataset of a file expected; smooth its band: meshflow.smooth(dataset.read(1, masked=True))"
+            )
     if not isinstance(data, (str, PathLike)):
         return data, options
     return read_with(Path(data), options), ReadOptions()

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.normals import mean_edge, normals_at
-from meshflow.geometry.validation import Array, nowhere, real
+from meshflow.geometry.validation import Array, must_have_squares, nowhere, real
 from meshflow.surfaces.free import Axes
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.surface import Boundary, Surface
@@ -40,6 +40,7 @@ class Mesh:
 
     def __post_init__(self) -> None:
         points = real(self.points, "mesh points")
+        must_have_squares(points, "mesh points")
         surface = Surface(points, (self.faces,), fixed=self.fixed)  # checks points, faces and fixed
         if len(surface.triangulations[0]) == 0:
             raise InputError(

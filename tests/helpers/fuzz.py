@@ -1,4 +1,4 @@
-"""Files and options at random: ``python tests/helpers/fuzz.py files|options FOLDER SECONDS SEED``; ends with a list of what is wrong.
+"""Files and options at random: ``fuzz.py files|options FOLDER SECONDS SEED``; ends with a list of what is wrong.
 
 What is tried lies in FOLDER before it is tried: of a process that ended it is what ended it.
 """
@@ -91,7 +91,9 @@ def mutated(content, dice):
             case 5:
                 digits = [i for i, byte in enumerate(made[:4000]) if 48 <= byte <= 57]
                 where = dice.choice(digits) if digits else at
-                made[where : where + 1] = dice.choice((b"-1", b"4000000000", b"nan", b"1e400", b"", b"99999", b"x", b"0"))
+                made[where : where + 1] = dice.choice(
+                    (b"-1", b"4000000000", b"nan", b"1e400", b"", b"99999", b"x", b"0")
+                )
             case 6:
                 del made[at : at + dice.randrange(1, 16)]
         if not made:
@@ -171,7 +173,19 @@ def options(folder, end, dice):
     np.save(folder / "a.npy", np.cumsum(rng.normal(size=(16, 18)), axis=1).astype(np.float32))
     np.save(folder / "c.npy", rng.normal(size=(12, 12, 3)).astype(np.float32))
     trimesh.creation.icosphere(subdivisions=2).export(folder / "m.ply")
-    more = ("kind", "spacing", "nodata", "band", "channels", "moves", "time_unit", "measure", "depth_scale", "dtype", "verbose")
+    more = (
+        "kind",
+        "spacing",
+        "nodata",
+        "band",
+        "channels",
+        "moves",
+        "time_unit",
+        "measure",
+        "depth_scale",
+        "dtype",
+        "verbose",
+    )
     known = (*FLOW, *(flag for flag in ALL if flag.name in more))
     found, trial = [], 0
     allowed = (InputError, MissingPackage, NotConverged, UsageError, OSError, MemoryError, SystemExit)
@@ -180,7 +194,10 @@ def options(folder, end, dice):
         target = folder / f"out{Path(source).suffix}"
         words = ["smooth", str(folder / source), str(target), "--overwrite", "--quiet", "--threads", "1"]
         for flag in dice.sample(known, dice.choice((1, 2, 2, 3, 5))):
-            word, given = (flag.words or (f"--{flag.name.replace('_', '-')}",))[0].split("/")[0], values(flag.kind, dice)
+            word, given = (
+                (flag.words or (f"--{flag.name.replace('_', '-')}",))[0].split("/")[0],
+                values(flag.kind, dice),
+            )
             words += [word] if given is None or flag.kind is bool else [f"{word}={given}"]
         if "--steps" not in " ".join(words):
             words += ["--steps=3"]

@@ -169,6 +169,12 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         ``jump``, ``measure``, ``time_unit``, ``unit`` of depths; ``channels``, ``moves`` of meshes.
     :raises InputError: for anything else, or an option that does not apply.
     """
+    arrays = [one for one in data if isinstance(one, np.ndarray)] if isinstance(data, list) else []
+    if len(arrays) > 1 and not (arrays[1].dtype.kind in "iu" and arrays[1].shape[1:] == (3,)):
+        raise InputError(
+            f"one array expected, got a list of {len(arrays)}; smooth them one by one, stack them as channels "
+            "(numpy.dstack), or fuse frames of one view: meshflow.fuse_frames"
+        )
     if isinstance(data, (tuple, list)):
         if len(data) != 2 or [np.ndim(part) for part in data] != [2, 2]:
             raise InputError(
