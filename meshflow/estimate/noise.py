@@ -1,4 +1,4 @@
-"""What data says about its own noise: deviation, correlation, quantum, and what is no noise at all."""
+"""Estimates of the noise of data: deviation, correlation, quantum, and offsets of lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -23,10 +23,11 @@ __all__ = ["Lines", "Noise", "noise_of", "noise_on"]
 
 # The largest number of samples used, on tiles spread over the grid.
 ENOUGH = 300_000
-# Noise is at least this share of the range of the values, and so many times the error of rounding, if it is to be correlated: the
-# errors of rounding a smooth surface are correlated, too.
+# Correlated noise is at least this share of the range of the values, and this multiple of the rounding error, because the
+# rounding errors of a smooth surface are also correlated.
 FAINT, ROUNDING = 1e-5, 1.25
-# What two estimates may differ by (log), tiles that are few, and an error of a spectrum (squared, relative) that is large.
+# The largest difference of two estimates (log), the number of tiles below which they are few, and the squared relative error
+# above which a spectrum fits badly.
 APART, FEW, ROUGH = 0.15, 12, 0.1
 
 Part = tuple[Array, Array]
@@ -34,7 +35,7 @@ Part = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Lines:
-    """Offsets of whole lines, as standard deviations in the unit of the values; 0 where none are seen.
+    """Offsets of whole lines, as standard deviations in the unit of the values; 0 where none are found.
 
     :ivar rows: of rows; ``columns``: of columns.
     """
@@ -52,14 +53,14 @@ class Noise:
     :ivar channels: sigma of each channel.
     :ivar share: of the samples whose differences are multiples of the quantum; 0 without a quantum.
     :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise), ``differences``, or ``nothing`` for too few samples.
-    :ivar correlation: (2 r + 1, 2 r + 1), between samples by their lag in rows and columns, 1 in the middle; None: the noise is
-        white.
+    :ivar correlation: (2 r + 1, 2 r + 1), correlation of samples by lag in rows and columns, 1 in the middle; None: the noise
+        is white.
     :ivar length: standard deviation, in samples, of the Gaussian filter that gives white noise the same correlation of
         neighbours; 0: white.
     :ivar lengths: the same from row to row, and from column to column.
-    :ivar between: (k, k), the correlation between channels; None for one channel, or where it cannot be told.
+    :ivar between: (k, k), the correlation between channels; None for one channel, or if it cannot be estimated.
     :ivar lines: offsets of rows and columns.
-    :ivar doubt: why the estimate is not to be trusted, in words; empty where it is.
+    :ivar doubt: why the estimate is uncertain, in words; empty for a reliable one.
     """
 
     sigma: float
@@ -75,7 +76,7 @@ class Noise:
     doubt: str = ""
 
     def sentences(self) -> tuple[str, ...]:
-        """What was found beside the deviation, in words: correlation and doubts."""
+        """Sentences on the correlation of the noise and on doubts."""
         said = []
         if self.correlation is not None:
             rows, columns = self.lengths
@@ -83,11 +84,11 @@ class Noise:
             each = f"{self.length:.2g} samples" if alike else f"{rows:.2g} rows and {columns:.2g} columns"
             said.append(f"the noise is correlated over about {each}")
         if self.doubt:
-            said.append(f"the noise is doubtful: {self.doubt}; noise= gives it")
+            said.append(f"the estimate of the noise is uncertain: {self.doubt}; noise= sets it")
         return tuple(said)
 
     def to_dict(self) -> dict[str, object]:
-        """The noise as JSON has it."""
+        """The noise as values for JSON."""
         return {
             "sigma": self.sigma,
             "channels": list(self.channels),
@@ -104,7 +105,7 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class _Channel:
-    """What one channel says: as :class:`Noise` has it, and the covariance of correlated noise, tiles and spectrum."""
+    """The noise of one channel: the fields of :class:`Noise`, the covariance of correlated noise, tiles and spectrum."""
 
     sigma: float
     quantum: float
@@ -120,10 +121,10 @@ class _Channel:
 def noise_of(values: Array, missing: Array) -> Noise:
     """Estimate the noise of a grid, robustly.
 
-    White noise from the weakly textured patches of some hundred thousand samples (:func:`.patch_noise.patch_noise`), correlated
-    noise from the spectrum of the flattest tiles (:func:`.noise_spectrum.spectral_noise`); where a grid has too few of them, the
-    median absolute deviation of second differences (Immerkaer 1996). At least quantum / sqrt 12, the error of rounding. A strong
-    texture that is everywhere counts as noise in part: no estimate that looks at one image can tell.
+    White noise is estimated from the weakly textured patches of some hundred thousand samples (:func:`.patch_noise.patch_noise`),
+    correlated noise from the spectrum of the flattest tiles (:func:`.noise_spectrum.spectral_noise`). For grids with too few of
+    them it is the median absolute deviation of second differences (Immerkaer 1996). It is at least quantum / sqrt 12, the
+    rounding error. A strong texture in all places counts as noise in part; it cannot be distinguished in one image.
 
     :param values: (h, w) or (h, w, k).
     :param missing: (h, w).
@@ -176,7 +177,7 @@ def _channel(channel: Array, missing: Array, windows: list[tuple[slice, slice]])
 
 
 def _patched(z: Array, there: Array) -> Part:
-    """A part in double precision; few samples that are gone side by side are made up from those around them."""
+    """A part in double precision; small groups of missing samples are filled from the samples around them."""
     z = z.astype(np.float64)
     if there.all():
         return z, there
@@ -186,7 +187,7 @@ def _patched(z: Array, there: Array) -> Part:
 
 
 def _white(parts: list[Part]) -> tuple[float, str]:
-    """Standard deviation of a channel of white noise, and what found it."""
+    """Standard deviation of the white noise of a channel, and the estimator."""
     sigma = patch_noise(parts)
     if sigma is not None:
         return sigma, "patches"
@@ -197,32 +198,32 @@ def _white(parts: list[Part]) -> tuple[float, str]:
 
 
 def _range(parts: list[Part]) -> tuple[float, float]:
-    """The least and the greatest value that is there; 0 and 0 where none is."""
+    """The minimum and maximum of the present values; 0 and 0 if there are none."""
     known = [z if there.all() else z[there] for z, there in parts]
     known = [some for some in known if some.size]
     return (float(min(map(np.min, known))), float(max(map(np.max, known)))) if known else (0.0, 0.0)
 
 
 def _correlated(found: Found | None, least: float) -> tuple[Array | None, str]:
-    """The covariance of noise that is correlated and of a deviation above ``least``, and why to doubt it; else None."""
+    """The covariance of correlated noise and the reason for doubt; None if the noise is white or at most ``least``."""
     if found is None or not found.correlated:
         return None, ""
     covariance = found.covariance()
     if np.sqrt(covariance[0, 0]) <= least:
         return None, ""
     if found.tiles < FEW:
-        return covariance, f"only {found.tiles} of {len(found.chosen)} places are flat enough to show it"
+        return covariance, f"only {found.tiles} of {len(found.chosen)} tiles are flat enough for it"
     return (
         covariance,
-        "its spectrum is not that of noise alone: texture may count in part" if found.error > ROUGH else "",
+        "the spectrum is not that of noise alone; texture may be counted in part" if found.error > ROUGH else "",
     )
 
 
 def _doubt(one: float, other: float) -> str:
-    """Why to doubt two estimates of white noise."""
+    """The reason for doubt in two estimates of white noise; empty if they agree."""
     if other > 0 and abs(np.log(one / other)) < APART:
         return ""
-    return f"two estimates differ, {one:.3g} and {other:.3g}: texture may count in part"
+    return f"two estimates differ, {one:.3g} and {other:.3g}; texture may be counted in part"
 
 
 def noise_on(channels: Array, faces: Array, normals: Array | None = None) -> Noise:

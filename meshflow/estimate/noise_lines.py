@@ -1,8 +1,8 @@
-"""Offsets of whole rows and columns: what scan lines, sensors read out row by row, and swaths of a survey leave.
+"""Offsets of whole rows and columns, as of scan lines, of sensors with row-wise readout, and of swaths of a survey.
 
-The second difference from row to row, its median over a block of columns, is that of the rows' offsets, and a little of noise and
-surface. Blocks beside each other share the offsets and nothing else, so what they have in common is the offsets' part. A few rows
-at which the surface itself has a step are held to the size of the others.
+The median over a block of columns of the second difference from row to row is that of the offsets of the rows, plus a small
+part of noise and surface. Different blocks share only the offsets, so the mean product of two blocks is the variance of the
+offsets. Rows at which the surface itself has a step are clipped to the size of the others.
 """
 
 import numpy as np
@@ -11,19 +11,19 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["line_offsets"]
 
-# Blocks of columns, the least columns of one, and those looked at in one.
+# The largest number of blocks of columns, the least number of columns of a block, and the number of columns used in one.
 BLOCKS, NARROWEST, COLUMNS = 4, 12, 48
-# Rows in all that say something.
+# The least total number of rows.
 FEW = 40
-# Second differences count up to so many of their own deviations, and what blocks share counts beyond so many of its own.
+# Second differences are clipped at HELD deviations. Offsets are reported if their variance exceeds SURE standard errors.
 HELD, SURE = 2.5, 6.0
 MAD = 1.4826
 
 
 def line_offsets(parts: list[tuple[Array, Array]]) -> tuple[float, float]:
-    """Standard deviations of the offsets of rows, and of those of columns; 0 where none are seen.
+    """Standard deviations of the offsets of rows, and of those of columns; 0 where none are found.
 
-    :param parts: pieces of one channel (h, w), and which of their samples are there.
+    :param parts: pieces of one channel (h, w), and masks of their present samples.
     """
     return _offsets(parts), _offsets([(z.T, there.T) for z, there in parts])
 
@@ -34,7 +34,7 @@ def _offsets(parts: list[tuple[Array, Array]]) -> float:
     products = np.concatenate(shared) if shared else np.zeros(0)
     if products.size < FEW:
         return 0.0
-    # A row takes part in three second differences: neighbours are not independent.
+    # Each row occurs in three second differences, so that neighbours are not independent.
     error = float(products.std()) * np.sqrt(3.0 / products.size)
     mean = float(products.mean())
     return float(np.sqrt(mean / 6.0)) if mean > SURE * error else 0.0

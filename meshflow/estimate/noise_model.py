@@ -2,8 +2,8 @@
 
     P(k) = A |k / k0|^-beta + F + N G(k_r; L_r) G(k_c; L_c)
 
-G(k; L) is the power of a sampled Gaussian of deviation L, 1 at k = 0 (``blur``), or exp(-(2 pi L k)^4), which is level for longer
-and falls more steeply, as interpolation by splines leaves it (``spline``).
+G(k; L) is the power of a sampled Gaussian of deviation L, 1 at k = 0 (``blur``), or exp(-(2 pi L k)^4), which is flat up to a
+higher frequency and falls more steeply, as after interpolation by splines (``spline``).
 
 A self-affine surface has a power law; white noise has a constant spectrum; the spectrum of blurred or interpolated noise is
 constant up to a frequency of about 1 / (2 pi L) and falls faster than any power above it. The parameters maximize the Whittle
@@ -70,9 +70,9 @@ class Spectrum:
     :ivar white: F, the variance of the white noise.
     :ivar blurred: N, the power of the correlated noise at frequency zero; 0 without it.
     :ivar lengths: L_r and L_c, samples.
-    :ivar misfit: twice the log likelihood lost against a spectrum that is free at each frequency.
+    :ivar misfit: twice the loss of log likelihood against a spectrum that is free at each frequency.
     :ivar shape: of G.
-    :ivar numbers: the parameters as :func:`fitted` has them.
+    :ivar numbers: the parameters of :func:`fitted`.
     """
 
     surface: float
@@ -116,7 +116,7 @@ SHAPES = MappingProxyType({"blur": gaussian, "spline": spline})
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """What a fit is told beside the power: frequencies, weights (m,), offset and shape."""
+    """The input of a fit besides the power: frequencies, weights (m,), offset and shape."""
 
     at: Frequencies
     weights: Array
@@ -136,10 +136,10 @@ def fitted(
 
     :param power: (m,), the mean of the spectra of tiles.
     :param shape: of the power of correlated noise.
-    :param offset: added to power and model alike: what is far below it does not count.
-    :param weights: (m,), independent values behind each mean.
-    :param starts: log A and beta, then log F, then log N and log L, or log L_r and log L_c: 2, 3, 5 or 6 numbers, the others are
-        left out of the model.
+    :param offset: added to both power and model, so that powers far below it have no effect.
+    :param weights: (m,), the number of independent values in each mean.
+    :param starts: log A and beta, then log F, then log N and log L, or log L_r and log L_c: 2, 3, 5 or 6 numbers; the model
+        has only these terms.
     """
     ends = [_climbed(power + offset, _Problem(at, weights, offset, shape), np.array(start)) for start in starts]
     best, misfit = min(ends, key=lambda end: end[1])
@@ -151,7 +151,7 @@ def fitted(
 
 
 def _climbed(power: Array, problem: _Problem, start: Array) -> tuple[Array, float]:
-    """Parameters of maximum likelihood near a start, and the log likelihood lost against a free spectrum."""
+    """Parameters of maximum likelihood near a start, and the loss of log likelihood against a free spectrum."""
     low, high = LOWEST[: len(start)], HIGHEST[: len(start)]
     here = np.clip(start, low, high)
     misfit, model, slopes = _misfit(here, power, problem)
@@ -180,7 +180,7 @@ def _climbed(power: Array, problem: _Problem, start: Array) -> tuple[Array, floa
 
 
 def _misfit(numbers: Array, power: Array, problem: _Problem) -> tuple[float, Array, Array]:
-    """The lost log likelihood, the model (m,), and its derivatives (p, m) with respect to the parameters."""
+    """The loss of log likelihood, the model (m,), and its derivatives (p, m) with respect to the parameters."""
     at, log_radius, shape = problem.at, problem.at.log_radius, SHAPES[problem.shape]
     surface = np.exp(numbers[0] - numbers[1] * log_radius)
     model, slopes = surface + problem.offset, [surface, -surface * log_radius]

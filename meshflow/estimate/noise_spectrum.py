@@ -1,8 +1,8 @@
 """Noise that is correlated between samples, from the power spectrum of the flattest tiles.
 
-Of all tiles (:mod:`.noise_tiles`) those are chosen whose power is no more than noise would make it: first those near the lowest
-mean of log power at low frequencies, where texture shows most, then, three times, those that agree with the spectrum found
-(:mod:`.noise_model`) at the frequencies at which that is noise.
+The tiles (:mod:`.noise_tiles`) are selected whose power is no higher than that of noise. The first selection has those near the
+lowest mean log power at low frequencies, where texture is strongest. Three further selections have those that agree with the
+fitted spectrum (:mod:`.noise_model`) at the frequencies where it is noise.
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Found", "between_of", "correlation_of", "length_of", "spectral_noise"]
 
-# Fewer tiles say nothing.
+# The least number of tiles.
 LEAST = 5
 # The share of lowest tiles at the start of the selection; its tolerance in deviations of noise; the number of selections.
 LOWEST, MARGIN, ROUNDS = 0.05, 3.0, 3
@@ -28,17 +28,17 @@ LOG_SPREAD = np.pi / np.sqrt(6.0)
 FAR_BELOW = 0.02
 # Where the surface is weak, the noise may exceed the fitted one by this factor.
 FREE = 2.0
-# Log likelihoods that correlation must gain at first to be looked at any further.
+# The least gain of log likelihood by correlation in the first fit; below it the estimate ends.
 HINT = 3.0
-# Log likelihoods that another shape or a second length must gain, and the share of the misfit that it may leave.
+# The least gain of log likelihood by another shape or a second length, and the largest ratio of the misfits.
 GAIN, BETTER = 30.0, 0.5
 # Noise is correlated if it exceeds surface and white noise somewhere by this factor, is likelier than white noise by this much
 # (log), is found in this many tiles, fits their power (squared relative error), and is neither too narrow nor as wide as
 # surfaces.
 ABOVE, EVIDENCE, FEW, MISFIT, NARROWEST, WIDEST = 1.25, 40.0, 6, 0.2, 0.35, 2.8
-# Where more than this share of it is white, which is white noise on a texture as a rule, these are asked.
+# If more than the share MIXED of it is white, which is usually white noise on a texture, these bounds hold instead.
 MIXED, ABOVE_WHITE, EVIDENCE_WHITE = 0.05, 2.5, 100.0
-# Correlations below this are not told, nor those of lags beyond the other.
+# Correlations below UNTOLD, and those of lags beyond REACH, are not reported.
 UNTOLD, REACH = 0.03, 8
 
 
@@ -50,7 +50,7 @@ class Found:
     :ivar plain: with white noise alone.
     :ivar power: (m,), mean power of the tiles chosen.
     :ivar chosen: (n,), of all tiles.
-    :ivar at: the frequencies, of weight 0 where offsets of lines are.
+    :ivar at: the frequencies, with weight 0 where they contain offsets of lines.
     """
 
     spectrum: Spectrum
@@ -61,7 +61,7 @@ class Found:
 
     @property
     def tiles(self) -> int:
-        """How many tiles were chosen."""
+        """The number of chosen tiles."""
         return int(self.chosen.sum())
 
     @property
@@ -71,7 +71,7 @@ class Found:
 
     @property
     def above(self) -> float:
-        """How many times the correlated noise exceeds surface and white noise where it does most."""
+        """The largest ratio of the correlated noise to surface and white noise."""
         at, spectrum = self.at, self.spectrum
         return float((spectrum.of_blurred(at) / (spectrum.of_surface(at) + spectrum.white)).max())
 
@@ -120,7 +120,7 @@ def spectral_noise(tiles: Tiles, rows: bool = False, columns: bool = False) -> F
     :returns: None where there are too few tiles, or most are constant.
     """
     at = tiling().at
-    lines = (at.across < 2) & rows | (at.down < 2) & columns  # where offsets are, as wide as the window makes them
+    lines = (at.across < 2) & rows | (at.down < 2) & columns  # frequencies of offsets, widened by the window
     at = replace(at, weights=np.where(lines, 0.0, at.weights))
     rough = np.min(tiles.power, axis=1, initial=np.inf) > 0
     if rough.sum() < max(LEAST, 0.5 * len(rough)):
@@ -193,16 +193,16 @@ def _reshaped(mean: Array, at: Frequencies, weights: Array, spectrum: Spectrum, 
 
 
 def _starts(mean: Array, at: Frequencies) -> list[list[float]]:
-    """Where a search for correlated noise begins."""
+    """Starting values of the fit with correlated noise."""
     low, _, high = _levels(mean, at)
     surface, white, blurred = np.log(low * 0.1) - 2.0, np.log(high * 0.3), np.log(max(low * 0.5, high))
     return [[surface, 3.3, white, blurred, np.log(length)] for length in (0.5, 1.0, 2.0)]
 
 
 def between_of(channels: list[Tiles], found: list[Found]) -> Array | None:
-    """The correlation (k, k) between the noises of channels, from the tiles in which the noise of all of them is seen.
+    """The correlation (k, k) of the noise between channels, from the tiles that were chosen in all of them.
 
-    :returns: None where those are too few.
+    :returns: None for too few such tiles.
     """
     seen = [tiles.names[one.chosen] for tiles, one in zip(channels, found, strict=True)]
     common = reduce(np.intersect1d, seen)
@@ -233,7 +233,9 @@ def correlation_of(covariance: Array) -> Array | None:
 
 
 def length_of(correlation: Array | None) -> tuple[float, float]:
-    """Deviations of the sampled Gaussian that correlates neighbours of white noise as much, from row to row and along rows."""
+    """Deviations of the Gaussian filter that gives white noise the same correlation of neighbours, from row to row and along
+    rows.
+    """
     if correlation is None:
         return 0.0, 0.0
     middle = correlation.shape[0] // 2

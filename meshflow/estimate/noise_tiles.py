@@ -1,7 +1,7 @@
-"""Tiles of a grid by frequency: what the estimate of correlated noise looks at.
+"""Spectra of tiles of a grid, for the estimate of correlated noise.
 
-Tiles of 32 x 32 samples overlap by half. From each its quadratic is taken, and a Hann window is laid over it: then the steep
-spectrum of a surface does not leak into the frequencies at which noise is seen.
+Tiles of 32 x 32 samples overlap by half. The best fitting quadratic is subtracted from each tile, and it is multiplied by a Hann
+window, so that the steep spectrum of a surface does not leak into the frequencies of the noise.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from meshflow.geometry.validation import Array
 __all__ = ["SIDE", "Tiles", "Tiling", "tiles_of", "tiling"]
 
 SIDE = 32
-# Tiles looked at, at most, spread evenly.
+# The largest number of tiles, evenly spread.
 MOST = 600
-# The share of a tile that may be clipped, where so many tiles are left that are not.
+# The largest clipped share of a tile, if at least FEW tiles satisfy it.
 CLIPPED, FEW = 0.02, 12
 # The independent share of the values of windowed tiles that overlap by half.
 INDEPENDENT = 0.4
@@ -26,12 +26,12 @@ INDEPENDENT = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Tiling:
-    """What all tiles share.
+    """The data shared by all tiles.
 
     :ivar basis: (SIDE^2, 6), orthonormal quadratics.
     :ivar window: (SIDE, SIDE), of mean square 1 / SIDE^2, so that white noise has its variance as power.
-    :ivar at: the frequencies that are looked at, (m,).
-    :ivar used: (SIDE / 2 + 1, SIDE / 2 + 1), which of a quarter of the spectrum those are.
+    :ivar at: the frequencies used, (m,).
+    :ivar used: (SIDE / 2 + 1, SIDE / 2 + 1), mask of them in a quarter of the spectrum.
     """
 
     basis: Array
@@ -45,7 +45,7 @@ class Tiles:
     """Tiles of one channel.
 
     :ivar transform: (n, SIDE, SIDE / 2 + 1), the Fourier transform of each.
-    :ivar names: (n,), growing: a number for the place of each, the same in all channels.
+    :ivar names: (n,), increasing: a number for the position of each, the same in all channels.
     """
 
     transform: Array
@@ -53,7 +53,7 @@ class Tiles:
 
     @cached_property
     def power(self) -> Array:
-        """The power (n, m) by frequency; both signs of a frequency along the columns together."""
+        """The power (n, m) by frequency; mean over both signs of a frequency along the columns."""
         return folded(np.real(self.transform) ** 2 + np.imag(self.transform) ** 2)
 
 
@@ -66,7 +66,7 @@ def tiling() -> Tiling:
     window = np.outer(hann, hann)
     half = SIDE // 2
     rows, columns = np.indices((half + 1, half + 1))
-    count = np.full(rows.shape, 2.0)  # a frequency and its mirror image; those on an axis are their own
+    count = np.full(rows.shape, 2.0)  # a frequency and its mirror image, which is the same on an axis
     for edge in (0, -1):
         count[edge] = count[:, edge] = 1.0
     used = np.hypot(rows, columns) >= 2.0  # lower frequencies contain the rest of the quadratic
@@ -75,9 +75,9 @@ def tiling() -> Tiling:
 
 
 def tiles_of(parts: list[tuple[Array, Array]]) -> Tiles:
-    """The tiles of one channel of which every sample is there.
+    """The tiles of one channel without missing samples.
 
-    :param parts: pieces of the data (h, w), and which of their samples are there.
+    :param parts: pieces of the data (h, w), and masks of their present samples.
     """
     half, shared = SIDE // 2, tiling()
     places = [_places(there) for _, there in parts]
@@ -100,7 +100,9 @@ def tiles_of(parts: list[tuple[Array, Array]]) -> Tiles:
 
 
 def _clipped(parts: list[tuple[Array, Array]], places: list[Array]) -> list[Array]:
-    """Of each place (n,), whether more than a few samples of its tile are at the end of the range, where noise is cut off."""
+    """For each place a mask (n,): whether more than a few samples of its tile are at an end of the range, where noise is
+    clipped.
+    """
     known = [z if there.all() else z[there] for z, there in parts]
     ends = (min(some.min(initial=np.inf) for some in known), max(some.max(initial=-np.inf) for some in known))
     found = []
@@ -123,7 +125,7 @@ def folded(spectrum: Array) -> Array:
 
 
 def _places(there: Array) -> Array:
-    """The places (n, 2), in half tiles, of tiles that are all there."""
+    """The positions (n, 2), in half tiles, of tiles without missing samples."""
     if min(there.shape) < SIDE:
         return np.zeros((0, 2), np.intp)
     half = SIDE // 2

@@ -4,8 +4,8 @@ A patch of pure noise has the covariance sigma^2 in every direction, while the d
 smallest eigenvalue of the covariance of many patches is that of the noise. It is biased low by the finite number of patches and
 high by texture. Against the bias by texture, only patches are used whose second differences are no larger than those of noise,
 and sigma is estimated again from them until it converges. Against the bias by the number of patches (our addition), it is
-divided by the same eigenvalue for white noise of deviation 1 at the same places. Planes are taken out of the patches first
-(ours), so that single precision is enough for the rest.
+divided by the same eigenvalue for white noise of deviation 1 at the same places. Planes are subtracted from the patches first
+(also ours), so that single precision is sufficient for the rest.
 """
 
 from dataclasses import dataclass
@@ -19,22 +19,22 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["patch_noise"]
 
-# Of sides 5, 6 and 7 and confidences of 0.97, 0.99 and 0.998, these err least over twelve scenes and four levels of noise: 3 % in
-# the mean, 9 % at worst on all but a photograph of grass (tests/bench_noise.py).
+# Among sides 5, 6 and 7 and confidences 0.97, 0.99 and 0.998, these have the lowest error over twelve scenes and four levels of
+# noise: 3 % on average, at most 9 % on all but a photograph of grass (tests/bench_noise.py).
 SIDE, CONFIDENCE = 7, 0.99
-# Patches of which the covariance is made, at first and at last, and how often the choice is made anew.
+# The numbers of patches for the covariance, in the first rounds and in the last, and the largest number of selections.
 SOME, PATCHES, ROUNDS = 8_000, 20_000, 6
 # The least number of patches for a covariance.
 LEAST = 4 * SIDE * SIDE
-# So many times as often is white noise of the few patches looked at, if they are half as many; so far apart in the field.
+# The number of repetitions of the white noise for few patches (ALIKE for half of SOME), and their distance in the field.
 ALIKE, SHIFT = 2, 131
-# The side of the field of white noise of which patches are cut as of the data.
+# The side of the field of white noise.
 FIELD = 768
 
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """Where patches may be cut from a tile z (h, w): the places (n,), counted along its rows, and the energy of each."""
+    """Patches of a tile z (h, w): their row-major positions (n,), and the energy of each."""
 
     z: Array
     at: Array
@@ -53,17 +53,17 @@ def patch_noise(parts: list[tuple[Array, Array]]) -> float | None:
         return None
     textured = np.flatnonzero(energy > 0)
     if textured.size < 0.5 * energy.size:
-        return 0.0  # most of it is constant: no noise
+        return 0.0  # mostly constant: no noise
     if textured.size < LEAST:
         return None
     return float(np.sqrt(max(_iterated(places, energy, textured), 0.0)))
 
 
 def _iterated(places: list[_Places], energy: Array, textured: Array) -> float:
-    """The variance from the patches that are weak enough for the one before.
+    """The variance from weak patches, which are selected again with each estimate.
 
-    :param energy: of all places one after another.
-    :param textured: (m,), the places that are no part of something constant.
+    :param energy: of all patches of all tiles.
+    :param textured: (m,), indices of the patches that are not constant.
     """
     weak, variance = textured, _variance(places, textured, SOME)
     for _ in range(ROUNDS):
@@ -71,20 +71,20 @@ def _iterated(places: list[_Places], energy: Array, textured: Array) -> float:
         if weak.size < LEAST:
             weak = np.sort(textured[np.argpartition(energy[textured], LEAST)[:LEAST]])
         before, variance = variance, _variance(places, weak, SOME)
-        if variance > 0.996 * before:  # it falls from one choice to the next, but for chance
+        if variance > 0.996 * before:  # it decreases from one selection to the next, except by chance
             break
     return _variance(places, weak, PATCHES) if weak.size > SOME else variance
 
 
 def _variance(places: list[_Places], chosen: Array, most: int) -> float:
-    """The smallest eigenvalue of the covariance of patches over that of white noise in their place.
+    """The smallest eigenvalue of the covariance of patches, divided by that of white noise at the same positions.
 
-    :param chosen: (m,), growing, counted over all places; ``most`` of them are looked at, spread evenly.
+    :param chosen: (m,), increasing, indices over all patches; at most ``most`` of them are used, evenly spread.
     """
     if chosen.size > most:
         chosen = chosen[(np.arange(most) * (chosen.size / most)).astype(np.intp)]
     patches, before, field = [], 0, sliding_window_view(_field(), (SIDE, SIDE))
-    # Few patches that overlap are worth fewer still: then their eigenvalue is the mean of several in other places of the field.
+    # Few overlapping patches are correlated: the eigenvalue of noise is then the mean over several positions in the field.
     again = range(max(1, ALIKE * SOME // max(chosen.size, SOME // 4))) if chosen.size < SOME else range(1)
     unit: list[list[Array]] = [[] for _ in again]
     for place in places:
@@ -116,7 +116,7 @@ def _planes() -> Array:
 
 
 def _places(z: Array, there: Array) -> _Places:
-    """Where the patch and its rim are there, and the sum of squared second differences along rows and columns over it."""
+    """The patches without missing samples on them and their rim, and the sums of their squared second differences on both axes."""
     clean = z if there.all() else np.where(there, z, 0.0)
     middle = 2.0 * clean[1:-1, 1:-1]
     squares = (clean[1:-1, :-2] - middle + clean[1:-1, 2:]).astype(np.float32) ** 2
@@ -133,7 +133,7 @@ def _places(z: Array, there: Array) -> _Places:
 
 
 def _boxed(a: Array) -> Array:
-    """Sums over all patches, each its own: no rounding of one reaches another."""
+    """Sums over all patches, each computed separately, so that rounding errors do not spread."""
     h, w = a.shape[0] - SIDE + 1, a.shape[1] - SIDE + 1
     rows = a[:h].copy()
     for r in range(1, SIDE):

@@ -14,7 +14,7 @@ __all__ = ["Steps", "quantum_of", "steps_of", "terraced"]
 AROUND = 15
 # Values are quantized if they have fewer levels than samples by this factor.
 FEWER = 20
-# Samples looked at, for steps that grow and for one that does not.
+# The largest numbers of samples, for variable steps and for a constant one.
 ENOUGH, MANY = 60_000, 200_000
 # Values that are tested first: if most of them differ, the data is not quantized, and no more need to be sorted.
 GLANCE = 20_000

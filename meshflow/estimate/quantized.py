@@ -27,8 +27,8 @@ __all__ = ["LeastBending", "quantized"]
 # Noise above this multiple of the rounding error makes that error independent of the data, so the risk of a flow can be
 # estimated.
 MOSTLY = 1.8
-# A flow that keeps edges is taken where its risk is next to that of least bending: where edges matter the two come near,
-# elsewhere bending is better by far. A risk far below it is not credible.
+# A flow that preserves edges is chosen if the ratio of its risk to that of least bending is between these: with important edges
+# the two are similar, otherwise least bending is much better. A risk far below it is not credible.
 CREDIBLE, AS_GOOD = 0.6, 1.2
 UNCHANGED = "data left unchanged: rounding is the noise, and no smoothing was estimated to lower its error"
 
@@ -63,9 +63,7 @@ def quantized(data: HeightField | Image, request: Request, noise: Noise) -> Plan
     if found.length == 0:
         return replace(plan, method=LeastBending(), idle=UNCHANGED, time=0.0)
     done = replace(data, z=found.values) if isinstance(data, HeightField) else replace(data, values=found.values)
-    step = (
-        f"half the quantum{', rounding is the noise' if found.most <= 0.5 * noise.quantum else ', and noise beside it'}"
-    )
+    step = f"half the quantum{', rounding is the noise' if found.most <= 0.5 * noise.quantum else ', plus additional noise'}"
     decided = {"length": Decided("estimated", "least estimated risk"), "max_change": Decided("estimated", step)}
     plan = plan.with_(decided, method=LeastBending(length=found.length), max_change=found.most)
     return replace(plan, data=done, idle=_in_words(found), time=0.0, warnings=_of_plateaus(found))
@@ -73,7 +71,7 @@ def quantized(data: HeightField | Image, request: Request, noise: Noise) -> Plan
 
 @dataclass(frozen=True, eq=False)
 class _Flowed:
-    """Makes of the heights of a tile what the flow of a plan makes of them, within half a quantum."""
+    """Runs the flow of a plan on the heights of a tile, within half a quantum."""
 
     plan: Plan
 
@@ -102,17 +100,17 @@ def _suits(data: HeightField | Image, request: Request) -> bool:
 
 
 def _mostly_rounded(noise: Noise, strength: float) -> bool:
-    """Whether the error of rounding is most of the noise."""
+    """Whether the rounding error is most of the noise."""
     return 0 < noise.sigma * strength <= MOSTLY * noise.quantum / np.sqrt(12.0)
 
 
 def _in_words(found: Unrounded) -> str:
     return (
-        f"rounding is the noise: the surface of least bending that was recorded as these steps, smoothed over {found.length:.2g} "
-        f"samples, expected error {found.risk:.3g}"
+        f"rounding is the noise: replaced by the surface of least bending that rounds to these steps, smoothed over "
+        f"{found.length:.2g} samples, expected error {found.risk:.3g}"
     )
 
 
 def _of_plateaus(found: Unrounded) -> tuple[str, ...]:
     count = int(found.plateaus.sum())
-    return (f"{count} samples of level plateaus, as lakes are, stay as they are",) if count else ()
+    return (f"{count} samples of level plateaus, such as lakes, were left unchanged",) if count else ()

@@ -1,10 +1,10 @@
-"""Windows spread over a grid, of which what is asked of the whole is asked."""
+"""Windows spread over a grid, as a sample of the whole."""
 
 import numpy as np
 
 __all__ = ["ENOUGH", "Tile", "spread_tiles"]
 
-# Samples looked at, at most, on so many windows along either side: more change nothing that matters.
+# The largest number of samples, and the number of windows along each side; more have no significant effect.
 ENOUGH, TILES = 1_000_000, 8
 
 Tile = tuple[slice, slice]

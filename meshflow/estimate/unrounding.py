@@ -243,7 +243,7 @@ def _chosen(plate: _Plate, box: _Box, counted: Array, quantum: float, noise: flo
 
 
 def _pilots(made: list[_Held], z: Array, counted: Array, total: float) -> tuple[int, list[Array]]:
-    """The place of the stiffness that is as far from the data as rounding is, and surfaces of it that may have been recorded."""
+    """The index of the stiffness whose distance from the data is that of rounding, and its surfaces as possible true ones."""
     off = np.array([np.sqrt(np.mean(np.square(clipped - z)[counted])) for clipped, _, _ in made])
     smoothest = max(int(np.sum(off <= total)) - 1, 1)
     clipped, edged, share = made[smoothest]
@@ -253,9 +253,9 @@ def _pilots(made: list[_Held], z: Array, counted: Array, total: float) -> tuple[
 def rival_risks(
     rival: Callable[[Array, Tile], Array], values: Array, missing: Array, quantum: float, aspect: float
 ) -> tuple[float, float]:
-    """The mean square errors to be expected of another method and of least bending, over that of rounding, on one tile.
+    """The expected mean square errors of another method and of least bending, relative to that of rounding, on one tile.
 
-    :param rival: makes of the heights of a tile, and where that is, smoothed ones.
+    :param rival: returns the smoothed heights of a tile, given heights and position.
     :param values: (h, w), rounded and without noise.
     """
     tiles = spread_tiles(missing.shape, ENOUGH, 2)

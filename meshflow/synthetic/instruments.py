@@ -1,6 +1,6 @@
-"""What instruments leave in data beside white noise: correlated noise of known covariance, a camera, stripes, spikes.
+"""Errors of instruments: correlated noise of known covariance, a camera, stripes, and spikes.
 
-Each is seeded, and tells what it added: the same seed gives the same values.
+All are reproducible: the same seed gives the same values.
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ __all__ = ["Camera", "CorrelatedNoise", "spiked", "striped"]
 
 @dataclass(frozen=True)
 class CorrelatedNoise:
-    """White Gaussian noise that was filtered along rows and columns, of deviation 1, and of known correlation.
+    """Filtered white Gaussian noise of deviation 1 and known correlation. The filter is separable along rows and columns.
 
-    :param length: standard deviation of the filter in samples, (down the columns, along the rows) or one for both; 0 filters not.
-        A ``blur`` is a Gaussian; ``linear`` and ``cubic`` are the kernels of interpolation (Keys 1981), stretched to ``length``
-        samples of the coarser grid: what resampling leaves, on the average over the places between its samples.
+    :param length: standard deviation of the filter in samples, (down the columns, along the rows) or one for both; 0: no filter.
+        ``blur`` is a Gaussian; ``linear`` and ``cubic`` are the kernels of interpolation (Keys 1981) from a coarser grid with a
+        spacing of ``length`` samples. Their correlation is that of resampled noise, averaged over positions.
     :param white: share of the variance that is white, 0 to 1.
     :param kind: of the filter.
-    :raises InputError: for a length below zero, or a share that cannot be.
+    :raises InputError: for a negative length, a share outside of 0 to 1, or an unknown kind.
     """
 
     length: float | tuple[float, float] = 1.0
@@ -48,7 +48,7 @@ class CorrelatedNoise:
         return (float(self.length), float(self.length)) if isinstance(self.length, (int, float)) else self.length
 
     def drawn(self, shape: tuple[int, int], seed: int = 0) -> Array:
-        """Noise (h, w) of deviation 1 on the average over seeds."""
+        """Noise (h, w) whose deviation is 1 on average over seeds."""
         rng = np.random.default_rng(whole(seed, "seed", 0))
         found = rng.normal(size=tuple(n + 2 * self._reach for n in shape))
         for axis, kernel in enumerate(self._kernels):
@@ -106,16 +106,16 @@ _KERNELS = {"blur": _blur, "linear": _linear, "cubic": _cubic}
 
 @dataclass(frozen=True)
 class Camera:
-    """A digital camera: a mosaic of red, green and blue, noise of photons and of reading, demosaicing, sRGB, rounding, JPEG.
+    """A digital camera: a mosaic of red, green and blue, shot and read noise, demosaicing, sRGB, rounding, JPEG.
 
     The noise of a photosite of light x, 0 to 1, has the variance ``shot`` x + ``reading``^2. Demosaicing is bilinear, so that
     the noise is correlated between samples and between channels; the curve of sRGB (IEC 61966-2-1) makes it larger in the dark.
 
-    :param shot: variance per light; 0.002: one of a bright place is 4 % of its light.
-    :param reading: standard deviation in the dark, of full light.
-    :param quality: of JPEG, 1 to 95, of full colour resolution; None: no JPEG.
+    :param shot: variance per unit of light; with 0.002 the deviation at full light is 4 % of it.
+    :param reading: standard deviation of the read noise, relative to full light.
+    :param quality: of JPEG, 1 to 95, with full colour resolution; None: no JPEG.
     :param seed: of the noise.
-    :raises InputError: for values that cannot be.
+    :raises InputError: for values outside of these ranges.
     """
 
     shot: float = 0.002
@@ -131,7 +131,7 @@ class Camera:
         whole(self.seed, "seed", 0)
 
     def photograph(self, scene: ArrayLike) -> tuple[Array, Array]:
-        """What the camera makes of a scene (h, w, 3), grey levels 0 to 255, float64: with noise, and as it would be without.
+        """Photographs of a scene (h, w, 3), grey levels 0 to 255, float64: one with noise, and one without.
 
         :raises InputError: for a scene that is not (h, w, 3).
         """
@@ -144,7 +144,7 @@ class Camera:
         return self._file(np.rint(self._developed(noisy))), self._developed(light)
 
     def _developed(self, light: Array) -> Array:
-        """Grey levels (h, w, 3) from a mosaic: red and blue on every second row and column, green on the rest."""
+        """Grey levels (h, w, 3), demosaiced: red and blue are sampled at every second row and column, green at the rest."""
         rows, columns = np.indices(light.shape[:2])
         red, blue = (rows % 2 == 0) & (columns % 2 == 0), (rows % 2 == 1) & (columns % 2 == 1)
         made = np.empty_like(light)
@@ -157,7 +157,7 @@ class Camera:
         return 255.0 * _grey(np.clip(made, 0.0, 1.0))
 
     def _file(self, grey: Array) -> Array:
-        """What is left after the file."""
+        """The grey levels after compression as JPEG."""
         if self.quality is None:
             return grey
         with BytesIO() as file:
@@ -167,12 +167,12 @@ class Camera:
 
 
 def _light(grey: Array) -> Array:
-    """The light of grey levels, both 0 to 1, as sRGB has it."""
+    """The linear light of sRGB grey levels, both 0 to 1."""
     return np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
 
 
 def _grey(light: Array) -> Array:
-    """The grey levels of light."""
+    """The sRGB grey levels of linear light."""
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
 
 
@@ -191,7 +191,7 @@ def striped(values: ArrayLike, rows: float = 0.0, columns: float = 0.0, seed: in
 
 
 def spiked(values: ArrayLike, share: float, low: float, high: float, seed: int = 0) -> tuple[Array, Array]:
-    """Values (h, w) of which a share, drawn at random, is ``low`` or ``high`` instead, float64; and which (h, w).
+    """Values (h, w), float64, with a random share of them replaced by ``low`` or ``high``, and the mask (h, w) of these.
 
     :raises InputError: for a share that is not between 0 and 1.
     """

@@ -1,4 +1,4 @@
-"""Files that are neither read here nor by GDAL: what they are, and the way from them to a surface."""
+"""Formats that are read neither here nor by GDAL, each with advice on its conversion to a surface."""
 
 from pathlib import Path
 
@@ -8,9 +8,9 @@ __all__ = ["must_be_known", "said_of"]
 
 _CLOUD = "a point cloud has no surface; reconstruct one first (open3d: create_from_point_cloud_poisson), or rasterize it (PDAL)"
 _SCENE = "export it as .glb first (Blender)"
-_CAD = "it holds curves and no triangles; mesh it first (FreeCAD, Gmsh), as .stl or .ply"
-_MESHIO = "read it with meshio and hand it over: meshflow.smooth(meshio.read(path))"
-_PYVISTA = "open it with pyvista.read and hand the object over: meshflow.smooth(pyvista.read(path))"
+_CAD = "it contains curves and no triangles; mesh it first (FreeCAD, Gmsh), as .stl or .ply"
+_MESHIO = "read it with meshio: meshflow.smooth(meshio.read(path))"
+_PYVISTA = "read it with pyvista: meshflow.smooth(pyvista.read(path))"
 _ARCHIVE = "unpack it first"
 _KNOWN = {
     ".pcd": ("a point cloud of PCL", _CLOUD),
@@ -38,21 +38,21 @@ _KNOWN = {
     ".7z": ("an archive", _ARCHIVE),
     ".gz": ("an archive", _ARCHIVE),
 }
-# Read by GDAL where it can be: a grid as lines of x, y, z.
-_PERHAPS = {".xyz": ("a point cloud, and no grid line by line", _CLOUD), ".zip": ("an archive", _ARCHIVE)}
+# GDAL reads some of these: grids as lines of x, y, z.
+_PERHAPS = {".xyz": ("a point cloud, not a grid in rows", _CLOUD), ".zip": ("an archive", _ARCHIVE)}
 
 
 def must_be_known(path: Path) -> None:
-    """Refuse a file of which the extension says that nothing here reads it.
+    """Refuse a file whose extension is that of an unsupported format.
 
-    :raises FormatError: with what it is and the way out.
+    :raises FormatError: with the format and advice.
     """
     if path.suffix.lower() in _KNOWN:
-        what, way = _KNOWN[path.suffix.lower()]
-        raise FormatError(f"{path.name}: {what}, which is not read; {way}")
+        what, advice = _KNOWN[path.suffix.lower()]
+        raise FormatError(f"{path.name}: {what}, which is not read; {advice}")
 
 
 def said_of(path: Path) -> str:
-    """What is to be said of a file that GDAL could not read either; empty where nothing is."""
-    what, way = _PERHAPS.get(path.suffix.lower(), ("", ""))
-    return f"{what}: {way}" if what else ""
+    """Advice on a file that GDAL could not read either; empty if there is none."""
+    what, advice = _PERHAPS.get(path.suffix.lower(), ("", ""))
+    return f"{what}: {advice}" if what else ""

@@ -160,7 +160,7 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def _text(content: bytes) -> str:
-    """The bytes of an OBJ as Latin-1, so that every byte has a character; of UTF-16 those of UTF-8, without a byte order mark."""
+    """The bytes of an OBJ decoded as Latin-1, without byte order mark; UTF-16 is converted to UTF-8 first."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         content = content.decode("utf-16").encode()
     return content.removeprefix(codecs.BOM_UTF8).decode("latin-1")

@@ -72,7 +72,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if options.channels is not None:
         raise InputError(f"channels={options.channels!r}: an OFF file has no vertex attributes that are read")
     content = path.read_bytes()
-    # trimesh wants the word and the numbers apart, and so do we; a byte order mark is no part of the word
+    # trimesh needs a space between keyword and numbers, and so do we; a byte order mark is removed
     content = re.sub(
         rb"^(?:\xef\xbb\xbf)?(\s*(?:#.*\n\s*)*(?:ST)?C?N?OFF)(?=\d)", rb"\1 ", content.removeprefix(b"\xef\xbb\xbf")
     )

@@ -1,4 +1,4 @@
-"""A scene of trimesh as the bytes of one file."""
+"""Converts a scene of trimesh to the bytes of one file."""
 
 import trimesh
 
@@ -8,18 +8,18 @@ __all__ = ["need_3mf", "written"]
 
 
 def need_3mf() -> None:
-    """Ask for what 3MF takes besides trimesh.
+    """Require the packages that 3MF needs in addition to trimesh.
 
-    :raises MissingPackage: with the line that installs it.
+    :raises MissingPackage: with the command that installs it.
     """
     need("lxml", "3mf")
     need("networkx", "3mf")
 
 
 def written(scene: trimesh.Scene, suffix: str) -> bytes:
-    """A scene in the format of an extension; a glTF holds its own buffers and images.
+    """The bytes of a scene in the format of an extension; a glTF embeds its buffers and images.
 
-    :raises MissingPackage: where 3MF lacks what it takes.
+    :raises MissingPackage: if a package for 3MF is missing.
     """
     if suffix == ".gltf":
         from trimesh.exchange.gltf import export_gltf

@@ -135,7 +135,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if suffix == ".3mf":
         if not is_zipfile(path):
             raise FormatError(
-                f"{path.name}: not a 3MF, which is a zip; is it whole, and does its extension tell the truth?"
+                f"{path.name}: not a 3MF, which is a zip; check that it is complete and has the right extension"
             )
         need_3mf()
     near = FilePathResolver(str(path), allow_anywhere=options.allow_remote)
@@ -237,7 +237,7 @@ def _one_after_the_other(parts: tuple[Part, ...], channels: str | None) -> tuple
 
 
 def _round_colours(mesh: object) -> None:
-    """Colours beside a texture, which trimesh leaves as they are stored and writes as whole numbers, in 256 steps."""
+    """Convert vertex colours beside a texture to 256 levels, because trimesh writes the stored values as integers."""
     beside = getattr(getattr(mesh, "visual", None), "vertex_attributes", {})
     colours = np.asarray(beside["color"]) if "color" in beside else None
     if colours is None or colours.dtype == np.uint8:
