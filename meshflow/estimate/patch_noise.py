@@ -116,7 +116,7 @@ def _planes() -> Array:
 
 
 def _places(z: Array, there: Array) -> _Places:
-    """The patches without missing samples on them and their rim, and the sums of their squared second differences on both axes."""
+    """The patches without missing samples on them and their rim, and the sums of their squared second differences."""
     clean = z if there.all() else np.where(there, z, 0.0)
     middle = 2.0 * clean[1:-1, 1:-1]
     squares = (clean[1:-1, :-2] - middle + clean[1:-1, 2:]).astype(np.float32) ** 2
