@@ -248,3 +248,20 @@ def test_other_names_of_a_file_that_is_replaced_are_told(heights):
     assert done.returncode == 0
     assert "one of 2 names (hard links)" in words_of(done)
     assert other.read_bytes() == heights.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (("--iterations", "5"), "--time"),
+        (("--lambda", "0.5"), "--method fairing"),
+        (("--sigma=2",), "--noise"),
+        (("--method", "taubin"), "fairing"),
+        (("--method", "Bilateral"), "normal-filter"),
+    ],
+)
+def test_words_of_other_tools_point_to_ours(heights, words, meant):
+    done = run("smooth", str(heights), str(heights.with_name("b.tif")), *words)
+    assert done.returncode in (1, 2)
+    assert len(words_of(done).strip().splitlines()) == 1
+    assert meant in words_of(done)

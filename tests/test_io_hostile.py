@@ -332,3 +332,16 @@ def test_an_open_dataset_is_its_file_and_lists_are_told_apart(tmp_path):
     with rasterio.MemoryFile((tmp_path / "a.tif").read_bytes()) as memory, memory.open() as source:
         refused(lambda: meshflow.smooth(source), r"dataset.read\(1, masked=True\)")
     refused(lambda: meshflow.smooth([z, z]), "one array expected, got a list of 2; smooth them one by one")
+
+
+def test_a_ply_that_ends_within_a_line_is_no_smaller_mesh(tmp_path):
+    trimesh.creation.icosphere(1).export(tmp_path / "a.ply", encoding="ascii")
+    whole = (tmp_path / "a.ply").read_bytes().rstrip()
+    assert len(read(tmp_path / "a.ply").data.faces) == 80
+    for cut in range(whole.rindex(b"\n") + 2, len(whole) - 2):
+        (tmp_path / "a.ply").write_bytes(whole[:cut])
+        with suppress(InputError):
+            assert len(read(tmp_path / "a.ply").data.faces) == 80
+    square = whole.replace(b"element face 80", b"element face 81")
+    (tmp_path / "a.ply").write_bytes(square + b"\n4 0 1 2\n")
+    refused(lambda: read(tmp_path / "a.ply"), "cut off, 5 numbers expected in its last line, got 4")

@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import Any
 
 from meshflow.cli.flags import FLOW, Given
+from meshflow.cli.hints import method_hint
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import (
     Constraint,
@@ -85,6 +86,8 @@ def _method(flags: Given, suiting: tuple[str, ...]) -> Method | None:
             raise InputError(f"{given}: belongs to {', '.join(having)}; methods for this data are {', '.join(suiting)}")
         raise InputError(f"{given}: no method has all of these options")
     if word not in METHODS:
+        if meant := method_hint(word):
+            raise InputError(f"--method {word}: no such method; it is {meant} here")
         raise refused(word, tuple(METHODS), "method")
     kind = METHODS[word]
     known = {f.name for f in fields(kind)} if isinstance(kind, type) else set()  # type: ignore[arg-type]

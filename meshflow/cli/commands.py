@@ -20,6 +20,7 @@ from meshflow.cli.asking import asked
 from meshflow.cli.console import err, out, said, table
 from meshflow.cli.environment import environment
 from meshflow.cli.flags import FLOW, Given, command, only
+from meshflow.cli.hints import hint_for
 from meshflow.cli.inputs import frame, opened, per_sample, plain_sample
 from meshflow.cli.looking import must_be_drawable, pictured
 from meshflow.cli.options import READING, flags
@@ -248,6 +249,7 @@ def main() -> None:
     except UsageError as refusal:
         about = "" if refusal.ctx is None else f"; see {refusal.ctx.command_path} --help"
         dashed = [word for word in sys.argv[1:] if word.startswith("-") and word != "-" and Path(word).exists()]
+        about = hint_for(refusal.format_message()) + about
         about += "".join(f"; the file is given as ./{word}" for word in dashed)
         said(f"meshflow: {' '.join(refusal.format_message().split()).rstrip('.')}{about}", (), style="red")
         sys.exit(refusal.exit_code)

@@ -168,6 +168,8 @@ def read(path: Path, options: ReadOptions) -> Document:
         )
     elements = mesh.metadata["_ply_raw"]
     _must_be_whole(path, elements)
+    if b"ascii" in content.split(b"\n", 2)[1]:
+        _must_end_whole(path, content, elements)
     must_be_small(path.name, _corners(elements))
     points = stacked(elements, ("x", "y", "z"))
     if points.dtype.kind != "f":
@@ -232,6 +234,23 @@ def _must_be_whole(path: Path, elements: Elements) -> None:
                     f"{path.name}: binary PLY with lists of different length in {name}.{column}; "
                     "triangulate it first, or save it as ASCII"
                 )
+
+
+def _must_end_whole(path: Path, content: bytes, elements: Elements) -> None:
+    """trimesh takes a last line that is cut off for a smaller polygon.
+
+    :raises FormatError: for a last line with fewer words than its list needs.
+    """
+    last = next((element for element in reversed(elements.values()) if element["length"]), None)
+    words = content.rstrip().rpartition(b"\n")[2].split()
+    at = 0
+    for kind in last["properties"].values() if last is not None else ():
+        count = int(words[at]) if "LIST" in kind and at < len(words) and words[at].isdigit() else 0
+        at += 1 + count
+    if at > len(words):
+        raise FormatError(
+            f"{path.name}: cut off, {at} numbers expected in its last line, got {len(words)}; get the whole file"
+        )
 
 
 def _named(elements: Elements, channels: str | None) -> tuple[str, ...]:
