@@ -64,7 +64,9 @@ def fuse_frames(
     back = imported.to_object(replace(found.after, sigma=first.sigma))
     spread = not still and request.noise is None
     return back, _reported(
-        replace(found, data=back, warnings=(*seen.warnings, *imported.notes, *found.warnings)), one, spread
+        replace(found, data=back, warnings=(*_of_moved(one), *seen.warnings, *imported.notes, *found.warnings)),
+        one,
+        spread,
     )
 
 
@@ -124,6 +126,17 @@ class _Seen:
             return ()
         some = ", ".join(map(str, self.empty[:5])) + (", ..." if len(self.empty) > 5 else "")
         return (f"{len(self.empty)} of the frames (number {some}) without a single depth, left out",)
+
+
+def _of_moved(one: Averaged) -> tuple[str, ...]:
+    """A warning about the frames of a view that has moved."""
+    if not one.moved:
+        return ()
+    some = ", ".join(map(str, one.moved[:5])) + (", ..." if len(one.moved) > 5 else "")
+    return (
+        f"{len(one.moved)} of the frames (number {some}) differ from the first by more than half of their noise: the camera or "
+        "the scene has moved; they are left out",
+    )
 
 
 def _reported(found: Result, one: Averaged, spread: bool) -> Result:

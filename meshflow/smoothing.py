@@ -251,7 +251,7 @@ def _in_disparity(data: RangeImage, request: Request, progress: Progress, record
     stepped = noise.quantum > noise.sigma and request.method is None and request.until_time is None
     stepped = stepped and request.steps is None and request.compute.search is None
     if stepped:
-        request = replace(request, method=Beltrami(patch=STEPPED_PATCH), time=STEPPED_TIME)
+        request = replace(request, method=Beltrami(patch=STEPPED_PATCH), time=STEPPED_TIME * request.strength)
     found = run(
         inverse,
         replace(request, domain="length", outliers="include", constraints=replace(held, min_component=None)),

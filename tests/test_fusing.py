@@ -55,6 +55,60 @@ def test_frames_in_inverse_depth_take_their_spread_and_count_what_they_removed_i
     assert np.std(result.data.depth - TRUTH) < NOISE / 3
 
 
+def seen_from(place):
+    """Depths of a ball before a slanted wall, from a place near the origin."""
+    v, u = np.mgrid[0:96, 0:128]
+    rays = np.stack([(u - 63.5) / 120, (v - 47.5) / 120, np.ones(u.shape)], axis=-1)
+    normal, middle = np.array([0.3, 0.1, 1.0]), np.array([0.0, 0.0, 1.2]) - place
+    wall = (2.0 - normal @ place) / (rays @ normal)
+    along, square = rays @ middle, (rays * rays).sum(axis=-1)
+    inside = along**2 - square * (middle @ middle - 0.35**2)
+    return np.where(inside > 0, (along - np.sqrt(np.maximum(inside, 0))) / square, wall)
+
+
+@pytest.mark.parametrize("far", [0.0, 0.002, 0.007, 0.02])
+def test_frames_of_a_camera_that_moves_are_no_worse_than_one_of_them(far):
+    rng = np.random.default_rng(1)
+    places = [np.zeros(3), *(far * rng.normal(size=3) for _ in range(9))]
+    views = [seen_from(place) for place in places]
+    noisy = [view + 0.004 * view**2 * rng.normal(size=view.shape) for view in views]
+    camera = Pinhole(120.0, 120.0, 63.5, 47.5)
+    found = meshflow.fuse(noisy, camera=camera, result=True)
+    alone = meshflow.smooth(noisy[0], kind="depth", camera=camera)
+    errors = [float(np.sqrt(np.mean(np.square(one - views[0])))) for one in (found.data, alone)]
+    assert errors[0] <= 1.02 * errors[1], f"{errors[0]:.5f} of ten, {errors[1]:.5f} of one"
+    assert ("the scene has moved" in " ".join(found.warnings)) == (far > 0.005)
+
+
+def test_a_depth_that_flickers_in_the_first_frame_is_outvoted():
+    some = frames(9)
+    some[0][20, 20] = 3.5
+    result = meshflow.fuse(some, camera=CAMERA)
+    assert abs(result[20, 20] - TRUTH[20, 20]) < NOISE
+
+
+def stepped():
+    """A slanted wall whose disparities come in steps of an eighth of a pixel."""
+    wall = 2.5 + 0.01 * np.add.outer(np.arange(40.0), np.arange(48.0))
+    return 1.0 / (np.rint(8 * 40.0 / wall) / (8 * 40.0))
+
+
+def test_strength_counts_where_inverse_depths_come_in_steps():
+    images = RangeImage(stepped(), CAMERA)
+    removed = [
+        np.std(meshflow.smooth(images, domain="disparity", strength=strength).depth - images.depth)
+        for strength in (0.25, 1.0, 4.0)
+    ]
+    assert removed[0] < removed[1] < removed[2], removed
+
+
+def test_nothing_is_searched_for_where_depths_come_in_steps():
+    images = RangeImage(stepped(), CAMERA)
+    found = meshflow.smooth(images, method="search", result=True)
+    assert "come in steps" in " ".join(found.warnings)
+    np.testing.assert_array_equal(found.data.depth, meshflow.smooth(images).depth)
+
+
 def test_an_option_that_does_not_exist_is_refused_as_smooth_does_it():
     given = "no keyword of smooth; give method=Beltrami"
     for words, says in (({"strenght": 2.0}, "did you mean strength"), ({"gamma": 1.0}, given)):

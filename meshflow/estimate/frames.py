@@ -7,10 +7,16 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.estimate.noise_growth import noise_growth
+from meshflow.estimate.quantization import steps_of
 from meshflow.geometry.validation import Array
 
 __all__ = ["Averaged", "averaged"]
 
+# Frames are compared with the first over blocks of so many samples by side, of which there must be so many; one that differs by
+# more than this share of its noise shows a view that has moved. Where frames typically differ by less than that, it stays.
+BLOCK, BLOCKS, MOVED, STILL = 8, 40, 0.5, 0.12
+# Depths of one sample that differ by so many deviations of the noise are those of two surfaces.
+SURFACES = 6.0
 # The weight of the noise model of all samples beside the spread of a sample, in frames.
 PRIOR = 4.0
 # Median depths of frames of one view differ by less than this factor.
@@ -24,11 +30,13 @@ class Averaged:
     :ivar mean: (h, w), NaN where no frame has a sample.
     :ivar sigma: (h, w), the standard deviation of the mean, unit of the values; NaN likewise.
     :ivar count: (h, w), number of frames that have the sample.
+    :ivar moved: the numbers, from 1, of the frames that were left out because the view had moved.
     """
 
     mean: Array
     sigma: Array
     count: Array
+    moved: tuple[int, ...] = ()
 
     @property
     def weights(self) -> Array:
@@ -39,24 +47,28 @@ class Averaged:
 def averaged(frames: Iterable[Array]) -> Averaged:
     """The mean of frames of the same view, and its standard deviation from their spread.
 
+    Frames that differ from the first by more than half of their noise, over blocks of samples, show a view that has moved: they
+    are left out. At each sample depths that differ by far more than their noise are those of two surfaces: that of the first
+    frame counts, or, in a view that stays, the one that was seen more often where the first frame has no neighbours on its own.
     The spread of few frames is uncertain. Therefore the variance of each sample is combined with that of all samples of its
     depth, which counts like four further frames. One frame at a time is in memory.
 
     :param frames: (h, w) each, NaN, infinite and 0 where missing.
     :raises InputError: for fewer than two frames, or frames of different sizes, units or views.
     """
-    count = mean = squares = None
-    seen, first, usual = 0, None, None
+    first = noise = usual = None
+    seen, moved, shifts = 0, [], []
+    one = other = _Means.of((0, 0))
     for frame in frames:
         values = np.asarray(frame, dtype=np.float64)
-        if count is None or mean is None or squares is None:
+        if first is None:
             if values.ndim != 2:
                 raise InputError(f"frames: depths (h, w) expected, got shape {values.shape}")
-            count, mean, squares = (np.zeros(values.shape) for _ in range(3))
-            first = values
-        if values.shape != count.shape:
-            raise InputError(f"frames: all of one size expected, got {count.shape} and {values.shape}")
-        there = np.isfinite(values) & (values != 0)
+            first, noise = values, _noise_of_one(values)
+            one, other = _Means.of(values.shape), _Means.of(values.shape)
+        if values.shape != first.shape:
+            raise InputError(f"frames: all of one size expected, got {first.shape} and {values.shape}")
+        there = _known(values)
         seen += 1
         if there.any():
             typical = float(np.median(values[there]))
@@ -66,16 +78,98 @@ def averaged(frames: Iterable[Array]) -> Averaged:
                     f"frames: depths of one unit and one view expected, got medians of {usual:.4g} and, in frame {seen}, "
                     f"{typical:.4g}"
                 )
-        count += there
-        off = np.where(there, values - mean, 0.0)  # Welford 1962
-        mean += off / np.maximum(count, 1)
-        squares += off * np.where(there, values - mean, 0.0)
-    if count is None or mean is None or squares is None or first is None or seen < 2:
+        if noise is not None:
+            shifts.append(_off(values, first, noise))
+            if shifts[-1] > MOVED:
+                moved.append(seen)
+                continue
+        far = there & one.far(values, noise)
+        one.add(values, there & ~far)
+        other.add(values, far & ~other.far(values, noise))
+    if first is None or seen < 2:
         raise InputError(f"frames: two or more of the same view expected, got {seen}")
+    still = not shifts or float(np.median(shifts)) < STILL
+    more = (other.count > one.count) & _alone(first, noise) & still
+    count, mean, squares = (
+        np.where(more, two, own)
+        for own, two in ((one.count, other.count), (one.mean, other.mean), (one.squares, other.squares))
+    )
     spread = _spread(first, mean, squares, count)
     gone = count == 0
     sigma = np.where(gone, np.nan, spread / np.sqrt(np.maximum(count, 1)))
-    return Averaged(np.where(gone, np.nan, mean), sigma, count.astype(np.int64))
+    return Averaged(np.where(gone, np.nan, mean), sigma, count.astype(np.int64), tuple(moved))
+
+
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """Running means (Welford 1962), changed in place: how many, their mean, and the sum of squares about it, (h, w) each."""
+
+    count: Array
+    mean: Array
+    squares: Array
+
+    @classmethod
+    def of(cls, shape: tuple[int, ...]) -> "_Means":
+        """Of nothing yet."""
+        return cls(np.zeros(shape), np.zeros(shape), np.zeros(shape))
+
+    def far(self, values: Array, noise: Array | None) -> Array:
+        """Where values are further from the mean of those before than noise makes them."""
+        if noise is None:
+            return np.zeros(self.count.shape, bool)
+        with np.errstate(invalid="ignore"):
+            return (self.count > 0) & (np.abs(values - self.mean) > SURFACES * noise)
+
+    def add(self, values: Array, there: Array) -> None:
+        """Take values in where they are there."""
+        np.add(self.count, there, out=self.count)
+        off = np.where(there, values - self.mean, 0.0)
+        np.add(self.mean, off / np.maximum(self.count, 1), out=self.mean)
+        np.add(self.squares, off * np.where(there, values - self.mean, 0.0), out=self.squares)
+
+
+def _alone(values: Array, noise: Array | None) -> Array:
+    """Where a frame has fewer than two neighbours on the surface of a sample, (h, w)."""
+    near = np.zeros(values.shape, np.int64)
+    if noise is None:
+        return near < 2
+    known = np.where(_known(values), values, np.nan)
+    for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        with np.errstate(invalid="ignore"):
+            together = np.abs(known[one] - known[two]) <= SURFACES * noise[one]
+        near[one] += together
+        near[two] += together
+    return near < 2
+
+
+def _known(values: Array) -> Array:
+    """Where a frame has a depth, (h, w)."""
+    return np.isfinite(values) & (values != 0)
+
+
+def _noise_of_one(values: Array) -> Array | None:
+    """The noise of a frame at each of its samples (h, w); None where it is not known."""
+    missing = ~_known(values)
+    growth = noise_growth(np.where(missing, 0.0, values), missing)
+    if growth is None or missing.all():
+        return None
+    known = np.where(missing, float(np.median(values[~missing])), values)
+    noise, steps = growth.at(known), steps_of(values[~missing])
+    noise = noise if steps is None else np.maximum(noise, steps.at(known))
+    return noise if float(noise.min()) > 0 else None
+
+
+def _off(values: Array, first: Array, noise: Array) -> float:
+    """How far a frame is off the first, typically, in its noise: means over blocks, less what noise makes of them."""
+    h, w = (n // BLOCK * BLOCK for n in values.shape)
+    there = _known(values) & _known(first)
+    off = np.where(there, values - first, 0.0)[:h, :w] / noise[:h, :w]
+    whole = there[:h, :w].reshape(h // BLOCK, BLOCK, w // BLOCK, BLOCK).all(axis=(1, 3))
+    means = off.reshape(h // BLOCK, BLOCK, w // BLOCK, BLOCK).mean(axis=(1, 3))[whole]
+    if means.size < BLOCKS:
+        return 0.0
+    typical = 1.4826 * float(np.median(np.abs(means)))
+    return float(np.sqrt(max(typical**2 - 2.0 / BLOCK**2, 0.0)))
 
 
 def _spread(first: Array, mean: Array, squares: Array, count: Array) -> Array:

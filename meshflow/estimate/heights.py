@@ -45,7 +45,10 @@ HARM = "data left unchanged: every method was estimated to increase the error"
 UNSURE = (
     "data left unchanged: no method lowers the error by more than its estimate may be wrong; give a method to smooth it"
 )
-
+STEPPED = (
+    "the depths come in steps wider than their noise, whose error is no noise with a risk that could be estimated: nothing is "
+    "searched for, the time follows from the noise"
+)
 
 GIVEN = Decided("given")
 
@@ -290,7 +293,9 @@ def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobil
     plan = plan.with_({"noise": Decided("given" if noise.how == "given" else "estimated", why)})
     there = ~data.missing & (data.footprint > 0)
     sigma = np.broadcast_to(data.sigma, there.shape) * request.strength
-    if request.insisting and request.steps is None:
+    if request.insisting and request.steps is None and noise.quantum > noise.sigma and request.until_time is None:
+        plan = replace(plan, warnings=(*plan.warnings, STEPPED))
+    elif request.insisting and request.steps is None:
         return _searched_along(plan, data, np.where(there, sigma, noise.sigma))
     return _timed_along(plan, data, sigma[there] / data.footprint[there], data.footprint[there])
 
