@@ -27,7 +27,7 @@ class Smoothing:
 
 
 class DatasetSmoothing:
-    """The functions of meshflow for the variables of a Dataset; the Dataset itself is not changed.
+    """The functions of meshflow for the variables of a Dataset. They do not change the Dataset.
 
     :param data: an ``xarray.Dataset``.
     """
@@ -36,7 +36,7 @@ class DatasetSmoothing:
         self._data = data
 
     def smooth(self, *names: str, **options: Any) -> Any:
-        """Smooth variables one by one with :func:`meshflow.smooth`; returns a new Dataset with all others as they are.
+        """Smooth variables one by one with :func:`meshflow.smooth`; returns a new Dataset in which all others are unchanged.
 
         :param names: of the variables; none: all with two dimensions or more that hold real numbers.
         :raises InputError: for a name that is not there, and as :func:`meshflow.smooth`, the variable named.

@@ -267,7 +267,7 @@ def main() -> None:
 
 
 def _hush() -> None:
-    """What libraries log and warn of is not for the user of a command, who gets one line; python -W brings it back."""
+    """Suppress log messages and warnings of libraries, because a command prints one line; python -W shows them again."""
     logging.getLogger().addHandler(logging.NullHandler())
     if not sys.warnoptions:
         warnings.simplefilter("ignore")

@@ -187,16 +187,16 @@ class Constraints:
                 changed[name] = samples(value, name)
         return replace(self, **changed)
 
-    def oriented(self, way: Orientation, shape: tuple[int, ...]) -> "Constraints":
-        """Of a grid that is turned or mirrored.
+    def oriented(self, orientation: Orientation, shape: tuple[int, ...]) -> "Constraints":
+        """The constraints of a rotated or reflected grid.
 
-        :param shape: of the data before, (h, w) or (h, w, k).
+        :param shape: of the original data, (h, w) or (h, w, k).
         """
         changed = {}
         for name in self.arrays:
             array = np.asarray(getattr(self, name))
             full = shape[:2] if array.shape == shape[:2] else shape
-            changed[name] = way.of(np.broadcast_to(array, full))
+            changed[name] = orientation.of(np.broadcast_to(array, full))
         return replace(self, **changed)
 
     @property

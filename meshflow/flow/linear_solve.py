@@ -21,7 +21,7 @@ SMALL = 3000
 STIFF = 10_000.0
 # Mass, as a share of the diagonal, that makes a system regular whose own has been lost.
 ROUNDING = 1e-13
-# Rows of which the typical condition is taken.
+# The number of rows for the typical condition.
 SAMPLE = 20000
 
 

@@ -9,7 +9,7 @@ from meshflow.errors import InputError, NothingThere
 
 Array = NDArray[Any]
 Spacing = tuple[Array | float, float]
-# The square of its square still fits into double precision.
+# The fourth power of this number still fits into double precision.
 LARGEST = 1e75
 
 __all__ = [
@@ -51,7 +51,7 @@ def real(values: ArrayLike, name: str) -> Array:
 
 
 def must_have_squares(values: Array, name: str) -> None:
-    """Refuse numbers so large that their squares, of which lengths and areas are made, do not fit into double precision.
+    """Refuse numbers whose squares, which occur in lengths and areas, do not fit into double precision.
 
     A few of them, which mark something, are no reason.
 

@@ -69,7 +69,7 @@ class Background:
         self._running = self._outcome = None
         if not left:
             task.failed(message) if message else task.done(result)
-        if self._running is None and self._waiting:  # who was told may have asked for more
+        if self._running is None and self._waiting:  # a callback may have added work
             self._begin()
 
     def _begin(self) -> None:
