@@ -2,7 +2,7 @@
 
 MESHFLOW_KERNEL(copied)
 
-// The gate itself asks these, so it cannot ask for them through itself.
+// The gate itself uses these functions, so they cannot be called through it.
 MESHFLOW_API meshflow::i64 outside_int32(meshflow::i64 n, const meshflow::i32* numbers, meshflow::i64 bound) {
     return meshflow::outside(n, numbers, bound);
 }

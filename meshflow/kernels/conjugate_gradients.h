@@ -1,9 +1,9 @@
 // Conjugate gradients for all columns of a sparse system at once (Hestenes and Stiefel), with Jacobi preconditioning.
 //
-// What an iteration costs is reading the matrix, so that is packed first: scaled to a unit diagonal, which need not be read then
-// (that is Jacobi's preconditioning, too); in an order in which neighbours are near; and, of the entries between two rows of one
-// block, each pair once, since the matrix is symmetric. Sums are taken over blocks of rows and then over the blocks, both in their
-// order, so that they do not depend on the number of threads. Columns go four at a time.
+// The time of an iteration is that of reading the matrix, so the matrix is packed first. It is scaled to a unit diagonal, which
+// need not be read (this is also Jacobi's preconditioning); rows are reordered so that neighbours are close; and entries between
+// two rows of the same block are stored once, because the matrix is symmetric. Sums are taken over blocks of rows and then over
+// the blocks in a fixed order, so that they do not depend on the number of threads. Up to four columns are processed at a time.
 #pragma once
 #include <atomic>
 
@@ -20,7 +20,7 @@ inline bool rows_rise(i64 n, const i32* first, i64 e) {
     return rising;
 }
 
-// work.operator()<K>(c) for the columns from c on, K of them.
+// Calls work.operator()<K>(c) for groups of K columns that start at c.
 template <class F> void for_columns(i64 k, const F& work) {
     i64 c = 0;
     for (; c + 4 <= k; c += 4) work.template operator()<4>(c);
@@ -29,7 +29,7 @@ template <class F> void for_columns(i64 k, const F& work) {
     if (k - c == 1) work.template operator()<1>(c);
 }
 
-// work(begin, end, block) for the blocks of n rows; it returns false where an index is out of range.
+// Calls work(begin, end, block) for the blocks of n rows; work returns false if an index is out of range.
 template <class F> i64 for_blocks_of_rows(i64 n, i32 threads, const F& work) {
     std::atomic<bool> sound{true};
     parallel_blocks(n, CG_BLOCK, threads, [&](i64 begin, i64 end, i64 block, i32) {
@@ -65,12 +65,12 @@ inline i64 matrix_product(i64 n, i64 e, i64 k, const i32* first, const i32* colu
 
 // --- packing -----------------------------------------------------------------------------------------------------------------
 
-// Rows of a matrix in an order of their own: row r is row order[r] of the matrix, which is where[order[r]] = r. Null: as they are.
+// Reordered rows of a matrix: row r is row order[r] of the matrix, and where[order[r]] = r. Null: the order of the matrix.
 struct Ordered {
     i64 n;
     const i32 *order, *where, *first, *columns;
 
-    // visit(entry, column r) of row r; false where an index is out of range.
+    // Calls visit(entry, column r) for row r; returns false if an index is out of range.
     template <class F> bool row(i64 r, const F& visit) const {
         const std::uint32_t i = static_cast<std::uint32_t>(order ? order[r] : static_cast<i32>(r));
         if (i >= n) return false;
@@ -85,8 +85,8 @@ struct Ordered {
     }
 };
 
-// Where the entries of each packed row begin: near (n + 1,), of which the other row comes later in the same block; far (n + 1,), of
-// other blocks. And the diagonal (n,) of the matrix, in the packed order.
+// The start of the entries of each packed row: near (n + 1,), whose other row is later in the same block; far (n + 1,), whose
+// other row is in another block. Also the diagonal (n,) of the matrix in the packed order.
 inline i64 pack_rows(i64 n, i64 e, const i32* first, const i32* columns, const double* values, const i32* order, const i32* where,
                      i32* near, i32* far, double* diagonal, i32 threads) {
     if (!rows_rise(n, first, e) || !order != !where) return OUT_OF_RANGE;
@@ -111,8 +111,9 @@ inline i64 pack_rows(i64 n, i64 e, const i32* first, const i32* columns, const d
     return 0;
 }
 
-// The packed entries: near ones by the places of both their rows in the block, pairs (a, 2), far ones by the place of their row,
-// far_rows (b,), and the packed row that is their column, far_columns (b,); values times scale (n,), in the packed order, of both.
+// The packed entries: near ones by the indices of both their rows in the block, pairs (a, 2); far ones by the index of their row
+// in the block, far_rows (b,), and the packed row that is their column, far_columns (b,). Values are multiplied by scale (n,), in
+// the packed order, of both rows.
 inline i64 pack_entries(i64 n, i64 e, i64 a, i64 b, const i32* first, const i32* columns, const double* values, const i32* order,
                         const i32* where, const double* scale, const i32* near, const i32* far, std::uint16_t* pairs,
                         double* near_values, std::uint16_t* far_rows, i32* far_columns, double* far_values, i32 threads) {
@@ -140,7 +141,7 @@ inline i64 pack_entries(i64 n, i64 e, i64 a, i64 b, const i32* first, const i32*
     });
 }
 
-// target[r] = scale[r] source[order[r]]; or back, target[order[r]] += scale[r] source[r]. Each place of order (n,) once.
+// target[r] = scale[r] source[order[r]]; or back, target[order[r]] += scale[r] source[r]. order (n,) is a permutation.
 inline i64 pack_vectors(i64 n, i64 k, const i32* order, const double* scale, const double* source, double* target, i64 back,
                         i32 threads) {
     return for_blocks_of_rows(n, threads, [&](i64 begin, i64 end, i64) {
@@ -178,10 +179,10 @@ struct Packed {
     }
 };
 
-// q = A p of the columns c to c + K - 1 in the rows of a block; their p . q into dots. Each near entry is added to both of its rows:
-// without rows to begin and to end there is nothing to guess for a processor, which costs more than the products.
+// q = A p of the columns c to c + K - 1 in the rows of a block, and their p . q in dots. Each near entry is added to both of its
+// rows. A loop over entries instead of rows avoids branch mispredictions, which cost more than the products.
 template <int K> void packed_product(const Packed& a, i64 c, i64 begin, i64 end, const double* p, double* q, double* dots) {
-    constexpr int LANES = K == 3 ? 4 : K;  // four numbers are one vector
+    constexpr int LANES = K == 3 ? 4 : K;  // four numbers fill a vector register
     double x[CG_BLOCK * LANES], y[CG_BLOCK * LANES];
     const i64 k = a.k, many = end - begin;
     for (i64 i = 0; i < many; ++i)
@@ -207,7 +208,7 @@ template <int K> void packed_product(const Packed& a, i64 c, i64 begin, i64 end,
     for (int t = 0; t < K; ++t) dots[c + t] = dot[t];
 }
 
-// r -= alpha q; r . r into rho, and with the weights of the matrix before it was scaled, its diagonal, into size.
+// r -= alpha q; rho = r . r, and size = r . r weighted by the diagonal of the matrix before scaling.
 template <int K> void descend(i64 k, i64 c, i64 begin, i64 end, const double* __restrict diagonal, double* __restrict r,
                               const double* __restrict q, const double* alpha, double* rho, double* size) {
     double by[K], sum[K] = {}, weighted[K] = {};
@@ -237,16 +238,16 @@ template <int K> void turn(i64 k, i64 c, i64 begin, i64 end, double* __restrict 
         }
 }
 
-// sums (k,) of blocks (b, 2, k), their first or second half, in their order.
+// sums (k,) over blocks (b, 2, k), of their first or second half, in order.
 inline void added(i64 b, i64 k, const double* blocks, i64 half, double* sums) {
     for (i64 c = 0; c < k; ++c) sums[c] = 0.0;
     for (i64 at = 0; at < b; ++at)
         for (i64 c = 0; c < k; ++c) sums[c] += blocks[(2 * at + half) * k + c];
 }
 
-// Up to `most` iterations of the packed system from x, the residual r and the direction p, all (n, k), and the sums rho = r . r and
-// size (k,), all of which are what they are afterwards; q is room to work in. Ends where size is at most goal (k,) in every column.
-// Returns how many iterations it took.
+// Up to `most` iterations of the packed system from x, the residual r and the direction p, all (n, k), and the sums rho = r . r
+// and size (k,). All of these are updated; q is work space. Ends when size is at most goal (k,) in every column. Returns the
+// number of iterations.
 inline i64 conjugate_gradients(i64 n, i64 a, i64 b, i64 k, const i32* near, const i32* far, const std::uint16_t* pairs,
                                const double* near_values, const std::uint16_t* far_rows, const i32* far_columns,
                                const double* far_values, const double* diagonal, const double* goal, double* x, double* r, double* p,

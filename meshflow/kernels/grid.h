@@ -1,14 +1,14 @@
-// The flow on a grid, as Python calls it: its rate, its area and bound, and the weights of an implicit step.
+// The interface of the flow on a grid for Python: rate, area, bound, and the weights of an implicit step.
 #pragma once
 #include "grid_select.h"
 #include "team.h"
 
 namespace meshflow::grid {
 
-// Bytes of a row of the widest tile. Narrower ones would stay in the first cache, but the next rows are then not fetched in advance:
-// at 2048 x 2048 one rate took 1.15 times as long with a quarter of it.
+// Bytes of a row of the widest tile. Narrower tiles would fit in the L1 cache, but prefetching of the next rows then fails: at
+// 2048 x 2048 one rate took 1.15 times as long with a quarter of it.
 constexpr i64 WIDEST_TILE = 1 << 14;
-constexpr i64 FEW = 100000;  // numbers of a grid for which threads are not worth waking
+constexpr i64 FEW = 100000;  // largest number of values of a grid for one thread only
 
 INLINE int quarters_of(double gamma) {
     for (double known : {-2.0, -1.0, -0.5, 0.0, 1.0})
@@ -16,7 +16,7 @@ INLINE int quarters_of(double gamma) {
     return ANY;
 }
 
-// Whether lines stand where they are said to stand: where (6, 3): the first number, the steps down and to the right.
+// Whether the layout of lines is valid. where (6, 3): the index of the first number, and the steps down and to the right.
 template <class T> bool placed(Task<T>& t, i64 l, const T* lines, const i64* where) {
     if (t.lines == CHANNELS) return true;
     for (int i = 0; i < 6; ++i) {
@@ -28,7 +28,7 @@ template <class T> bool placed(Task<T>& t, i64 l, const T* lines, const i64* whe
     return true;
 }
 
-// How a grid is cut: by its size alone, so that sums do not depend on threads.
+// The tiles of a grid. They depend on its size only, so that sums do not depend on the number of threads.
 struct Cut {
     i64 high, wide, rows, columns, h, w;
     static Cut of(i64 h, i64 w, i64 most_wide) {
@@ -44,7 +44,7 @@ struct Cut {
     }
 };
 
-// work(tile, room, part) for all tiles, each with room for so many rows, which are zero.
+// Calls work(tile, room, part) for all tiles, each with work space for so many rows, initialized to zero.
 template <class T, class F> i64 over_tiles(const Cut& cut, i64 rows, i64 numbers, i32 threads, const F& work) {
     const i64 wide = wide_for(cut.wide), size = (rows + 1) * wide + 64;
     const i64 seats = numbers < FEW ? 1 : least(threads, cut.parts());
@@ -59,7 +59,7 @@ template <class T, class F> i64 over_tiles(const Cut& cut, i64 rows, i64 numbers
     return 0;
 }
 
-// Whether a flow goes by the loops for channels, for rays, or by forms.
+// Which loops a flow uses: those for channels, for rays, or for forms.
 template <class T> bool fast(const Task<T>& t) {
     return !t.by_forms && t.mass != VORONOI && !(t.projection && t.indicated()) && (t.lines != CHANNELS || t.k <= (t.far > 0 ? 1 : MOST_CHANNELS));
 }
@@ -93,7 +93,7 @@ template <class T> struct Asking {
 
 namespace meshflow {
 
-// out = keep u + dt rate + ...; see meshflow/kernels/grid.py, which declares what comes.
+// out = keep u + dt rate + ...; the parameters are declared in meshflow/kernels/grid.py.
 template <class T>
 i64 grid_rate(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const T* geometry, const u8* codes, const u8* kinds,
               const i32* row_of, const u8* held, const T* lines, const i64* where, const T* pace, const T* taps,
@@ -129,8 +129,8 @@ i64 grid_rate(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const
     });
 }
 
-// The area (asked: 1), or the bound of the triangles (2): found[0] the area; found[1] the greatest s M_flat / M of one channel without
-// patches, else the greatest bound of a triangle times the factor of time at its corners.
+// The area (asked: 1), or the bound of the triangles (2). found[0]: the area; found[1]: for one channel without patches the
+// largest s M_flat / M, else the largest bound of a triangle times the factor of time at its corners.
 template <class T>
 i64 grid_measured(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const T* geometry, const u8* codes,
                   const u8* kinds, const i32* row_of, const u8* held, const T* lines, const i64* where, const T* pace,
@@ -170,7 +170,7 @@ i64 grid_measured(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, c
     return done;
 }
 
-// The weights of all edges of an implicit step, each where it begins, and s / M |d|^2: see grid::Weights.
+// The weights of all edges of an implicit step, each stored at its first sample, and s / M |d|^2: see grid::Weights.
 template <class T>
 i64 grid_weights(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const T* geometry, const u8* codes,
                  const u8* kinds, const i32* row_of, const u8* held, const T* lines, const i64* where, const T* pace,

@@ -1,19 +1,19 @@
 // One, two or three channels over a plane: the loop over a row of cells, for each weight, and the sweep down a tile.
 //
-// Every triangle gives to its two far corners what it takes from its right-angled one, in any metric; what borders give beside that
-// is added element by element, so that a sample gathers four numbers, whatever is around it.
+// In any metric the contributions of a triangle to its two far corners sum to minus that to its corner with the right angle.
+// Those of borders are added element by element, so that every sample gathers four numbers.
 #pragma once
 #include "grid_rows.h"
 
 namespace meshflow::grid {
 
 constexpr i64 MOST_CHANNELS = 3;
-// Elements of which roots and divisions are made before what follows from them: both are long to wait for, and a processor does not
-// look far enough ahead to begin with the next ones meanwhile.
+// The number of elements whose roots and divisions are computed in a loop of their own. Both have a long latency, and
+// out-of-order execution does not reach far enough to overlap them with those of later elements.
 constexpr i64 TOGETHER = 128;
 
-// Pulls and thirds of area of elements from to to - 1; top, bottom: the first channel of the rows of samples, the next one `plane`
-// further.
+// Pulls and thirds of area of elements from to to - 1. top, bottom: the first channel of the two rows of samples; the next one is
+// `plane` further.
 template <class W, Kind KIND, class T>
 LOOP void channel_cells(const Task<T>& t, i64 e, i64 from, i64 to, [[maybe_unused]] const Lane<T>* code, const T* top,
                         const T* bottom, i64, const Ground<T> above, const Ground<T> under, const Cells<T> f) {
@@ -29,7 +29,7 @@ LOOP void channel_cells(const Task<T>& t, i64 e, i64 from, i64 to, [[maybe_unuse
     }
 }
 
-// The same where there are borders, in two loops over a few elements.
+// The same with borders, in two loops over a few elements.
 template <class W, class T>
 LOOP void bordered_cells(const Task<T>& t, i64 e, i64 from, i64 to, const Lane<T>* code, const T* top, const T* bottom, i64,
                          const Ground<T> above, const Ground<T> under, const Cells<T> f) {
@@ -98,17 +98,17 @@ LOOP void several_cells(const Task<T>& t, i64 e, i64 from, i64 to, [[maybe_unuse
 template <class T>
 using ChannelCells = void (*)(const Task<T>&, i64, i64, i64, const Lane<T>*, const T*, const T*, i64, const Ground<T>, const Ground<T>,
                               const Cells<T>);
-// The loops of a metric, by the kind of the blocks they are for.
+// The loops of a metric for the kinds of blocks.
 template <class T> struct ChannelLoops {
     ChannelCells<T> plain, holes, borders;
 };
 template <class T, class W, int K> ChannelLoops<T> channel_loops() {
     if constexpr (K == 1) return {channel_cells<W, PLAIN, T>, channel_cells<W, HOLES, T>, bordered_cells<W, T>};
-    // Of several channels those for borders do for holes, too: borders are none there.
+    // For several channels the loops for borders are also used for holes, which have no borders there.
     else return {several_cells<W, K, PLAIN, T>, several_cells<W, K, BORDERS, T>, several_cells<W, K, BORDERS, T>};
 }
 
-// All that row r of cells of one triangulation gives.
+// All contributions of row r of cells of one triangulation.
 template <class T>
 void channel_row(const Task<T>& t, const ChannelLoops<T>& loops, const Tile& tile, int side, i64 r, const Cells<T>& f) {
     const u8* code = t.codes.row(side, r);
@@ -132,7 +132,7 @@ void channel_row(const Task<T>& t, const ChannelLoops<T>& loops, const Tile& til
 
 template <class T> i64 channel_room(const Task<T>& t) { return Cells<T>::rows(t.k) + 2 * t.k + 7; }
 
-// The area of the triangles of a tile. cells_of(side, r, cells): all that a row of cells gives.
+// The area of the triangles of a tile. cells_of(side, r, cells): the contributions of a row of cells.
 template <class T, class F> Measured channel_area(const Task<T>& t, const Tile& tile, Room<T> room, const F& cells_of) {
     const Cells<T> f = Cells<T>::of(room, t.k);
     Measured found;
@@ -142,7 +142,7 @@ template <class T, class F> Measured channel_area(const Task<T>& t, const Tile& 
     return found;
 }
 
-// Rows begin to end of a tile: each row of cells once, and the one above them.
+// Rows begin to end of a tile: each row of cells once, and the one above the first.
 template <class T, class F> Measured channel_tile(const Task<T>& t, Asked asked, const Tile& tile, Room<T> room, const F& cells_of) {
     if (asked == AREA) return channel_area(t, tile, room, cells_of);
     const i64 n = tile.right - tile.left, start = most(tile.begin - 1, 0), wide = room.wide;
@@ -151,7 +151,7 @@ template <class T, class F> Measured channel_tile(const Task<T>& t, Asked asked,
     T *given = room.take(t.k), *below = room.take(t.k), *mass = room.take(), *mass_below = room.take(), *pace = room.take();
     FlatMass<T> flat = FlatMass<T>::of(room);
     const bool measuring = asked != MOVED, several = t.last_sheet - t.first_sheet > 1;
-    // With gamma = -1 and a mass of thirds, s / M is one over the flat mass.
+    // With gamma = -1 and barycentric masses, s / M is one over the flat mass.
     const bool light = t.quarters == -4 && !measuring;
     Measured found;
     for (i64 r = start; r < tile.end; ++r) {

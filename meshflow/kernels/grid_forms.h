@@ -1,6 +1,6 @@
-// Any number of coordinates, by the forms of their triangles: |u|^2, |v|^2 and u . v over 4T are all that a row keeps of a triangle.
-// What asks for cotangents goes this way (Voronoi masses, the projection indicator, bounds, the weights of an implicit step), and
-// what has more channels than the fast loops.
+// Any number of coordinates, by the quadratic forms of their triangles: only |u|^2, |v|^2 and u . v over 4T of a triangle are
+// stored. These loops are used where cotangents are needed (Voronoi masses, the projection indicator, bounds, the weights of an
+// implicit step), and for more channels than the fast loops support.
 #pragma once
 #include "grid_patches.h"
 #include "grid_rays.h"
@@ -82,9 +82,9 @@ template <class T> struct FormLoops {
 };
 template <class T, class W> FormLoops<T> form_loops() { return {forms_over_ground<W, T>, forms_of_means<W, T>}; }
 
-// --- what forms give ---------------------------------------------------------------------------------------------------------------
+// --- contributions of forms ----------------------------------------------------------------------------------------------------
 
-// Differences along the legs: of a coordinate that moves, or the same for all elements of a row (a coordinate that stays).
+// Differences along the legs: of a coordinate that moves, or, for a fixed coordinate, the same for all elements of a row.
 template <class T> struct Moving {
     const T *top, *bottom;
     INLINE T a(i64 j, i64 e) const { return top[j + e] - top[j]; }
@@ -107,7 +107,7 @@ LOOP void form_pulls(i64 e, i64 from, i64 to, const u8* code, const Legs legs, c
     }
 }
 
-// Shares of the areas of triangles that are the masses of their corners, of Voronoi cells.
+// The shares of the areas of triangles that belong to their corners, for Voronoi masses.
 template <class T> LOOP void voronoi_cells(i64 from, i64 to, const FormRows<T> f, const Corners<T> shares) {
     SIMD for (i64 j = from; j < to; ++j) {
         T at[2][3];
@@ -122,8 +122,8 @@ template <class T> LOOP void voronoi_cells(i64 from, i64 to, const FormRows<T> f
     }
 }
 
-// The largest eigenvalue of a triangle's own stiffness over its smallest mass: (t + sqrt(t^2 - 3/4)) / mass, t half the sum of the
-// cotangents; exact with barycentric masses, for the triangle alone.
+// The largest eigenvalue of the stiffness of a triangle over its smallest mass: (t + sqrt(t^2 - 3/4)) / mass, t half the sum of
+// the cotangents. For a single triangle with barycentric masses it is exact.
 template <class T> LOOP void form_bounds(i64 from, i64 to, MassKind kind, const FormRows<T> f, double* upper, double* lower) {
     for (int i = 0; i < 2; ++i) {
         double* to_row = i ? lower : upper;
@@ -143,7 +143,7 @@ template <class T> LOOP void form_bounds(i64 from, i64 to, MassKind kind, const 
 
 // --- a row of samples ---------------------------------------------------------------------------------------------------------------
 
-// The pull times the ray, in the place of the pull on x; lengths of the pull along the ray and of the whole pull.
+// The product of pull and ray, stored in place of the pull on x; lengths of the pull along the ray and of the whole pull.
 template <class T>
 LOOP void pulled_along(i64 n, const T* x, const T* y, const T* z, T* pull_x, const T* pull_y, const T* pull_z, T* part, T* whole) {
     SIMD for (i64 j = 0; j < n; ++j) {
@@ -155,14 +155,14 @@ LOOP void pulled_along(i64 n, const T* x, const T* y, const T* z, T* pull_x, con
 template <class T> LOOP void squares_added(i64 n, T scale, const T* pull, T* squares) {
     SIMD for (i64 j = 0; j < n; ++j) squares[j] += scale * (pull[j] * pull[j]);
 }
-// |P B| and |B|, times the mass, of samples whose channels pull with free2 squared, and their places along x and y.
+// |P B| and |B| times the mass, from the squared pull free2 of the channels and the pulls on the positions x and y.
 template <class T> LOOP void projected(i64 n, const T* free2, const T* x, const T* y, T* part, T* whole) {
     SIMD for (i64 j = 0; j < n; ++j) {
         part[j] = std::sqrt(free2[j]);
         whole[j] = std::sqrt(free2[j] + (x[j] * x[j] + y[j] * y[j]));
     }
 }
-// The indicator 1 where the pull is rounding: |B| h is below small, h = sqrt M.
+// Sets the indicator to 1 where the pull is rounding: |B| h below small, h = sqrt M.
 template <class T> LOOP void straight(i64 n, T small, T thirds, const T* mass, T* part, T* whole) {
     SIMD for (i64 j = 0; j < n; ++j) {
         const bool curved = whole[j] > small * std::sqrt(thirds * mass[j]);
@@ -193,8 +193,8 @@ template <class T> LOOP void added_to(i64 n, const T* one, const T* two, T* to) 
 
 // --- a tile --------------------------------------------------------------------------------------------------------------------------
 
-// Where the weights of an implicit step are written: (4, h, w), of the edges to the right, down, down on the left, down on the right;
-// and s / M |d|^2 (h, w).
+// The output for the weights of an implicit step: (4, h, w), of the edges to the right, down, down left and down right; and
+// s / M |d|^2 (h, w).
 template <class T> struct Weights {
     T *edges = nullptr, *inverses = nullptr;
 };
@@ -209,7 +209,7 @@ template <class T> class FormTile {
         return places + 8 + 4 + 4 + 2 * all + 9 + 2 + 1 + 10 * Room<T>::DOUBLE + (t.far > 0 ? Patches<T>::rows(t) : 0);
     }
 
-    // reach: how many elements beside the tile are measured, 1, or 2 where the samples beside it are asked for.
+    // reach: the number of measured elements beside the tile: 1, or 2 if the samples beside it are needed.
     FormTile(const Task<T>& task, const FormLoops<T>& of_weight, Asked what, const Tile& of, Room<T> room, const Weights<T>& to)
         : t(task), loops(of_weight), asked(what), tile(of), weights(to), reach(what == BOUND ? 2 : 1), wide(room.wide),
           n(of.right - of.left), ahead(reach - 1), first(most(of.left - reach, 0) - of.left),
@@ -347,7 +347,7 @@ template <class T> class FormTile {
     void pull(int side, i64 r) const {
         for (i64 q = 0; q < coords; ++q) pull_of(side, r, q, Moving<T>{here.coordinate(q, wide), next.coordinate(q, wide)});
         if (!stills) return;
-        // From P the legs point right (left where the diagonal is backward) and down; from S, back.
+        // From P the legs point right (left for backward diagonals) and down; from S they point back.
         const T x = t.geometry[7 * r + 5], y = t.geometry[7 * r + 6], z = t.geometry[7 * r + 12], sign = T(side ? -1 : 1);
         pull_of(side, r, coords, Still<T>{sign * x, T(0), -(sign * z)});
         pull_of(side, r, coords + 1, Still<T>{T(0), y, T(0)});
@@ -373,7 +373,7 @@ template <class T> class FormTile {
         FlatMass<T> at{flat.upper - ahead, flat.lower - ahead, flat.here - ahead, flat.below - ahead};
         at.gather(t, wider, fresh, side, r, tile.left + first, tile.left + last);
     }
-    // s of the samples, in pace.
+    // s of the samples, times the factor of time.
     void indicate() {
         const i64 m = n + 2 * ahead;
         T *x = here.space.d[0] - (in_space ? ahead : 0), *y = here.space.d[1] - (in_space ? ahead : 0),

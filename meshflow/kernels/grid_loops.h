@@ -1,10 +1,10 @@
-// How a loop over a row is told to a compiler. No intrinsics: plain loops that become SIMD, each in a function of its own.
+// Directives for loops over a row. There are no intrinsics: plain loops are compiled to SIMD, each in a function of its own.
 #pragma once
 #include <bit>
 
 #include "interface.h"
 
-// A loop whose turns touch different samples, whatever the pointers: it may be done several turns at once.
+// A loop whose iterations access different samples, so that it can be vectorized without a check of the pointers.
 #if defined(__clang__)
 #define SIMD _Pragma("clang loop vectorize(assume_safety)")
 #define UNROLL _Pragma("unroll")
@@ -19,7 +19,7 @@
 #define UNROLL
 #endif
 
-// INLINE: a formula. LOOP: a loop over a row, compiled once for each of its templates.
+// INLINE: a formula. LOOP: a loop over a row, compiled once for each template instance.
 #if defined(_MSC_VER) && !defined(__clang__)
 #define INLINE __forceinline
 #define LOOP __declspec(noinline)
@@ -38,18 +38,18 @@ template <class A> INLINE void exchange(A& a, A& b) {
 INLINE i64 least(i64 a, i64 b) { return a < b ? a : b; }
 INLINE i64 most(i64 a, i64 b) { return a > b ? a : b; }
 
-// Codes as wide as the numbers beside them: else SIMD would do as many turns at once as fit codes, with all else spilled.
+// Codes of the same width as the numbers: otherwise the width of the codes would set that of SIMD, and all registers would spill.
 template <class T> struct LaneOf { using type = std::int32_t; };
 template <> struct LaneOf<double> { using type = std::int64_t; };
 template <class T> using Lane = typename LaneOf<T>::type;
 
-// x where a bit of the code is set, else zero. By bits: of a choice compilers make branches, and of several all that may come of them.
+// x if a bit of the code is set, else zero. By masks: compilers turn a choice into branches, and several into all combinations.
 template <int BIT, class T> INLINE T where(Lane<T> code, T x) {
     return std::bit_cast<T>(std::bit_cast<Lane<T>>(x) & -(code >> BIT & 1));
 }
 constexpr int UPPER_BIT = 0, LOWER_BIT = 4;
 
-// Sums and greatest numbers of a row in eight parts, so that they become SIMD, in an order that is always the same.
+// Sums and maxima of a row in eight parts, which are compiled to SIMD, in a fixed order.
 struct Sum {
     double part[8] = {};
     double total() const { return ((part[0] + part[1]) + (part[2] + part[3])) + ((part[4] + part[5]) + (part[6] + part[7])); }
@@ -60,7 +60,7 @@ template <class F> INLINE void sum_over(Sum& sum, i64 n, const F& term) {
         UNROLL for (int k = 0; k < 8; ++k) sum.part[k] += double(term(i + k));
     for (int k = 0; i < n; ++i, ++k) sum.part[k] += double(term(i));
 }
-// The greatest of n terms, or zero: of every 64th first, so that it becomes SIMD.
+// The maximum of n terms and zero, in 64 interleaved parts that are compiled to SIMD.
 template <class F> INLINE double greatest_of(i64 n, const F& term) {
     constexpr i64 APART = 64;
     double most[APART] = {}, found = 0;

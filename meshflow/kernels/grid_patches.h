@@ -1,13 +1,13 @@
-// Lengths measured in the space of patches: every sample carries its neighbourhood, and no patch is ever stored.
+// Lengths in the space of patches: each sample has its neighbourhood as coordinates, but patches are not stored.
 //
-// With a, b the differences of the channels along the legs of a triangle, the products a . a, b . b and a . b of all triangles of its
-// kind are filtered with a Gaussian before they enter |u|^2, |v|^2 and u . v. A mean of positive semidefinite forms is one, so every
-// triangle keeps a valid metric and the bound of the step holds. (Squared edge lengths filtered one by one break the triangle
-// inequality.) Where triangles are missing the mean is over those that are there.
+// With a, b the differences of the channels along the legs of a triangle, the products a . a, b . b and a . b of all triangles of
+// its kind are filtered with a Gaussian before they enter |u|^2, |v|^2 and u . v. A mean of positive semidefinite forms is
+// positive semidefinite, so every triangle has a valid metric and the bound of the step holds. (Separately filtered squared edge
+// lengths would violate the triangle inequality.) The mean is over existing triangles only.
 //
-// A ring of rows, filtered along the row, is kept for each triangulation; the row that is asked for is their mean down the columns.
-// The leg along the row of a lower triangle is that of the upper one below it, and both of an element share the one down the column:
-// where all triangles are there, away from the borders of the grid, their means are those of the other ones.
+// A ring buffer of rows, filtered along the row, is kept for each triangulation; the requested row is their mean along the
+// columns. The row leg of a lower triangle is that of the upper one below it, and both triangles of an element share the column
+// leg. Where all triangles exist, away from the borders of the grid, the means are therefore shared, too.
 #pragma once
 #include <initializer_list>
 
@@ -17,7 +17,7 @@ namespace meshflow::grid {
 
 constexpr i64 WIDEST = 15;  // taps beside the middle
 
-// --- a row filtered along itself, and across others -------------------------------------------------------------------------------
+// --- filters along a row, and across rows --------------------------------------------------------------------------------------
 
 template <int FAR, class T> LOOP void along_row(i64 from, i64 to, const T* taps, const T* x, T* out) {
     SIMD for (i64 j = from; j < to; ++j) {
@@ -93,7 +93,7 @@ template <class T> LOOP void share_of(i64 from, i64 to, T by, const T* weights, 
     }
 }
 
-// The sums that a row of elements is measured by: of the upper and the lower triangles.
+// The filtered sums for a row of elements, of the upper and the lower triangles.
 template <class T> struct Sums {
     const T *uu, *vv, *uv, *share;
     INLINE Sums shifted(i64 by) const { return {uu + by, vv + by, uv + by, share + by}; }
@@ -103,7 +103,7 @@ template <class T> class Patches {
   public:
     static i64 rows(const Task<T>& t) { return (2 * t.far + 3) * STREAMS * (t.last_sheet - t.first_sheet) + 2 * STREAMS + 2 + 7; }
 
-    // Elements first to last - 1, by their place in the tile.
+    // Elements first to last - 1, by their index in the tile.
     Patches(const Task<T>& task, const Tile& tile, i64 first, i64 last, Room<T>& room)
         : t(task), left(tile.left), first_(first), last_(last), far(task.far), depth(2 * task.far + 3) {
         for (int side = t.first_sheet; side < t.last_sheet; ++side) {
@@ -115,8 +115,8 @@ template <class T> class Patches {
         from = most(first_ - far - 1, -left), to = least(last_ + far + 1, t.w - left);
     }
 
-    // The sums of row r of cells, of upper (0) and lower (1) triangles; rows are asked for one after the other. Elements begin to
-    // end - 1 are alike in which rows hold them: work(begin, end, upper, lower), from left to right.
+    // The sums of row r of cells, of upper (0) and lower (1) triangles; rows are requested in order. Calls
+    // work(begin, end, upper, lower) from left to right for elements begin to end - 1 whose sums are stored in the same rows.
     template <class F> void measure(int side, i64 r, const F& work) {
         advance(side, r);
         if (t.gaps) {
@@ -132,7 +132,7 @@ template <class T> class Patches {
         if (after_at[side] == r) exchange_rows(side, uu);
         else average(side, r, UU, first_, last_, uu);
         for (int s : {VV, UV, XY}) average(side, r, s, first_, last_, stream(s));
-        // Of lower triangles: the legs along the row below, which begin at their N.
+        // For lower triangles: the legs along the row below, which start at N.
         const bool middle = r >= far && r + 1 + far <= rows - 1;
         const T* along = nullptr;
         if (middle) {
@@ -144,7 +144,7 @@ template <class T> class Patches {
         }
         const Sums<T> upper{uu, stream(VV), stream(UV), share[0]};
         const Sums<T> lower{along, stream(VV), stream(XY), share[1]}, at_end{along, stream(YY), stream(XY), share[1]};
-        // Near the ends of the grid the two triangles of an element have other neighbours down their legs.
+        // Near the ends of the grid the two triangles of an element have different neighbours along the columns.
         const i64 begin = most(first_, least(last_, far + 1 - left)), end = least(last_, most(begin, t.w - far - 1 - left));
         const auto beside = [&](i64 a, i64 b) {
             if (a < b) average(side, r, YY, a, b, stream(YY)), work(a, b, upper, at_end);
@@ -163,7 +163,7 @@ template <class T> class Patches {
         std::memcpy(uu + first_, after[side] + first_, static_cast<std::size_t>(last_ - first_) * sizeof(T));
     }
 
-    // The mean down the columns of a stream at row r, of rows first to last that are there.
+    // The mean of a stream along the columns at row r, over the existing rows first to last.
     void average_rows(int side, i64 r, int s, i64 top, i64 bottom, i64 a, i64 b, T* out) const {
         const T* rows[2 * WIDEST + 1];
         for (i64 d = -far; d <= far; ++d) rows[far + d] = r + d < top || r + d > bottom ? none : at(side, r + d, s);
@@ -172,20 +172,20 @@ template <class T> class Patches {
     void average(int side, i64 r, int s, i64 a, i64 b, T* out) const { average_rows(side, r, s, 0, t.h - 2, a, b, out); }
     void average_of_lower(int side, i64 r, i64 a, i64 b, T* out) const { average_rows(side, r + 1, UU, 1, t.h - 1, a, b, out); }
 
-    // The ring up to what row r of cells asks for.
+    // Fills the ring buffer up to the rows that row r of cells needs.
     void advance(int side, i64 r) {
         if (next[side] < 0) next[side] = most(r - far, 0);
-        // One row more than the means down the columns ask for: the legs of lower triangles stand in the row below.
+        // One row more than the means along the columns need: the legs of lower triangles are stored in the row below.
         const i64 last = least(r + far + 1, t.gaps ? t.h - 2 : t.h - 1);
         for (; next[side] <= last; ++next[side]) fill(side, next[side]);
     }
 
-    // Samples from one beside the elements; what is not there is zero.
+    // The samples, from one beside the elements; absent ones are zero.
     const T* samples(i64 k, i64 r) const { return t.u + (k * t.h + r) * t.w + left; }
 
     void fill(int side, i64 r) {
         const i64 e = side ? -1 : 1, rows = t.h - 1;
-        // The ends of a row have one triangle, and no sample beside them: their products are made apart.
+        // The elements at the ends of a row have one triangle and no sample beside them: their products are computed separately.
         const i64 begin = most(from, 1 - left), end = least(to, t.w - 1 - left);
         T *uu = raw + UU * wide, *vv = raw + VV * wide, *uv = raw + UV * wide, *xy = raw + XY * wide, *yy = raw + YY * wide;
         for (i64 k = 0; k < t.k; ++k) {
@@ -207,11 +207,11 @@ template <class T> class Patches {
                     uv[j] = (k ? uv[j] : T(0)) + a * b, xy[j] = (k ? xy[j] : T(0)) - c * b;
                 }
         }
-        const i64 low = first_ - 1, high = last_ + 1;  // the means of legs along the row are asked for beside the elements, too
+        const i64 low = first_ - 1, high = last_ + 1;  // means of row legs are also needed beside the elements
         if (!t.gaps) {
             filtered(far, low, high, t.taps, uu, at(side, r, UU));
             if (r == rows) return;
-            // Of the upper triangles the element at one end is not there, of the lower ones that at the other.
+            // The element at one end has no upper triangle, that at the other end no lower one.
             const i64 absent = (side ? 0 : t.w - 1) - left, other = (side ? t.w - 1 : 0) - left;
             const bool near = absent >= from && absent < to, beside = other >= from && other < to;
             const T kept = near ? vv[absent] : T(0);
@@ -246,7 +246,7 @@ template <class T> class Patches {
         for (int s = 0; s < STREAMS; ++s) filtered(far, first_, last_, t.taps, raw + s * wide, at(side, r, s));
     }
 
-    // One over the sums of the weights of row r of cells, where all triangles are there.
+    // One over the sums of the weights of row r of cells, if all triangles exist.
     void shares(int side, i64 r) {
         T down = t.taps[0];
         for (i64 d = 1; d <= far; ++d)
@@ -254,7 +254,7 @@ template <class T> class Patches {
         if (shared_side == side && shared_down == down) return;
         if (shared_side != side) {
             for (int lower = 0; lower < 2; ++lower) {
-                T* ones = raw;  // made anew before anything is read from it
+                T* ones = raw;  // overwritten before it is read
                 zero(ones, from - far - 1, to + far + 1);
                 const i64 absent = (side != lower ? 0 : t.w - 1) - left;
                 for (i64 j = from; j < to; ++j) ones[j] = j == absent ? T(0) : T(1);
@@ -276,13 +276,13 @@ template <class T> class Patches {
 
 // --- cells measured in patches -----------------------------------------------------------------------------------------------------
 
-// The form of a mean of products: the squared minors of a mean are no longer a sum of squares; their difference is held above zero.
+// The form from mean products. The squared minors of means are not a sum of squares, so their difference is clipped at zero.
 template <class W, class T> INLINE Form<T> mean_form(T uu, T vv, T uv, T share, const Ground<T>& g, T q, T scale) {
     const T a = uu * share, b = vv * share, c = uv * share, minors = a * b - c * c;
     return Form<T>::template over_ground<W>(a, b, c, minors > T(0) ? minors : T(0), g, q, scale);
 }
 
-// One channel: as channel_cells, whose parameters it takes.
+// One channel, with the parameters of channel_cells.
 template <class W, Kind KIND, class T>
 LOOP void patch_cells(const Task<T>& t, i64 e, i64 from, i64 to, [[maybe_unused]] const Lane<T>* code, const T* top, const T* bottom,
                       const Ground<T> above, const Ground<T> under, const Sums<T> up, const Sums<T> low, const Cells<T> f) {
@@ -308,7 +308,7 @@ template <class T, class W> PatchLoops<T> patch_loops() {
     return {patch_cells<W, PLAIN, T>, patch_cells<W, HOLES, T>, patch_cells<W, BORDERS, T>};
 }
 
-// All that row r of cells of one triangulation gives, as channel_row.
+// All contributions of row r of cells of one triangulation, as in channel_row.
 template <class T>
 void patch_row(const Task<T>& t, const PatchLoops<T>& loops, Patches<T>& patches, const Tile& tile, int side, i64 r,
                const Cells<T>& f) {

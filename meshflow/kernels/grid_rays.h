@@ -1,16 +1,16 @@
-// Samples on lines in space, p = o + u d: only what acts along the lines leaves a triangle, a number for each of its corners.
+// Samples on lines in space, p = o + u d. Only forces along the lines matter: one number for each corner of a triangle.
 #pragma once
 #include "grid_rows.h"
 
 namespace meshflow::grid {
 
-// Samples of a row: where they are, and along what they move.
+// Samples of a row: their positions, and the directions in which they move.
 template <class T> struct PlacedRow {
     const T *p[3], *d[3];
     INLINE Vector<T> at(i64 j) const { return {p[0][j], p[1][j], p[2][j]}; }
     INLINE Vector<T> ray(i64 j) const { return {d[0][j], d[1][j], d[2][j]}; }
 };
-// Through a pinhole: u (x, y, 1), x by column and y by row.
+// Pinhole: u (x, y, 1), x by column and y by row.
 template <class T> struct PinholeRow {
     const T *u, *x;
     T y;
@@ -38,7 +38,7 @@ LOOP void ray_cells(i64 e, i64 from, i64 to, const u8* code, const PlacedRow<T> 
     }
 }
 
-// The same seen through a pinhole on an even grid.
+// The same for a pinhole with an even grid.
 template <bool Coded, class T>
 LOOP void pinhole_cells(i64 e, i64 from, i64 to, const u8* code, const PinholeRow<T> top, const PinholeRow<T> bottom, T across,
                         T down, const Corners<T> pulls, T* upper, T* lower) {
@@ -58,7 +58,7 @@ LOOP void pinhole_cells(i64 e, i64 from, i64 to, const u8* code, const PinholeRo
     }
 }
 
-// What the borders of elements give their corners, added to the pulls.
+// Adds the contributions of border edges to the pulls on the corners of elements.
 template <class Row, class T>
 LOOP void ray_borders(i64 e, i64 from, i64 to, const u8* code, const Row top, const Row bottom, const Corners<T> pulls) {
     SIMD for (i64 j = from; j < to; ++j) {
@@ -79,7 +79,7 @@ LOOP void ray_borders(i64 e, i64 from, i64 to, const u8* code, const Row top, co
     }
 }
 
-// The areas of triangles as their corners see them along their lines, times 6 |d|.
+// The projected areas of triangles along the lines of their corners, times 6 |d|.
 template <class T>
 LOOP void seen_cells(i64 e, i64 from, i64 to, const PlacedRow<T> top, const PlacedRow<T> bottom, const T* upper, const T* lower,
                      const Corners<T> seen) {
@@ -94,7 +94,7 @@ LOOP void seen_cells(i64 e, i64 from, i64 to, const PlacedRow<T> top, const Plac
         seen.beside_below[j] = magnitude(bottom.ray(j - e).dot(n));
     }
 }
-// Through a pinhole on an even grid d . (a x b) is X Y times the depths of the other two corners.
+// For a pinhole with an even grid d . (a x b) is X Y times the depths of the other two corners.
 template <class T>
 LOOP void pinhole_seen(i64 e, i64 from, i64 to, const PinholeRow<T> top, const PinholeRow<T> bottom, T across, T down,
                        const T* upper, const T* lower, const Corners<T> seen) {
@@ -109,7 +109,7 @@ LOOP void pinhole_seen(i64 e, i64 from, i64 to, const PinholeRow<T> top, const P
     }
 }
 
-// What the triangles of elements decay by.
+// The bounds of decay of the triangles of elements.
 template <class T>
 LOOP void decays(i64 e, i64 from, i64 to, const u8* code, const PlacedRow<T> top, const PlacedRow<T> bottom, T* upper, T* lower) {
     SIMD for (i64 j = from; j < to; ++j) {
@@ -119,7 +119,7 @@ LOOP void decays(i64 e, i64 from, i64 to, const u8* code, const PlacedRow<T> top
     }
 }
 
-// pace / (thirds M |d|^2), the coordinate along d being counted in d; zero where there is no triangle.
+// pace / (thirds M |d|^2), where the coordinate along d has the unit |d|; zero if there is no triangle.
 template <bool Paced, class T>
 LOOP void over_rays(i64 n, T thirds, const T* x, const T* y, const T* z, const T* mass, const T* pace, T* out) {
     SIMD for (i64 j = 0; j < n; ++j) {
@@ -128,14 +128,14 @@ LOOP void over_rays(i64 n, T thirds, const T* x, const T* y, const T* z, const T
         out[j] = square > T(0) ? by : T(0);
     }
 }
-// Thirds of area from what seen_cells has given, in place.
+// Converts the result of seen_cells to thirds of area, in place.
 template <class T> LOOP void seen_thirds(i64 n, const T* x, const T* y, const T* z, T* seen) {
     SIMD for (i64 j = 0; j < n; ++j) {
         const T length = std::sqrt(x[j] * x[j] + y[j] * y[j] + z[j] * z[j]), third = seen[j] / (T(6) * length);
         seen[j] = length > T(0) ? third : T(0);
     }
 }
-// Times (part / whole)^gamma, held between least and 1; in place.
+// Multiplies by (part / whole)^gamma, clipped to least and 1, in place.
 template <int Quarters, class T> LOOP void sped(i64 n, T gamma, T least, const T* part, const T* whole, T* out) {
     SIMD for (i64 j = 0; j < n; ++j) {
         T ratio = part[j] / whole[j];
@@ -153,10 +153,10 @@ template <class T> void sped_of(int quarters, i64 n, T gamma, T least, const T* 
         default: return sped<ANY>(n, gamma, least, part, whole, out);
     }
 }
-// A sample seen exactly edge-on has no footprint at all; it must not divide by zero where gamma < 0.
+// A sample seen exactly edge-on has no projected area; this avoids a division by zero for gamma < 0.
 constexpr double EDGE_ON = 1e-6;
 
-// The greatest bound of the triangles of a row of cells times the factor of time at their corners, of the rows above and below.
+// The largest bound of the triangles of a row of cells times the factor of time at their corners, in the rows above and below.
 template <class A, class B> LOOP double foremost(i64 n, i64 e, const A* upper, const A* lower, const B* above, const B* below) {
     return greatest_of(n, [&](i64 j) {
         const double a = double(above[j]), b = double(below[j]), c = double(above[j + e]), d = double(below[j - e]);
@@ -166,7 +166,7 @@ template <class A, class B> LOOP double foremost(i64 n, i64 e, const A* upper, c
     });
 }
 
-// --- places ----------------------------------------------------------------------------------------------------------------------
+// --- positions -------------------------------------------------------------------------------------------------------------------
 
 template <class T> LOOP void spread(i64 n, const Part<T> part, i64 r, i64 left, T* to) {
     const T* from = part.at + r * part.down + left * part.right;
@@ -179,7 +179,7 @@ template <class T> LOOP void reached(i64 n, const T* u, const T* d, T* p) {
     SIMD for (i64 j = 0; j < n; ++j) p[j] += u[j] * d[j];
 }
 
-// The samples of a row, from one beside the tile to one beside it; what is not there stays zero.
+// The samples of a row, with one more on either side of the tile; absent ones are zero.
 template <class T> struct Places {
     T *p[3], *d[3];
     static Places of(Room<T>& room) {
@@ -196,7 +196,7 @@ template <class T> struct Places {
             reached(last - first, t.u + r * t.w + first, d[c] + at, p[c] + at);
         }
     }
-    // Through a pinhole only u and y differ from row to row: the depth (u, as p[2]), and d = (x, y, 1).
+    // For a pinhole only u and y differ from row to row: the depth u (stored in p[2]), and d = (x, y, 1).
     void begin_pinhole(const Task<T>& t, const Tile& tile, i64 margin) const {
         const i64 first = most(tile.left - margin, 0), last = least(tile.right + margin, t.w), at = first - tile.left;
         spread(last - first, t.directions[0], 0, first, d[0] + at);
@@ -227,7 +227,7 @@ template <class T> Measured ray_tile(const Task<T>& t, Asked asked, const Tile& 
     T* bounds[4] = {room.take(), room.take(), room.take(), room.take()};
     T *speed = room.take(), *speed_above = room.take();
     Measured found;
-    // Samples whose masses are asked for: with BOUND one more on either side.
+    // Samples whose masses are needed: with BOUND one more on either side.
     const i64 ahead = asked == BOUND ? 1 : 0;
     const bool facing = pinhole && asked != BOUND;
     const auto place = [&](const Places<T>& row, i64 r) {

@@ -1,4 +1,4 @@
-// A tile of a grid: its task, its rows, and the loops over a row of samples, which no metric changes.
+// A tile of a grid: its task, its rows, and the loops over a row of samples, which do not depend on the metric.
 #pragma once
 #include <cstring>
 #include <initializer_list>
@@ -9,13 +9,13 @@
 
 namespace meshflow {
 
-// What a flow on a grid is, beside its arrays (meshflow/kernels/grid.py).
+// The parameters of a flow on a grid, without its arrays (meshflow/kernels/grid.py).
 struct GridOptions {
     double sharpness, gamma, floor, scale, small;  // scale: alpha^2; small: the length below which a pull is rounding
     double across, down;                           // 1 / pitch of a pinhole's even grid, else 0
-    i64 first_sheet, last_sheet;                   // triangulations taken together: 0 forward, 1 backward; last not included
+    i64 first_sheet, last_sheet;                   // triangulations that are averaged: 0 forward, 1 backward; last not included
     i64 mass, projection, lines, gaps;             // MassKind; whether the indicator is the projection; LinesKind; missing triangles
-    i64 by_forms;                                  // whether the slow way is taken where there is a fast one
+    i64 by_forms;                                  // whether the slow loops are used although there are fast ones
 };
 
 // keep u + dt rate + one (a - u) + two (b - u) + three c.
@@ -57,17 +57,17 @@ template <class T> struct Task {
     i64 far;              // taps beside the middle; -1 without patches
     bool gaps;            // triangles are missing
     bool by_forms;
-    const u8* held;       // (h, w), samples that stay, or null
+    const u8* held;       // (h, w), samples that do not move, or null
     T* out;               // null: nothing moves
     const T *a, *b, *c;
     Mix<T> mix;
-    int terms;  // of the blend beside keep and dt: 0, 1 (one), 2 (all)
+    int terms;  // number of terms besides keep and dt: 0, 1 (one), 2 (all)
 
     T thirds() const { return mass == RING ? T(3) : T(1); }
     Ground<T> ground(i64 r) const { return Ground<T>::of(geometry + 7 * r); }
     const T* to_read(const T* array, i64 at) const { return array ? array + at : u + at; }
     bool indicated() const { return quarters != 0; }
-    // Whether rows r - 1 and r of cells, and the ground below them, are alike.
+    // Whether rows r - 1 and r of cells, and the ground below them, are equal.
     bool level(i64 r) const {
         for (int side = first_sheet; side < last_sheet; ++side)
             if (!codes.same(side, r)) return false;
@@ -81,20 +81,20 @@ struct Tile {
     i64 begin, end, left, right;
 };
 
-// What a sweep is asked for: to move, or the area, or the bound of the triangles.
+// The purpose of a sweep: to move samples, or to compute the area, or the bound of the triangles.
 enum Asked { MOVED, AREA, BOUND };
 
-// What is found where nothing moves.
+// The result of a sweep that does not move samples.
 struct Measured {
     double area = 0, fastest = 0;
 };
 
 // --- rows of a tile --------------------------------------------------------------------------------------------------------------
 
-// Sample `left + j` of the grid stands at j of a row; EDGE numbers on either side may be read, and are zero where nothing is.
+// Sample `left + j` of the grid is at index j of a row. EDGE numbers on either side may be read; absent ones are zero.
 constexpr i64 EDGE = 32;
 
-// The step from row to row: no multiple of a page, or all rows would compete for the same lines of the cache.
+// The distance of rows: not a multiple of a page, because all rows would then compete for the same cache lines.
 INLINE i64 wide_for(i64 n) { return (n + 2 * EDGE + 1023 - 112) / 1024 * 1024 + 112; }
 
 template <class T> struct Room {
@@ -114,8 +114,8 @@ template <class T> INLINE void zero(T* row, i64 from, i64 to) {
     if (to > from) std::memset(row + from, 0, static_cast<std::size_t>(to - from) * sizeof(T));
 }
 
-// What the borders of a triangle's edges give to the corners opposite to them: half the pull of the conormal of a border edge is
-// minus the pull on the corner opposite to the edge. x: the code.
+// Contributions of border edges to the opposite corners: half the pull of the conormal of a border edge is minus the pull on the
+// corner opposite to the edge. x: the code.
 template <class T> struct Bordered {
     T own_here, beside_here, own_below, beside_below;
     static INLINE Bordered of(Lane<T> x, T on_q, T on_r, T to_n, T to_o) {
@@ -125,8 +125,8 @@ template <class T> struct Bordered {
     }
 };
 
-// Numbers that the elements of a row of cells give to the four samples at their corners: own, the ends of the edge down a column,
-// here and below; beside, Q here and N below.
+// Contributions of the elements of a row of cells to the four samples at their corners. own: to the ends of the edge along a
+// column, here and below; beside: to Q here and N below.
 template <class T> struct Corners {
     T *own_here, *beside_here, *own_below, *beside_below;
     static Corners of(Room<T>& room) {
@@ -136,8 +136,8 @@ template <class T> struct Corners {
     void clear(i64 from, i64 to) const {
         for (T* row : {own_here, beside_here, own_below, beside_below}) zero(row, from, to);
     }
-    // The pulls on the far corners of element i, Q and R of its upper triangle, N and the one above S of its lower one, and what
-    // they take from P and S; with Borders what its borders give, too.
+    // Adds the pulls on the far corners of element i (Q and R of its upper triangle, N and the one above S of its lower one), and
+    // minus their sums at P and S; with Borders also the contributions of border edges.
     template <bool Borders> INLINE void pull(i64 i, [[maybe_unused]] Lane<T> code, T on_q, T on_r, T to_n, T to_o) const {
         const T here = to_o - (on_q + on_r), under = on_r - (to_n + to_o);
         if constexpr (Borders) {
@@ -155,9 +155,9 @@ template <class L> LOOP void widened(i64 n, const u8* code, L* to) {
     SIMD for (i64 j = 0; j < n; ++j) to[j] = code[j];
 }
 
-// What a row of cells gives to the samples around it: pulls on each coordinate, and thirds of area.
+// Contributions of a row of cells to the samples around it: pulls on each coordinate, and thirds of area.
 template <class T> struct Cells {
-    i64 wide;  // from one coordinate to the next
+    i64 wide;  // distance of coordinates
     Corners<T> pulls;
     T *upper, *lower;
     Lane<T>* code;
@@ -174,9 +174,9 @@ template <class T> struct Cells {
     }
 };
 
-// --- what cells give, gathered by samples ------------------------------------------------------------------------------------------
+// --- contributions of cells, gathered by samples -------------------------------------------------------------------------------
 
-// Fresh: nothing has been given to the samples below yet.
+// Fresh: the samples below have no contributions yet.
 template <bool Fresh, class T> LOOP void gather_corners(i64 from, i64 to, i64 e, const Corners<T>& c, T* here, T* below) {
     const T *a = c.own_here, *b = c.beside_here, *d = c.own_below, *f = c.beside_below;
     SIMD for (i64 j = from; j < to; ++j) {
@@ -189,7 +189,7 @@ template <class T> INLINE void gather_corners(bool fresh, i64 from, i64 to, i64 
     else gather_corners<false>(from, to, e, c, here, below);
 }
 
-// Thirds of areas: the upper triangle gives to P, Q, R, the lower one to S, N and the corner above S.
+// Thirds of areas: the upper triangle contributes to P, Q, R, the lower one to S, N and the corner above S.
 template <bool Fresh, class T> LOOP void gather_thirds(i64 n, i64 e, const T* upper, const T* lower, T* here, T* below) {
     SIMD for (i64 j = 0; j < n; ++j) {
         const T both = upper[j] + lower[j];
@@ -212,7 +212,7 @@ template <class T> LOOP void filled(i64 from, i64 to, T above, T under, T* upper
     SIMD for (i64 j = from; j < to; ++j) upper[j] = above, lower[j] = under;
 }
 
-// Masses of the flat grid: thirds of what is there, in rows of their own.
+// Masses of the flat grid: thirds of the existing triangles, in separate rows.
 template <class T> struct FlatMass {
     T *upper, *lower, *here, *below;
     static FlatMass of(Room<T>& room) {
@@ -232,7 +232,7 @@ template <class T> struct FlatMass {
     }
 };
 
-// A sample at an end of a row between its neighbours: beside it there is none, and no triangle that would ask for one.
+// Neighbours of a sample at an end of a row; the absent one is not used by any triangle.
 template <class T> INLINE void neighbours(const Task<T>& t, i64 k, i64 r, i64 j, T* around) {
     const T* row = t.u + (k * t.h + r) * t.w;
     for (i64 s = -1; s < 2; ++s) around[s + 1] = row[j + s < 0 || j + s >= t.w ? j : j + s];
@@ -240,7 +240,7 @@ template <class T> INLINE void neighbours(const Task<T>& t, i64 k, i64 r, i64 j,
 
 // --- a row of samples moves -----------------------------------------------------------------------------------------------------
 
-// s / (thirds M): s = (part / whole)^gamma, the edge indicator, held between least and 1; zero where there is no triangle.
+// s / (thirds M), where s = (part / whole)^gamma is the edge indicator, clipped to least and 1; zero if there is no triangle.
 template <int Quarters, class T>
 LOOP void paces(i64 n, T gamma, T least, T thirds, const T* part, const T* whole, const T* mass, T* pace) {
     SIMD for (i64 j = 0; j < n; ++j) {
@@ -269,7 +269,7 @@ template <class T> LOOP void stay(i64 n, const u8* held, T* pace) {
     SIMD for (i64 j = 0; j < n; ++j) pace[j] = held[j] ? T(0) : pace[j];
 }
 
-// Differences, so that what rests keeps its bits.
+// By differences, so that samples at rest do not change in any bit.
 template <int Terms, class T> INLINE T blended(const Mix<T>& mix, T u, T a, T b, T c, T pace, T pull) {
     T by = -(mix.dt * pace * pull);
     if constexpr (Terms > 0) by = mix.one * (a - u) + by;
@@ -283,8 +283,8 @@ LOOP void moved(i64 n, const Mix<T> mix, const T* u, const T* a, const T* b, con
         out[j] = blended<Terms>(mix, u[j], Terms > 0 ? a[j] : T(0), Terms > 1 ? b[j] : T(0), Terms > 1 ? c[j] : T(0), pace[j], pull[j]);
 }
 
-// The same from the pulls of the last triangulation; `given`: what the samples of this row have been given before, and then those
-// of the row below, with Added what is in `below`.
+// The same from the pulls of the last triangulation. `given`: the previous contributions to the samples of this row, replaced by
+// those to the row below; with Added plus those in `below`.
 template <int Terms, bool Added, class T>
 LOOP void moved_by_cells(i64 n, i64 e, const Mix<T> mix, const T* u, const T* a, const T* b, const T* c, const Corners<T> pulls,
                          T* given, const T* below, const T* pace, T* out) {
@@ -294,12 +294,12 @@ LOOP void moved_by_cells(i64 n, i64 e, const Mix<T> mix, const T* u, const T* a,
         out[j] = blended<Terms>(mix, u[j], Terms > 0 ? a[j] : T(0), Terms > 1 ? b[j] : T(0), Terms > 1 ? c[j] : T(0), pace[j], pull);
     }
 }
-// Of a row that is not of the tile: what it gives to the row below.
+// For a row outside of the tile: its contributions to the row below.
 template <class T> LOOP void passed_on(i64 n, i64 e, const Corners<T> pulls, T* given, const T* below) {
     SIMD for (i64 j = 0; j < n; ++j) given[j] = below[j] + (pulls.own_below[j] + pulls.beside_below[j + e]);
 }
 
-// Channel q of a row of samples moved by its pull.
+// Moves channel q of a row of samples by its pull.
 template <class T> void move_row(const Task<T>& t, const Tile& tile, i64 q, i64 r, const T* pull, const T* pace) {
     const i64 at = (q * t.h + r) * t.w + tile.left, n = tile.right - tile.left;
     const T *x = t.to_read(t.a, at), *y = t.to_read(t.b, at), *z = t.to_read(t.c, at);

@@ -1,4 +1,4 @@
-// The loops that know their weight when they are compiled, each in a file of its own, by sharpness and channels.
+// The loops whose weight is a constant at compile time, in separate files, by sharpness and number of channels.
 #pragma once
 #include "grid_forms.h"
 

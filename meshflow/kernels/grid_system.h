@@ -1,4 +1,4 @@
-// Conjugate gradients on a grid without a matrix, and how large a combination of arrays is.
+// Matrix-free conjugate gradients on a grid, and the size of a linear combination of arrays.
 #pragma once
 #include "grid_loops.h"
 #include "memory.h"
@@ -6,7 +6,7 @@
 
 namespace meshflow::grid {
 
-// Rows are worked on in bands whose height depends on the size of the grid alone: so do the sums.
+// Rows are processed in bands whose height depends on the size of the grid only; therefore sums do not depend on threads.
 constexpr i64 BAND = 1 << 16, FEW_NUMBERS = 100000;
 
 // sums (what, k): work(k, first row, last row, partial sums of the band), added in the order of the bands.
@@ -27,12 +27,12 @@ template <class F> i64 over_bands(i64 k, i64 h, i64 w, i64 what, double* sums, i
     return 0;
 }
 
-// Weights of the edges that begin in a row, to the right, down, down on the left and down on the right.
+// Weights of the edges that begin in a row: to the right, down, down left and down right.
 template <class T> struct Edges {
     const T *right, *down, *left, *slant;
 };
 
-// weight p - dt sum of edges times the other ends, of the samples of a row but its ends, or with End of one end.
+// weight p - dt (sum of edge weights times the other ends), for the inner samples of a row, or with End for one end.
 template <bool End, class T>
 LOOP void system_row(i64 from, i64 to, i64 w, const T* weight, const Edges<T> e, const Edges<T> f, const T* over, const T* p,
                      const T* under, T dt, T* out) {
@@ -56,7 +56,7 @@ template <class T> LOOP void turned_row(i64 n, T b, const T* r, const T* weight,
 
 namespace meshflow {
 
-// q = (mass + dt stiffness) p, weight being its diagonal; p . q of each channel.
+// q = (mass + dt stiffness) p, where weight is the diagonal of the matrix; p . q of each channel.
 template <class T>
 i64 grid_multiplied(i64 k, i64 h, i64 w, const T* p, T* q, const T* weight, const T* edges, double dt, double* dots, i32 threads) {
     using namespace grid;
@@ -83,7 +83,7 @@ i64 grid_multiplied(i64 k, i64 h, i64 w, const T* p, T* q, const T* weight, cons
     });
 }
 
-// x + alpha p and r - alpha q in their places; r . r and r . (r / weight) of each channel.
+// x += alpha p and r -= alpha q; r . r and r . (r / weight) of each channel.
 template <class T>
 i64 grid_descended(i64 k, i64 h, i64 w, const double* alpha, const T* p, const T* q, T* x, T* r, const T* weight, double* dots,
                    i32 threads) {
@@ -103,7 +103,7 @@ i64 grid_descended(i64 k, i64 h, i64 w, const double* alpha, const T* p, const T
     });
 }
 
-// p = r / weight + beta p in its place.
+// p = r / weight + beta p.
 template <class T>
 i64 grid_turned(i64 k, i64 h, i64 w, const double* beta, const T* r, const T* weight, T* p, i32 threads) {
     using namespace grid;
@@ -118,7 +118,8 @@ i64 grid_turned(i64 k, i64 h, i64 w, const double* beta, const T* r, const T* we
     });
 }
 
-// The sum of factor times array: found[0] the sum of the squares of the samples of every so many rows, found[1] the greatest square.
+// The sum of factor times array. found[0]: the sum of squares over the samples of every so many rows; found[1]: the largest
+// square.
 template <class T>
 i64 grid_size(i64 k, i64 h, i64 w, const double* factors, const T* a, const T* b, const T* c, const T* d, i64 every,
               double* found, i32 threads) {

@@ -1,4 +1,4 @@
-// W^q of a triangle, and what its lengths are stretched by for it. A sharpness q that roots reach costs roots and products.
+// W^q of a triangle, and the stretch factor of its lengths. For some values of q square roots and products are sufficient.
 #pragma once
 #include <bit>
 #include <cmath>
@@ -23,9 +23,9 @@ INLINE double logarithm(double x) {
            ((square - (s * (square + (odd + even)) + k * 1.90821492927058770002e-10)) - f);
 }
 
-// e^t - 1, and with One e^t; beyond what double precision holds, its greatest or least number.
+// e^t - 1, with One e^t; outside of the range of double precision its largest or smallest number.
 template <bool One> INLINE double exponential(double t) {
-    constexpr double shift = 6755399441055744.0;  // 1.5 * 2^52: what is added to it is rounded to a whole number
+    constexpr double shift = 6755399441055744.0;  // 1.5 * 2^52: a number added to it is rounded to an integer
     t = t > 709.0 ? 709.0 : t < -708.0 ? -708.0 : t;
     const double moved = t * 1.44269504088896338700 + shift, k = moved - shift;
     const double r = (t - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10;
@@ -53,7 +53,7 @@ INLINE double raised(double x, double exponent) {
     return x > 0.0 ? power : x == 0.0 ? beside : x;
 }
 
-// x^exponent for x >= 0. Quarters is four times the exponent where roots and products reach it, else ANY.
+// x^exponent for x >= 0. Quarters is four times the exponent if roots and products are sufficient, else ANY.
 constexpr int ANY = 99;
 template <int Quarters, class T> INLINE T power(T x, [[maybe_unused]] T exponent) {
     if constexpr (Quarters == 0) return T(1);
@@ -74,7 +74,7 @@ template <int Twice> struct Weight {
     // W^q from W^2.
     template <class T> static INLINE T expansion(T w2, T q) { return power<Twice ? Twice : ANY>(w2, T(0.5) * q); }
 
-    // (W^2q - 1) / (W^2 - 1), W^2 = 1 + slope2: the free part of a triangle's lengths times this gives it the area W^q.
+    // (W^2q - 1) / (W^2 - 1), W^2 = 1 + slope2: with the free part of the squared lengths times this, the area is W^q.
     template <class T> static INLINE T stretch(T slope2, [[maybe_unused]] T q) {
         if constexpr (Twice == 2) return T(1);
         else if constexpr (Twice == 3) {
@@ -91,7 +91,7 @@ template <int Twice> struct Weight {
     }
 };
 
-// work(Weight) with the weight of q: a sharpness is known to the loops when they are compiled.
+// Calls work(Weight) with the weight of q, so that the sharpness is a constant at compile time.
 template <class F> auto with_weight(double q, const F& work) {
     if (q == 1.0) return work(Weight<2>{});
     if (q == 1.5) return work(Weight<3>{});

@@ -1,11 +1,11 @@
-// What a kernel is to Python: a name, the types of its parameters, and an address.
+// The description of a kernel for Python: a name, the types of its parameters, and an address.
 //
-// A kernel is a function template over the number type T (float, double) that returns i64: a count, or 0; a Failure where it
-// could not be done. `MESHFLOW_KERNEL(name)` below it exports name<float> and name<double>, with the types of their
-// parameters, which the Python gate compares with its own declaration. `MESHFLOW_KERNEL_OF_ONE(name)` exports a plain function.
+// A kernel is a function template over the number type T (float, double) that returns i64: a count or 0, or a Failure.
+// `MESHFLOW_KERNEL(name)` below it exports name<float> and name<double> with the types of their parameters, which the Python gate
+// compares with its own declaration. `MESHFLOW_KERNEL_OF_ONE(name)` exports a plain function.
 //
 // The library has no C++ runtime: no exceptions, no `new`, no iostream, no std::vector. <cmath>, <cstdint>, <cstddef>, <atomic>
-// and <type_traits> are there; memory comes from the caller, or from Memory in memory.h.
+// and <type_traits> are available. Memory comes from the caller, or from Memory in memory.h.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -25,10 +25,10 @@ using i32 = std::int32_t;
 using i64 = std::int64_t;
 using u8 = std::uint8_t;
 
-// What a kernel returns where it could not do its work.
+// The return values of kernels that failed.
 enum Failure : i64 { NO_MEMORY = -1, CANCELLED = -2, OUT_OF_RANGE = -3, BAD_SIZES = -4 };
 
-// --- the types of parameters, one letter each: what gate.py reads -------------------------------------------------------------
+// --- the types of parameters, one letter each, for gate.py ----- -------------------------------------------------------------
 
 template <class A> struct Letter { static constexpr char value = 'x'; };  // a struct
 template <> struct Letter<float> { static constexpr char value = 'f'; };
@@ -59,7 +59,7 @@ template <class First, class... A> struct Signature<i64 (*)(First, A...)> {
 };
 
 struct Entry {
-    const char* signature;  // two letters for each parameter: v a value, r read, w written; the letter of its type
+    const char* signature;  // two letters per parameter: v value, r read or w written; and the type
     void (*address)();
 };
 
@@ -67,7 +67,7 @@ template <auto function> Entry entry() {
     return {Signature<decltype(function)>::text.at, reinterpret_cast<void (*)()>(function)};
 }
 
-// The layout of a struct that Python fills: its size, then where each member stands and how large it is, ended by -1.
+// The layout of a struct that Python fills: its size, then the offset and size of each member, terminated by -1.
 struct Layout {
     const char* members;  // "one, two, three"
     const i64* at;
@@ -81,7 +81,7 @@ struct Layout {
     MESHFLOW_API meshflow::Entry kernel_##name##_f32() { return meshflow::entry<&meshflow::name<float>>(); } \
     MESHFLOW_API meshflow::Entry kernel_##name##_f64() { return meshflow::entry<&meshflow::name<double>>(); }
 
-// MESHFLOW_LAYOUT(Options, one, two, three): every member of the struct Options, in its order.
+// MESHFLOW_LAYOUT(Options, one, two, three): all members of the struct Options, in order.
 #define MESHFLOW_LAYOUT(name, ...)                                                                       \
     MESHFLOW_API meshflow::Layout layout_##name() {                                                      \
         using It = meshflow::name;                                                                       \

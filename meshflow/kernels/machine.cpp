@@ -1,5 +1,5 @@
-// What this library needs of the machine, and what made it. Compiled for any machine of this kind, since it is what is asked
-// first; MESHFLOW_LEVEL is the level of the x86-64 psABI that all the rest is compiled for, 0 elsewhere.
+// Requirements of this library on the machine, and its compiler. This file is compiled for any machine of this architecture,
+// because it is called first. MESHFLOW_LEVEL is the level of the x86-64 psABI of all other files, 0 on other architectures.
 #include "interface.h"
 
 #if MESHFLOW_LEVEL
@@ -28,7 +28,7 @@ Registers cpuid(unsigned leaf) {
 #endif
 }
 
-// What the system keeps for a process when another one has its turn: bits 1 and 2 are the registers of SSE and of AVX.
+// The registers that the system saves when it switches processes: bits 1 and 2 are those of SSE and of AVX.
 unsigned kept() {
 #if defined(_MSC_VER) && !defined(__clang__)
     return static_cast<unsigned>(_xgetbv(0));
@@ -52,7 +52,7 @@ void need(bool there, const char* name) {
 
 }  // namespace
 
-// What this machine lacks for this library, "avx2 fma"; empty where it lacks nothing.
+// The features that this machine lacks, such as "avx2 fma"; empty if it has all of them.
 MESHFLOW_API const char* machine_missing() {
     const Registers one = cpuid(1), seven = cpuid(7), more = cpuid(0x80000001u);
     const auto bit = [](unsigned where, int which) { return (where >> which & 1) != 0; };

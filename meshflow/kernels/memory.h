@@ -1,4 +1,4 @@
-// Room that a kernel needs while it works, given back when it leaves the block.
+// Temporary memory of a kernel, released at the end of the scope.
 #pragma once
 #include <cstddef>
 #include <cstdlib>
@@ -7,7 +7,7 @@
 
 namespace meshflow {
 
-// n things of type A, not set to anything. Ask `if (!memory) return NO_MEMORY;`.
+// n uninitialized elements of type A. Check with `if (!memory) return NO_MEMORY;`.
 template <class A> class Memory {
   public:
     explicit Memory(i64 n) : at_(static_cast<A*>(std::malloc(n > 0 ? static_cast<std::size_t>(n) * sizeof(A) : 1))) {}

@@ -1,8 +1,8 @@
-// Triangles in blocks that fit the cache of a core: cotangents, masses and gradients of R^3 that never go through memory.
+// Triangles in blocks that fit the cache of a core, so that cotangents, masses and gradients in R^3 are never written to memory.
 //
-// A block owns vertices that lie together and knows every triangle that touches one of them, in numbers of its own. So each vertex
-// is read about once, whatever the order in which it came, no two threads write to one place, and the sums do not depend on how
-// many threads there are.
+// A block owns neighbouring vertices and has a copy, with local indices, of every triangle with one of them. So each vertex is
+// read about once in any order of the mesh, no two threads write to the same place, and sums do not depend on the number of
+// threads.
 #pragma once
 #include <cmath>
 
@@ -12,7 +12,7 @@
 
 namespace meshflow {
 
-// visit(block) for the blocks that own a corner of a triangle, each once.
+// Calls visit(block) once for each block that owns a corner of a triangle.
 template <class F> void for_blocks(const i32* face, const i32* block, const F& visit) {
     const i32 a = block[face[0]], b = block[face[1]], c = block[face[2]];
     visit(a);
@@ -20,7 +20,7 @@ template <class F> void for_blocks(const i32* face, const i32* block, const F& v
     if (c != a && c != b) visit(c);
 }
 
-// Where the triangles of each block begin, first (b + 1,). block (n,): whose each vertex is. Returns how many there are.
+// The start of the triangles of each block, first (b + 1,). block (n,): the owner of each vertex. Returns their total number.
 inline i64 count_blocks(i64 m, i64 n, i64 b, const i32* faces, const i32* block, i64* first) {
     if (!are_below(block, n, b)) return OUT_OF_RANGE;
     for (i64 i = 0; i <= b; ++i) first[i] = 0;
@@ -29,10 +29,10 @@ inline i64 count_blocks(i64 m, i64 n, i64 b, const i32* faces, const i32* block,
     return first[b];
 }
 
-// Numbers the vertices of each block: first those that it owns, of order (n,) in runs of size, then those around.
+// Numbers the vertices of each block: first those that it owns, runs of `size` of order (n,), then those around them.
 //
-// vertices (v,), v = 3 t + n: of each block, one after the other, start (b + 1,) where they begin; triangles (t, 3): of each
-// block, from first (b + 1,), by the places of their corners among its vertices. Returns the most vertices of a block.
+// vertices (v,), v = 3 t + n: of all blocks, which begin at start (b + 1,). triangles (t, 3): of all blocks, which begin at
+// first (b + 1,), with local indices. Returns the largest number of vertices of a block.
 inline i64 number_blocks(i64 m, i64 n, i64 b, i64 v, i64 t, const i32* faces, const i32* order, const i32* block, i64 size,
                          const i64* first, i32* vertices, i64* start, std::uint16_t* triangles) {
     if (size < 1 || v != 3 * t + n || b != (n + size - 1) / size || !are_below(block, n, b) || !are_below(order, n, n) ||
@@ -69,11 +69,11 @@ inline i64 number_blocks(i64 m, i64 n, i64 b, i64 v, i64 t, const i32* faces, co
     return most;
 }
 
-// --- triangles of a block, several at once: the loops over LANES become vector instructions ------------------------------------
+// --- several triangles of a block at once: loops over LANES are compiled to vector instructions --------------------------------
 
 constexpr int LANES = 8;
 
-// The corners of LANES triangles, and what they measure.
+// The corners of LANES triangles, and derived quantities.
 struct Lanes {
     double at[3][3][LANES];  // corner, coordinate
     double cot[3][LANES], area[LANES];
@@ -88,8 +88,8 @@ struct Lanes {
     }
 };
 
-// keep X - dt M^-1 L X (n, 3) into out, inverse (n,) or null: dt / M; sharpest (b,): the greatest cotangent of each block, infinite
-// where a triangle has no area. held (n,): vertices that do not move.
+// out = keep X - dt M^-1 L X (n, 3). inverse (n,) or null: dt / M. sharpest (b,): the largest cotangent of each block, infinite
+// if a triangle has no area. held (n,): vertices that do not move.
 template <Mass KIND> i64 march(i64 n, i64 b, i64 v, i64 t, const i32* vertices, const i64* start, const i64* owned,
                                const std::uint16_t* triangles, const i64* first, const double* points, const u8* held, double keep,
                                double dt, double* out, double* inverse, double* sharpest, i32 threads) {
@@ -101,7 +101,7 @@ template <Mass KIND> i64 march(i64 n, i64 b, i64 v, i64 t, const i32* vertices, 
             failed.store(OUT_OF_RANGE, std::memory_order_relaxed);
             return;
         }
-        // Four numbers for each vertex: x, y, z and none; pull of the three, and mass.
+        // Four numbers per vertex: x, y, z and padding; the pull on these three, and the mass.
         const Memory<double> room(8 * many);
         if (!room) {
             failed.store(NO_MEMORY, std::memory_order_relaxed);

@@ -1,32 +1,33 @@
-// Who touches whom on a mesh: the corners around each vertex, edges of one triangle and of two, the pattern of its matrices.
+// Connectivity of a mesh: the corners around each vertex, border edges and inner edges, the sparsity pattern of its matrices.
 #pragma once
 #include "mesh_corners.h"
 #include "memory.h"
 
 namespace meshflow {
 
-// Where the corners of each vertex begin, first (n + 1,), and the corners (c,), in their order; c = 3 m.
+// The start of the corners of each vertex, first (n + 1,), and the corners (c,) in increasing order; c = 3 m.
 inline i64 corners_around(i64 m, i64 c, i64 n, const i32* faces, i64* first, i32* corners) {
     if (c != 3 * m) return OUT_OF_RANGE;
     for (i64 i = 0; i <= n; ++i) first[i] = 0;
     for (i64 at = 0; at < c; ++at) ++first[faces[at] + 1];
     for (i64 i = 0; i < n; ++i) first[i + 1] += first[i];
-    // Each place is handed out once, and moves on: first[i] is then where the corners of i end.
+    // Each assignment advances first[i], which finally is the end of the corners of i.
     for (i64 at = 0; at < c; ++at) corners[first[faces[at]]++] = static_cast<i32>(at);
     for (i64 i = n; i > 0; --i) first[i] = first[i - 1];
     first[0] = 0;
     return 0;
 }
 
-// The ends other than i of the two sides that meet at a corner, and the corners opposite to those sides.
-// visit(other end, opposite corner); none of a triangle that names a vertex twice, which has no sides.
+// Calls visit(other end, opposite corner) for the two sides that meet at a corner of vertex i. A triangle with a repeated vertex
+// has no sides.
 template <class F> void for_sides(i64 i, Corner at, const i32* faces, const F& visit) {
     const i32 j = faces[at.b], k = faces[at.d];
     if (j == i || k == i || j == k) return;
     visit(j, at.d), visit(k, at.b);
 }
 
-// Marks (c,) the corners opposite to edges of one triangle only. One stamp for all, since a fan may have any width.
+// Marks (c,) the corners opposite to edges of one triangle only. One array of stamps is used for all fans, which may have any
+// size.
 inline i64 mark_border(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const i32* faces, u8* lonely) {
     if (c != 3 * m || !are_around(first, corners, 0, n, c)) return OUT_OF_RANGE;
     const Memory<i32> stamp(n), times(n);
@@ -48,7 +49,7 @@ inline i64 mark_border(i64 n, i64 c, i64 m, const i64* first, const i32* corners
     return 0;
 }
 
-// Sorts in place: by insertion what is short, the fan of an apex by a heap.
+// Sorts in place: short rows by insertion, long ones (the fan of an apex) by a heap.
 inline void sort(i32* numbers, i64 count) {
     if (count <= 48) {
         for (i64 i = 1; i < count; ++i) {
@@ -77,7 +78,7 @@ inline void sort(i32* numbers, i64 count) {
     }
 }
 
-// The vertex i and all that share a triangle with it, sorted, each once, into row; returns how many.
+// Writes the vertex i and all vertices that share a triangle with it to row, sorted and unique; returns their number.
 inline i64 list_row(i64 i, const i64* first, const i32* corners, const i32* faces, i32* row) {
     i64 many = 0;
     row[many++] = static_cast<i32>(i);
@@ -92,7 +93,7 @@ inline i64 list_row(i64 i, const i64* first, const i32* corners, const i32* face
     return kept;
 }
 
-// work(i, row, count) for all vertices, the row of each as list_row has it; work returns false where an index is out of range.
+// Calls work(i, row, count) for all vertices with their rows from list_row; work returns false if an index is out of range.
 template <class F> i64 for_rows(i64 n, i64 c, const i64* first, const i32* corners, const i32* faces, i32 threads, const F& work) {
     std::atomic<bool> room{true};
     const i64 done = checked_blocks(n, threads, [&](i64 begin, i64 end) {
@@ -111,7 +112,8 @@ template <class F> i64 for_rows(i64 n, i64 c, const i64* first, const i32* corne
     return room.load(std::memory_order_relaxed) ? done : i64(NO_MEMORY);
 }
 
-// Where the rows of the pattern begin, indptr (n + 1,): each vertex with all that share a triangle with it. Returns its entries.
+// The start of the rows of the pattern, indptr (n + 1,): each vertex with all that share a triangle with it. Returns the number
+// of entries.
 inline i64 pattern_rows(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const i32* faces, i32* indptr, i32 threads) {
     if (c != 3 * m) return OUT_OF_RANGE;
     indptr[0] = 0;
@@ -129,8 +131,8 @@ inline i64 pattern_rows(i64 n, i64 c, i64 m, const i64* first, const i32* corner
     return entries;
 }
 
-// The columns of the pattern, indices (e,), sorted in each row; where in its row the entries of the two neighbours of each of the
-// corners stand, slots (c, 2), FARTHER where a byte does not hold it; and where those of the diagonal, diagonal (n,).
+// The columns of the pattern, indices (e,), sorted in each row. slots (c, 2): the positions in the row of the entries for the two
+// neighbours of each corner, FARTHER if a byte cannot hold it. diagonal (n,): the positions of the diagonal entries.
 inline i64 pattern_entries(i64 n, i64 c, i64 m, i64 e, const i64* first, const i32* corners, const i32* faces, const i32* indptr,
                            i32* indices, u8* slots, i32* diagonal, i32 threads) {
     if (c != 3 * m || !are_rising(indptr, 0, n, e)) return OUT_OF_RANGE;

@@ -1,8 +1,8 @@
 // Corners of a mesh: corner c is corner c % 3 of triangle c / 3. Loops gather over the corners of a vertex, so that no two threads
 // write to one place and the sum does not depend on their number.
 //
-// Faces are checked by the gate. What is made of them (which corners are around a vertex, where entries of a matrix stand) is
-// checked here, a block at a time, while it is in the cache anyway.
+// The gate checks faces. Arrays derived from them (the corners around a vertex, positions of matrix entries) are checked here
+// block by block, while they are in the cache.
 #pragma once
 #include <atomic>
 
@@ -10,9 +10,9 @@
 
 namespace meshflow {
 
-constexpr i64 MESH_BLOCK = 1 << 13;  // vertices or triangles that are worth handing to a thread
+constexpr i64 MESH_BLOCK = 1 << 13;  // least number of vertices or triangles for a thread
 
-// The corner c with those that come after it in its triangle, b and then d, all counted among the corners of the mesh.
+// The corner c and the next ones of its triangle, b and d, as indices over all corners of the mesh.
 struct Corner {
     std::uint32_t c, b, d;
     explicit Corner(i32 number) : c(static_cast<std::uint32_t>(number)) {
@@ -33,19 +33,19 @@ inline bool are_below(const i32* numbers, i64 count, i64 bound) {
     return count <= 0 || static_cast<i64>(most) < bound;
 }
 
-// Whether first[begin] to first[end] rise from 0 or more to at most a limit.
+// Whether first[begin] to first[end] are nondecreasing, and between 0 and a limit.
 template <class I> bool are_rising(const I* first, i64 begin, i64 end, i64 limit) {
     bool rising = first[begin] >= 0 && static_cast<i64>(first[end]) <= limit;
     for (i64 i = begin; i < end; ++i) rising &= first[i] <= first[i + 1];
     return rising;
 }
 
-// Whether the corners around the vertices begin to end - 1 are there, of so many.
+// Whether the corners around the vertices begin to end - 1 are valid indices below their total number.
 inline bool are_around(const i64* first, const i32* corners, i64 begin, i64 end, i64 many) {
     return are_rising(first, begin, end, many) && are_below(corners + first[begin], first[end] - first[begin], many);
 }
 
-// work(begin, end) for n things in blocks; it returns false where an index is out of range.
+// Calls work(begin, end) for n elements in blocks; work returns false if an index is out of range.
 template <class F> i64 checked_blocks(i64 n, i32 threads, const F& work) {
     std::atomic<bool> sound{true};
     parallel_blocks(n, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
@@ -55,8 +55,8 @@ template <class F> i64 checked_blocks(i64 n, i32 threads, const F& work) {
     return OUT_OF_RANGE;
 }
 
-// The place of a vertex in a sorted row of vertices; 0 in an empty one.
-constexpr i64 FARTHER = 255;  // a slot that says no place: it is looked for
+// The index of a vertex in a sorted row of vertices; 0 for an empty row.
+constexpr i64 FARTHER = 255;  // a slot without a position, which must be searched for
 inline i64 place_in_row(const i32* row, i64 count, i32 vertex) {
     i64 low = 0;
     for (i64 left = count; left > 1;) {

@@ -18,14 +18,14 @@ struct Bending {
         const double high = drawing((mean + apart) / threshold), low = drawing((mean - apart) / threshold);
         const double along = ux * vx + uy * vy;
         if (apart == 0.0) return high * along;
-        // The mean of both, and their difference times the form less its trace, of eigenvalues 1 and -1.
+        // The mean of both, and their difference times the traceless form, normalized to eigenvalues 1 and -1.
         const double turned = half * (ux * vx - uy * vy) + xy * (ux * vy + uy * vx);
         return 0.5 * ((high + low) * along + (high - low) * turned / apart);
     }
 };
 
-// -2 A grad_i . D grad_j (m, 3) of the two corners beside each, D of the normals (n, 3) at the corners; zero for triangles without
-// area. points (n, 3).
+// For each corner -2 A grad_i . D grad_j (m, 3) of the other two corners i and j, with D from the normals (n, 3) at the corners;
+// zero for triangles without area. points (n, 3).
 inline i64 directed_weights(i64, i64 m, const double* points, const i32* faces, const double* normals, double threshold,
                             double* weights, i32 threads) {
     parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {

@@ -1,4 +1,4 @@
-// Triangles known by the lengths of their sides alone; flipped until they are Delaunay.
+// Triangles given by the lengths of their sides only; edges are flipped until they are Delaunay.
 #pragma once
 #include <cmath>
 
@@ -8,7 +8,7 @@
 
 namespace meshflow {
 
-// Dots at the corners opposite sides of the lengths a, b, c, and four times the squared area by Kahan's order of factors.
+// Inner products at the corners opposite to sides of lengths a, b, c, and four times the squared area by Kahan's formula.
 template <class T> Dots<T> dots_of_sides(T a, T b, T c) {
     const T high = greater(greater(a, b), c), low = lesser(lesser(a, b), c), middle = a + b + c - high - low;
     const T det = (high + (middle + low)) * (low - (high - middle)) * (low + (high - middle)) * (high + (middle - low)) / T(4);
@@ -16,7 +16,7 @@ template <class T> Dots<T> dots_of_sides(T a, T b, T c) {
             greater(det, T(0))};
 }
 
-// Cotangents (m, 3) and areas (m,) of triangles of sides (m, 3), opposite each corner.
+// Cotangents (m, 3) and areas (m,) of triangles with sides (m, 3), each opposite to a corner.
 inline i64 length_angles(i64 m, const double* lengths, double* cot, double* area, i32 threads) {
     parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
         for (i64 f = begin; f < end; ++f) {
@@ -28,7 +28,7 @@ inline i64 length_angles(i64 m, const double* lengths, double* cot, double* area
     return 0;
 }
 
-// The cotangent of the angle opposite a side; of a triangle without area it is as good as infinite, and has its sign.
+// The cotangent of the angle opposite to a side; for a triangle without area it is very large, with the correct sign.
 inline double cotangent_of(const double* lengths, i64 side) {
     const Corner at(static_cast<i32>(side));
     const Dots<double> form = dots_of_sides(lengths[at.c], lengths[at.b], lengths[at.d]);
@@ -36,9 +36,9 @@ inline double cotangent_of(const double* lengths, i64 side) {
     return form.dot[0] > 0.0 ? 1e300 : form.dot[0] < 0.0 ? -1e300 : 0.0;
 }
 
-// Flips edges of faces (m, 3) with sides (m, 3) until no cotangent weight is below 0, or it has flipped as often as it may.
+// Flips edges of faces (m, 3) with sides (m, 3) until no cotangent weight is negative, or the largest number of flips is reached.
 //
-// A side is counted as the corner opposite to it, 3 f + c. glue (c,): the side that each lies on, negative where it is not flipped.
+// A side has the index 3 f + c of the opposite corner. glue (c,): the adjacent side of each, negative if it must not be flipped.
 inline i64 flip_edges(i64 m, i64 c, i32* faces, double* lengths, i32* glue) {
     if (c != 3 * m) return OUT_OF_RANGE;
     for (i64 side = 0; side < c; ++side)
@@ -58,11 +58,11 @@ inline i64 flip_edges(i64 m, i64 c, i32* faces, double* lengths, i32* glue) {
         const std::uint32_t f = 3 * one.triangle(), g = 3 * two.triangle();
         const i32 k = faces[one.c], i = faces[one.b], j = faces[one.d], e = faces[two.c];
         const double base = lengths[one.c], ki = lengths[one.d], kj = lengths[one.b], ei = lengths[two.b], ej = lengths[two.d];
-        // Both unfolded above and below the edge i j, i at the origin.
+        // Both triangles unfolded into a plane, with i at the origin.
         const double xk = (base * base + ki * ki - kj * kj) / (2 * base), xe = (base * base + ei * ei - ej * ej) / (2 * base);
         const double yk = std::sqrt(greater(ki * ki - xk * xk, 0.0)), ye = std::sqrt(greater(ei * ei - xe * xe, 0.0));
         const double along = (xk - xe) * (xk - xe) + (yk + ye) * (yk + ye), crossing = std::sqrt(along);
-        // The four sides around, where they go, and what lies beyond them: one another, or sides of other triangles.
+        // The four outer sides, their new positions, and their adjacent sides: each other, or sides of other triangles.
         const std::uint32_t outer[4] = {two.b, one.d, one.b, two.d}, image[4] = {f, f + 2, g, g + 2};
         i32 beyond[4];
         for (int t = 0; t < 4; ++t) {

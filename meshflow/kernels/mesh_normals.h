@@ -1,4 +1,4 @@
-// Triangles as carriers of normals: how normals spread from one to the next, how points follow.
+// Diffusion of the normals of triangles, and the update of points to fit them.
 #pragma once
 #include <cmath>
 
@@ -30,8 +30,8 @@ inline i64 triangle_normals(i64, i64 m, const double* points, const i32* faces, 
     return 0;
 }
 
-// |e| / |d| (m, 3) of the edge opposite each corner, d the way from centroid to centroid across the middle of e; zero where
-// across (m, 3), the triangle beyond it, is negative.
+// |e| / |d| (m, 3) of the edge e opposite to each corner, where |d| is the length of the path between the centroids over the
+// middle of e; zero if across (m, 3), the triangle on the other side, is negative.
 inline i64 edge_conductances(i64, i64 m, const double* points, const i32* faces, const i32* across, double* conductances,
                              i32 threads) {
     const auto center = [&](i64 f) {
@@ -58,7 +58,8 @@ inline i64 edge_conductances(i64, i64 m, const double* points, const i32* faces,
     });
 }
 
-// stretch^power. SQUARINGS: the power is -2^SQUARINGS, of sharpness 2, 4 and 8, by products: a power costs more than all the rest.
+// stretch^power. SQUARINGS: the power is -2^SQUARINGS, for sharpness 2, 4 and 8, by products, because pow would dominate the
+// time.
 template <int SQUARINGS> double conducting(double stretch, double power) {
     if constexpr (SQUARINGS < 0) return grid::raised(stretch, power);
     const double by = 1.0 / stretch;
@@ -88,8 +89,8 @@ template <int SQUARINGS> i64 spread(i64 m, const double* normals, const double* 
     });
 }
 
-// One step of dt of the diffusion of unit normals (m, 3), implicit in the triangle itself, into out:
-// A n+ = A n + dt sum of w (1 + contrast2 |n_beyond - n|^2)^power n_beyond, made a unit vector.
+// One step dt of the diffusion of unit normals (m, 3), implicit in the triangle itself, to out:
+// A n+ = A n + dt sum of w (1 + contrast2 |n_beyond - n|^2)^power n_beyond, normalized.
 inline i64 spread_normals(i64 m, const double* normals, const double* areas, const double* weights, const i32* across, double dt,
                           double contrast2, double power, double* out, i32 threads) {
     const auto with = [&](auto one) { return one(m, normals, areas, weights, across, dt, contrast2, power, out, threads); };
@@ -99,8 +100,8 @@ inline i64 spread_normals(i64 m, const double* normals, const double* areas, con
     return with(spread<-1>);
 }
 
-// Points (n, 3) moved by the mean of n_f n_f . (c_f - x_i) over the triangles f around each, c_f their centroids, into out;
-// n_f normals (m, 3). held (n,): points that stay.
+// Moves points (n, 3) by the mean of n_f n_f . (c_f - x_i) over the triangles f around each, with centroids c_f and normals n_f
+// (m, 3), to out. held (n,): points that do not move.
 inline i64 follow_normals(i64 n, i64 c, i64 m, const double* points, const i64* first, const i32* corners, const i32* faces,
                           const double* normals, const u8* held, double* out, i32 threads) {
     if (c != 3 * m) return OUT_OF_RANGE;
@@ -114,7 +115,8 @@ inline i64 follow_normals(i64 n, i64 c, i64 m, const double* points, const i64* 
                 const Corner at(corners[t]);
                 const Point normal = vector_at(normals, at.triangle());
                 const Point j = minus(vector_at(points, faces[at.b]), own), k = minus(vector_at(points, faces[at.d]), own);
-                // n . (c_f - x_i) by differences: planes far from the origin rest to the last bits of their edges.
+                // n . (c_f - x_i) by differences, so that planes far from the origin do not move, up to the rounding of their
+                // edges.
                 const double high = dot(normal, Point{j.x + k.x, j.y + k.y, j.z + k.z}) / 3.0;
                 sum.x += high * normal.x, sum.y += high * normal.y, sum.z += high * normal.z;
             }

@@ -1,12 +1,12 @@
-// The cotangent operator of a mesh: what its triangles measure, and what each vertex gathers from the triangles around it.
+// The cotangent operator of a mesh: quantities of triangles, and their sums at vertices.
 #pragma once
 #include "mesh_corners.h"
 #include "mesh_triangle.h"
 
 namespace meshflow {
 
-// Cotangents (m, 3) and areas (m,) of the triangles of points (n, d). forms (m, 4), or null: lengths measured in further
-// coordinates, added to those of the points, which sharpness stretches against them.
+// Cotangents (m, 3) and areas (m,) of the triangles of points (n, d). forms (m, 4), or null: squared lengths in further
+// coordinates, which are added to those of the points and stretched by the sharpness relative to them.
 template <int D> i64 measure(i64 d, i64 m, const double* points, const i32* faces, const double* forms, double sharpness,
                              double* cot, double* area, i32 threads) {
     parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
@@ -34,7 +34,7 @@ inline i64 triangle_angles(i64, i64 d, i64 m, const double* points, const i32* f
     return measure<0>(d, m, points, faces, forms, sharpness, cot, area, threads);
 }
 
-// Cotangents (m, 3) and areas (m,) of triangles known by their forms (m, 4).
+// Cotangents (m, 3) and areas (m,) of triangles given by their forms (m, 4).
 inline i64 form_angles(i64 m, const double* forms, double* cot, double* area, i32 threads) {
     parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
         for (i64 f = begin; f < end; ++f) {
@@ -47,7 +47,7 @@ inline i64 form_angles(i64 m, const double* forms, double* cot, double* area, i3
     return 0;
 }
 
-// The forms (m, 4) of triangles whose corners (m, 3, d) are given one by one.
+// The forms (m, 4) of triangles given by the coordinates of their corners (m, 3, d).
 inline i64 chart_forms(i64 m, i64 d, const double* charts, double* forms, i32 threads) {
     parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
         for (i64 f = begin; f < end; ++f) {
@@ -59,7 +59,7 @@ inline i64 chart_forms(i64 m, i64 d, const double* charts, double* forms, i32 th
     return 0;
 }
 
-// The bound (m,) of the eigenvalues of M^-1 L that each triangle allows.
+// The bound (m,) of the eigenvalues of M^-1 L of each triangle.
 inline i64 triangle_bounds(i64 m, const double* cot, const double* area, i64 kind, double* bounds, i32 threads) {
     for_mass(kind, [&]<Mass KIND>() {
         parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
@@ -69,7 +69,7 @@ inline i64 triangle_bounds(i64 m, const double* cot, const double* area, i64 kin
     return 0;
 }
 
-// The mass (n,) of each vertex. c: the corners of the mesh, three for each triangle, in these and all that follow.
+// The mass (n,) of each vertex. c is the number of corners of the mesh, three per triangle, here and below.
 inline i64 vertex_mass(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const double* cot, const double* area, i64 kind,
                        double* mass, i32 threads) {
     if (c != 3 * m) return OUT_OF_RANGE;
@@ -91,7 +91,7 @@ inline i64 vertex_mass(i64 n, i64 c, i64 m, const i64* first, const i32* corners
     return done;
 }
 
-// What each vertex gathers of d coordinates; those of corner c of the mesh stand at at(c).
+// The sum of each vertex for d coordinates; at(c) returns those of corner c of the mesh.
 template <int D, class At> i64 gather_gradient(i64 n, i64 c, i64 d, const i64* first, const i32* corners, const double* cot,
                                                const At& at, double* gradient, i32 threads) {
     const i64 many = D ? D : d;
@@ -126,7 +126,7 @@ inline i64 area_gradient(i64 n, i64 c, i64 m, i64 d, const i64* first, const i32
     return of.template operator()<0>();
 }
 
-// The same of coordinates that each triangle's corners (m, 3, d) have in a chart of its own.
+// The same for coordinates of corners (m, 3, d) in a separate chart for each triangle.
 inline i64 chart_gradient(i64 n, i64 c, i64 m, i64 d, const i64* first, const i32* corners, const double* cot,
                           const double* charts, double* gradient, i32 threads) {
     if (c != 3 * m) return OUT_OF_RANGE;
@@ -134,9 +134,9 @@ inline i64 chart_gradient(i64 n, i64 c, i64 m, i64 d, const i64* first, const i3
     return gather_gradient<0>(n, c, d, first, corners, cot, at, gradient, threads);
 }
 
-// Half the outward conormal times the length of each boundary edge, -(cot_i (X_k - X_j) + cot_j (X_k - X_i)), is what the area
-// gradient (n, d) holds at both its ends for want of a triangle beyond; it is taken out. border (b,): the corners opposite to
-// them; charts (b, 3, d): the coordinates of the corners of their triangles.
+// Subtracts from the area gradient (n, d) the term at both ends of each boundary edge that is due to the missing triangle: half
+// the outward conormal times the length of the edge, -(cot_i (X_k - X_j) + cot_j (X_k - X_i)). border (b,): the corners opposite
+// to these edges; charts (b, 3, d): the coordinates of the corners of their triangles.
 inline i64 border_conormals(i64 b, i64 m, i64 d, i64, const i64* border, const i32* faces, const double* cot,
                             const double* charts, double* gradient) {
     for (i64 t = 0; t < b; ++t) {
@@ -154,7 +154,7 @@ inline i64 border_conormals(i64 b, i64 m, i64 d, i64, const i64* border, const i
     return 0;
 }
 
-// The area (n,) of the triangles around each vertex after projecting them along its direction (n, 3), in R^3.
+// The area (n,) of the triangles around each vertex, projected along its direction (n, 3), in R^3.
 inline i64 area_seen(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const i32* faces, const double* points,
                      const double* directions, double* seen, i32 threads) {
     if (c != 3 * m) return OUT_OF_RANGE;
@@ -177,7 +177,7 @@ inline i64 area_seen(i64 n, i64 c, i64 m, const i64* first, const i32* corners, 
     });
 }
 
-// The numbers (e,) of the stiffness in the pattern of the mesh: L, or L_ij (d_i . d_j) of directions (n, 3).
+// The values (e,) of the stiffness matrix in the pattern of the mesh: L, or L_ij (d_i . d_j) with directions (n, 3).
 struct Places {
     const i32 *indptr, *indices, *diagonal;
     const u8* slots;

@@ -1,9 +1,8 @@
-// The one team of threads of this process. Compiled for any machine of this kind: nothing here is fast but for waiting.
+// The team of threads of this process. It is compiled for any machine of this architecture, because it needs no SIMD.
 //
-// Callers put their work on a list; threads that have nothing to do take a seat at the first work that has one free. A caller
-// does all parts that nobody takes, so nothing ever waits for a thread that is busy elsewhere: no deadlock, from wherever it is
-// called. Threads are made when first needed, sleep when there is nothing to do, and are left behind by `fork`: the child makes
-// its own.
+// Callers add their work to a list, and idle threads join the first work with a free seat. A caller runs all parts that no other
+// thread takes, so no call waits for a thread that is busy elsewhere, and there is no deadlock. Threads are created when first
+// needed, sleep when there is no work, and do not survive a `fork`: the child creates its own.
 #include "team.h"
 
 #include <atomic>
@@ -59,7 +58,7 @@ void* begin(void*) {
     serve();
     return nullptr;
 }
-// A thread that hears no signals: Ctrl-C is for the thread of Python that waits for it.
+// A thread with all signals blocked: Ctrl-C is for the thread of Python that waits for it.
 bool start() {
     sigset_t all, before;
     pthread_attr_t how;
@@ -85,7 +84,7 @@ struct Job {
     Stop stop;
     std::atomic<i64> next{0};
     std::atomic<bool> stopped{false};
-    i32 seated = 1, active = 0;  // the caller has a seat; active: threads of the team that are at it
+    i32 seated = 1, active = 0;  // the caller has a seat; active: threads of the team that work on it
     Signal left{};
     Job* behind = nullptr;
 
@@ -105,7 +104,7 @@ struct Team {
     Lock lock;
     Signal awake;
     Job* first = nullptr;
-    i32 threads = 0;  // beside the callers
+    i32 threads = 0;  // without the callers
 };
 Team team;
 
@@ -128,7 +127,7 @@ void serve() {
 }
 
 #if !defined(_WIN32)
-// In the child of a fork there is no other thread: whatever they were at is not there either.
+// In the child of a fork there are no other threads, and none of their work.
 void forked() {
     team.lock = Lock{};
     team.awake = Signal{};

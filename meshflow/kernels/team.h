@@ -1,5 +1,5 @@
-// Work handed to threads. What comes out must not depend on how many there are: each part writes where no other part does, and
-// what is summed over parts is summed afterwards, in the order of the parts.
+// Parallel work. Results must not depend on the number of threads: no two parts write to the same place, and sums over parts are
+// computed afterwards in the order of the parts.
 #pragma once
 #include "interface.h"
 
@@ -7,16 +7,16 @@ namespace meshflow {
 
 using Work = void (*)(const void* context, i64 part, i32 who);
 
-// Where a caller's other thread writes 1 to stop a kernel: no part begins after it. Null: nobody stops it.
+// Another thread of the caller writes 1 here to stop a kernel; no part begins afterwards. Null: it cannot be stopped.
 using Stop = const i32*;
 
-// work(context, part, who) for the parts 0 to parts - 1, by at most so many threads; the caller is one of them, and returns when
-// all parts are done. who: 0 to threads - 1, one number for each thread (the caller is 0): for room that a thread needs while it
-// works. May be called from any thread, from several at once, and from within work.
-// Returns false where it was stopped: some parts are then not done.
+// Calls work(context, part, who) for the parts 0 to parts - 1 in at most `threads` threads, including that of the caller; returns
+// when all parts are done. who: 0 to threads - 1, a number for each thread (0: the caller), e.g. for its work space. It may be
+// called from any thread, from several at once, and from within work. Returns false if it was stopped; some parts are then not
+// done.
 bool run_parts(i64 parts, i32 threads, Work work, const void* context, Stop stop = nullptr);
 
-// How many threads the team has, beside its callers.
+// The number of threads of the team, without its callers.
 i32 team_threads();
 
 template <class F> bool parallel_for(i64 parts, i32 threads, const F& work, Stop stop = nullptr) {
@@ -24,7 +24,7 @@ template <class F> bool parallel_for(i64 parts, i32 threads, const F& work, Stop
         parts, threads, [](const void* it, i64 part, i32 who) { (*static_cast<const F*>(it))(part, who); }, &work, stop);
 }
 
-// n things in blocks of so many: work(first, last, block, who), last not included.
+// Calls work(first, last, block, who), last not included, for n elements in blocks.
 template <class F> bool parallel_blocks(i64 n, i64 block, i32 threads, const F& work, Stop stop = nullptr) {
     return parallel_for(
         (n + block - 1) / block, threads,

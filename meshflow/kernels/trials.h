@@ -1,4 +1,4 @@
-// Kernels of no use but to try the gate and the team with: every kind of parameter, every way to fail.
+// Kernels for tests of the gate and the team: every kind of parameter, every kind of failure.
 #pragma once
 #include <atomic>
 
@@ -14,7 +14,7 @@ struct TrialOptions {
     double pair[2];
 };
 
-// target = source * factor + shift, both with rows that stand apart; a mask leaves out samples.
+// target = source * factor + shift, both with strided rows; masked samples are left out.
 template <class T>
 i64 trial_rows(i64 h, i64 w, const T* source, i64 step, T* target, i64 target_step, const u8* mask, double factor, i64 shift) {
     for (i64 r = 0; r < h; ++r)
@@ -23,7 +23,7 @@ i64 trial_rows(i64 h, i64 w, const T* source, i64 step, T* target, i64 target_st
     return h * w;
 }
 
-// target[i] = the sum of the samples begin[i] to begin[i + 1] of those that index names; written over, where that is asked for.
+// target[i] = the sum of the samples with indices index[begin[i]] to index[begin[i + 1] - 1]; overwritten if requested.
 template <class T>
 i64 trial_gathered(i64 m, i64 k, i64 n, const i64* begin, const i32* index, const T* source, T* target) {
     for (i64 i = 0; i < m; ++i) {
@@ -49,12 +49,12 @@ inline i64 trial_failed(i64 code, i64 bytes) {
     if (bytes) {
         const Memory<u8> memory(bytes);
         if (!memory) return NO_MEMORY;
-        *static_cast<volatile u8*>(memory.get()) = 1;  // memory that is not used need not be asked for: Clang knows that
+        *static_cast<volatile u8*>(memory.get()) = 1;  // Clang removes allocations that are not used
     }
     return code;
 }
 
-// Which thread does which part, where no part ends before as many threads are there as shall come, or time is up.
+// Which thread runs which part; parts wait until the expected number of threads has arrived, or for a limited time.
 inline i64 trial_census(i64 parts, i32* who, i32 threads) {
     std::atomic<i32> here{0};
     const i32 wanted = parts < threads ? static_cast<i32>(parts) : threads;
@@ -66,7 +66,7 @@ inline i64 trial_census(i64 parts, i32* who, i32 threads) {
     return team_threads();
 }
 
-// The sum of sin-like numbers, block by block; within a block by a team of its own where it is nested.
+// The sum of squares, block by block; the two halves of a block are a nested parallel call.
 template <class T> i64 trial_sum(i64 n, const T* x, T* sum, i64 block, i32 threads, i32 inner) {
     const i64 parts = (n + block - 1) / block;
     const Memory<T> sums(parts);
@@ -83,7 +83,7 @@ template <class T> i64 trial_sum(i64 n, const T* x, T* sum, i64 block, i32 threa
     return parts;
 }
 
-// Work without end, but for who stops it.
+// Endless work, until it is stopped.
 inline i64 trial_endless(i64 parts, Stop stop, i32 threads) {
     std::atomic<i64> done{0};
     const bool whole = parallel_for(parts, threads, [&](i64, i32) {
