@@ -135,7 +135,7 @@ def _of_moved(one: Averaged) -> tuple[str, ...]:
     some = ", ".join(map(str, one.moved[:5])) + (", ..." if len(one.moved) > 5 else "")
     return (
         f"{len(one.moved)} of the frames (number {some}) differ from the first by more than half of their noise: the camera or "
-        "the scene has moved; they are left out",
+        "the scene has moved; they were left out",
     )
 
 

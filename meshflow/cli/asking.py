@@ -87,7 +87,7 @@ def _method(flags: Given, suiting: tuple[str, ...]) -> Method | None:
         raise InputError(f"{given}: no method has all of these options")
     if word not in METHODS:
         if meant := method_hint(word):
-            raise InputError(f"--method {word}: no such method; it is {meant} here")
+            raise InputError(f"--method {word}: no such method; use {meant}")
         raise refused(word, tuple(METHODS), "method")
     kind = METHODS[word]
     known = {f.name for f in fields(kind)} if isinstance(kind, type) else set()  # type: ignore[arg-type]

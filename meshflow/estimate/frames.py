@@ -12,10 +12,10 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["Averaged", "averaged"]
 
-# Frames are compared with the first over blocks of so many samples by side, of which there must be so many; one that differs by
-# more than this share of its noise shows a view that has moved. Where frames typically differ by less than that, it stays.
+# Frames are compared with the first on at least BLOCKS blocks of BLOCK x BLOCK samples. A frame that differs by more than the
+# share MOVED of its noise shows a moved view. The view is still if the typical difference is below STILL.
 BLOCK, BLOCKS, MOVED, STILL = 8, 40, 0.5, 0.12
-# Depths of one sample that differ by so many deviations of the noise are those of two surfaces.
+# Depths of a sample that differ by this many deviations of the noise belong to two surfaces.
 SURFACES = 6.0
 # The weight of the noise model of all samples beside the spread of a sample, in frames.
 PRIOR = 4.0
@@ -47,11 +47,11 @@ class Averaged:
 def averaged(frames: Iterable[Array]) -> Averaged:
     """The mean of frames of the same view, and its standard deviation from their spread.
 
-    Frames that differ from the first by more than half of their noise, over blocks of samples, show a view that has moved: they
-    are left out. At each sample depths that differ by far more than their noise are those of two surfaces: that of the first
-    frame counts, or, in a view that stays, the one that was seen more often where the first frame has no neighbours on its own.
-    The spread of few frames is uncertain. Therefore the variance of each sample is combined with that of all samples of its
-    depth, which counts like four further frames. One frame at a time is in memory.
+    Frames whose means over blocks differ from those of the first by more than half of the noise show a moved view and are left
+    out. Depths of a sample that differ by far more than the noise belong to two surfaces. The surface of the first frame is
+    used. If the view is still, and the first frame has fewer than two neighbours on its surface, the more frequent surface is
+    used. The spread of few frames is uncertain. Therefore the variance of each sample is combined with that of all samples of
+    its depth, which counts like four further frames. One frame at a time is in memory.
 
     :param frames: (h, w) each, NaN, infinite and 0 where missing.
     :raises InputError: for fewer than two frames, or frames of different sizes, units or views.
@@ -102,7 +102,7 @@ def averaged(frames: Iterable[Array]) -> Averaged:
 
 @dataclass(frozen=True, eq=False)
 class _Means:
-    """Running means (Welford 1962), changed in place: how many, their mean, and the sum of squares about it, (h, w) each."""
+    """Running means (Welford 1962), updated in place: count, mean, and sum of squares about the mean, (h, w) each."""
 
     count: Array
     mean: Array
@@ -110,18 +110,18 @@ class _Means:
 
     @classmethod
     def of(cls, shape: tuple[int, ...]) -> "_Means":
-        """Of nothing yet."""
+        """Empty means."""
         return cls(np.zeros(shape), np.zeros(shape), np.zeros(shape))
 
     def far(self, values: Array, noise: Array | None) -> Array:
-        """Where values are further from the mean of those before than noise makes them."""
+        """Mask of the values that differ from the mean of the previous ones by more than SURFACES deviations of the noise."""
         if noise is None:
             return np.zeros(self.count.shape, bool)
         with np.errstate(invalid="ignore"):
             return (self.count > 0) & (np.abs(values - self.mean) > SURFACES * noise)
 
     def add(self, values: Array, there: Array) -> None:
-        """Take values in where they are there."""
+        """Add the present values."""
         np.add(self.count, there, out=self.count)
         off = np.where(there, values - self.mean, 0.0)
         np.add(self.mean, off / np.maximum(self.count, 1), out=self.mean)
@@ -129,7 +129,7 @@ class _Means:
 
 
 def _alone(values: Array, noise: Array | None) -> Array:
-    """Where a frame has fewer than two neighbours on the surface of a sample, (h, w)."""
+    """Mask (h, w) of the samples with fewer than two neighbours on the same surface."""
     near = np.zeros(values.shape, np.int64)
     if noise is None:
         return near < 2
@@ -143,12 +143,12 @@ def _alone(values: Array, noise: Array | None) -> Array:
 
 
 def _known(values: Array) -> Array:
-    """Where a frame has a depth, (h, w)."""
+    """Mask (h, w) of the samples with a depth."""
     return np.isfinite(values) & (values != 0)
 
 
 def _noise_of_one(values: Array) -> Array | None:
-    """The noise of a frame at each of its samples (h, w); None where it is not known."""
+    """The noise of a frame at each sample (h, w); None if it cannot be estimated."""
     missing = ~_known(values)
     growth = noise_growth(np.where(missing, 0.0, values), missing)
     if growth is None or missing.all():
@@ -160,7 +160,7 @@ def _noise_of_one(values: Array) -> Array | None:
 
 
 def _off(values: Array, first: Array, noise: Array) -> float:
-    """How far a frame is off the first, typically, in its noise: means over blocks, less what noise makes of them."""
+    """The typical difference of a frame and the first in units of the noise: of means over blocks, minus the part of the noise."""
     h, w = (n // BLOCK * BLOCK for n in values.shape)
     there = _known(values) & _known(first)
     off = np.where(there, values - first, 0.0)[:h, :w] / noise[:h, :w]

@@ -159,7 +159,7 @@ def _fine(search: GridSearch, time: float, unit: float) -> tuple[float, ...]:
 
 
 def _looked_at(grid: Grid, search: GridSearch, tiles: int, most: int) -> tuple[Probed, ...]:
-    """The pieces of a grid that are used, with their probes; the whole grid for up to ``most`` samples, and for lines of sight."""
+    """The pieces of a grid that are used, with their probes; all of it for up to ``most`` samples, and for lines of sight."""
     if grid.lines is not None or grid.missing.size <= most:
         parts: tuple[Piece, ...] = (whole(grid, search.sigma, search.limit, search.speed),)
     else:

@@ -46,8 +46,8 @@ UNSURE = (
     "data left unchanged: no method lowers the error by more than its estimate may be wrong; give a method to smooth it"
 )
 STEPPED = (
-    "the depths come in steps wider than their noise, whose error is no noise with a risk that could be estimated: nothing is "
-    "searched for, the time follows from the noise"
+    "the depths come in steps larger than their noise, so the risk cannot be estimated: no search was done, the time was "
+    "chosen by the noise"
 )
 
 GIVEN = Decided("given")

@@ -237,9 +237,9 @@ def _must_be_whole(path: Path, elements: Elements) -> None:
 
 
 def _must_end_whole(path: Path, content: bytes, elements: Elements) -> None:
-    """trimesh takes a last line that is cut off for a smaller polygon.
+    """Refuse a truncated last line, which trimesh would read as a smaller polygon.
 
-    :raises FormatError: for a last line with fewer words than its list needs.
+    :raises FormatError: for a last line with fewer words than its list requires.
     """
     last = next((element for element in reversed(elements.values()) if element["length"]), None)
     words = content.rstrip().rpartition(b"\n")[2].split()
