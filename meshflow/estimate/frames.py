@@ -160,7 +160,7 @@ def _noise_of_one(values: Array) -> Array | None:
 
 
 def _off(values: Array, first: Array, noise: Array) -> float:
-    """The typical difference of a frame and the first in units of the noise: of means over blocks, minus the part of the noise."""
+    """The typical difference of a frame and the first in units of the noise: of means over blocks, minus the noise of these."""
     h, w = (n // BLOCK * BLOCK for n in values.shape)
     there = _known(values) & _known(first)
     off = np.where(there, values - first, 0.0)[:h, :w] / noise[:h, :w]
