@@ -233,3 +233,22 @@ def test_noise_of_a_mesh_is_that_along_its_normals():
     assert noise_in(Mesh(shaken, faces)).sigma == pytest.approx(sigma, rel=0.15)
     heat = points[:, 2] + 0.2 * np.random.default_rng(8).normal(size=len(points))
     assert noise_on(heat[:, None], faces).sigma == pytest.approx(0.2, rel=0.05)
+
+
+def test_the_noise_that_is_told_lies_as_the_data_lies():
+    z = fractal_terrain(128) + 15 * CorrelatedNoise((0.5, 1.5)).drawn((128, 128), 3)
+    z = striped(z, rows=20.0, seed=1)
+    for turned, swapped in ((z, False), (z.T, True), (np.rot90(z), True), (z[::-1, ::-1], False)):
+        turned = np.ascontiguousarray(turned)
+        for found in (
+            meshflow.estimate_noise(turned),
+            meshflow.smooth(turned, method="quick", result=True).noise,
+        ):
+            rows, columns = found.lengths[::-1] if swapped else found.lengths
+            assert rows < columns
+            along = (found.lines.columns, found.lines.rows) if swapped else (found.lines.rows, found.lines.columns)
+            assert along[0] == pytest.approx(20, rel=0.2)
+            assert along[1] == 0
+            middle = len(found.correlation) // 2
+            beside, below = found.correlation[middle, middle + 1], found.correlation[middle + 1, middle]
+            assert (beside > below) != swapped

@@ -1,7 +1,7 @@
 """Estimates of the noise of data: deviation, correlation, quantum, and offsets of lines."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from meshflow.estimate.ring_fill import filled_from_ring
 from meshflow.estimate.spread import spread_tiles
 from meshflow.geometry.laplacians import neighbour_means
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.orientation import Orientation
 
 __all__ = ["Lines", "Noise", "noise_of", "noise_on"]
 
@@ -74,6 +75,16 @@ class Noise:
     between: Array | None = None
     lines: Lines = field(default_factory=Lines)
     doubt: str = ""
+
+    def oriented(self, way: Orientation) -> "Noise":
+        """The noise of a grid that is turned or mirrored."""
+        if not way.changes:
+            return self
+        lengths, lines = self.lengths, self.lines
+        if way.transposed:
+            lengths, lines = lengths[::-1], Lines(lines.columns, lines.rows)
+        correlation = None if self.correlation is None else way.of(self.correlation)
+        return replace(self, correlation=correlation, lengths=lengths, lines=lines)
 
     def sentences(self) -> tuple[str, ...]:
         """Sentences on the correlation of the noise and on doubts."""

@@ -30,32 +30,36 @@ def line_offsets(parts: list[tuple[Array, Array]]) -> tuple[float, float]:
 
 def _offsets(parts: list[tuple[Array, Array]]) -> float:
     """The standard deviation of the offsets of rows."""
-    shared = [product for z, there in parts for product in _shared(z, there)]
-    products = np.concatenate(shared) if shared else np.zeros(0)
-    if products.size < FEW:
+    shared = [found for found in (_shared(z, there) for z, there in parts) if found is not None]
+    count = sum(products.size for products, _ in shared)
+    if count < FEW:
         return 0.0
     # Each row occurs in three second differences, so that neighbours are not independent.
-    error = float(products.std()) * np.sqrt(3.0 / products.size)
-    mean = float(products.mean())
+    error = float(np.sqrt(3.0 * sum(products.size * own**2 for products, own in shared))) / count
+    mean = float(np.concatenate([products for products, _ in shared]).mean())
     return float(np.sqrt(mean / 6.0)) if mean > SURE * error else 0.0
 
 
-def _shared(z: Array, there: Array) -> list[Array]:
-    """For each row (h - 2,) the products of the second differences of blocks, averaged over the pairs of blocks."""
+def _shared(z: Array, there: Array) -> tuple[Array, float] | None:
+    """For each row (h - 2,) the products of the second differences of blocks, averaged over the pairs of blocks.
+
+    Beside them the deviation that these would have if blocks had nothing in common; None for too few rows or columns.
+    """
     h, w = z.shape
     blocks = min(BLOCKS, w // NARROWEST)
     if blocks < 2 or h < 8:
-        return []
+        return None
     known = z if there.all() else np.where(there, z, np.nan)
     medians = []
     for columns in np.array_split(np.arange(w), blocks):
         some = known[:, columns[:: max(1, len(columns) // COLUMNS)]]
         second = some[:-2] - 2.0 * some[1:-1] + some[2:]
         if known is not z and np.isnan(second).all(axis=1).any():
-            return []
+            return None
         middle = np.median(second, axis=1) if known is z else np.nanmedian(second, axis=1)
         medians.append(middle - np.median(middle))
     limit = HELD * MAD * np.median(np.abs(medians))
     held = np.clip(medians, -limit, limit)
-    total = held.sum(axis=0) ** 2 - (held**2).sum(axis=0)
-    return [total / (blocks * (blocks - 1))]
+    pairs = blocks * (blocks - 1)
+    own = float(held.var(axis=0, ddof=1).mean()) * np.sqrt(2.0 / pairs)
+    return (held.sum(axis=0) ** 2 - (held**2).sum(axis=0)) / pairs, own

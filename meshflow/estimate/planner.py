@@ -55,7 +55,8 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         return _noise_along(data, _unseen(data.missing, mask))[0]
     data, how = prepared(data)
     way = orientation_of(array_of(data), data.missing, data.spacing)
-    return _noise_prepared(data.oriented(way), how, None if mask is None else way.of(mask), way)
+    found = _noise_prepared(data.oriented(way), how, None if mask is None else way.of(mask), way)
+    return found.oriented(way.inverse)
 
 
 def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | None, way: Orientation) -> Noise:

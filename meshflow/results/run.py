@@ -69,7 +69,7 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
         start=start,
         end=end,
         parameters=parameters_of(plan),
-        noise=plan.noise,
+        noise=plan.noise.oriented(plan.orientation.inverse),
         candidates=plan.candidates,
         history=history,
         stopped_because=end.reason or "",
