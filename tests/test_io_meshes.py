@@ -10,7 +10,11 @@ import trimesh
 from helpers.mesh_files import again, cube_obj, moved, whole
 
 from meshflow.errors import FormatError, InputError
+from meshflow.geometry.connectivity import boundary_edges
 from meshflow.io.files import Document, read, write
+from meshflow.io.objects import from_object
+from meshflow.io.vertex_merging import joined
+from meshflow.smoothing import smooth
 from meshflow.surfaces.mesh import Mesh
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
@@ -284,3 +288,67 @@ def test_a_mesh_that_came_from_arrays_is_written(tmp_path):
     flat = replace(document, data=Mesh(np.eye(3)[:, :2], np.array([[0, 1, 2]])))
     with pytest.raises(InputError, match=r"R\^3"):
         write(flat, tmp_path / "flat.ply", tags={})
+
+
+SCAN = Path(__file__).parents[2] / "shared" / "cases" / "scan"
+
+
+def soup_of(mesh, apart=0.0, seed=0):
+    """Three vertices of its own for every triangle, positions apart by so much."""
+    points = np.array(mesh.vertices)[mesh.faces].reshape(-1, 3)
+    points += apart * np.random.default_rng(seed).uniform(-1, 1, size=points.shape)
+    return points, np.arange(len(points)).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-7])
+def test_a_soup_of_arrays_is_one_surface_while_it_moves_and_a_soup_again(apart):
+    ball = trimesh.creation.icosphere(3)
+    ball.vertices *= 1.0 + 0.02 * np.random.default_rng(1).normal(size=(len(ball.vertices), 1))
+    points, faces = soup_of(ball, apart)
+    result = smooth((points, faces), result=True)
+    after = result.data[0]
+    assert len(after) == len(points)
+    assert np.array_equal(result.data[1], faces)
+    assert any("3840 stored vertices are 642 of the surface" in note for note in result.warnings)
+    whole = smooth((np.array(ball.vertices), np.array(ball.faces)))[0]
+    assert np.abs(after - whole[ball.faces].reshape(-1, 3)).max() < 1e-5 + 10 * apart
+    assert np.abs(after - points).max() > 0.01
+
+
+def test_vertices_a_rounding_apart_are_joined_and_come_back_to_the_bit():
+    points, faces = soup_of(trimesh.creation.cylinder(1, 3, sections=32), 1e-7)
+    document = from_object((points, faces))
+    assert len(document.data.points) == 66
+    assert np.array_equal(smooth((points, faces))[0], points)
+
+
+def test_welding_takes_no_edge_from_a_triangle():
+    corners = np.array([[0, 0, 0], [1e-8, 0, 0], [0, 1, 0], [1, 1, 0]], float)
+    first, home = joined(corners, faces=np.array([[0, 1, 2], [1, 3, 2]]))
+    assert np.array_equal(home, np.arange(4))
+    assert len(first) == 4
+
+
+def test_a_vertex_that_no_triangle_uses_may_be_anything():
+    ball = trimesh.creation.icosphere(3)
+    points = np.array(ball.vertices) * (1.0 + 0.02 * np.random.default_rng(1).normal(size=(len(ball.vertices), 1)))
+    expected = smooth((points, np.array(ball.faces)))[0]
+    after = smooth((np.concatenate([points, [[np.nan] * 3]]), np.array(ball.faces)))[0]
+    np.testing.assert_allclose(after[:-1], expected, atol=1e-12)
+    assert np.isnan(after[-1]).all()
+    with pytest.raises(InputError, match="NaN or infinity"):
+        smooth((np.where(np.arange(len(points))[:, None] == 5, np.nan, points), np.array(ball.faces)))
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not SCAN.is_dir(), reason="../shared/cases is not there")
+def test_the_parts_of_the_cases_are_closed_and_stay_and_the_noisy_soup_is_smoothed():
+    block = read(SCAN / "angle_block.STL")
+    assert len(block.data.points) == 352
+    assert len(boundary_edges(block.data.faces)) == 0
+    for name in ("angle_block.STL", "octagonal_pocket.ply"):
+        part = read(SCAN / name)
+        assert np.array_equal(smooth(part.data, result=True).after.points, part.data.points)
+    soup = read(SCAN / "soup_1ulp.stl")
+    assert len(soup.data.points) == 642
+    assert np.abs(smooth(soup.data, result=True).after.points - soup.data.points).max() > 0.01

@@ -5,7 +5,8 @@ import pytest
 from helpers import shapes
 
 import meshflow
-from meshflow.estimate.noise import Lines, noise_of, noise_on
+from meshflow.estimate.mesh_noise import noise_on
+from meshflow.estimate.noise import Lines, noise_of
 from meshflow.estimate.noise_growth import noise_growth
 from meshflow.estimate.planner import noise_in
 from meshflow.smoothing import noise_facts

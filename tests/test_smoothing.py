@@ -9,7 +9,8 @@ from helpers import shapes
 
 import meshflow
 from meshflow.errors import InputError
-from meshflow.estimate.noise import noise_of, noise_on
+from meshflow.estimate.mesh_noise import noise_on
+from meshflow.estimate.noise import noise_of
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Beltrami, Search

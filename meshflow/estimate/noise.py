@@ -2,10 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 
 from meshflow.estimate.noise_growth import MAD, residuals
 from meshflow.estimate.noise_lines import line_offsets
@@ -16,11 +14,10 @@ from meshflow.estimate.patch_noise import patch_noise
 from meshflow.estimate.quantization import quantum_of, terraced
 from meshflow.estimate.ring_fill import filled_from_ring
 from meshflow.estimate.spread import spread_tiles
-from meshflow.geometry.laplacians import neighbour_means
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.orientation import Orientation
 
-__all__ = ["Lines", "Noise", "noise_of", "noise_on"]
+__all__ = ["Lines", "Noise", "noise_of"]
 
 # The largest number of samples used, on tiles spread over the grid.
 ENOUGH = 300_000
@@ -235,31 +232,3 @@ def _doubt(one: float, other: float) -> str:
     if other > 0 and abs(np.log(one / other)) < APART:
         return ""
     return f"two estimates differ, {one:.3g} and {other:.3g}; texture may be counted in part"
-
-
-def noise_on(channels: Array, faces: Array, normals: Array | None = None) -> Noise:
-    """Estimate the noise of values on the vertices of a mesh, robustly.
-
-    It is the median absolute deviation of (I - A)^2 applied to the values, where A is the mean of the neighbours, divided at each
-    vertex by its response to noise. Linear variation between neighbours, and with it curvature, has no effect.
-
-    :param channels: (n, k); with ``normals`` the points (n, d).
-    :param faces: (m, 3).
-    :param normals: (n, d): the noise along them instead of that of each channel.
-    """
-    n = len(channels)
-    umbrella: Any = sparse.csr_matrix(sparse.identity(n) - neighbour_means(faces, n, "free"))
-    twice = umbrella @ umbrella
-    gain = np.sqrt(np.asarray(twice.multiply(twice).sum(axis=1)).ravel())
-    inner = gain > 0
-    if normals is None:
-        rough = (twice @ channels.astype(np.float64)).T
-    else:
-        rough = (umbrella @ np.einsum("ij,ij->i", umbrella @ channels.astype(np.float64), normals))[None]
-    sigmas = [MAD * float(np.median(np.abs(r[inner] / gain[inner]))) if inner.any() else 0.0 for r in rough]
-    rounding = 2.0 * np.finfo(channels.dtype).eps * float(np.abs(channels).max(initial=0.0))
-    sigmas = [0.0 if sigma <= rounding else sigma for sigma in sigmas]
-    quanta = [(0.0, 0.0)] if normals is not None else [quantum_of(channel) for channel in channels.T]
-    whole = float(np.sqrt(np.mean(np.square(sigmas))))
-    how = "differences" if inner.any() else "nothing"
-    return Noise(whole, max(q for q, _ in quanta), tuple(sigmas), max(s for _, s in quanta), how)

@@ -6,7 +6,9 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.estimate.heights import along_rays, as_they_are, limit_of, tuned
-from meshflow.estimate.noise import Noise, noise_of, noise_on
+from meshflow.estimate.mesh_noise import noise_on
+from meshflow.estimate.mesh_parts import noise_by_parts, turned_alike
+from meshflow.estimate.noise import Noise, noise_of
 from meshflow.estimate.noise_growth import noise_growth
 from meshflow.estimate.plan import Decided, Plan, size_of
 from meshflow.estimate.points import moving
@@ -14,6 +16,7 @@ from meshflow.estimate.preparation import Preparation, prepared
 from meshflow.estimate.quantization import steps_of
 from meshflow.estimate.quantized import LeastBending, quantized
 from meshflow.estimate.request import Request
+from meshflow.estimate.spikes import without_spikes
 from meshflow.flow.compute import Compute
 from meshflow.flow.constraints import Limit, trust_of
 from meshflow.flow.methods import words_for
@@ -49,7 +52,8 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
     """
     if isinstance(data, Mesh):
         if data.channels is None or data.moves == "points":
-            return noise_on(data.points, data.faces, data.normals)
+            whole = data.points.shape[1] == 3
+            return noise_by_parts(turned_alike(data)[0])[0] if whole else noise_on(data.points, data.faces)
         return noise_on(data.channels, data.faces)
     if isinstance(data, RangeImage):
         return _noise_along(data, _unseen(data.missing, mask))[0]
@@ -81,6 +85,12 @@ def plan(data: Data, request: Request) -> Plan:
     )
     data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
+    warnings = () if how is None else how.warnings
+    if isinstance(data, Mesh) and data.moves == "points" and data.points.shape[1] == 3:
+        data, warnings = turned_alike(data)
+        if request.is_open and request.outliers != "include":
+            data, spikes = without_spikes(data)
+            warnings += spikes
     data, noise, why = _with_noise(data, request, mask, (how, way))
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
         data = data.cleared(request.constraints.min_component)
@@ -96,7 +106,6 @@ def plan(data: Data, request: Request) -> Plan:
     else:
         found = None if isinstance(data, Mesh) else quantized(data, request, noise)
         found = found or tuned(data, request, noise, mobility)
-    warnings = () if how is None else how.warnings
     found = replace(
         found, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=(*warnings, *found.warnings)
     )
@@ -167,6 +176,10 @@ def _with_noise(
         noise, data, why = _noise_along(data, _unseen(data.missing, inside))
     elif made[0] is not None and not isinstance(data, Mesh):
         noise, why = _noise_prepared(data, made[0], mask, made[1]), ""
+    elif isinstance(data, Mesh) and data.moves == "points" and data.points.shape[1] == 3:
+        (noise, clean), why = noise_by_parts(data), ""
+        if request.is_open:
+            data = replace(data, fixed=data.fixed | clean)
     else:
         noise, why = noise_in(data, mask), ""
     if request.noise is not None:

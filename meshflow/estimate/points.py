@@ -6,6 +6,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.estimate.heights import HARM, as_they_are, no_noise
+from meshflow.estimate.mesh_noise import PointNoise
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import Decided, Plan
@@ -42,6 +43,8 @@ FEW = 100
 CHANNELS, BENT, BENDS, LONGER = 8.0, 0.05, 0.3, {NormalChannels.word: 5.0, PrincipalFlow.word: 5.0}
 # The volume of a closed mesh, over its area to the power 3/2, below which it holds none.
 HOLLOW = 1e-6
+# The time of the bi-Laplacian filter that takes away steps of voxels, in squared edges.
+VOXELS = 3.0
 GIVEN = Decided("given")
 
 
@@ -141,17 +144,22 @@ def _preserved(data: Mesh, request: Request, method: PointMethod) -> Keep | None
     are free; the volume of normal channels, which shrink balls.
     """
     fixed = bool(data.fixed.any())
-    filled = (
-        is_closed(data.faces)
-        and data.points.shape[1] == 3
-        and abs(volume(data.points, data.faces)) > HOLLOW * total_area(data.points, data.faces) ** 1.5
-    )
+    filled = _is_filled(data)
     if isinstance(method, ConformalFlow):
         free = method.along == "all" and request.constraints.mobility is None and not fixed
         rim = request.boundary == "fixed" and len(boundary_edges(data.faces)) > 0
         # Noise is area that is not there without it: where the area is kept, what is noisy swells.
         return ("scale" if filled else "area") if free and not rim else None
     return "volume" if isinstance(method, NormalChannels) and filled else None
+
+
+def _is_filled(data: Mesh) -> bool:
+    """Whether a mesh is closed and holds a volume."""
+    return (
+        data.points.shape[1] == 3
+        and is_closed(data.faces)
+        and abs(volume(data.points, data.faces)) > HOLLOW * total_area(data.points, data.faces) ** 1.5
+    )
 
 
 def _of_triangles(data: Mesh, request: Request, method: PointMethod) -> dict[str, Decided]:
@@ -169,7 +177,7 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         raise InputError(
             "data weights pull at the curvature flow of a mesh only; give method='curvature', or Fixed and MaxChange"
         )
-    methods, setting, timed = _methods(data, request), _setting(request), request.until_time
+    methods, setting, timed = _methods(data, request, noise.sigma), _setting(request), request.until_time
     lift = Lift(1.0, request.compute.diagonals, request.rim)
     preserve, asked = (
         request.constraints.preserve,
@@ -179,16 +187,21 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         data, request, noise, methods[0], lift, 0.0, mobility=mobility, preserve=preserve, setting=setting,
         decided=_of_shaped(request, noise),
     )  # fmt: skip
+    if isinstance(noise, PointNoise) and noise.how == "voxels" and not asked and request.searching and len(methods) > 1:
+        return _of_voxels(plan, noise)
     time, when = (0.0, Decided()) if timed is None else (float(timed), GIVEN)
     found = False
     if noise.sigma == 0 and not asked:
         return plan.with_({"time": Decided("default", "nothing to remove")}, idle=no_noise(noise))
     settled = len(methods) == 1 and timed is not None  # nothing is open
     if noise.sigma > 0 and request.searching and request.steps is None and not request.stops and not settled:
-        candidates = searched(data, lift, Tried(methods, setting, noise.sigma * request.strength, timed, mobility))
+        candidates = searched(data, lift, Tried(methods, setting, _of_points(noise), timed, mobility))
         if candidates:
             if timed is None:
-                time, when = candidates[0].least[0], Decided("estimated", "least estimated risk")
+                time = candidates[0].least[0] * request.strength**2
+                when = Decided(
+                    "estimated", "least estimated risk" + (", times strength²" if request.strength != 1 else "")
+                )
             idle, found = HARM if time == 0 else None, True
             plan = plan.with_(
                 _options_found(request, candidates[0].configuration),
@@ -203,6 +216,29 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         few = f"noise and method were found from {len(data.points)} vertices, whose shape looks like noise"
         plan = replace(plan, warnings=(*plan.warnings, f"{few}: give the noise, or a time"))
     return plan.with_({"time": when}, time=time)
+
+
+def _of_points(noise: Noise) -> PointNoise:
+    """The noise, as that of points."""
+    return noise if isinstance(noise, PointNoise) else PointNoise(noise.sigma, 0.0)
+
+
+def _of_voxels(plan: Plan, noise: PointNoise) -> Plan:
+    """Steps of voxels are taken away by a short low-pass: no point moves by more than half a voxel, the volume is kept."""
+    strength, why = plan.request.strength, Decided("estimated", "steps of voxels")
+    time = VOXELS * plan.data.step**2 * strength**2
+    along = _along(plan.request)
+    found = {
+        "method": why,
+        "order": why,
+        "weights": why,
+        "time": why,
+        "max_change": Decided("estimated", "half a voxel"),
+    }
+    if isinstance(plan.data, Mesh) and plan.preserve is None and _is_filled(plan.data):
+        plan = plan.with_({"preserve": why}, preserve="volume")
+    method = Fairing(order=2, weights="uniform", along=along)
+    return plan.with_(found, method=method, time=time, max_change=0.5 * noise.voxel)
 
 
 def _of_shaped(request: Request, noise: Noise) -> dict[str, Decided]:
@@ -232,14 +268,14 @@ def _options_found(request: Request, method: PointMethod) -> dict[str, Decided]:
     return {**found, "method": GIVEN if named else Decided("estimated")}
 
 
-def _methods(data: Mesh, request: Request) -> tuple[PointMethod, ...]:
+def _methods(data: Mesh, request: Request, sigma: float) -> tuple[PointMethod, ...]:
     """The methods that the caller leaves open; the first is the one where nothing is searched for."""
     named = request.method if isinstance(request.method, PointMethod) else None
     clamped, along = request.compute.triangles == "clamped", _along(request)
     ranged = named is None and clamped
     fairing = isinstance(named, Fairing) or (named is None and (request.boundary == "border-curve" or clamped))
     made: list[PointMethod] = []
-    for method in (FAIRED if fairing else FIXED, *configurations(data.step)):
+    for method in (FAIRED if fairing else FIXED, *configurations(data.step, sigma)):
         if fairing != isinstance(method, Fairing) and (fairing or named is not None):
             continue
         if isinstance(method, NormalFilter):

@@ -11,6 +11,7 @@ from meshflow.estimate.stripes import Level
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Method, method_of
 from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.searched import Quick, Search
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps, Stop, When
 from meshflow.geometry.options import option
@@ -133,6 +134,13 @@ class Request:
     def searching(self) -> bool:
         """Whether options that are not given may be searched for."""
         return self.compute.search is not False and not isinstance(self.method, Quick)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether noise, method and end are all left open."""
+        timed = self.until_time is not None or self.steps is not None or bool(self.stops)
+        named = self.named or isinstance(self.method, (PointMethod, Quick))
+        return self.noise is None and not timed and not named and self.searching
 
     @property
     def insisting(self) -> bool:

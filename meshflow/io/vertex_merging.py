@@ -8,9 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sparse
 from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import connected_components
 
 from meshflow.errors import InputError
+from meshflow.geometry.normals import mean_edge
 from meshflow.geometry.validation import Array, real, truth_of
 from meshflow.io.document import Section
 from meshflow.io.metadata import MASKS, Found, looked_up
@@ -18,6 +21,11 @@ from meshflow.surfaces.mesh import Mesh, Moves
 
 __all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
 
+# Positions that are apart by a few units in the last place of single precision, of the largest coordinate, are one, where that is
+# little beside the edges.
+WELDED, CLOSE = 4.0 * float(np.finfo(np.float32).eps), 1e-3
+# A direction that no drawing has.
+ASKEW = np.array([0.6180339887, 0.7548776662, 0.2195130126])
 # The most names of parts that a note lists.
 LISTED = 6
 
@@ -53,17 +61,20 @@ class Skin:
     ) -> "Skin":
         """Join the vertices of a stored mesh.
 
-        :param split: join vertices at bit-identical positions; as (n,) whole numbers, only those of equal number.
+        :param split: join vertices at one position (:func:`joined`); as (n,) whole numbers, only those of equal number.
         :param channels: (n,) or (n, k); a joined vertex gets the mean.
         :raises InputError: as :class:`Mesh`.
         """
         points = np.array(points)
         first, home = (
-            joined(points, None if isinstance(split, bool) else split) if split is not False else _apart(len(points))
+            joined(points, None if isinstance(split, bool) else split, _in_range(faces, np.arange(len(points))))
+            if split is not False
+            else _apart(len(points))
         )
         stored = None if channels is None else _columns(channels, len(points))
         mean = None if stored is None else _mean(stored, home, len(first))
-        data = Mesh(points[first], _in_range(faces, home), mean, moves)
+        triangles = _in_range(faces, home)
+        data = Mesh(_usable(points[first], triangles), triangles, mean, moves)
         return cls(points, np.asarray(faces), stored, first, home, data)
 
     @property
@@ -72,8 +83,10 @@ class Skin:
         copies = len(self.home) - len(self.first)
         if not copies:
             return ()
+        apart = bool((self.points != self.points[self.first][self.home]).any())
+        near = f" (to {WELDED:.1g} of the largest coordinate)" if apart else ""
         return (
-            f"{len(self.home)} stored vertices are {len(self.first)} of the surface: {copies} copies at the same position, "
+            f"{len(self.home)} stored vertices are {len(self.first)} of the surface: {copies} copies at the same position{near}, "
             "which the format splits at seams, move together",
         )
 
@@ -102,7 +115,14 @@ class Skin:
             raise InputError(
                 f"to_object: a mesh with points of shape {self.data.points.shape} expected, got {_shape_of(data)}"
             )
-        return data.points[self.home].astype(self.points.dtype, copy=False)
+        moved = data.points[self.home].astype(self.points.dtype, copy=False)
+        before = self.data.points[self.home]
+        apart = (self.points != before).any(axis=1)
+        if not apart.any():
+            return moved
+        still = (data.points == self.data.points).all(axis=1)[self.home] | ~np.isfinite(self.points).all(axis=1)
+        beside = moved + (self.points - before).astype(self.points.dtype)
+        return np.where(apart[:, None], np.where(still[:, None], self.points, beside), moved)
 
     def has_moved(self, data: Mesh) -> bool:
         """Whether any point has moved."""
@@ -116,10 +136,12 @@ class Skin:
         return self.channels + (after.astype(np.float64) - before)[self.home]
 
 
-def joined(points: Array, groups: Array | None = None) -> tuple[Array, Array]:
-    """Vertices at bit-identical positions: (first of each (v,), vertex of each point (n,)), in order of appearance.
+def joined(points: Array, groups: Array | None = None, faces: Array | None = None) -> tuple[Array, Array]:
+    """Vertices at one position: (first of each (v,), vertex of each point (n,)), in order of appearance.
 
     :param groups: (n,) whole numbers; only points of the same group are joined.
+    :param faces: (m, 3); where given, points are joined that are apart by a few units in the last place of single precision, but
+        for what would take an edge from a triangle. Otherwise positions must agree to the bit.
     """
     if not len(points):
         return _apart(0)
@@ -131,7 +153,61 @@ def joined(points: Array, groups: Array | None = None) -> tuple[Array, Array]:
     rank = np.argsort(np.argsort(first))
     home = np.empty(len(rows), np.int64)
     home[order] = rank[np.cumsum(is_new) - 1]
-    return np.sort(first), home
+    first = np.sort(first)
+    if faces is None or not len(faces):
+        return first, home
+    near = _near(points[first], None if groups is None else groups[first], home[faces])
+    if near is None:
+        return first, home
+    # Of vertices that are near the first to appear stands for all.
+    names, starts = np.unique(near, return_index=True)
+    rank = np.empty(int(names.max()) + 1, np.int64)
+    rank[near[np.sort(starts)]] = np.arange(len(names))
+    return first[np.sort(starts)], rank[near][home]
+
+
+def _near(points: Array, groups: Array | None, faces: Array) -> Array | None:
+    """The cluster (n,) of points that are apart by :data:`WELDED` at most; None where all are further apart.
+
+    Points that are near in space are near in any direction: along one that no drawing has, each is compared with those beside it.
+    """
+    used = np.zeros(len(points), bool)
+    used[faces] = True
+    x = np.where(np.isfinite(points), points, 0.0).astype(np.float64)
+    apart = min(WELDED * float(np.abs(x[used]).max(initial=0.0)), CLOSE * mean_edge(x, faces))
+    along = x @ ASKEW
+    order = np.argsort(along, kind="stable")
+    order = order[used[order]]
+    found, step = [], 1
+    while step < len(order):
+        beside = along[order[step:]] - along[order[:-step]] <= apart
+        if not beside.any():
+            break
+        one, other = order[:-step][beside], order[step:][beside]
+        same = np.abs(x[one] - x[other]).max(axis=1) <= apart
+        if groups is not None:
+            same &= groups[one] == groups[other]
+        found.append(np.stack([one[same], other[same]]))
+        step += 1
+    pairs = np.concatenate(found, axis=1) if found else np.zeros((2, 0), np.intp)
+    if not pairs.size:
+        return None
+    ones = np.ones(pairs.shape[1], np.int8)
+    label = connected_components(sparse.coo_matrix((ones, tuple(pairs)), shape=(len(x), len(x))), directed=False)[1]
+    corners = label[faces]
+    lost = (corners == np.roll(corners, 1, axis=1)) & (faces != np.roll(faces, 1, axis=1))
+    kept = np.isin(label, corners[lost])  # what would take an edge from a triangle stays as it is
+    label[kept] = label.max() + 1 + np.arange(int(kept.sum()))
+    return label
+
+
+def _usable(points: Array, faces: Array) -> Array:
+    """The points (n, d), those that no triangle uses and that are not finite at the first that is used."""
+    lost = np.asarray(~np.isfinite(points).all(axis=1))
+    if not lost.any() or not len(faces):
+        return points
+    lost[faces] = False
+    return np.where(lost[:, None], points[faces[0, 0]], points)
 
 
 def is_soup(faces: Array, n: int) -> bool:

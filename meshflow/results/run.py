@@ -22,6 +22,7 @@ from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.mobility import slowed
 from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.geometry.folds import moved_without_folds
 from meshflow.geometry.validation import whole
 from meshflow.results.result import History, Result, release
 from meshflow.surfaces.data import Data
@@ -57,9 +58,13 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
         warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
+        done, held = _without_folds(done, plan)
+        warnings += held
     if isinstance(engine, GridFlow):
         warnings += _alone(engine, plan) if record is not None else ()
     done = replace(done, fixed=data.fixed)
+    if isinstance(done, Mesh) and isinstance(data, Mesh):
+        done = replace(done, faces=data.faces)
     if isinstance(done, RangeImage) and isinstance(data, RangeImage):
         done = replace(done, sigma=data.sigma, time_unit=data.time_unit)
     return Result(
@@ -145,6 +150,15 @@ def _steered(engine: Flow, plan: Plan) -> Flow:
     """The engine with the mobility and the data weights of a plan."""
     flow = slowed(engine, plan.mobility)
     return flow if plan.pull is None else Faithful(flow, plan.pull)
+
+
+def _without_folds(done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
+    """What a search has chosen for a mesh, with what would fold it moved less, and a sentence where that was so."""
+    if not isinstance(done, Mesh) or not isinstance(plan.data, Mesh) or not plan.candidates or done.moves != "points":
+        return done, ()
+    points, less = moved_without_folds(plan.data.points, done.points, done.faces)
+    said = f"{less} of {len(points)} points are moved less than the method says, which would fold the surface"
+    return replace(done, points=points), (said,) if less else ()
 
 
 def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:

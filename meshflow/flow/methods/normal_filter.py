@@ -1,12 +1,13 @@
 """The normal filter: the normals of the triangles are smoothed, and the points are fitted to them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.flow.blend import RATE, Blend
+from meshflow.flow.blend import RATE, Blend, euler
 from meshflow.flow.contract import Flow, System
 from meshflow.flow.engines.dense import Dense
 from meshflow.flow.low_pass import filtered
@@ -25,6 +26,8 @@ __all__ = ["ROUND", "NormalFilterFlow", "NormalFilter"]
 # One round, in squared edges: the normals diffuse in steps of SWEEP, then the points follow in FOLLOWED sweeps. A round is long,
 # so that the normals of noisy triangles settle before any point moves.
 ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
+# A share of a time that is rounding.
+ALMOST = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +76,15 @@ class NormalFilter(PointMethod):
             raise InputError("triangles='clamped': the normal filter uses no cotangents; leave it out")
         self.must_hold_border(setting)
         return NormalFilterFlow(surface, self)
+
+    def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
+        """The coordinates (n, 3) at each of the times, after rounds as long as those of a run."""
+        u, since, count = start, 0.0, 0
+        for time in times:
+            while time - since > ALMOST * time:
+                dt = min(2.0 / flow.bound(u), time - since)
+                u, since, count = flow.rate(u, count, euler(dt)), since + dt, count + 1
+            yield u
 
     def stepper(
         self, asked: Stepper | StepperName, flow: Flow, time: float | None, faces: Array

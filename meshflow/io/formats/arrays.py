@@ -4,6 +4,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
@@ -13,12 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array, nowhere, spacing_of
+from meshflow.geometry.validation import Array, nowhere, real, spacing_of
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, in_metres
 from meshflow.io.document import Document, Imported, Source, WriteOptions, samples_of
 from meshflow.io.formats.cameras import calibration_for, camera_for
-from meshflow.io.metadata import Kind, ReadOptions
+from meshflow.io.metadata import Found, Kind, ReadOptions
+from meshflow.io.vertex_merging import Skin, is_soup
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -219,19 +221,26 @@ def _on_grid(data: Array, kind: Kind, options: ReadOptions) -> HeightField | Ima
 
 def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Imported:
     channels = None if options.channels is None else np.asarray(options.channels)
-    data = Mesh(np.asarray(points), np.array(faces), channels, options.moves)
+    triangles, places = np.array(faces), real(np.asarray(points), "mesh points")
+    split = places.shape[-1] == 3 and triangles.shape[-1] == 3 and is_soup(triangles, len(places))
+    skin = Skin.of(places, triangles, split=split, channels=channels, moves=options.moves)
 
     def to_object(smoothed: Mesh) -> tuple[Array, ...]:
         """Arrays of the smoothed mesh: points, faces, channels."""
-        if smoothed.channels is None:
-            return np.array(smoothed.points), np.array(faces)
-        return (
-            np.array(smoothed.points),
-            np.array(faces),
-            np.array(smoothed.channels).reshape(() if channels is None else channels.shape),
-        )
+        moved = np.array(skin.points_of(smoothed))
+        if smoothed.channels is None or channels is None:
+            return moved, np.array(faces)
+        values = skin.channels_of(smoothed)
+        values = skin.channels if values is None else values
+        kind = smoothed.channels.dtype
+        return moved, np.array(faces), np.array(values, dtype=kind).reshape(channels.shape)
 
-    return Imported(data, to_object)
+    return Imported(skin.data, to_object, skin.note, partial(skin.samples, find=_no_name))
+
+
+def _no_name(name: str) -> Found:
+    """Arrays hold no other arrays by name."""
+    return None, {}
 
 
 def _values(data: HeightField | Image | RangeImage) -> Array:

@@ -148,7 +148,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         notes.append(f"{others} parts without triangles (points, lines) stay as they are")
     stored = sum(3 * len(part.mesh.faces) for part in parts)
     points, faces, family, values = _one_after_the_other(parts, options.attribute)
-    skin = Skin.of(points, faces, split=False if suffix == ".stl" else family, channels=values, moves=options.moves)
+    skin = Skin.of(points, faces, split=family, channels=values, moves=options.moves)
     if suffix == ".stl":
         notes.append(
             f"STL stores every corner apart: {stored} corners at bit-identical positions are {len(points)} vertices"

@@ -1,0 +1,48 @@
+"""Pieces of a large mesh, which stand for the whole where its noise is estimated and methods are tried."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from meshflow.estimate.vertex_numbers import numbers_of
+from meshflow.geometry.normals import beyond
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.mesh import Mesh
+
+__all__ = ["pieces"]
+
+# Vertices of the pieces of a mesh that is larger, how many pieces there are, and how many rings at their cuts are not counted.
+ENOUGH, PIECES, RINGS = 12_000, 4, 3
+
+
+def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
+    """A mesh that is not too large: the whole, or pieces of it; which of its vertices (v,) are counted, and which of the whole
+    they are.
+
+    A piece is what lies in rings around a triangle. Which these are depends on the lengths of edges alone: not on the order of
+    triangles or vertices, nor on the place of the mesh.
+    """
+    if len(data.points) <= ENOUGH:
+        return data, ~data.fixed, np.arange(len(data.points))
+    across, m = beyond(data.faces), len(data.faces)
+    taken = np.zeros(m, bool)
+    first = np.argsort(numbers_of(data.points, data.faces)[data.faces].sum(axis=1))[: 64 * PIECES]
+    for _ in range(PIECES):
+        left = first[~taken[first]]
+        if not len(left):
+            break
+        front, size = left[:1], 0
+        while len(front) and size < 2 * ENOUGH // PIECES:
+            front = front[~taken[front]]
+            taken[front] = True
+            size += len(front)
+            front = np.unique(across[front][across[front] >= 0])
+    faces = data.faces[taken]
+    kept, inverse = np.unique(faces, return_inverse=True)
+    cut = np.isin(kept, data.faces[~taken])
+    faces = inverse.reshape(-1, 3)
+    for _ in range(RINGS):
+        cut[faces[cut[faces].any(axis=1)]] = True
+    piece = replace(data, points=data.points[kept], faces=faces, channels=None, moves="points", fixed=data.fixed[kept])
+    counted = ~(cut | data.fixed[kept])
+    return piece, counted if counted.any() else ~data.fixed[kept], kept

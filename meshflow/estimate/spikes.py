@@ -1,0 +1,87 @@
+"""Single vertices of a mesh that are far off among neighbours that are not: they are found, and put back."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.linalg import spsolve
+
+from meshflow.estimate.mesh_pieces import pieces
+from meshflow.estimate.noise_growth import MAD
+from meshflow.flow.low_pass import filtered
+from meshflow.geometry.connectivity import connect
+from meshflow.geometry.laplacians import neighbour_means, umbrella_generator
+from meshflow.geometry.normals import mean_edge, normals_at
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.mesh import Mesh
+
+__all__ = ["without_spikes"]
+
+# A spike is so many times as far off the mean of its neighbours as any of these is, and so many deviations of all.
+AMONG, BEYOND = 2.5, 6.0
+# Spikes are noise where there are so many, to both sides: at least this share to either. A cone has one tip.
+MANY, EITHER = 8, 0.15
+# Time of the bi-Laplacian filter after which normals are taken, in squared edges; rounds of looking.
+NORMALS, ROUNDS = 2.0, 6
+
+
+def without_spikes(data: Mesh) -> tuple[Mesh, tuple[str, ...]]:
+    """The mesh with its spikes put back along the normals, and a sentence where there were some.
+
+    They are put where the fourth differences of the points are least. A large mesh is looked at where its pieces have spikes.
+    """
+    piece = pieces(data)[0]
+    if piece is not data and not _put_all_back(piece)[1].any():
+        return data, ()
+    x, spikes = _put_all_back(data)
+    if not spikes.any():
+        return data, ()
+    points = np.where(spikes[:, None], x, data.points).astype(data.points.dtype)
+    said = (
+        f"{spikes.sum()} of {len(x)} points are spikes among neighbours that are none: they are put back to the surface"
+    )
+    return replace(data, points=points), (said,)
+
+
+def _put_all_back(data: Mesh) -> tuple[Array, Array]:
+    """The points (n, 3) without spikes, and which they were (n,)."""
+    x, faces, n = data.points.astype(np.float64), data.faces, len(data.points)
+    umbrella: Any = sparse.csr_matrix(sparse.identity(n) - neighbour_means(faces, n, "free"))
+    step = mean_edge(x, faces)
+    even = umbrella_generator(connect((faces,), n), step, np.diff(umbrella.indptr) > 1, True)
+    spikes = np.zeros(n, bool)
+    for _ in range(ROUNDS):
+        normals = normals_at(filtered(even, x, NORMALS * step**2, 2), faces)
+        found = _spikes(umbrella, x, normals) & ~data.fixed
+        if not spikes.any():
+            side = np.einsum("ij,ij->i", umbrella @ x, normals)[found] > 0
+            if len(side) < MANY or not EITHER <= side.mean() <= 1.0 - EITHER:
+                break
+        if not (found & ~spikes).any():
+            break
+        spikes |= found
+        x = _put_back(umbrella, x, normals, spikes)
+    return x, spikes
+
+
+def _spikes(umbrella: Any, x: Array, normals: Array) -> Array:
+    """Vertices (n,) that are far off, and alone in that."""
+    off = np.abs(np.einsum("ij,ij->i", umbrella @ x, normals))
+    edges = umbrella.tocoo()
+    apart = edges.row != edges.col
+    around = np.zeros(len(x))
+    np.maximum.at(around, edges.row[apart], off[edges.col[apart]])
+    return (off > AMONG * around) & (off > BEYOND * MAD * float(np.median(off)))
+
+
+def _put_back(umbrella: Any, x: Array, normals: Array, spikes: Array) -> Array:
+    """The points (n, 3), those that are spikes where they make the least of fourth differences, along their normals."""
+    energy = sparse.csr_matrix(umbrella.T @ umbrella)
+    energy = sparse.csc_matrix(energy @ energy)
+    at = np.flatnonzero(spikes)
+    away = np.asarray(spsolve(energy[at][:, at], -(energy[at] @ x))).reshape(-1, x.shape[1])
+    along = np.einsum("ij,ij->i", away, normals[at])[:, None] * normals[at]
+    found = x.copy()
+    found[at] += along
+    return found

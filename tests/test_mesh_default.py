@@ -1,0 +1,239 @@
+"""What a mesh gets by default: clean parts as they were, noise of any kind away, whatever its numbering and place."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import meshflow
+from meshflow.estimate.mesh_noise import noise_of_points
+from meshflow.estimate.point_search import configurations
+from meshflow.estimate.voxels import voxel_edge
+from meshflow.evaluate.metrics import normal_angle, volume
+from meshflow.geometry.folds import moved_without_folds, new_folds
+from meshflow.geometry.normals import measured
+from meshflow.geometry.orientation import alike
+from meshflow.synthetic import shapes
+
+MAKE = trimesh.creation
+ROUNDS = [[0, 0], [1, 0], [1, 0.3], [0.4, 0.5], [0.4, 2], [0.7, 2.2], [0.7, 2.6], [0, 2.6]]
+CLEAN = {
+    "box": MAKE.box((3, 2, 1)),
+    "box, subdivided": MAKE.box((3, 2, 1)).subdivide().subdivide(),
+    "cylinder": MAKE.cylinder(1, 3, sections=32),
+    "fine cylinder": MAKE.cylinder(1, 3, sections=200),
+    "cone": MAKE.cone(1, 2, sections=40),
+    "capsule": MAKE.capsule(2, 1),
+    "annulus": MAKE.annulus(0.5, 1, 1),
+    "torus": MAKE.torus(1, 0.3),
+    "turned": MAKE.revolve(ROUNDS),
+    "ball of triangles": MAKE.icosphere(3),
+    "ball of strips": MAKE.uv_sphere(count=[20, 20]),
+}
+CUBE, BALL = shapes.cube(10), shapes.sphere(3)
+
+
+def impulsive(shape, share, level, seed=3):
+    """Points of which a share is off along the normals."""
+    rng = np.random.default_rng(seed)
+    off = (rng.random(len(shape.points)) < share) * rng.normal(size=len(shape.points))
+    return shape.points + (level * shape.edge * off)[:, None] * shape.normals()
+
+
+def ball_of_voxels(cells):
+    """The level set of a binary ball as marching cubes leaves it, in voxels, and its radius."""
+    import pyvista
+
+    z = np.stack(np.meshgrid(*[np.arange(cells) - (cells - 1) / 2] * 3, indexing="ij"), axis=-1)
+    radius = 0.4 * cells
+    grid = pyvista.ImageData(dimensions=(cells,) * 3)
+    grid.point_data["inside"] = (np.linalg.norm(z, axis=-1) < radius).astype(float).ravel(order="F")
+    found = grid.contour([0.5], scalars="inside", method="marching_cubes", compute_normals=False).clean().triangulate()
+    return np.asarray(found.points, float) - (cells - 1) / 2, found.faces.reshape(-1, 4)[:, 1:], radius
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_what_was_drawn_comes_back_to_the_bit(name):
+    points, faces = np.array(CLEAN[name].vertices), np.array(CLEAN[name].faces)
+    result = meshflow.smooth((points, faces), result=True)
+    assert np.array_equal(result.data[0], points)
+    assert "no noise was found" in result.stopped_because
+
+
+def test_drawn_parts_are_clean_in_single_precision_wherever_they_lie():
+    turn = trimesh.transformations.random_rotation_matrix(np.array([0.1, 0.6, 0.3]))[:3, :3]
+    for name in ("box, subdivided", "fine cylinder", "annulus"):
+        points = (np.array(CLEAN[name].vertices) @ turn + 1.7).astype(np.float32)
+        assert np.array_equal(meshflow.smooth((points, np.array(CLEAN[name].faces)))[0], points)
+
+
+@pytest.mark.parametrize("level", [0.1, 0.3, 0.7])
+@pytest.mark.parametrize("kind", ["nrm", "iso"])
+@pytest.mark.parametrize("shape", [shapes.cube(16), shapes.sphere(4)], ids=["cube", "ball"])
+def test_sigma_of_white_noise_has_no_bias_however_strong(shape, kind, level):
+    found = noise_of_points(shape.noisy(kind, level), shape.faces)
+    assert found.sigma / shape.edge == pytest.approx(level, rel=0.12)
+    assert found.is_plain
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
+def test_sigma_of_impulses_is_their_root_mean_square_and_they_are_told_from_other_noise(share):
+    shape = shapes.sphere(4)
+    points = impulsive(shape, share, 0.5)
+    true = np.sqrt(np.mean(np.square(shape.distance(points))))
+    found = noise_of_points(points, shape.faces)
+    assert found.sigma == pytest.approx(true, rel=0.12)
+    assert found.kurtosis > 3.8
+
+
+def test_sigma_of_correlated_noise_is_that_of_the_noise_and_not_of_its_differences():
+    from meshflow.geometry.laplacians import neighbour_means
+
+    shape = shapes.sphere(4)
+    mean = neighbour_means(shape.faces, len(shape.points), "free")
+    off = np.random.default_rng(2).normal(size=len(shape.points))
+    for _ in range(3):
+        off = 0.5 * (off + mean @ off)
+    points = shape.points + (0.15 * shape.edge * off / off.std())[:, None] * shape.normals()
+    found = noise_of_points(points, shape.faces)
+    assert found.spread in (2, 3, 4)
+    assert found.sigma / shape.edge == pytest.approx(0.15, rel=0.2)
+    after = meshflow.smooth((points, shape.faces))[0]
+    assert normal_angle(after, shape.points, shape.faces) < 0.3 * normal_angle(points, shape.points, shape.faces)
+
+
+# Mean angles between normals, degrees, with a tenth to spare beside those that were measured.
+ANGLES = [
+    (CUBE, "nrm", 0.1, 1.8),
+    (CUBE, "nrm", 0.3, 2.0),
+    (CUBE, "iso", 0.3, 2.5),
+    (BALL, "nrm", 0.3, 2.0),
+    (BALL, "iso", 0.3, 2.6),
+    (BALL, "nrm", 0.7, 4.5),
+]
+
+
+@pytest.mark.parametrize(("shape", "kind", "level", "most"), ANGLES)
+def test_normals_come_right_by_default_and_nothing_folds(shape, kind, level, most):
+    points = shape.noisy(kind, level)
+    after = meshflow.smooth((points, shape.faces))[0]
+    angle = normal_angle(after, shape.points, shape.faces)
+    assert angle < most, f"{angle:.2f} degrees"
+    assert len(new_folds(points, after, shape.faces)) == 0
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5])
+def test_impulses_are_taken_away(share):
+    points = impulsive(CUBE, share, 0.5)
+    after = meshflow.smooth((points, CUBE.faces))[0]
+    angle = normal_angle(after, CUBE.points, CUBE.faces)
+    assert angle < 0.35 * normal_angle(points, CUBE.points, CUBE.faces), f"{angle:.2f} degrees"
+
+
+@pytest.mark.parametrize("shape", [CUBE, BALL], ids=["cube", "ball"])
+def test_single_spikes_are_put_back_and_told_and_nothing_else_moves(shape):
+    rng = np.random.default_rng(5)
+    spikes = rng.random(len(shape.points)) < 0.03
+    off = spikes * rng.choice([-1.0, 1.0], size=len(spikes))
+    points = shape.points + (2.0 * shape.edge * off)[:, None] * shape.normals()
+    result = meshflow.smooth((points, shape.faces), result=True)
+    after, angle = result.data[0], normal_angle(result.data[0], shape.points, shape.faces)
+    assert angle < 0.45 * normal_angle(points, shape.points, shape.faces), f"{angle:.2f} degrees"
+    assert any("points are spikes among neighbours that are none" in said for said in result.warnings)
+    assert np.linalg.norm(after - shape.points, axis=1)[~spikes].max() < 0.3 * shape.edge
+
+
+@pytest.mark.parametrize("shape", [CUBE, BALL], ids=["cube", "ball"])
+def test_what_comes_back_does_not_depend_on_numbering_turns_of_triangles_place_or_unit(shape):
+    points, faces = shape.noisy("nrm", 0.3), shape.faces
+    expected = meshflow.smooth((points, faces))[0]
+    rng = np.random.default_rng(1)
+    order = rng.permutation(len(points))
+    number = np.argsort(order)
+    mixed = faces.copy()
+    mixed[::2] = mixed[::2][:, [0, 2, 1]]
+    turned = [np.roll(faces, 1, axis=1), faces[:, ::-1], mixed]
+    size = np.abs(points).max()
+    for other in turned:
+        np.testing.assert_allclose(meshflow.smooth((points, other))[0], expected, atol=1e-10 * size)
+    again = meshflow.smooth((points[order], number[faces][rng.permutation(len(faces))]))[0]
+    np.testing.assert_allclose(again, expected[order], atol=1e-10 * size)
+    moved = meshflow.smooth(((points + 0.37) * 3.7, faces))[0]
+    np.testing.assert_allclose(moved / 3.7 - 0.37, expected, atol=1e-10 * size)
+
+
+def test_triangles_that_are_turned_against_their_neighbours_are_told():
+    points, mixed = BALL.noisy("nrm", 0.3), BALL.faces.copy()
+    mixed[:200] = mixed[:200][:, [0, 2, 1]]
+    result = meshflow.smooth((points, mixed), result=True)
+    assert any("200 of 1280 triangles are turned against their neighbours" in said for said in result.warnings)
+    assert np.array_equal(result.data[1], mixed)
+    back, turned = alike(mixed)
+    assert turned == 200
+    assert np.array_equal(np.sort(back, axis=1), np.sort(BALL.faces, axis=1))
+    assert volume(BALL.points, back) == pytest.approx(volume(BALL.points, BALL.faces))
+
+
+def test_a_strip_with_one_side_stays_as_it_is_turned():
+    around = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    faces = np.array([[[2 * i, 2 * i + 1, 2 * i + 2], [2 * i + 2, 2 * i + 1, 2 * i + 3]] for i in range(23)])
+    faces = np.concatenate([faces.reshape(-1, 3), [[46, 47, 1], [1, 47, 0]]])
+    assert len(around) == 24
+    assert np.array_equal(alike(faces)[0], faces)
+
+
+def test_a_clean_body_beside_a_noisy_one_stays_to_the_bit():
+    box = CLEAN["box, subdivided"]
+    noisy, far = BALL.noisy("nrm", 0.3), np.array(box.vertices) + 5.0
+    points = np.concatenate([noisy, far])
+    faces = np.concatenate([BALL.faces, np.array(box.faces) + len(noisy)])
+    after = meshflow.smooth((points, faces))[0]
+    assert np.array_equal(after[len(noisy) :], far)
+    assert normal_angle(after[: len(noisy)], BALL.points, BALL.faces) < 2.0
+
+
+@pytest.mark.parametrize("cells", [40, 60])
+def test_steps_of_voxels_are_smoothed_within_half_a_voxel_and_the_volume_kept(cells):
+    points, faces, radius = ball_of_voxels(cells)
+    assert voxel_edge(points) == pytest.approx(1.0)
+    after = meshflow.smooth((points, faces))[0]
+    normals, _ = measured(after, faces)
+    middle = after[faces].mean(axis=1)
+    cosine = np.einsum("ij,ij->i", normals, middle) / np.linalg.norm(middle, axis=1)
+    angle = np.degrees(np.arccos(np.clip(np.abs(cosine), -1, 1))).mean()
+    assert angle < 2.0, f"{angle:.2f} degrees"
+    assert np.sqrt(np.mean((np.linalg.norm(after, axis=1) - radius) ** 2)) < 0.1
+    assert np.linalg.norm(after - points, axis=1).max() <= 0.5 + 1e-9
+    assert abs(volume(after, faces)) == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.005)
+
+
+def test_a_box_of_whole_numbers_is_no_volume_of_voxels():
+    box = MAKE.box((8, 6, 4)).subdivide().subdivide().subdivide()
+    assert voxel_edge(np.array(box.vertices)) == 0.0
+
+
+def test_what_would_fold_moves_less():
+    points, faces = BALL.points, BALL.faces
+    after = points.copy()
+    after[7] += 2.5 * (points[faces[(faces == 7).any(axis=1)][0]].mean(axis=0) - points[7])  # beyond its neighbours
+    assert len(new_folds(points, after, faces)) > 0
+    found, less = moved_without_folds(points, after, faces)
+    assert len(new_folds(points, found, faces)) == 0
+    assert 0 < less < 40
+    still = np.setdiff1d(np.arange(len(points)), faces[(faces == 7).any(axis=1)].ravel())
+    assert np.array_equal(found[still], points[still])
+
+
+def test_no_least_risk_is_chosen_that_was_not_looked_at():
+    result = meshflow.smooth((BALL.noisy("nrm", 0.3), BALL.faces), result=True)
+    for candidate in result.candidates:
+        assert candidate.least[0] in candidate.times
+        assert candidate.least[1] == min(candidate.squares)
+    assert result.parameters["time"].value in result.candidates[0].times
+    assert {type(method).__name__ for method in configurations(1.0, 0.3)} == {"NormalFilter", "Fairing"}
+
+
+def test_strength_means_more_of_the_same_method():
+    points = CUBE.noisy("nrm", 0.3)
+    one, two = (meshflow.smooth((points, CUBE.faces), strength=s, result=True).parameters for s in (1.0, 2.0))
+    assert one["method"].value == two["method"].value
+    assert two["time"].value == pytest.approx(4.0 * one["time"].value)
