@@ -26,7 +26,7 @@ __all__ = ["LeastBending", "quantized"]
 
 # Noise above this multiple of the rounding error makes that error independent of the data, so the risk of a flow can be
 # estimated.
-MOSTLY = 1.8
+LEAST, MOSTLY = 0.98, 1.8
 # A flow that preserves edges is chosen if the ratio of its risk to that of least bending is between these: with important edges
 # the two are similar, otherwise least bending is much better. A risk far below it is not credible.
 CREDIBLE, AS_GOOD = 0.6, 1.2
@@ -48,10 +48,10 @@ def quantized(data: HeightField | Image, request: Request, noise: Noise) -> Plan
     :returns: None if rounding is not most of the noise, if the caller asks for something else, and for several channels.
     """
     heights = data.z if isinstance(data, HeightField) else data.values
-    if heights.ndim != 2 or not _suits(data, request) or not _mostly_rounded(noise, request.strength):
+    if heights.ndim != 2 or not _suits(data, request) or not _mostly_rounded(noise):
         return None
     aspect = float(np.mean(data.spacing[0]) / data.spacing[1])
-    beside = float(np.sqrt(max((noise.sigma * request.strength) ** 2 - noise.quantum**2 / 12.0, 0.0)))
+    beside = float(np.sqrt(max(noise.sigma**2 - noise.quantum**2 / 12.0, 0.0)))
     found = unrounded(heights, data.missing, data.fixed, noise.quantum, beside, aspect)
     if found.length > 0 and is_rounded(noise):
         flow = by_rule(replace(data, fixed=data.fixed | found.plateaus), request, noise)
@@ -93,15 +93,21 @@ class _Flowed:
 def _suits(data: HeightField | Image, request: Request) -> bool:
     """Whether the caller leaves the method and the largest change open, and the data is suitable."""
     held = request.constraints
-    asked = request.asked or request.insisting or request.method is not None or request.boundary is not None
+    asked = (
+        request.asked
+        or request.strength != 1.0
+        or request.insisting
+        or request.method is not None
+        or request.boundary is not None
+    )
     bound = any(given is not None for given in (held.max_change, held.mobility))
     cut = isinstance(data, HeightField) and data.cuts is not None
     return request.searching and not (asked or bound or cut) and min(data.missing.shape) >= 8
 
 
-def _mostly_rounded(noise: Noise, strength: float) -> bool:
-    """Whether the rounding error is most of the noise."""
-    return 0 < noise.sigma * strength <= MOSTLY * noise.quantum / np.sqrt(12.0)
+def _mostly_rounded(noise: Noise) -> bool:
+    """Whether the error of rounding is most of the noise, and not more than it: levels of a drawing were not rounded."""
+    return LEAST <= noise.sigma / (noise.quantum / np.sqrt(12.0)) <= MOSTLY if noise.quantum > 0 else False
 
 
 def _in_words(found: Unrounded) -> str:
