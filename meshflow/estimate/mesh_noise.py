@@ -68,8 +68,8 @@ class PointNoise(Noise):
 def noise_on(channels: Array, faces: Array) -> Noise:
     """Estimate the noise of values on the vertices of a mesh, robustly.
 
-    Median absolute deviation of (I - A)^2 applied to the values, A the mean of the neighbours, each vertex divided by what that
-    makes of noise: what varies linearly from neighbour to neighbour, curvature among it, is left out.
+    It is the median absolute deviation of (I - A)^2 applied to the values, where A is the mean of the neighbours, divided at each
+    vertex by its response to noise. Linear variation between neighbours, and with it curvature, has no effect.
 
     :param channels: (n, k).
     :param faces: (m, 3).

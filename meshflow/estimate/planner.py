@@ -1,4 +1,4 @@
-"""From a request and data to what is run: what was given is held, what was not is found, and each says where it came from."""
+"""Makes the plan of a run from data and a request: given options are kept, the others are estimated."""
 
 from dataclasses import replace
 
@@ -34,21 +34,21 @@ from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["noise_in", "plan", "plan_of_flow"]
 
-# Time at which a run ends that does not come to its stop, in squared sample distances.
+# The end of a run that does not reach its stop, in squared sample distances.
 PATIENT = 100.0
 HELD = "no sample may move (Fixed, Mask, Mobility): nothing was changed"
-# Samples that the noise of a range image is looked for in.
+# Samples used for the noise of a range image.
 RAYS_ENOUGH = 80_000
-# So many times as wide as the data a Gaussian may be: minutes for any grid, and nothing is left to see.
+# The widest Gaussian, in widths of the data: a wider one takes minutes and leaves nothing.
 WIDEST = 4.0
-# Times in which data weights pull back after which a run is at rest.
+# The time to the steady state, in relaxation times of the data weights.
 AT_REST = 10.0
 
 
 def noise_in(data: Data, mask: Array | None = None) -> Noise:
-    """The noise of the data, in the unit of its values; of bare points along their normals.
+    """The noise of the data, in the unit of its values; for points along their normals.
 
-    :param mask: (h, w), the samples that it is looked for in; None: in all.
+    :param mask: (h, w), the samples used; None: all.
     """
     if isinstance(data, Mesh):
         if data.channels is None or data.moves == "points":
@@ -72,9 +72,9 @@ def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | N
 
 
 def plan(data: Data, request: Request) -> Plan:
-    """What is run on data of any kind.
+    """The plan for data of any kind.
 
-    :raises InputError: for what the kind of data does not know, and constraints that do not fit it.
+    :raises InputError: for options that do not apply to the kind of data, and constraints that do not fit it.
     """
     _must_suit(data, request)
     stays = _staying(data, request)
@@ -122,7 +122,7 @@ def plan_of_flow(data: Data, request: Request) -> Plan:
 
 
 def _unseen(missing: Array, mask: Array | None) -> Array:
-    """The samples (h, w) in which noise is not looked for: missing, or outside of the mask where anything is inside."""
+    """The samples (h, w) that are not used for the noise: missing, or outside of a mask that is not empty."""
     unseen = missing if mask is None else missing | ~mask
     return missing if unseen.all() else unseen
 
@@ -135,7 +135,7 @@ def _staying(data: Data, request: Request) -> Array:
 
 
 def _constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Request, Array | None]:
-    """The data with what may not move fixed; masks as booleans; the mobility (n, 1), None where all go freely."""
+    """The data with fixed samples; masks as booleans; the mobility (n, 1), None where all are free."""
     held = request.constraints
     if held.mask is not None:
         held = replace(held, mask=mask_of(held.mask, fixed.shape, "mask"))
@@ -188,9 +188,9 @@ def _with_noise(
 
 
 def _noise_along(data: RangeImage, missing: Array) -> tuple[Noise, RangeImage, str]:
-    """The noise along the rays at the median depth, the image with that of each depth, and how it grows, in words.
+    """The noise along the rays at the median depth, the image with the noise of each depth, and a description of its growth.
 
-    Second differences by depth, and at least that of the sensor's steps.
+    It is estimated from second differences by depth, and is at least that of the steps of the sensor.
     """
     values, there = data.along, ~missing
     known = values[there]
@@ -209,15 +209,15 @@ def _noise_along(data: RangeImage, missing: Array) -> tuple[Noise, RangeImage, s
             sigma = np.maximum(sigma, least)
     typical = float(np.median(np.broadcast_to(sigma, there.shape)[there]))
     if typical <= 2.0 * np.finfo(data.depth.dtype).eps * float(np.abs(known).max()):
-        return Noise(0.0, quantum, how=how), data, ""  # the rounding of numbers is no noise
+        return Noise(0.0, quantum, how=how), data, ""  # rounding of floating-point numbers is no noise
     data = replace(data, sigma=np.where(missing, typical, sigma) if np.ndim(sigma) else sigma)
     return Noise(typical, quantum, (typical,), 0.0, how), data, why
 
 
 def _must_suit(data: Data, request: Request) -> None:
-    """Refuse what this kind of data does not know.
+    """Refuse options that do not apply to this kind of data.
 
-    :raises InputError: naming what would suit.
+    :raises InputError: the message says what applies.
     """
     kind = type(data).__name__
     for word, given in (
@@ -252,7 +252,7 @@ def _must_suit(data: Data, request: Request) -> None:
 
 
 def _must_fit(data: Data, request: Request) -> None:
-    """Refuse numbers that make no sense now, not after the search."""
+    """Refuse invalid numbers before the search."""
     (shape, n), held = size_of(data), request.constraints
     if held.max_change is not None and not isinstance(held.max_change, str):
         Limit.of(np.zeros((n, 1)), held.max_change, shape)
@@ -269,9 +269,9 @@ def _must_fit(data: Data, request: Request) -> None:
 
 
 def _stepped(data: Data, request: Request) -> Request:
-    """With half the step of quantized data where that is the largest change.
+    """The request with half the step of quantized data as the largest change, where that is requested.
 
-    :raises InputError: where it is not quantized.
+    :raises InputError: where the data is not quantized.
     """
     if not isinstance(request.constraints.max_change, str):
         return request
@@ -295,7 +295,7 @@ def _still(data: Data) -> bool:
 
 
 def _held(found: Plan) -> Plan:
-    """With its largest change and its data weights."""
+    """The plan with the largest change and the data weights."""
     data, request = found.data, found.request
     limit, origin = limit_of(data, request, found.noise)
     if limit is not None and not isinstance(found.method, LeastBending):
@@ -306,7 +306,7 @@ def _held(found: Plan) -> Plan:
     shape, n = size_of(data)
     pull = trust_of(request.constraints.data_weights, shape, n, found.lift.contrast)
     if isinstance(data, RangeImage) and data.stride is not None:
-        pull = pull * data.stride.reshape(-1, 1) ** 2  # per squared footprint, as time is
+        pull = pull * data.stride.reshape(-1, 1) ** 2  # per squared footprint, the unit of time
     found = replace(found, pull=pull)
     if request.until_time is None and (pull > 0).any():
         rest = AT_REST / float(np.median(pull[pull > 0]))
@@ -315,7 +315,7 @@ def _held(found: Plan) -> Plan:
 
 
 def _ended(found: Plan) -> Plan:
-    """With the latest end of a run that is to come to a stop."""
+    """The plan with the latest end of a run with stops."""
     if not found.request.stops or found.request.until_time is not None:
         return found
     why = Decided("default", "at most, where no stop is met")

@@ -23,8 +23,8 @@ PROBE = 0.1
 # Time of the bi-Laplacian filter with uniform weights after which normals are taken, and of that around which noise is drawn
 # anew, in squared edges.
 NORMALS, AROUND = 1.0, 2.0
-# A triangle whose normal has turned this far (cosine) from the mean of its own and its neighbours' has folded; a share of them
-# weighs as so many sigma squared: a fold is no surface, however near its points may be.
+# A triangle whose normal differs this much (cosine) from the mean of its own and its neighbours is folded. A share of folded
+# triangles counts as this many sigma squared, since a fold is wrong however close its points are.
 FOLDED, WEIGHT = 0.3, 10.0
 # What a credible risk is not below, in sigma squared, and what no vertex moves beyond, in sigmas and edges.
 BELOW, FAR, FAR_EDGES = -0.3, 10.0, 2.0
@@ -146,7 +146,7 @@ def shifted(surface: Surface, points: Array) -> Surface:
 
 
 def folded(points: Array, faces: Array, across: Array) -> float:
-    """The share of triangles whose normal has turned from the mean of its own and its neighbours'."""
+    """The share of folded triangles, whose normal differs from the mean of its own and its neighbours."""
     normals, areas = measured(points, faces)
     mean = areas[:, None] * normals
     for side in across.T:

@@ -1,4 +1,4 @@
-"""The methods that move the points of a mesh, tried: which of them, and for how long, by the risk along the normals."""
+"""The search for a method and a time for the points of a mesh, by the estimated risk along the normals."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ COARSE = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 # Beside the best of those times that is looked at, too.
 BESIDE = (0.7, 1.4)
 FAIRINGS: tuple[tuple[int, Weights], ...] = ((2, "uniform"), (4, "uniform"), (10, "uniform"), (2, "cotangent"))
-# A run is given up when its risk has grown so often since its least.
+# A run is stopped after its risk has grown this many times since its minimum.
 PATIENCE = 2
 
 
@@ -59,8 +59,8 @@ class Tried:
     :ivar methods: to look at.
     :ivar setting: triangles and border.
     :ivar noise: of the points along the normals, with the sigma that is to be removed.
-    :ivar end: the time that is given; None: it is searched for, too.
-    :ivar mobility: (n, 1), of each vertex; None: all go freely.
+    :ivar end: the given time; None: it is also searched for.
+    :ivar mobility: (n, 1), of each vertex; None: all are free.
     """
 
     methods: tuple[PointMethod, ...]

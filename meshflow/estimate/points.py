@@ -1,4 +1,4 @@
-"""How the points of a mesh move, and how long: as given, by rule, or of least estimated risk."""
+"""Plans for the points of a mesh: method and time as given, by rule, or by search."""
 
 from dataclasses import replace
 
@@ -31,17 +31,17 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["moving"]
 
-# The one choice where no search is wanted, and its time in squared edges.
+# The fixed choice without a search, and its time in squared edges.
 FIXED, FAIRED = NormalFilter().filled(), Fairing().filled()
 FIXED_TIME = {NormalFilter.word: 100.0, Fairing.word: 1.0}
-# The one order of a fairing by which no value leaves its range, weights of zero and above.
+# The order of a fairing that keeps every value in its range, with weights of zero or more.
 RANGED = 1
-# Vertices below which what differs from neighbour to neighbour may well be the shape.
+# The number of vertices below which differences of neighbours may be the shape.
 FEW = 100
-# Weight of normal channels in edges; the threshold of principal directions, (BENT + BENDS sigma / h) / h, which of cubes and
+# Weight of normal channels in edges; the threshold of principal directions, (BENT + BENDS sigma / h) / h, which for cubes and
 # cylinders with noise of 0.03 to 0.3 edges is the best within a fifth; and times in squared edges.
 CHANNELS, BENT, BENDS, LONGER = 8.0, 0.05, 0.3, {NormalChannels.word: 5.0, PrincipalFlow.word: 5.0}
-# The volume of a closed mesh, over its area to the power 3/2, below which it holds none.
+# The volume of a closed mesh, over its area to the power 3/2, below which it counts as none.
 HOLLOW = 1e-6
 # The time of the bi-Laplacian filter that takes away steps of voxels, in squared edges.
 VOXELS = 3.0
@@ -49,10 +49,10 @@ GIVEN = Decided("given")
 
 
 def moving(data: Mesh, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
-    """How the points of a mesh move, and how long: as given, by rule, or of least estimated risk.
+    """The plan for the points of a mesh: method and time as given, by rule, or by search.
 
     :param mobility: (n, 1), of each vertex.
-    :raises InputError: for what such a mesh does not know.
+    :raises InputError: for options that do not apply to such a mesh.
     """
     method = request.method
     whole = data.moves == "points" and data.points.shape[1] == 3
@@ -67,14 +67,14 @@ def moving(data: Mesh, request: Request, noise: Noise, mobility: Array | None = 
 
 
 def _open(request: Request) -> bool:
-    """Whether the caller leaves the method open, and asks for nothing that the curvature flow alone knows."""
+    """Whether no method is given, and no option that only the curvature flow has."""
     if isinstance(request.method, PointMethod) or request.named:
         return False
     return not (request.asked or request.compute.stepping)
 
 
 def _useless(request: Request) -> tuple[str, ...]:
-    """A warning on options of a search that have no effect where points alone move."""
+    """A warning about options of a search that have no effect where only points move."""
     plain, asked = Search(), request.heights
     names = [
         name for name in ("contrast", "twicing", "indicator", "mass") if getattr(asked, name) != getattr(plain, name)
@@ -83,7 +83,7 @@ def _useless(request: Request) -> tuple[str, ...]:
 
 
 def _along(request: Request) -> Along:
-    """In which directions points move."""
+    """The directions in which points move."""
     method = request.method
     return method.along if isinstance(method, (PointMethod, Search)) else "all"
 
@@ -93,7 +93,7 @@ def _setting(request: Request) -> PointSetting:
 
 
 def _curved(data: Mesh, request: Request, noise: Noise, mobility: Array | None) -> Plan:
-    """A flow by mean curvature, with the length or the weight of one that keeps features."""
+    """The plan for a mean curvature flow, with the length or the weight of one that keeps features."""
     named = request.method if isinstance(request.method, PointMethod) else None
     method = named or CurvatureFlow(along=_along(request), mass=request.heights.mass)
     method, decisions = _featured(data, request, noise, method)
@@ -117,7 +117,7 @@ def _curved(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
 
 
 def _options_given(method: PointMethod | None) -> dict[str, Decided]:
-    """The options that the caller has set."""
+    """The origins of the given options."""
     if method is None:
         return {}
     plain = type(method)()
@@ -127,7 +127,7 @@ def _options_given(method: PointMethod | None) -> dict[str, Decided]:
 def _featured(
     data: Mesh, request: Request, noise: Noise, method: PointMethod
 ) -> tuple[PointMethod, dict[str, Decided]]:
-    """A method that keeps features, with the length or the weight by which it knows them."""
+    """A method that keeps features, with its length or weight."""
     if isinstance(method, NormalChannels) and method.normal_weight is None:
         return replace(method, normal_weight=CHANNELS * data.step), {
             "normal_weight": Decided("default", f"{CHANNELS:g} edges")
@@ -140,15 +140,17 @@ def _featured(
 
 
 def _preserved(data: Mesh, request: Request, method: PointMethod) -> Keep | None:
-    """What is preserved where nobody says: of a conformal flow the volume by scaling, of an open mesh the area, where all points
-    are free; the volume of normal channels, which shrink balls.
+    """What is preserved by default.
+
+    For a conformal flow with all points free it is the volume by scaling, for an open mesh the area; for normal channels, which
+    shrink balls, the volume.
     """
     fixed = bool(data.fixed.any())
     filled = _is_filled(data)
     if isinstance(method, ConformalFlow):
         free = method.along == "all" and request.constraints.mobility is None and not fixed
         rim = request.boundary == "fixed" and len(boundary_edges(data.faces)) > 0
-        # Noise is area that is not there without it: where the area is kept, what is noisy swells.
+        # Noise increases the area; where the area is preserved, noisy parts swell.
         return ("scale" if filled else "area") if free and not rim else None
     return "volume" if isinstance(method, NormalChannels) and filled else None
 
@@ -163,7 +165,7 @@ def _is_filled(data: Mesh) -> bool:
 
 
 def _of_triangles(data: Mesh, request: Request, method: PointMethod) -> dict[str, Decided]:
-    """Who decided whose cotangents are taken."""
+    """The origin of the choice of cotangents."""
     if request.compute.triangles != "auto":
         return {"triangles": GIVEN}
     if not isinstance(method, PrincipalFlow) and is_thin(cotangents(data.points.astype(np.float64), data.faces)[0]):
@@ -172,7 +174,7 @@ def _of_triangles(data: Mesh, request: Request, method: PointMethod) -> dict[str
 
 
 def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) -> Plan:
-    """The normal filter or a fairing."""
+    """The plan for the normal filter or a fairing."""
     if request.weighted:
         raise InputError(
             "data weights pull at the curvature flow of a mesh only; give method='curvature', or Fixed and MaxChange"
@@ -193,7 +195,7 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
     found = False
     if noise.sigma == 0 and not asked:
         return plan.with_({"time": Decided("default", "nothing to remove")}, idle=no_noise(noise))
-    settled = len(methods) == 1 and timed is not None  # nothing is open
+    settled = len(methods) == 1 and timed is not None  # nothing to choose
     if noise.sigma > 0 and request.searching and request.steps is None and not request.stops and not settled:
         candidates = searched(data, lift, Tried(methods, setting, _of_points(noise), timed, mobility))
         if candidates:
@@ -242,7 +244,7 @@ def _of_voxels(plan: Plan, noise: PointNoise) -> Plan:
 
 
 def _of_shaped(request: Request, noise: Noise) -> dict[str, Decided]:
-    """Who decided on what stands before any search."""
+    """The origins of the values before a search."""
     how = {"given": "", "nothing": "too few samples"}.get(noise.how, f"from {noise.how}, along the normals")
     named = request.method if isinstance(request.method, PointMethod) else None
     found = {
@@ -261,7 +263,7 @@ def _of_shaped(request: Request, noise: Noise) -> dict[str, Decided]:
 
 
 def _options_found(request: Request, method: PointMethod) -> dict[str, Decided]:
-    """The options that a search has found."""
+    """The origins of the options found by a search."""
     named = request.method if isinstance(request.method, PointMethod) else None
     given = _options_given(named)
     found = {o.name: Decided("estimated") for o in options_of(type(method)) if o.name not in given}
@@ -269,7 +271,7 @@ def _options_found(request: Request, method: PointMethod) -> dict[str, Decided]:
 
 
 def _methods(data: Mesh, request: Request, sigma: float) -> tuple[PointMethod, ...]:
-    """The methods that the caller leaves open; the first is the one where nothing is searched for."""
+    """The methods to choose from; the first is the one without a search."""
     named = request.method if isinstance(request.method, PointMethod) else None
     clamped, along = request.compute.triangles == "clamped", _along(request)
     ranged = named is None and clamped
@@ -286,7 +288,7 @@ def _methods(data: Mesh, request: Request, sigma: float) -> tuple[PointMethod, .
 
 
 def _normal_filter(method: NormalFilter, asked: NormalFilter) -> NormalFilter:
-    """A way, with the options that are given."""
+    """The method with the given options."""
     names = ("crease_contrast", "crease_sharpness", "regularize")
     given = {name: float(getattr(asked, name)) for name in names if getattr(asked, name) is not None}
     if asked.along == "normals":
@@ -295,7 +297,7 @@ def _normal_filter(method: NormalFilter, asked: NormalFilter) -> NormalFilter:
 
 
 def _fairing(method: Fairing, asked: Fairing, ranged: bool) -> Fairing:
-    """A way, with the options that are given; ``ranged``: the one by which no value leaves its range."""
+    """The method with the given options; ``ranged``: the one that keeps every value in its range."""
     if ranged:
         return replace(method, order=RANGED, weights="cotangent", along=asked.along)
     order, weights = asked.order or method.order, asked.weights or method.weights
