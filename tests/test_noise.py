@@ -159,6 +159,15 @@ def test_clean_data_rounded_or_not_has_no_correlated_noise(quantum):
     assert noise_of(picture((256, 256)).truth, NONE).correlation is None
 
 
+@pytest.mark.parametrize("length", [0.0, 1.2])
+def test_a_large_grid_is_looked_at_in_parts_and_says_the_same(length):
+    z = fractal_terrain(1024) + 12 * CorrelatedNoise(length).drawn((1024, 1024), 2)
+    found = noise_of(z.astype(np.float32), np.zeros(z.shape, bool))
+    assert found.sigma == pytest.approx(12, rel=0.04)
+    assert found.length == pytest.approx(length, rel=0.06)
+    assert found.doubt == ""
+
+
 def test_holes_and_what_lies_in_them_do_not_count():
     rng = np.random.default_rng(1)
     z, missing = smooth_surface() + 2 * rng.normal(size=(256, 256)), rng.random((256, 256)) < 0.02

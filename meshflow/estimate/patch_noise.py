@@ -28,6 +28,8 @@ SOME, PATCHES, ROUNDS = 8_000, 20_000, 6
 LEAST = 4 * SIDE * SIDE
 # The number of repetitions of the white noise for few patches (ALIKE for half of SOME), and their distance in the field.
 ALIKE, SHIFT = 2, 131
+# Tiles take their white noise from places of the field that are so far apart, so many in a row: no two have the same.
+APART, ABREAST = 76, 10
 # The side of the field of white noise.
 FIELD = 768
 
@@ -87,14 +89,15 @@ def _variance(places: list[_Places], chosen: Array, most: int) -> float:
     # Few overlapping patches are correlated: the eigenvalue of noise is then the mean over several positions in the field.
     again = range(max(1, ALIKE * SOME // max(chosen.size, SOME // 4))) if chosen.size < SOME else range(1)
     unit: list[list[Array]] = [[] for _ in again]
-    for place in places:
+    for i, place in enumerate(places):
         first, last = np.searchsorted(chosen, (before, before + place.at.size))
         at = place.at[chosen[first:last] - before]
         before += place.at.size
         rows, columns = np.divmod(at, place.z.shape[1] - SIDE - 1)
         patches.append(sliding_window_view(place.z, (SIDE, SIDE))[rows + 1, columns + 1].reshape(-1, SIDE * SIDE))
         for k in again:
-            there = (rows + k * SHIFT) % len(field), (columns + 2 * k * SHIFT) % len(field)
+            down, across = k * SHIFT + i // ABREAST * APART, 2 * k * SHIFT + i % ABREAST * APART
+            there = (rows + down) % len(field), (columns + across) % len(field)
             unit[k].append(field[there].reshape(-1, SIDE * SIDE))
     return _least(np.concatenate(patches)) / float(np.mean([_least(np.concatenate(one)) for one in unit]))
 
