@@ -241,7 +241,7 @@ def _must_end_whole(path: Path, content: bytes, elements: Elements) -> None:
 
     :raises FormatError: for a last line with fewer words than its list requires.
     """
-    last = next((element for element in reversed(elements.values()) if element["length"]), None)
+    last = next((element for element in reversed(list(elements.values())) if element["length"]), None)
     words = content.rstrip().rpartition(b"\n")[2].split()
     at = 0
     for kind in last["properties"].values() if last is not None else ():
