@@ -138,7 +138,7 @@ def test_single_spikes_are_put_back_and_told_and_nothing_else_moves(shape):
     result = meshflow.smooth((points, shape.faces), result=True)
     after, angle = result.data[0], normal_angle(result.data[0], shape.points, shape.faces)
     assert angle < 0.45 * normal_angle(points, shape.points, shape.faces), f"{angle:.2f} degrees"
-    assert any("points are spikes among neighbours that are none" in said for said in result.warnings)
+    assert any("points are spikes" in said for said in result.warnings)
     assert np.linalg.norm(after - shape.points, axis=1)[~spikes].max() < 0.3 * shape.edge
 
 
@@ -165,7 +165,7 @@ def test_triangles_that_are_turned_against_their_neighbours_are_told():
     points, mixed = BALL.noisy("nrm", 0.3), BALL.faces.copy()
     mixed[:200] = mixed[:200][:, [0, 2, 1]]
     result = meshflow.smooth((points, mixed), result=True)
-    assert any("200 of 1280 triangles are turned against their neighbours" in said for said in result.warnings)
+    assert any("200 of 1280 triangles are oriented against their neighbours" in said for said in result.warnings)
     assert np.array_equal(result.data[1], mixed)
     back, turned = alike(mixed)
     assert turned == 200

@@ -1,4 +1,4 @@
-"""What a mesh says about its own noise: of its points along the normals, or of values on its vertices."""
+"""Estimates of the noise of a mesh: of its points along the normals, or of values on its vertices."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,28 +21,28 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["PointNoise", "noise_of_points", "noise_on"]
 
-# Residuals, in their own deviation, beyond which one counts no more than this.
+# Residuals are clipped at this many of their deviations.
 CLIPPED = 2.5
-# What is noise alternates from neighbour to neighbour. White noise: the residuals of neighbours correlate by -0.24 to -0.31, so
-# that of a share of 0.6 of the edges the signs differ. Shapes that are finely sampled: the curvature has one sign almost
-# everywhere, and the residuals correlate by 0 to 0.5; coarse models, and irregular sampling of what is curved, come between.
+# Noise alternates between neighbours. For white noise the residuals of neighbours have a correlation of -0.24 to -0.31, and their
+# signs differ at a share of 0.6 of the edges. For finely sampled shapes the curvature has the same sign almost everywhere, and
+# the correlation is 0 to 0.5. Coarse models, and irregular samplings of curved shapes, are between these.
 ALTERNATES, ALMOST, WHITE = 0.26, 0.08, -0.23
 CORRELATED = -0.11
-# Edges of which both ends lie beside no flat edge: below so many there is nothing to tell noise by, nor where their vertices
-# are less than this share.
+# The least number of edges without a flat edge at either end, and the least share of their vertices; otherwise no noise is
+# reported.
 EDGES, SHARE = 24, 0.04
-# Time of the bi-Laplacian filter after which the normals of the vertices are taken, in squared edges: with strong noise those of
-# the data are off by 30 degrees, and sigma along them comes out 16 % low.
+# Time of the bi-Laplacian filter for the normals of the vertices, in squared edges. With strong noise the normals of the data
+# have errors of 30 degrees, and sigma along them would be 16 % too low.
 SETTLED = 1.0
-# Sigma of impulses and correlation are looked for where the shape bends least: after this time, on this share of the vertices.
+# Sigma, kurtosis and correlation are measured on the share CALMEST of vertices with the least curvature after the time CALM.
 CALM, CALMEST = 4.0, 0.5
-# The kurtosis of Gaussian noise, and above which noise is impulsive; rounds of means of neighbours that are looked at.
+# The kurtosis of Gaussian noise, the one above which noise is impulsive, and the largest number of rounds of neighbour means.
 GAUSSIAN, IMPULSIVE, SPREAD = 3.0, 3.8, 6
-# Above it correlation is not looked for: what is far off correlates neighbours too.
+# The kurtosis above which correlation is not estimated, because impulses also correlate neighbours.
 SURE = 10.0
-# Distance of the vertices from what was divided into voxels, root mean square, in their edges.
+# The root mean square distance of the vertices from the surface that was voxelized, in edges of voxels.
 IN_STEPS = 0.2
-# Noise is white unless the correlation found is this share of the way to that of one round.
+# Noise is white unless its correlation is beyond this share of the interval from that of white noise to that of one round.
 SURELY = 0.75
 
 
@@ -50,9 +50,9 @@ SURELY = 0.75
 class PointNoise(Noise):
     """Noise of the points of a mesh along its normals, unit of the points.
 
-    :ivar kurtosis: fourth moment over the squared second; 3 of Gaussian noise, more where some vertices are far off.
-    :ivar spread: so many rounds of means of neighbours correlate white noise as much; 0: white.
-    :ivar voxel: the edge of the voxels of whose binary volume the mesh is a level set; 0 for any other.
+    :ivar kurtosis: fourth moment over the squared second one; 3 for Gaussian noise, more if some vertices are far off.
+    :ivar spread: number of rounds of neighbour means that give white noise the same correlation; 0: white.
+    :ivar voxel: the edge of the voxels if the mesh is a level set of a binary volume; 0 for any other.
     """
 
     kurtosis: float = GAUSSIAN
@@ -61,7 +61,7 @@ class PointNoise(Noise):
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is white, and few vertices are far off."""
+        """Whether it is white and not impulsive."""
         return self.spread == 0 and self.kurtosis <= IMPULSIVE
 
 
@@ -89,14 +89,14 @@ def noise_on(channels: Array, faces: Array) -> Noise:
 def noise_of_points(points: Array, faces: Array, counted: Array | None = None) -> PointNoise:
     """Estimate the noise of the points of a mesh along its normals.
 
-    As :func:`noise_on`, of the points along the normals of a smoothed copy. None is found where the mesh was drawn: where all
-    but a few vertices lie beside an edge across which it is flat to rounding, and where what is rough does not alternate from
-    neighbour to neighbour as noise does, on many vertices. Where some vertices are far off, sigma is the root mean square; where
-    neighbours are correlated, that of the noise of which as much is left by the differences.
+    It is that of :func:`noise_on` for the points along the normals of a smoothed copy. Designed meshes have no noise: almost
+    all of their vertices are at an edge across which the mesh is flat up to rounding, or their residuals do not alternate
+    between neighbours as those of noise do. For impulsive noise sigma is the root mean square. For correlated noise, which is
+    reduced by differences, sigma is corrected for that.
 
     :param points: (n, 3).
     :param faces: (m, 3).
-    :param counted: (n,), the vertices that are looked at; None: all.
+    :param counted: (n,), mask of the vertices that are used; None: all.
     """
     voxel = voxel_edge(points[np.unique(faces)])
     if voxel > 0:
@@ -129,7 +129,7 @@ def noise_of_points(points: Array, faces: Array, counted: Array | None = None) -
 
 
 def _is_noisy(umbrella: Any, bend: Array, rough: Array, free: Array) -> bool:
-    """Whether what is rough alternates as noise does, on many vertices that are free (n,) of edges that are flat to rounding."""
+    """Whether residuals alternate as noise does, on enough vertices without flat edges, mask ``free`` (n,)."""
     if free.sum() < SHARE * len(free):
         return False
     alternating, correlation = _alternation(umbrella, bend, rough, free)
@@ -139,8 +139,8 @@ def _is_noisy(umbrella: Any, bend: Array, rough: Array, free: Array) -> bool:
 
 
 def _spread(umbrella: Any, gain: Array, calm: Array, found: float, numbers: Array) -> tuple[int, float]:
-    """How many rounds of means of neighbours make white noise as correlated as was found, and the share of its standard deviation
-    that the differences then leave; 0 and 1 for none.
+    """The number of rounds of neighbour means after which white noise has the correlation ``found``, and the share of its
+    standard deviation in the residuals; 0 and 1 for white noise.
     """
     made = ndtri(np.clip(numbers, 1e-6, 1.0 - 1e-6))
     before, share = (np.nan, 1.0), 1.0
@@ -157,14 +157,14 @@ def _spread(umbrella: Any, gain: Array, calm: Array, found: float, numbers: Arra
 
 
 def _along(umbrella: Any, x: Array, normals: Array, gain: Array) -> tuple[Array, Array]:
-    """How far each point is off the mean of its neighbours, along normals (n, 3), and the residuals (n,) of that."""
+    """The distance (n,) of each point from the mean of its neighbours along normals (n, 3), and its residuals (n,)."""
     bend = np.einsum("ij,ij->i", umbrella @ x, normals)
     return bend, np.divide(umbrella @ bend, gain, out=np.zeros_like(gain), where=gain > 0)
 
 
 def _alternation(umbrella: Any, bend: Array, rough: Array, free: Array) -> tuple[float, float]:
-    """Of edges between vertices that are free (n,): the share across which the curvature changes sign, and the correlation of the
-    residuals; 0 and 0 where there are too few of them.
+    """For edges between vertices with mask ``free`` (n,): the share with a change of the sign of the curvature, and the
+    correlation of residuals; 0 and 0 for too few edges.
     """
     edges = umbrella.tocoo()
     both = (edges.row < edges.col) & free[edges.row] & free[edges.col]
@@ -177,11 +177,11 @@ def _alternation(umbrella: Any, bend: Array, rough: Array, free: Array) -> tuple
 
 
 def _gain(umbrella: Any) -> Array:
-    """What (I - A)^2 makes of white noise at each vertex, (n,)."""
+    """The standard deviation (n,) of (I - A)^2 applied to white noise of deviation 1."""
     twice = umbrella @ umbrella
     return np.sqrt(np.asarray(twice.multiply(twice).sum(axis=1)).ravel())
 
 
 def _rounding(values: Array) -> float:
-    """What is rounding alone, in the unit of the values."""
+    """The rounding error of the values, in their unit."""
     return 2.0 * float(np.finfo(values.dtype).eps) * float(np.abs(values).max(initial=0.0))

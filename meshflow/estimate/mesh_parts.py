@@ -1,4 +1,4 @@
-"""A mesh before anything is measured on it: its triangles turned alike, and the noise of each of its parts."""
+"""Preparation of a mesh: a consistent orientation of its triangles, and the noise of its connected parts."""
 
 from dataclasses import replace
 
@@ -12,23 +12,24 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["noise_by_parts", "turned_alike"]
 
-# Parts that are looked at one by one, the largest, and the vertices that they have at least.
+# The largest number of parts that are examined separately, and their least number of vertices.
 MOST, LEAST = 16, 50
 
 
 def turned_alike(data: Mesh) -> tuple[Mesh, tuple[str, ...]]:
-    """The mesh with neighbouring triangles turned alike, and a sentence where some were not."""
+    """The mesh with consistently oriented triangles, and a sentence if some were not."""
     faces, turned = alike(data.faces)
     if not turned:
         return data, ()
-    said = f"{turned} of {len(faces)} triangles are turned against their neighbours; they are turned round while points move"
+    said = f"{turned} of {len(faces)} triangles are oriented against their neighbours; they were reversed for the smoothing"
     return replace(data, faces=faces), (said,)
 
 
 def noise_by_parts(data: Mesh) -> tuple[PointNoise, Array]:
-    """The noise of the points of a mesh along its normals, and the vertices (n,) of parts that have none beside parts that do.
+    """The noise of the points of a mesh along its normals, and the mask (n,) of the vertices of parts without noise, if others
+    have it.
 
-    Of a large mesh, or a large part, that of some pieces.
+    For a large mesh or part it is estimated on some pieces.
     """
     count, label = parts(data.faces, len(data.points))
     clean = np.zeros(len(data.points), bool)
@@ -52,6 +53,6 @@ def _noise_of(data: Mesh) -> PointNoise:
 
 
 def _alone(data: Mesh, mine: Array) -> Mesh:
-    """Some triangles (m,) alone."""
+    """A mesh of only the triangles with mask (m,)."""
     used, faces = np.unique(data.faces[mine], return_inverse=True)
     return Mesh(data.points[used], faces.reshape(-1, 3))

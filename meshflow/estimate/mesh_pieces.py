@@ -1,4 +1,4 @@
-"""Pieces of a large mesh, which stand for the whole where its noise is estimated and methods are tried."""
+"""Pieces of a large mesh, on which its noise is estimated and methods are tried."""
 
 from dataclasses import replace
 
@@ -11,16 +11,17 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["pieces"]
 
-# Vertices of the pieces of a mesh that is larger, how many pieces there are, and how many rings at their cuts are not counted.
+# The largest number of vertices of a mesh without pieces, the number of pieces, and of rings at their cuts that are not counted.
 ENOUGH, PIECES, RINGS = 12_000, 4, 3
 
 
 def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
-    """A mesh that is not too large: the whole, or pieces of it; which of its vertices (v,) are counted, and which of the whole
-    they are.
+    """The mesh, or pieces of a large one.
 
-    A piece is what lies in rings around a triangle. Which these are depends on the lengths of edges alone: not on the order of
-    triangles or vertices, nor on the place of the mesh.
+    A piece consists of rings around a triangle. The choice depends on the lengths of edges only, not on the order of triangles or
+    vertices, nor on the position of the mesh.
+
+    :returns: the mesh; the mask (v,) of its counted vertices; the indices (v,) of its vertices in the whole.
     """
     if len(data.points) <= ENOUGH:
         return data, ~data.fixed, np.arange(len(data.points))

@@ -64,7 +64,7 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
 
 
 def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | None, way: Orientation) -> Noise:
-    """The noise of a grid as it was prepared, and then turned; what its numbers are rounded by is none."""
+    """The noise of a prepared and reoriented grid; rounding of its floating-point numbers is not noise."""
     noise = noise_of(array_of(data), _unseen(data.missing | way.of(how.unseen), mask))
     if 0 < noise.sigma <= how.rounding:
         return Noise(0.0, 0.0, (0.0,) * len(noise.channels), 0.0, noise.how)
@@ -150,7 +150,10 @@ def _constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Requ
 
 
 def _oriented(data: Data, request: Request, mobility: Array | None) -> tuple[Data, Request, Array | None, Orientation]:
-    """All of it as the data lies of itself, unless the caller names a diagonal: then turned data gives what is turned, too."""
+    """Data, request and mobility in the standard orientation, unless the caller names a diagonal.
+
+    The result of rotated or reflected data is then the rotated or reflected result.
+    """
     if isinstance(data, (Mesh, RangeImage)) or request.compute.diagonals in ("forward", "backward"):
         return data, request, mobility, AS_IT_IS
     values, (h, w) = array_of(data), data.missing.shape
@@ -165,9 +168,9 @@ def _oriented(data: Data, request: Request, mobility: Array | None) -> tuple[Dat
 def _with_noise(
     data: Data, request: Request, mask: Array | None, made: tuple[Preparation | None, Orientation]
 ) -> tuple[Data, Noise, str]:
-    """The data with the noise of each depth, the noise, and how it grows, in words.
+    """The data with the noise of each depth, the noise, and a description of its growth.
 
-    :param made: how a grid was prepared, and then turned.
+    :param made: the preparation of a grid, and its orientation.
     """
     if isinstance(data, RangeImage):
         if request.noise is not None:
@@ -269,9 +272,9 @@ def _must_fit(data: Data, request: Request) -> None:
 
 
 def _stepped(data: Data, request: Request) -> Request:
-    """The request with half the step of quantized data as the largest change, where that is requested.
+    """The request with half the step of quantized data as the largest change, if that is requested.
 
-    :raises InputError: where the data is not quantized.
+    :raises InputError: if the data is not quantized.
     """
     if not isinstance(request.constraints.max_change, str):
         return request

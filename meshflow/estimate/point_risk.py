@@ -18,46 +18,46 @@ from meshflow.surfaces.surface import Surface
 
 __all__ = ["PointCandidate", "PointRisk", "folded", "shifted"]
 
-# The second run starts beside the first by this share of the noise: a derivative.
+# The perturbation of the second run, as a share of the noise; the difference of both is a derivative.
 PROBE = 0.1
-# Time of the bi-Laplacian filter with uniform weights after which normals are taken, and of that around which noise is drawn
-# anew, in squared edges.
+# Times of the bi-Laplacian filter with uniform weights, in squared edges: for the normals, and for the smooth copy with new
+# noise.
 NORMALS, AROUND = 1.0, 2.0
-# A triangle whose normal differs this much (cosine) from the mean of its own and its neighbours is folded. A share of folded
-# triangles counts as this many sigma squared, since a fold is wrong however close its points are.
+# A triangle is folded if the cosine of its normal and the mean with its neighbours is below FOLDED. The share of folded triangles
+# times WEIGHT sigma^2 is added to the risk, because a fold is wrong even if its points are close.
 FOLDED, WEIGHT = 0.3, 10.0
-# What a credible risk is not below, in sigma squared, and what no vertex moves beyond, in sigmas and edges.
+# The lower bound of a credible risk, in sigma^2, and bounds of the displacement of a vertex, in sigmas and in edges.
 BELOW, FAR, FAR_EDGES = -0.3, 10.0, 2.0
 
 
 class PointCandidate(Candidate):
-    """A candidate of which nothing is chosen that was not looked at."""
+    """A candidate whose least risk is one of those that were estimated."""
 
     @property
     def least(self) -> tuple[float, float]:
-        """Time and mean square error where that is least, of the times looked at."""
+        """The time and the mean square error at the minimum over ``times``."""
         i = int(np.argmin(self.squares))
         return self.times[i], self.squares[i]
 
 
 @dataclass(frozen=True, eq=False)
 class PointRisk:
-    """The mean square error along the normals, E mean ((x - y) . n)^2, y the points without noise: what is chosen by.
+    """The expected mean square error along the normals, E mean ((x - y) . n)^2, where y are the points without noise.
 
-    Of any method it is mean ((x - x0) . n)^2 - sigma^2 + 2 cov, cov the mean covariance of the noise with what the method makes
-    of it (Efron 2004). Of white Gaussian noise cov is sigma^2 times the mean derivative of the result by its own point (Stein
-    1981), which a second run shows that starts beside the first by numbers of mean square 1 (Ramani, Blu, Unser 2008). Of any
-    other, impulsive or correlated, that identity does not hold: cov is found by running the method once more, on a smooth copy
-    of the mesh with noise drawn anew, of the same distribution and correlation.
+    For any method it is mean ((x - x0) . n)^2 - sigma^2 + 2 cov, where cov is the mean covariance of the noise with the result
+    (Efron 2004). For white Gaussian noise cov is sigma^2 times the mean derivative of the result by its own point (Stein 1981),
+    which is measured by a second run with a start perturbed by numbers of mean square 1 (Ramani, Blu, Unser 2008). For
+    impulsive or correlated noise this identity does not hold. Then cov is measured by a second run on a smooth copy of the mesh
+    with new noise of the same distribution and correlation.
 
-    The normals are those of a smoothed copy: along the normals of the noisy points themselves a method that moves points along
-    normals alone seems to leave the sine of their error. Candidates are compared on the same points and the same numbers:
-    what sigma is wrong by shifts all of them alike.
+    The normals are those of a smoothed copy. With the normals of the noisy points, the error would be underestimated for
+    methods that move points along their normals. All candidates are compared with the same points and the same random numbers,
+    so an error of sigma shifts all of them equally.
 
     :ivar start: points (n, 3) of the data.
-    :ivar beside: (n, 3), where the second run starts.
-    :ivar home: (n, 3), what the change of the second run is measured from; None: from the first run.
-    :ivar probe: (n,), what that change is correlated with.
+    :ivar beside: (n, 3), start of the second run.
+    :ivar home: (n, 3), reference of the change of the second run; None: the first run.
+    :ivar probe: (n,), the numbers with which that change is correlated.
     :ivar normals: (n, 3).
     :ivar counted: (n,), vertices.
     :ivar sigma: unit of the points.
@@ -94,14 +94,14 @@ class PointRisk:
 
     @property
     def at_start(self) -> float:
-        """The mean square error of the data as it is."""
+        """The mean square error of the unchanged data."""
         return self.sigma**2 * (1.0 + WEIGHT * folded(self.start, self.faces, self.across))
 
     def of_pair(self, one: Array, other: Array) -> float:
         """The mean square error of a run at one time, squared unit of the points.
 
         :param other: the points of the second run at that time.
-        :returns: infinity where that is not credible: far below zero, or vertices thrown away.
+        :returns: infinity if it is not credible: far below zero, or with vertices that moved far away.
         """
         moved = one - self.start
         if not np.isfinite(one).all() or np.abs(moved).max() > FAR * self.sigma + FAR_EDGES * self.step:
@@ -116,7 +116,7 @@ class PointRisk:
 
 
 def _outwards(normals: Array, x: Array, faces: Array) -> Array:
-    """Normals (n, 3) that point away from the middle of each part, whichever way its triangles are turned."""
+    """Normals (n, 3) that point away from the middle of each part, for any orientation of its triangles."""
     count, label = parts(faces, len(x))
     size = np.maximum(np.bincount(label, minlength=count), 1)
     middle = np.stack([np.bincount(label, column, count) for column in x.T], axis=1) / size[:, None]
@@ -125,7 +125,8 @@ def _outwards(normals: Array, x: Array, faces: Array) -> Array:
 
 
 def _drawn_anew(residual: Array, numbers: Array, faces: Array, noise: PointNoise) -> Array:
-    """Noise (n,) of standard deviation sigma: of the distribution of residuals, or where it is correlated, of its correlation.
+    """New noise (n,) of standard deviation sigma, with the distribution of residuals, or with the correlation of correlated
+    noise.
 
     :param numbers: (n,) in [0, 1).
     """

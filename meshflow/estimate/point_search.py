@@ -22,15 +22,15 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Tried", "configurations", "searched"]
 
-# Contrast and sharpness of the normal filter that are looked at: faces and creases, what is round, and weak creases.
+# Contrast and sharpness of the normal filter in the search: for faces with creases, for round shapes, and for weak creases.
 CREASES = ((2.0, 8.0), (1.0, 4.0), (8.0, 4.0))
-# How far the sampling is evened first, in squared edges, for noise below a share of an edge and above it.
+# Times of the initial regularization of the sampling, in squared edges, for noise below STRONG edges and above it.
 REGULARIZED, STRONG = ((0.0, 0.3), (0.3, 1.0)), 0.35
-# Times of the normal filter and of fairings, in squared edges, at which the risk is looked at. All configurations of the normal
-# filter come to the first of its stages; so many of the best go on from there to the next.
+# Times of the normal filter and of fairings, in squared edges, at which the risk is estimated. All configurations of the normal
+# filter run to the end of the first stage; the best BEST of them continue in the next.
 STAGES, BEST = ((10.0, 20.0), (50.0, 100.0), (200.0, 300.0)), (3, 2)
 COARSE = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-# Beside the best of those times that is looked at, too.
+# Further times, as multiples of the best of those.
 BESIDE = (0.7, 1.4)
 FAIRINGS: tuple[tuple[int, Weights], ...] = ((2, "uniform"), (4, "uniform"), (10, "uniform"), (2, "cotangent"))
 # A run is stopped after its risk has grown this many times since its minimum.
@@ -38,7 +38,7 @@ PATIENCE = 2
 
 
 def configurations(step: float, sigma: float) -> tuple[PointMethod, ...]:
-    """Methods with their options that are looked at.
+    """The methods of the search with their options.
 
     :param step: h, the mean edge.
     :param sigma: of the noise, unit of the points.
@@ -54,11 +54,11 @@ def configurations(step: float, sigma: float) -> tuple[PointMethod, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """What a search is asked for.
+    """The input of a search.
 
-    :ivar methods: to look at.
+    :ivar methods: to try.
     :ivar setting: triangles and border.
-    :ivar noise: of the points along the normals, with the sigma that is to be removed.
+    :ivar noise: of the points along the normals, with the sigma to be removed.
     :ivar end: the given time; None: it is also searched for.
     :ivar mobility: (n, 1), of each vertex; None: all are free.
     """
@@ -72,7 +72,7 @@ class Tried:
 
 @dataclass(eq=False)
 class _Run:
-    """A method on the data and on the points beside it, both as far as they have come, and their risk at each time."""
+    """A method on the data and on the perturbed points, with their current states and the risk at each time."""
 
     method: PointMethod
     risk: PointRisk
@@ -82,12 +82,12 @@ class _Run:
     going: bool = True
 
     def to(self, time: float) -> None:
-        """On to a time, the next of those that the pairs are of."""
+        """Continue to a time, which is the next one of the pairs."""
         if not self.going:
             return
         try:
             pair = next(self.pairs)
-        except NotConverged:  # slivers do not let it be run any further
+        except NotConverged:  # slivers prevent further steps
             self.going = False
             return
         square = self.risk.of_pair(*pair)
@@ -99,15 +99,15 @@ class _Run:
         self.going = len(self.squares) - 1 - int(np.argmin(self.squares)) <= PATIENCE
 
     def candidate(self, first: int) -> PointCandidate:
-        """What is known of it, from a time on."""
+        """The candidate, from a time on."""
         return PointCandidate(self.method, tuple(self.times[first:]), tuple(self.squares[first:]))
 
 
 def searched(data: Mesh, lift: Lift, asked: Tried) -> tuple[Candidate, ...]:
     """The candidates of a search, the best first: mean square error along the normals (:class:`PointRisk`).
 
-    The normal filter in all its configurations for a short time, and the better of them on to longer ones; fairings at a few
-    times, and beside the best of them. A risk that was not looked at is not chosen.
+    All configurations of the normal filter run for a short time, the best of them for longer times; fairings run to a few
+    times, and to times near the best of them. The minimum is over estimated risks, without interpolation.
     """
     whole, step = data, data.step
     data, counted, kept = pieces(data)
@@ -118,13 +118,13 @@ def searched(data: Mesh, lift: Lift, asked: Tried) -> tuple[Candidate, ...]:
     surfaces = (start, beside)
 
     def begun(method: PointMethod, times: tuple[float, ...]) -> _Run:
-        """A run that is at its start."""
+        """A run at its start."""
         flows = [slowed(method.engine(surface, asked.setting), speed) for surface in surfaces]
         states = (method.states(flow, flow.start(), times) for flow in flows)
         return _Run(method, risk, zip(*states, strict=True), squares=[risk.at_start])
 
     def fair(method: PointMethod, times: tuple[float, ...]) -> tuple[float, ...]:
-        """The times at which a fairing costs no factorization."""
+        """The times for which a fairing needs no factorization."""
         if len(asked.methods) == 1 or not isinstance(method, Fairing) or method.weights == "uniform":
             return times
         return tuple(t for t in times if all(is_short(generator, t, method.order or 2) for generator in generators))

@@ -43,7 +43,7 @@ FEW = 100
 CHANNELS, BENT, BENDS, LONGER = 8.0, 0.05, 0.3, {NormalChannels.word: 5.0, PrincipalFlow.word: 5.0}
 # The volume of a closed mesh, over its area to the power 3/2, below which it counts as none.
 HOLLOW = 1e-6
-# The time of the bi-Laplacian filter that takes away steps of voxels, in squared edges.
+# The time of the bi-Laplacian filter that removes steps of voxels, in squared edges.
 VOXELS = 3.0
 GIVEN = Decided("given")
 
@@ -169,7 +169,7 @@ def _of_triangles(data: Mesh, request: Request, method: PointMethod) -> dict[str
     if request.compute.triangles != "auto":
         return {"triangles": GIVEN}
     if not isinstance(method, PrincipalFlow) and is_thin(cotangents(data.points.astype(np.float64), data.faces)[0]):
-        return {"triangles": Decided("estimated", "intrinsic: some triangles are all but flat")}
+        return {"triangles": Decided("estimated", "intrinsic: some triangles are almost degenerate")}
     return {}
 
 
@@ -221,12 +221,14 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
 
 
 def _of_points(noise: Noise) -> PointNoise:
-    """The noise, as that of points."""
+    """The noise as one of points."""
     return noise if isinstance(noise, PointNoise) else PointNoise(noise.sigma, 0.0)
 
 
 def _of_voxels(plan: Plan, noise: PointNoise) -> Plan:
-    """Steps of voxels are taken away by a short low-pass: no point moves by more than half a voxel, the volume is kept."""
+    """The plan against steps of voxels: a short low-pass filter, with changes of at most half a voxel, and the volume
+    preserved.
+    """
     strength, why = plan.request.strength, Decided("estimated", "steps of voxels")
     time = VOXELS * plan.data.step**2 * strength**2
     along = _along(plan.request)

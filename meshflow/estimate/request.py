@@ -137,7 +137,7 @@ class Request:
 
     @property
     def is_open(self) -> bool:
-        """Whether noise, method and end are all left open."""
+        """Whether the caller gave neither noise, nor method, nor end."""
         timed = self.until_time is not None or self.steps is not None or bool(self.stops)
         named = self.named or isinstance(self.method, (PointMethod, Quick))
         return self.noise is None and not timed and not named and self.searching

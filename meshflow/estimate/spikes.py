@@ -1,4 +1,4 @@
-"""Single vertices of a mesh that are far off among neighbours that are not: they are found, and put back."""
+"""Spikes: single vertices of a mesh that are far off while their neighbours are not. They are detected and moved back."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,18 +18,20 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["without_spikes"]
 
-# A spike is so many times as far off the mean of its neighbours as any of these is, and so many deviations of all.
+# The distance of a spike from the mean of its neighbours is AMONG times that of each neighbour, and BEYOND deviations of all
+# vertices.
 AMONG, BEYOND = 2.5, 6.0
-# Spikes are noise where there are so many, to both sides: at least this share to either. A cone has one tip.
+# Spikes are noise if there are at least MANY, with at least the share EITHER on each side. The tip of a cone is not noise.
 MANY, EITHER = 8, 0.15
-# Time of the bi-Laplacian filter after which normals are taken, in squared edges; rounds of looking.
+# Time of the bi-Laplacian filter for the normals, in squared edges, and the largest number of rounds of detection.
 NORMALS, ROUNDS = 2.0, 6
 
 
 def without_spikes(data: Mesh) -> tuple[Mesh, tuple[str, ...]]:
-    """The mesh with its spikes put back along the normals, and a sentence where there were some.
+    """The mesh with its spikes moved back along the normals, and a sentence if there were some.
 
-    They are put where the fourth differences of the points are least. A large mesh is looked at where its pieces have spikes.
+    They are moved to where the fourth differences of the points are least. A large mesh is searched only if its pieces have
+    spikes.
     """
     piece = pieces(data)[0]
     if piece is not data and not _put_all_back(piece)[1].any():
@@ -38,14 +40,12 @@ def without_spikes(data: Mesh) -> tuple[Mesh, tuple[str, ...]]:
     if not spikes.any():
         return data, ()
     points = np.where(spikes[:, None], x, data.points).astype(data.points.dtype)
-    said = (
-        f"{spikes.sum()} of {len(x)} points are spikes among neighbours that are none: they are put back to the surface"
-    )
+    said = f"{spikes.sum()} of {len(x)} points are spikes: they were moved back to the surface"
     return replace(data, points=points), (said,)
 
 
 def _put_all_back(data: Mesh) -> tuple[Array, Array]:
-    """The points (n, 3) without spikes, and which they were (n,)."""
+    """The points (n, 3) without spikes, and the mask (n,) of these."""
     x, faces, n = data.points.astype(np.float64), data.faces, len(data.points)
     umbrella: Any = sparse.csr_matrix(sparse.identity(n) - neighbour_means(faces, n, "free"))
     step = mean_edge(x, faces)
@@ -66,7 +66,7 @@ def _put_all_back(data: Mesh) -> tuple[Array, Array]:
 
 
 def _spikes(umbrella: Any, x: Array, normals: Array) -> Array:
-    """Vertices (n,) that are far off, and alone in that."""
+    """Mask (n,) of the vertices that are far off while their neighbours are not."""
     off = np.abs(np.einsum("ij,ij->i", umbrella @ x, normals))
     edges = umbrella.tocoo()
     apart = edges.row != edges.col
@@ -76,7 +76,7 @@ def _spikes(umbrella: Any, x: Array, normals: Array) -> Array:
 
 
 def _put_back(umbrella: Any, x: Array, normals: Array, spikes: Array) -> Array:
-    """The points (n, 3), those that are spikes where they make the least of fourth differences, along their normals."""
+    """The points (n, 3), with spikes moved along their normals to minimize fourth differences."""
     energy = sparse.csr_matrix(umbrella.T @ umbrella)
     energy = sparse.csc_matrix(energy @ energy)
     at = np.flatnonzero(spikes)

@@ -1,4 +1,6 @@
-"""Numbers that look random and belong to the place of a vertex in its mesh: not to its number, nor to where the mesh lies."""
+"""Pseudorandom numbers of vertices that depend on the shape of the mesh around them, not on their order or on the position of
+the mesh.
+"""
 
 import numpy as np
 
@@ -7,15 +9,15 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["drawn", "numbers_of"]
 
-# Turns per mean edge of the lengths around a vertex: neighbours are many turns apart, and rounding is a small part of one.
+# Turns per mean edge of length: the numbers of neighbours differ by many turns, and rounding is a small part of one.
 TURNS = 997.0 * (np.sqrt(5.0) - 1.0)
 
 
 def numbers_of(points: Array, faces: Array) -> Array:
-    """A number (n,) in [0, 1) of each vertex, evenly spread: of the lengths of the edges around it, many times round a circle.
+    """Uniformly distributed numbers (n,) in [0, 1), one per vertex: the sum of the lengths of its edges, times TURNS, modulo 1.
 
-    Lengths stay where a mesh is turned, moved or mirrored, its vertices numbered otherwise or its triangles turned round, and in
-    mean edges where it is scaled: so do these, to rounding.
+    They do not change, up to rounding, if the mesh is rotated, moved, reflected or scaled, or if vertices are reordered or
+    triangles reversed, because they depend on the ratios of lengths only.
 
     :param points: (n, 3).
     """
@@ -27,6 +29,6 @@ def numbers_of(points: Array, faces: Array) -> Array:
 
 
 def drawn(values: Array, numbers: Array) -> Array:
-    """Values drawn from those that are there, (k,), one for each number (n,) in [0, 1): their quantile at it."""
+    """A sample from values (k,): their quantiles at the numbers (n,) in [0, 1)."""
     order = np.sort(values)
     return order[np.minimum((numbers * len(order)).astype(np.intp), len(order) - 1)]

@@ -1,4 +1,4 @@
-"""Meshes that a marching cubes made of a binary volume: their steps are no noise of a sensor, and are known exactly."""
+"""Meshes made by marching cubes from a binary volume. Their steps are not noise of a sensor, and are known exactly."""
 
 import numpy as np
 
@@ -6,18 +6,18 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["voxel_edge"]
 
-# How far from a multiple of half an edge a coordinate may be, in halves; the share of vertices that must lie in the middle of an
-# edge of the lattice; vertices below which nothing is told.
+# The tolerance of a coordinate as a multiple of half an edge, in halves; the least share of vertices at the middle of an edge
+# of the grid; the least number of vertices.
 OFF, SHARE, FEW = 1e-3, 0.97, 50
-# Levels of a coordinate that are nearer than this share of the size are one.
+# Levels of a coordinate closer than this share of the size count as equal.
 LEAST = 1e-5
 
 
 def voxel_edge(points: Array) -> float:
-    """The edge of the voxels whose binary volume a mesh is the level set of, unit of the points; 0 for any other mesh.
+    """The edge of the voxels if the mesh is a level set of a binary volume, unit of the points; 0 for any other mesh.
 
-    Each vertex then lies in the middle of an edge of a lattice: counted in halves of its edges, one coordinate is odd and two are
-    even, but for a shift of the whole. Of edges that differ by axis, the shortest.
+    Each vertex of such a mesh is at the middle of an edge of a regular grid: in units of half an edge, up to a common shift, one
+    coordinate is odd and two are even. If edges differ by axis, it is the shortest.
 
     :param points: (n, 3).
     """

@@ -1,4 +1,4 @@
-"""Folds of a mesh, and how far points may move without new ones."""
+"""Folds of a mesh, and motions without new folds."""
 
 import numpy as np
 
@@ -11,14 +11,14 @@ __all__ = ["moved_without_folds", "new_folds"]
 
 # The cosine between the normals of two neighbours below which the surface is folded there: they turn by more than 135 degrees.
 FOLDED = -0.7
-# How often what folds is moved by half as much.
+# The largest number of halvings of a motion that folds.
 HALVINGS = 8
 
 
 def new_folds(before: Array, after: Array, faces: Array) -> Array:
-    """The pairs of triangles (k, 2) that are folded over their edge, and were not before.
+    """The pairs of triangles (k, 2) that are folded at their common edge after a motion, but not before.
 
-    :param before: points (n, 3), as ``after``.
+    :param before: points (n, 3); ``after`` likewise.
     """
     one, other = shared_sides(faces)
     pairs = np.stack([one // 3, other // 3], axis=1)
@@ -26,13 +26,13 @@ def new_folds(before: Array, after: Array, faces: Array) -> Array:
 
 
 def moved_without_folds(before: Array, after: Array, faces: Array) -> tuple[Array, int]:
-    """The points (n, 3) after a motion, those that would fold the surface where it was not folded moved less.
+    """The points (n, 3) after a motion without new folds: points that would cause one move less.
 
-    What folds is moved half as far, with the vertices around it, again and again; where that does not help, the part of the mesh
-    stays as it was.
+    The motion of the vertices of new folds and of those around them is halved repeatedly. If that does not help, the part of
+    the mesh does not move.
 
-    :param before: points (n, 3), as ``after``.
-    :returns: the points, and how many of them are moved less.
+    :param before: points (n, 3); ``after`` likewise.
+    :returns: the points, and the number of those that move less.
     """
     one, other = shared_sides(faces)
     pairs = np.stack([one // 3, other // 3], axis=1)
@@ -56,6 +56,6 @@ def moved_without_folds(before: Array, after: Array, faces: Array) -> tuple[Arra
 
 
 def _folded(points: Array, faces: Array, pairs: Array) -> Array:
-    """Which pairs of triangles (k,) are folded; triangles without area are not."""
+    """Mask (k,) of the folded pairs of triangles; those with a triangle without area are not folded."""
     normals, _ = measured(points, faces)
     return np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]]) < FOLDED

@@ -1,4 +1,4 @@
-"""Triangles turned so that neighbours agree on which side is out."""
+"""Consistent orientation of triangles, and connected parts of a mesh."""
 
 import numpy as np
 import scipy.sparse as sparse
@@ -11,7 +11,7 @@ __all__ = ["alike", "parts"]
 
 
 def parts(faces: Array, n: int) -> tuple[int, Array]:
-    """How many parts a mesh has that no triangle joins, and the part (n,) of each vertex; a lone vertex is a part."""
+    """The number of connected parts of a mesh, and the part (n,) of each vertex; an isolated vertex is a part."""
     rows, columns = np.concatenate([faces[:, 0], faces[:, 0]]), np.concatenate([faces[:, 1], faces[:, 2]])
     joined = sparse.coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(n, n))
     count, label = connected_components(joined, directed=False)
@@ -19,17 +19,18 @@ def parts(faces: Array, n: int) -> tuple[int, Array]:
 
 
 def alike(faces: Array) -> tuple[Array, int]:
-    """The triangles (m, 3), those of each part that are fewer turned round, and how many were turned.
+    """Consistently oriented triangles (m, 3), with the minority of each part reversed, and the number of reversed ones.
 
-    Across an edge of two triangles these agree where it runs one way in one of them and the other way in the other. A part on
-    which no choice makes all agree (a Moebius strip) stays as it is.
+    Two triangles with a common edge are consistent if they run through it in opposite directions. A part that cannot be
+    oriented (a Moebius strip) does not change.
     """
     one, other = shared_sides(faces)
     begins = [faces[side // 3, (side + 1) % 3] for side in (one, other)]
     against = begins[0] == begins[1]
     if not against.any():
         return faces, 0
-    # Each triangle stands twice, as it is and turned: who agrees is joined with the like, who does not with the other.
+    # Each triangle occurs twice, unchanged and reversed. Consistent neighbours are joined with the same kind, others with the
+    # other one.
     m, left, right = len(faces), one // 3, other // 3
     shift = np.where(against, m, 0)
     rows = np.concatenate([left, left + m])
@@ -38,7 +39,7 @@ def alike(faces: Array) -> tuple[Array, int]:
     label = connected_components(graph, directed=False)[1]
     kept, turned = label[:m], label[m:]
     size = np.bincount(kept, minlength=int(label.max()) + 1)
-    # Of the two ways to see a part that is taken by which more triangles stay; of equal ones that with the first triangle.
+    # Of the two orientations of a part the one with fewer reversed triangles is chosen; of equal ones that of the first triangle.
     turn = (size[turned] > size[kept]) | ((size[turned] == size[kept]) & (turned < kept))
     turn &= turned != kept
     found = faces.copy()

@@ -1,4 +1,4 @@
-"""Edges across which a mesh is flat to the rounding of its numbers: how shapes are drawn, and no noisy surface looks."""
+"""Edges across which a mesh is flat up to rounding, which occur in designed shapes, but not in noisy surfaces."""
 
 import numpy as np
 
@@ -8,16 +8,16 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["beside_flat_edges"]
 
-# Units in the last place of single precision, of the largest coordinate, by which drawn points are off.
+# The rounding error of designed points relative to the largest coordinate, some units in the last place of single precision.
 ROUNDING = 4.0 * float(np.finfo(np.float32).eps)
 
 
 def beside_flat_edges(points: Array, faces: Array) -> Array:
-    """The vertices (n,) of two triangles that lie in one plane to rounding.
+    """Mask (n,) of the vertices of two neighbouring triangles that are coplanar up to rounding.
 
-    The corner beyond an edge may be off the plane of the triangle by the rounding of single precision, carried along the plane
-    as far as that corner lies: thin triangles say little of their plane. On a mesh that was drawn (planes, and cylinders, cones
-    and balls in strips of quadrilaterals) all vertices but a few are such; of a measured one hardly any is.
+    The tolerance is the rounding error of single precision, extrapolated along the plane of a triangle to the opposite corner
+    of its neighbour, because the plane of a thin triangle is uncertain. In designed meshes (planes; cylinders, cones and balls
+    as strips of quadrilaterals) these are almost all vertices, in measured ones hardly any.
 
     :param points: (n, 3), float64.
     """
@@ -32,7 +32,7 @@ def beside_flat_edges(points: Array, faces: Array) -> Array:
     off = np.abs(np.einsum("ij,ij->i", way, normals[triangle]))
     far = np.divide(np.linalg.norm(way, axis=1), height, out=np.full_like(edge, np.inf), where=height > 0)
     used = points[np.unique(faces)]
-    single = np.array_equal(used, used.astype(np.float32))  # then that is how they were stored, wherever they lie
+    single = np.array_equal(used, used.astype(np.float32))  # stored in single precision
     size = float(np.abs(used if single else used - used.mean(axis=0)).max(initial=0.0))
     flat = off <= ROUNDING * size * (1.0 + far)
     found = np.zeros(len(points), bool)

@@ -21,10 +21,10 @@ from meshflow.surfaces.mesh import Mesh, Moves
 
 __all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
 
-# Positions that are apart by a few units in the last place of single precision, of the largest coordinate, are one, where that is
-# little beside the edges.
+# Positions that differ by a few units in the last place of single precision of the largest coordinate count as equal, if that is
+# small compared to the edges.
 WELDED, CLOSE = 4.0 * float(np.finfo(np.float32).eps), 1e-3
-# A direction that no drawing has.
+# A direction that does not occur in designed meshes.
 ASKEW = np.array([0.6180339887, 0.7548776662, 0.2195130126])
 # The most names of parts that a note lists.
 LISTED = 6
@@ -140,8 +140,8 @@ def joined(points: Array, groups: Array | None = None, faces: Array | None = Non
     """Vertices at one position: (first of each (v,), vertex of each point (n,)), in order of appearance.
 
     :param groups: (n,) whole numbers; only points of the same group are joined.
-    :param faces: (m, 3); where given, points are joined that are apart by a few units in the last place of single precision, but
-        for what would take an edge from a triangle. Otherwise positions must agree to the bit.
+    :param faces: (m, 3); if given, points are joined that differ by a few units in the last place of single precision, unless a
+        triangle would lose an edge. Otherwise positions must be equal to the bit.
     """
     if not len(points):
         return _apart(0)
@@ -159,7 +159,7 @@ def joined(points: Array, groups: Array | None = None, faces: Array | None = Non
     near = _near(points[first], None if groups is None else groups[first], home[faces])
     if near is None:
         return first, home
-    # Of vertices that are near the first to appear stands for all.
+    # The first of several close vertices represents all.
     names, starts = np.unique(near, return_index=True)
     rank = np.empty(int(names.max()) + 1, np.int64)
     rank[near[np.sort(starts)]] = np.arange(len(names))
@@ -167,9 +167,10 @@ def joined(points: Array, groups: Array | None = None, faces: Array | None = Non
 
 
 def _near(points: Array, groups: Array | None, faces: Array) -> Array | None:
-    """The cluster (n,) of points that are apart by :data:`WELDED` at most; None where all are further apart.
+    """The cluster (n,) of points with distances of at most :data:`WELDED`; None if all are further apart.
 
-    Points that are near in space are near in any direction: along one that no drawing has, each is compared with those beside it.
+    Points that are close in space are close along any direction. Each is compared with the next ones along a direction that
+    does not occur in designed meshes.
     """
     used = np.zeros(len(points), bool)
     used[faces] = True
@@ -196,13 +197,13 @@ def _near(points: Array, groups: Array | None, faces: Array) -> Array | None:
     label = connected_components(sparse.coo_matrix((ones, tuple(pairs)), shape=(len(x), len(x))), directed=False)[1]
     corners = label[faces]
     lost = (corners == np.roll(corners, 1, axis=1)) & (faces != np.roll(faces, 1, axis=1))
-    kept = np.isin(label, corners[lost])  # what would take an edge from a triangle stays as it is
+    kept = np.isin(label, corners[lost])  # these would take an edge from a triangle
     label[kept] = label.max() + 1 + np.arange(int(kept.sum()))
     return label
 
 
 def _usable(points: Array, faces: Array) -> Array:
-    """The points (n, d), those that no triangle uses and that are not finite at the first that is used."""
+    """The points (n, d), in which unused points that are not finite are replaced by the first used one."""
     lost = np.asarray(~np.isfinite(points).all(axis=1))
     if not lost.any() or not len(faces):
         return points

@@ -26,7 +26,7 @@ __all__ = ["ROUND", "NormalFilterFlow", "NormalFilter"]
 # One round, in squared edges: the normals diffuse in steps of SWEEP, then the points follow in FOLLOWED sweeps. A round is long,
 # so that the normals of noisy triangles settle before any point moves.
 ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
-# A share of a time that is rounding.
+# The relative rounding error of a time.
 ALMOST = 1e-9
 
 
@@ -78,7 +78,7 @@ class NormalFilter(PointMethod):
         return NormalFilterFlow(surface, self)
 
     def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
-        """The coordinates (n, 3) at each of the times, after rounds as long as those of a run."""
+        """The coordinates (n, 3) at each of the times, with steps as in a run."""
         u, since, count = start, 0.0, 0
         for time in times:
             while time - since > ALMOST * time:

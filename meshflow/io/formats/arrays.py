@@ -239,7 +239,7 @@ def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Imported
 
 
 def _no_name(name: str) -> Found:
-    """Arrays hold no other arrays by name."""
+    """Arrays have no named attributes."""
     return None, {}
 
 
