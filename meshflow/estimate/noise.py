@@ -73,14 +73,14 @@ class Noise:
     lines: Lines = field(default_factory=Lines)
     doubt: str = ""
 
-    def oriented(self, way: Orientation) -> "Noise":
+    def oriented(self, orientation: Orientation) -> "Noise":
         """The noise of a grid that is turned or mirrored."""
-        if not way.changes:
+        if not orientation.changes:
             return self
         lengths, lines = self.lengths, self.lines
-        if way.transposed:
+        if orientation.transposed:
             lengths, lines = lengths[::-1], Lines(lines.columns, lines.rows)
-        correlation = None if self.correlation is None else way.of(self.correlation)
+        correlation = None if self.correlation is None else orientation.of(self.correlation)
         return replace(self, correlation=correlation, lengths=lengths, lines=lines)
 
     def sentences(self) -> tuple[str, ...]:

@@ -28,9 +28,9 @@ def beside_flat_edges(points: Array, faces: Array) -> Array:
     normals, areas = measured(points, faces)
     edge = np.linalg.norm(points[end] - points[start], axis=1)
     height = np.divide(2.0 * areas[triangle], edge, out=np.zeros_like(edge), where=edge > 0)
-    way = points[beyond] - points[start]
-    off = np.abs(np.einsum("ij,ij->i", way, normals[triangle]))
-    far = np.divide(np.linalg.norm(way, axis=1), height, out=np.full_like(edge, np.inf), where=height > 0)
+    offset = points[beyond] - points[start]
+    off = np.abs(np.einsum("ij,ij->i", offset, normals[triangle]))
+    far = np.divide(np.linalg.norm(offset, axis=1), height, out=np.full_like(edge, np.inf), where=height > 0)
     used = points[np.unique(faces)]
     single = np.array_equal(used, used.astype(np.float32))  # stored in single precision
     size = float(np.abs(used if single else used - used.mean(axis=0)).max(initial=0.0))

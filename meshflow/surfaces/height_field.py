@@ -62,10 +62,10 @@ class HeightField(OnGrid):
         """A copy with elevations u (h * w, 1), in their unit; missing samples keep their bits."""
         return replace(self, z=held(self.z, u, self.missing))
 
-    def oriented(self, way: Orientation) -> "HeightField":
-        """The same turned or mirrored; only what that moves is copied."""
-        if not way.changes:
+    def oriented(self, orientation: Orientation) -> "HeightField":
+        """A reoriented copy; the same object if nothing changes."""
+        if not orientation.changes:
             return self
-        z, missing, fixed = (np.ascontiguousarray(way.of(a)) for a in (self.z, self.missing, self.fixed))
-        spacing, cuts = way.of_spacing(self.spacing), way.of_cuts(self.cuts)
+        z, missing, fixed = (np.ascontiguousarray(orientation.of(a)) for a in (self.z, self.missing, self.fixed))
+        spacing, cuts = orientation.of_spacing(self.spacing), orientation.of_cuts(self.cuts)
         return replace(self, z=z, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts)

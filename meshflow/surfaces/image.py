@@ -56,9 +56,11 @@ class Image(OnGrid):
         """A copy with channels u (h * w, k), in their unit; missing samples keep their bits."""
         return replace(self, values=held(self.values, u, self.missing))
 
-    def oriented(self, way: Orientation) -> "Image":
-        """The same turned or mirrored; only what that moves is copied."""
-        if not way.changes:
+    def oriented(self, orientation: Orientation) -> "Image":
+        """A reoriented copy; the same object if nothing changes."""
+        if not orientation.changes:
             return self
-        values, missing, fixed = (np.ascontiguousarray(way.of(a)) for a in (self.values, self.missing, self.fixed))
-        return replace(self, values=values, missing=missing, fixed=fixed, spacing=way.of_spacing(self.spacing))
+        values, missing, fixed = (
+            np.ascontiguousarray(orientation.of(a)) for a in (self.values, self.missing, self.fixed)
+        )
+        return replace(self, values=values, missing=missing, fixed=fixed, spacing=orientation.of_spacing(self.spacing))
