@@ -1,0 +1,328 @@
+// Groups of similar patches of a grid, each filtered as one: the second step of non-local Bayes (Lebrun, Buades, Morel 2013).
+//
+// A pilot, a first result, says which patches are alike, and by their mean m and covariance C how these vary. With Cn the
+// covariance of the noise, a noisy patch y of the group becomes m + C (C + Cn)^-1 (y - m), each channel by itself; what all groups
+// say of a sample is averaged. Ours: m is the pilot's, not that of the noisy patches; distance in place counts a little, so that
+// ties do not depend on an order; groups are weighted by the noise that they leave; what is added up is the change of the pilot.
+//
+// References of one tile write into its surroundings. Tiles are done in four turns, so that no two of a turn touch, and sums do not
+// depend on threads.
+#pragma once
+#include <cmath>
+
+#include "grid_loops.h"
+#include "memory.h"
+#include "team.h"
+
+namespace meshflow {
+
+struct GroupOptions {
+    i64 side;     // of a patch, samples
+    i64 stride;   // from one reference to the next, samples
+    i64 reach;    // how far from its reference a member may be along each axis, samples
+    i64 members;  // of a group, where so many are in reach; a few more where distances are the same
+    double near;  // what a squared sample of distance in place counts, in squares of the noise
+    double loss;  // the share of the noise that is counted: less than 1 for a pilot that has lost what varies
+};
+
+}  // namespace meshflow
+
+namespace meshflow::groups {
+
+using grid::least;
+using grid::most;
+
+// Patches and samples that are multiplied together, and the largest group.
+constexpr i64 ROWS = 4, LANES = 16, MOST_MEMBERS = 256;
+// Distances are compared in parts of the noise's square, and no further than FAR of them: rounding decides on no tie.
+constexpr double PARTS = 1024.0, FAR = 2e9;
+constexpr i32 NOT_THERE = 2100000000;
+
+// out[r][c] = sum over t of left[r * down + t * along] * right[t * wide + c]; rows in fours, columns in sixteens.
+// upper: of a symmetric matrix, the blocks on and above the diagonal.
+template <i64 along_is, class T>
+LOOP void product(i64 rows, i64 inner, i64 wide, const T* left, const T* right, T* out, bool upper) {
+    // along_is 0: left is stored transposed, (inner, wide).
+    const i64 down = along_is ? wide : 1, along = along_is ? 1 : wide;
+    for (i64 r = 0; r < rows; r += ROWS)
+        for (i64 c = upper ? r / LANES * LANES : 0; c < wide; c += LANES) {
+            T one[LANES] = {}, two[LANES] = {}, three[LANES] = {}, four[LANES] = {};
+            const T *a = left + r * down, *b = right + c;
+            for (i64 t = 0; t < inner; ++t, a += along, b += wide) {
+                const T f = a[0], g = a[down], h = a[2 * down], i = a[3 * down];
+                SIMD for (int j = 0; j < LANES; ++j) one[j] += f * b[j], two[j] += g * b[j], three[j] += h * b[j], four[j] += i * b[j];
+            }
+            T* to = out + r * wide + c;
+            SIMD for (int j = 0; j < LANES; ++j)
+                to[j] = one[j], to[wide + j] = two[j], to[2 * wide + j] = three[j], to[3 * wide + j] = four[j];
+        }
+}
+
+// row -= factor * pivot
+LOOP inline void taken_off(i64 wide, double factor, const double* pivot, double* row) {
+    for (i64 c = 0; c < wide; c += LANES)
+        SIMD for (int j = 0; j < LANES; ++j) row[c + j] -= factor * pivot[c + j];
+}
+
+// The inverse of a symmetric positive definite matrix (d, wide) in its place, by Gauss and Jordan. A pivot that rounding or a
+// covariance that is none has made too small is as large as `least_pivot`.
+inline void inverted(i64 d, i64 wide, double least_pivot, double* a) {
+    for (i64 k = 0; k < d; ++k) {
+        double* pivot = a + k * wide;
+        const double one = 1.0 / (pivot[k] > least_pivot ? pivot[k] : least_pivot);
+        pivot[k] = 1.0;
+        SIMD for (i64 j = 0; j < wide; ++j) pivot[j] *= one;
+        for (i64 i = 0; i < d; ++i) {
+            if (i == k) continue;
+            double* row = a + i * wide;
+            const double factor = row[k];
+            row[k] = 0.0;
+            taken_off(wide, factor, pivot, row);
+        }
+    }
+}
+
+// The n-th smallest of keys, counted from 0; they are put in another order.
+inline i32 nth(i64 count, i64 n, i32* keys) {
+    i64 low = 0, high = count - 1;
+    while (low < high) {
+        const i32 pivot = keys[(low + high) / 2];
+        i64 i = low, j = high;
+        while (i <= j) {
+            while (keys[i] < pivot) ++i;
+            while (keys[j] > pivot) --j;
+            if (i <= j) grid::exchange(keys[i++], keys[j--]);
+        }
+        if (n <= j)
+            high = j;
+        else if (n >= i)
+            low = i;
+        else
+            break;
+    }
+    return keys[n];
+}
+
+// Whether a patch at a place, of the places 0 to last along an axis, is a reference: counted from both ends, as a mirror has it.
+INLINE bool is_reference(i64 at, i64 last, i64 stride) { return (2 * at <= last ? at : last - at) % stride == 0; }
+
+template <class T> LOOP void add_distances(i64 n, i64 side, const T* reference, const T* row, T* far) {
+    for (i64 j = 0; j < side; ++j) {
+        const T value = reference[j];
+        const T* at = row + j;
+        SIMD for (i64 c = 0; c < n; ++c) {
+            const T step = at[c] - value;
+            far[c] += step * step;
+        }
+    }
+}
+
+// What all tiles share. d: samples of a patch; wide: the same, padded; tile: side of a tile; box: side of its window, padded.
+template <class T> struct Task {
+    i64 k, h, w;
+    const T *values, *pilot;
+    const u8* missing;
+    const double* noise;
+    bool white;
+    double least_pivot;
+    GroupOptions o;
+    T *sum, *weight;
+    i64 d, wide, tile, box;
+};
+
+// The room of one thread: patches (members, wide) of one channel; covariance and filter (d, wide); distances of a row; the window
+// (k, box, box) of a tile; its patches of which all samples are there; keys, and where members are in the window.
+template <class T> struct Room {
+    T *noisy, *pilot, *change, *covariance, *filter, *far, *values, *piloted;
+    double *inverse, *mean;
+    i32 *keys, *order, *where;
+    u8* whole;
+    i64 row, column, high, broad;  // where the window begins, and its samples
+    i64 members;
+};
+
+// The window of a tile: samples that are missing are 0.
+template <class T> void copy_window(const Task<T>& q, i64 top, i64 left, Room<T>& room) {
+    const i64 reach = q.o.reach, side = q.o.side, box = q.box;
+    room.row = most(0, top - reach), room.column = most(0, left - reach);
+    room.high = least(q.h, top + q.tile + reach + side - 1) - room.row;
+    room.broad = least(q.w, left + q.tile + reach + side - 1) - room.column;
+    for (i64 i = 0; i < q.k * box * box; ++i) room.values[i] = room.piloted[i] = T(0);
+    for (i64 i = 0; i < box * box; ++i) room.whole[i] = 0;
+    for (i64 r = 0; r < room.high; ++r) {
+        const i64 from = (room.row + r) * q.w + room.column;
+        for (i64 c = 0; c < q.k; ++c)
+            for (i64 j = 0; j < room.broad; ++j) {
+                if (q.missing && q.missing[from + j]) continue;
+                room.values[(c * box + r) * box + j] = q.values[c * q.h * q.w + from + j];
+                room.piloted[(c * box + r) * box + j] = q.pilot[c * q.h * q.w + from + j];
+            }
+    }
+    for (i64 r = 0; r + side <= room.high; ++r)
+        for (i64 j = 0; j + side <= room.broad; ++j) {
+            bool all = true;
+            for (i64 a = 0; q.missing && all && a < side; ++a)
+                for (i64 b = 0; all && b < side; ++b) all = !q.missing[(room.row + r + a) * q.w + room.column + j + b];
+            room.whole[r * box + j] = all;
+        }
+}
+
+// The members of the group of a reference at y, x of the window: where, and how many.
+template <class T> void find_members(const Task<T>& q, i64 y, i64 x, Room<T>& room) {
+    const i64 side = q.o.side, reach = q.o.reach, box = q.box;
+    const i64 y0 = most(0, y - reach), y1 = least(room.high - side, y + reach);
+    const i64 x0 = most(0, x - reach), wide = least(room.broad - side, x + reach) - x0 + 1, n = (wide + 7) / 8 * 8;
+    i64 found = 0, there = 0;
+    for (i64 r = y0; r <= y1; ++r, found += wide) {
+        for (i64 j = 0; j < n; ++j) room.far[j] = T(0);
+        for (i64 c = 0; c < q.k; ++c)
+            for (i64 i = 0; i < side; ++i)
+                add_distances(n, side, room.piloted + (c * box + y + i) * box + x, room.piloted + (c * box + r + i) * box + x0,
+                              room.far);
+        const u8* whole = room.whole + r * box + x0;
+        for (i64 j = 0; j < wide; ++j) {
+            const double off = double((r - y) * (r - y) + (x0 + j - x) * (x0 + j - x));
+            const double key = (double(room.far[j]) + q.o.near * off) * PARTS;
+            room.order[found + j] = room.keys[found + j] = whole[j] ? static_cast<i32>(key < FAR ? key : FAR) : NOT_THERE;
+            there += whole[j];
+        }
+    }
+    const i32 bound = nth(found, least(q.o.members, there) - 1, room.order);
+    room.members = 0;
+    for (i64 i = 0; i < found && room.members < MOST_MEMBERS; ++i)
+        if (room.keys[i] <= bound)
+            room.where[room.members++] = static_cast<i32>((y0 + i / wide) * box + x0 + i % wide);
+}
+
+// The patches of a group in one channel, noisy and pilot, less the mean of the pilot's; rows up to a multiple of four are 0.
+template <class T> void gather(const Task<T>& q, i64 channel, Room<T>& room) {
+    const i64 side = q.o.side, box = q.box, d = q.d, wide = q.wide, padded = (room.members + ROWS - 1) / ROWS * ROWS;
+    for (i64 j = 0; j < d; ++j) room.mean[j] = 0.0;
+    for (i64 i = 0; i < room.members; ++i) {
+        const i64 at = channel * box * box + room.where[i];
+        T *a = room.noisy + i * wide, *b = room.pilot + i * wide;
+        for (i64 s = 0; s < side; ++s)
+            for (i64 j = 0; j < side; ++j)
+                a[s * side + j] = room.values[at + s * box + j], b[s * side + j] = room.piloted[at + s * box + j];
+        for (i64 j = 0; j < d; ++j) room.mean[j] += double(b[j]);
+        for (i64 j = d; j < wide; ++j) a[j] = b[j] = T(0);
+    }
+    for (i64 j = 0; j < d; ++j) room.mean[j] /= double(room.members);
+    for (i64 i = 0; i < room.members; ++i)
+        for (i64 j = 0; j < d; ++j) room.noisy[i * wide + j] -= T(room.mean[j]), room.pilot[i * wide + j] -= T(room.mean[j]);
+    for (i64 i = room.members * wide; i < padded * wide; ++i) room.noisy[i] = room.pilot[i] = T(0);
+}
+
+// The filter (C + Cn)^-1 C, transposed as it is multiplied from the right; what it leaves of the noise of a sample, squared.
+template <class T> double find_filter(const Task<T>& q, Room<T>& room) {
+    const i64 d = q.d, wide = q.wide;
+    product<0>((d + ROWS - 1) / ROWS * ROWS, room.members, wide, room.pilot, room.pilot, room.covariance, true);
+    const double one = 1.0 / double(room.members - 1), loss = q.o.loss;
+    for (i64 r = 0; r < d; ++r)
+        for (i64 c = 0; c < wide; ++c) {
+            const double variance = c < d ? double(room.covariance[r <= c ? r * wide + c : c * wide + r]) : 0.0;
+            room.inverse[r * wide + c] = c < d ? one * variance + loss * q.noise[r * d + c] : 0.0;
+        }
+    inverted(d, wide, loss * q.least_pivot, room.inverse);
+    double left = 0;
+    for (i64 r = 0; r < d; ++r)
+        for (i64 c = 0; c < wide; ++c) {
+            double share = q.white ? room.inverse[r * wide + c] : 0.0;
+            if (!q.white && c < d)
+                for (i64 t = 0; t < d; ++t) share += room.inverse[r * wide + t] * q.noise[t * d + c];
+            const double value = (r == c ? 1.0 : 0.0) - loss * share;
+            left += value * value;
+            room.filter[r * wide + c] = T(value);
+        }
+    return left / double(d);
+}
+
+// What the members of a group become, less the pilot, added to the sums of one channel.
+template <class T> void add_changes(const Task<T>& q, i64 channel, T weight, const Room<T>& room) {
+    const i64 side = q.o.side;
+    for (i64 i = 0; i < room.members; ++i) {
+        const T *e = room.change + i * q.wide, *b = room.pilot + i * q.wide;
+        const i64 at = (room.row + room.where[i] / q.box) * q.w + room.column + room.where[i] % q.box;
+        for (i64 s = 0; s < side; ++s) {
+            T* to = q.sum + channel * q.h * q.w + at + s * q.w;
+            T* by = q.weight + channel * q.h * q.w + at + s * q.w;
+            for (i64 j = 0; j < side; ++j) to[j] += weight * (e[s * side + j] - b[s * side + j]), by[j] += weight;
+        }
+    }
+}
+
+// All references of a tile.
+template <class T> void tile(const Task<T>& q, i64 top, i64 left, Room<T>& room) {
+    const i64 last_row = q.h - q.o.side, last_column = q.w - q.o.side;
+    copy_window(q, top, left, room);
+    for (i64 row = top; row < least(top + q.tile, last_row + 1); ++row) {
+        if (!is_reference(row, last_row, q.o.stride)) continue;
+        for (i64 column = left; column < least(left + q.tile, last_column + 1); ++column) {
+            const i64 y = row - room.row, x = column - room.column;
+            if (!is_reference(column, last_column, q.o.stride) || !room.whole[y * q.box + x]) continue;
+            find_members(q, y, x, room);
+            if (room.members < 2) continue;
+            for (i64 c = 0; c < q.k; ++c) {
+                gather(q, c, room);
+                const double leaves = find_filter(q, room) + 1.0 / double(room.members);
+                product<1>((room.members + ROWS - 1) / ROWS * ROWS, q.d, q.wide, room.noisy, room.filter, room.change, false);
+                add_changes(q, c, T(1.0 / leaves), room);
+            }
+        }
+    }
+}
+
+}  // namespace meshflow::groups
+
+namespace meshflow {
+
+// values and pilot (k, h, w) in units of their noise, of the covariance (d, d) within a patch; out may be the pilot.
+template <class T>
+i64 patch_groups(i64 k, i64 h, i64 w, i64 d, const T* values, const T* pilot, const u8* missing, const double* noise,
+                 const GroupOptions* options, T* out, Stop stop, i32 threads) {
+    using namespace groups;
+    const GroupOptions& o = *options;
+    if (o.side < 1 || o.stride < 1 || o.reach < 1 || o.members < 2 || o.members > MOST_MEMBERS || d != o.side * o.side ||
+        o.side > h || o.side > w)
+        return BAD_SIZES;
+    const i64 wide = (d + LANES - 1) / LANES * LANES, tall = most(32, 2 * o.reach + o.side);
+    const i64 box = (tall + 2 * o.reach + o.side + 7) / 8 * 8 + 8, area = box * box;
+    const i64 offsets = (2 * o.reach + 1) * (2 * o.reach + 1), n = k * h * w;
+    const i64 numbers_each = 3 * MOST_MEMBERS * wide + 2 * (d + ROWS) * wide + box + 2 * k * area, doubles_each = d * wide + d;
+    const Memory<T> sum(n), weight(n), numbers(threads * numbers_each);
+    const Memory<double> doubles(threads * doubles_each);
+    const Memory<i32> integers(threads * 3 * offsets);
+    const Memory<u8> flags(threads * area);
+    if (!sum || !weight || !numbers || !doubles || !integers || !flags) return NO_MEMORY;
+    for (i64 i = 0; i < n; ++i) sum[i] = weight[i] = T(0);
+    bool white = true;
+    double least_pivot = noise[0];
+    for (i64 i = 0; i < d * d; ++i) white = white && noise[i] == (i % (d + 1) ? 0.0 : 1.0);
+    least_pivot *= 1e-6;
+    const Task<T> q{k,    h,           w, values,    pilot,        missing, noise, white,
+                    least_pivot, o, sum.get(), weight.get(), d,       wide,  tall,  box};
+    const i64 down = (h + tall - 1) / tall, across = (w + tall - 1) / tall;
+    for (i64 turn = 0; turn < 4; ++turn) {
+        const i64 first_row = turn / 2, first_column = turn % 2;
+        const i64 rows = (down - first_row + 1) / 2, columns = (across - first_column + 1) / 2;
+        const bool done = parallel_for(
+            rows * columns, threads,
+            [&](i64 part, i32 who) {
+                T* at = numbers.get() + who * numbers_each;
+                Room<T> room;
+                room.noisy = at, room.pilot = at += MOST_MEMBERS * wide, room.change = at += MOST_MEMBERS * wide;
+                room.covariance = at += MOST_MEMBERS * wide, room.filter = at += (d + ROWS) * wide;
+                room.far = at += (d + ROWS) * wide, room.values = at += box, room.piloted = at + k * area;
+                room.inverse = doubles.get() + who * doubles_each, room.mean = room.inverse + d * wide;
+                room.keys = integers.get() + who * 3 * offsets, room.order = room.keys + offsets, room.where = room.order + offsets;
+                room.whole = flags.get() + who * area;
+                tile(q, (2 * (part / columns) + first_row) * tall, (2 * (part % columns) + first_column) * tall, room);
+            },
+            stop);
+        if (!done) return CANCELLED;
+    }
+    for (i64 i = 0; i < n; ++i) out[i] = weight[i] > T(0) ? pilot[i] + sum[i] / weight[i] : pilot[i];
+    return 0;
+}
+
+}  // namespace meshflow

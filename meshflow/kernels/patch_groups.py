@@ -1,0 +1,48 @@
+"""Groups of similar patches of a grid, found in a pilot, each filtered as one."""
+
+import ctypes
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from meshflow.kernels.gate import kernel
+from meshflow.kernels.parameters import Array, Stop, Struct, read, stop, struct, threads, write
+
+__all__ = ["GroupOptions", "patch_groups"]
+
+
+class GroupOptions(Struct):
+    """Side of a patch, stride of references, reach of members, their number, what distance in place counts, and the share of the
+    noise that is counted (patch_groups.h).
+    """
+
+    _fields_: ClassVar = [
+        *((name, ctypes.c_int64) for name in ("side", "stride", "reach", "members")),
+        *((name, ctypes.c_double) for name in ("near", "loss")),
+    ]
+
+
+@kernel
+def patch_groups(
+    values: Annotated[Array, read("T", "k", "h", "w")],
+    pilot: Annotated[Array, read("T", "k", "h", "w")],
+    missing: Annotated[Array | None, read(np.bool_, "h", "w", optional=True)],
+    noise: Annotated[Array, read(np.float64, "d", "d")],
+    options: Annotated[GroupOptions, struct(GroupOptions)],
+    out: Annotated[Array, write("T", "k", "h", "w", over="pilot")],
+    stop: Annotated[Stop | None, stop] = None,
+    threads: Annotated[int | None, threads] = None,
+) -> None:
+    """Write what groups of patches make of noisy values: m + C (C + Cn)^-1 (y - m), averaged over the groups of a sample.
+
+    Samples that no group covers are those of the pilot.
+
+    :param values: (k, h, w), in units of their noise, channels of independent noise.
+    :param pilot: (k, h, w), a first result, in the same units.
+    :param missing: (h, w), samples that no patch has; None: none.
+    :param noise: (d, d), Cn of the d = side^2 samples of a patch, 1 on its diagonal.
+    :param options: what a group is.
+    :param out: (k, h, w), which may be the pilot.
+    :param stop: stops it, between tiles.
+    :param threads: how many.
+    """
