@@ -18,6 +18,7 @@ from meshflow.flow.family import Variant
 from meshflow.flow.methods import Method
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.stops import Scale
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
@@ -71,6 +72,7 @@ class Plan:
     :ivar preserve: what a mesh whose points move keeps.
     :ivar orientation: how the caller's grid was turned to become ``data``; the request's arrays were turned with it.
     :ivar setting: of a mesh whose points move; None of everything else.
+    :ivar groups: the second stage, of groups of similar patches; None: the flow alone.
     :ivar preparation: of the samples of a grid before the flow; else None.
     """
 
@@ -93,6 +95,7 @@ class Plan:
     orientation: Orientation = AS_IT_IS
     setting: PointSetting | None = None
     preparation: Preparation | None = None
+    groups: PatchGroups | None = None
 
     def result(self, u: Array | None = None) -> Data:
         """The data of the caller with coordinates u (n, k) of the flow; None: for a run that does nothing."""

@@ -56,7 +56,7 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
     units = {"contrast": contrast_unit(plan.data), "regularize": squared_unit(plan.data)}
     for option in options_of(type(method)):
         value = getattr(method, option.name)
-        if value is None or (option.name == "along" and value == "all"):
+        if value is None or option.name == "second_stage" or (option.name == "along" and value == "all"):
             continue
         unit = units.get(option.name, option.unit)
         found.setdefault(
@@ -64,6 +64,8 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
         )
     if plan.points is not None and isinstance(plan.data, Mesh) and plan.data.moves == "all":
         found["contrast"] = _decided(plan, "contrast", plan.lift.contrast, units["contrast"])
+    if isinstance(method, HeightMethod) and (plan.groups is not None or plan.request.heights.second_stage is not None):
+        found["second_stage"] = _decided(plan, "second_stage", "no" if plan.groups is None else "yes")
     curve = plan.setting is not None and plan.setting.curve
     found["boundary"] = _decided(
         plan, "boundary", "border-curve" if curve else plan.lift.boundary or plan.data.boundary

@@ -20,12 +20,15 @@ from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.mobility import slowed
+from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.folds import moved_without_folds
 from meshflow.geometry.validation import whole
 from meshflow.results.result import History, Result, release
 from meshflow.surfaces.data import Data
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -54,6 +57,9 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
     start, end, history = _run(_steered(engine, plan), plan, progress, record)
     if plan.blend and plan.idle is None:
         end = _blended(plan, end)
+        history = History.joined((history, _measured(end, plan))) if record is not None else history
+    if plan.groups is not None and plan.idle is None:
+        end = _grouped(end, plan, plan.groups)
         history = History.joined((history, _measured(end, plan))) if record is not None else history
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
@@ -87,7 +93,8 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
     """Times and states of a flow: the start, the end, and states between them.
 
     Times grow quadratically, so that the widths of the Gaussians that they equal on flat data grow linearly. The states are those
-    of the flow itself, without the twicing that :func:`run` may apply at the end.
+    of the flow itself, without the twicing and the second stage that :func:`run` may
+    apply at the end.
 
     :param count: the number of states, two or more; fewer are returned where the run has fewer steps.
     :raises InputError: as :func:`run`, and for a count below two or inverse depths.
@@ -209,6 +216,19 @@ def _blended(plan: Plan, first: State) -> State:
         u += u.dtype.type(part.weight) * _run(flow, alone, None, None)[1].u
     words = f"{first.reason}; blended with {len(plan.blend) - 1} more"
     return replace(first, u=u, reason=words)
+
+
+def _grouped(end: State, plan: Plan, groups: PatchGroups) -> State:
+    """The end of a run after the second stage; what is fixed stays."""
+    if not isinstance(plan.data, (HeightField, Image)):
+        return end
+    grid, limit = plan.data.gridded(plan.lift), plan.limit(end.flow.start())
+    first = np.ascontiguousarray(end.u.T).reshape(grid.planes.shape).astype(grid.planes.dtype)
+    planes = groups.filtered(np.ascontiguousarray(grid.planes), first, grid.missing, plan.request.compute.threads)
+    planes[:, grid.fixed] = first[:, grid.fixed]
+    u = planes.reshape(len(planes), -1).T.astype(end.u.dtype)
+    u = u if limit is None else limit.hold(u)
+    return replace(end, u=u, dt=0.0, reason=f"{end.reason}; then groups of similar patches")
 
 
 def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | None]:

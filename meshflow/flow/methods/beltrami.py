@@ -41,6 +41,12 @@ class HeightMethod:
     twicing: float | None = option(
         None, "Weight w of twicing, 0 to 1: u(t) + w (u(t) - u(2 t)) restores signal that the method removed."
     )
+    second_stage: bool | None = option(
+        None,
+        "Filter groups of similar patches after the flow; height fields and images only. Default: where no method is named and "
+        "the error to be expected is lower with it.",
+        flag="second-stage",
+    )
     indicator: Indicator = option("metric", "How edges are recognized where gamma is not 0.")
     mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
 
@@ -49,6 +55,8 @@ class HeightMethod:
             positive(self.contrast, "contrast")
         if self.twicing is not None and not 0 <= number(self.twicing, "twicing") <= 1:
             raise InputError(f"twicing: a weight between 0 and 1 expected, got {self.twicing}")
+        if self.second_stage not in (None, True, False):
+            raise InputError(f"second_stage: True, False or None expected, got {self.second_stage!r}")
         _ = self.variant
 
     @property

@@ -1,0 +1,167 @@
+"""Whether groups of similar patches, filtered after the flow, lower the error: both estimated on a few tiles."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.estimate.heights import is_rounded
+from meshflow.estimate.noise import Noise, spread_tiles
+from meshflow.estimate.plan import Decided, Plan, size_of
+from meshflow.estimate.probes import probes
+from meshflow.flow.constraints import Limit
+from meshflow.flow.engines.grid import GridFlow
+from meshflow.flow.march import march
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.patch_groups import PatchGroups
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.discontinuities import Cuts
+from meshflow.surfaces.grid import Grid
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+
+__all__ = ["groups_of", "with_second_stage"]
+
+# Samples that the errors are estimated on, on so many tiles by side, and how many at a cut are not counted.
+ENOUGH, TILES, CUT = 20_736, 3, 4
+# The twin starts beside the run by this share of the noise.
+PROBE = 0.1
+# By so many standard errors of their difference the second stage must be better.
+SURE = 1.0
+
+
+def groups_of(noise: Noise, strength: float, channels: int) -> PatchGroups:
+    """The second stage for a noise.
+
+    :param strength: the noise times this is what is removed.
+    :param channels: k, how many the data has.
+    """
+    sigmas = np.array(noise.channels if len(noise.channels) == channels else (noise.sigma,) * channels)
+    whole = float(np.sqrt(np.mean(sigmas**2)))
+    if whole > 0:  # what is given is the root mean square
+        sigmas = sigmas * (noise.sigma * strength / whole)
+    return PatchGroups.of(sigmas, noise.between, noise.correlation)
+
+
+def with_second_stage(plan: Plan) -> Plan:
+    """A plan with the second stage where it is asked for, or where nobody says and the error to be expected is lower with it.
+
+    :raises InputError: where it is asked for and cannot be had.
+    """
+    data, request, asked = plan.data, plan.request, plan.request.heights.second_stage
+    on_grid = isinstance(data, (HeightField, Image))
+    if asked and not on_grid:
+        raise InputError(f"second_stage: of height fields and images only, got {type(data).__name__}")
+    if asked and (plan.mobility is not None or plan.pull is not None):
+        raise InputError("second_stage: with mobility or data weights the flow alone is run; leave it out")
+    if (
+        not on_grid
+        or not isinstance(plan.method, HeightMethod)
+        or plan.idle is not None
+        or asked is False
+        or plan.noise.sigma <= 0
+    ):
+        return plan if asked is None else plan.with_({"second_stage": Decided("given")})
+    groups = groups_of(plan.noise, request.strength, len(data.gridded(plan.lift).planes))
+    if asked:
+        return plan.with_({"second_stage": Decided("given")}, groups=groups)
+    bound = request.named or request.asked or not plan.candidates or is_rounded(plan.noise)
+    if bound or plan.mobility is not None or plan.pull is not None:
+        return plan
+    gain, error = _gain(plan, groups)
+    if gain <= SURE * error:
+        return plan
+    why = f"the mean square error falls by {gain:.3g}, standard error {error:.2g}"
+    return plan.with_({"second_stage": Decided("estimated", why)}, groups=groups)
+
+
+def _gain(plan: Plan, groups: PatchGroups) -> tuple[float, float]:
+    """How much lower the mean square error is with the second stage, and the standard error of that."""
+    found = np.concatenate([np.zeros(0), *_gains(plan, groups)])
+    if found.size < 2:
+        return 0.0, 0.0
+    return float(found.mean()), float(found.std() / np.sqrt(found.size))
+
+
+def _gains(plan: Plan, groups: PatchGroups) -> Iterator[Array]:
+    """The estimated gain of the samples of each tile.
+
+    Monte Carlo SURE (Ramani, Blu, Unser 2008) of both, from one run and one twin: the probe has the covariance of the noise, and
+    the twin finds groups of its own.
+    """
+    threads = plan.request.compute.threads
+    deviations = np.sqrt(np.diag(groups.channels))
+    between = None if len(deviations) == 1 else plan.noise.between
+    if not isinstance(plan.data, (HeightField, Image)):
+        return
+    whole = plan.data.gridded(plan.lift)
+    for seed, (rows, columns) in enumerate(spread_tiles(whole.shape, ENOUGH, TILES)):
+        grid = _cut(whole, rows, columns)
+        k, (h, w) = len(grid.planes), grid.shape
+        probe = probes((k, h, w), 1, groups.correlation, between, seed)[0] * deviations[:, None, None]
+        probe = probe.astype(grid.planes.dtype)
+        counted = ~(grid.missing | grid.fixed)
+        if grid.shape != whole.shape:
+            inner = np.zeros(grid.shape, bool)
+            inner[CUT:-CUT, CUT:-CUT] = True
+            counted &= inner
+        if not counted.any() or min(grid.shape) < 2:
+            continue
+        twin = replace(grid, planes=grid.planes + grid.planes.dtype.type(PROBE) * probe)
+        most = _limit(plan, rows, columns)
+        squares, kept = [], []
+        runs = [_two_stages(plan, part, groups, most, threads) for part in (grid, twin)]
+        for one, two in zip(*runs, strict=True):
+            squares.append((one - grid.planes)[:, counted].astype(np.float64) ** 2)
+            kept.append((probe * (two - one))[:, counted].astype(np.float64) * (2.0 / PROBE))
+        yield np.mean(squares[0] + kept[0] - squares[1] - kept[1], axis=0)
+
+
+def _two_stages(plan: Plan, grid: Grid, groups: PatchGroups, most: object, threads: int | None) -> tuple[Array, Array]:
+    """The planes (k, h, w) after the flow, and after the second stage."""
+    flow = GridFlow(grid, plan.variant, threads)
+    shape = grid.shape if len(grid.planes) == 1 else (*grid.shape, len(grid.planes))
+    limit = None if most is None else Limit.of(flow.start(), most, shape)
+    until, twicing = plan.until, plan.twicing
+    marked = replace(until, time=2 * plan.time, marks=(plan.time,)) if twicing > 0 else until
+    u, kept = flow.start(), None
+    for state in march(flow, marked, "auto", limit=limit):
+        u = state.u
+        if twicing > 0 and kept is None and state.time >= plan.time * (1 - 1e-12):
+            kept = u
+    if kept is not None:
+        u = kept + kept.dtype.type(twicing) * (kept - u)
+    if limit is not None:
+        u = limit.hold(u.copy(order="K"))
+    first = np.ascontiguousarray(u.T).reshape(grid.planes.shape).astype(grid.planes.dtype)
+    second = groups.filtered(grid.planes, first, grid.missing, threads)
+    second[:, grid.fixed] = first[:, grid.fixed]
+    if limit is not None:
+        columns = second.reshape(len(second), -1).T.astype(limit.start.dtype)
+        second = np.ascontiguousarray(limit.hold(columns).T).reshape(second.shape)
+    return first, second
+
+
+def _limit(plan: Plan, rows: slice, columns: slice) -> object:
+    """What no sample of a tile leaves: a number, or an array of its samples."""
+    if plan.max_change is None or np.ndim(plan.max_change) == 0:
+        return plan.max_change
+    shape = size_of(plan.data)[0]
+    held = np.asarray(plan.max_change)
+    if held.shape == shape[:2] and len(shape) == 3:
+        held = held[..., None]
+    return np.broadcast_to(held, shape)[rows, columns]
+
+
+def _cut(grid: Grid, rows: slice, columns: slice) -> Grid:
+    """A window of a grid."""
+    planes = np.ascontiguousarray(grid.planes[:, rows, columns])
+    missing, fixed = grid.missing[rows, columns], grid.fixed[rows, columns]
+    widths, cuts = grid.spacing[0], None
+    if np.ndim(widths):
+        widths = np.asarray(widths)[rows]
+    if grid.cuts is not None:
+        right = slice(columns.start, columns.stop - 1)
+        cuts = Cuts(grid.cuts.right[rows, right], grid.cuts.down[rows.start : rows.stop - 1, columns])
+    return replace(grid, planes=planes, missing=missing, fixed=fixed, spacing=(widths, grid.spacing[1]), cuts=cuts)
