@@ -1,7 +1,7 @@
 """A second stage on a grid: groups of similar patches, found in a first result, each filtered as one.
 
 The second step of non-local Bayes (Lebrun, Buades, Morel, *A Nonlocal Bayesian Image Denoising Algorithm*, 2013). Patches that
-are alike in the first result, the pilot, form a group. Its mean m and covariance C in the pilot and the covariance Cn of the noise
+are alike in the first result, the pilot, form a group. Its mean m and covariance C in the pilot and the covariance Cn of noise
 say what is expected of a patch: a noisy one y becomes m + C (C + Cn)^-1 (y - m), and what all groups say of a sample is averaged.
 
 Ours: channels are turned so that their noise is independent and of deviation 1 and the pilot's principal axes lie along them, and
