@@ -132,8 +132,15 @@ def _filled(request: Request, variant: Variant, contrast: float, twicing: float)
     asked = request.heights
     if request.named:
         return replace(asked, contrast=contrast, twicing=twicing)
-    exponents = {"gamma": variant.gamma, "sharpness": variant.sharpness, "patch": variant.patch}
-    return Beltrami(contrast=contrast, twicing=twicing, indicator=asked.indicator, mass=asked.mass, **exponents)
+    return Beltrami(
+        gamma=variant.gamma,
+        sharpness=variant.sharpness,
+        patch=variant.patch,
+        contrast=contrast,
+        twicing=twicing,
+        indicator=asked.indicator,
+        mass=asked.mass,
+    )
 
 
 def _with(request: Request, found: Configuration) -> HeightMethod:
