@@ -9,7 +9,7 @@ from helpers import shapes
 from helpers.parts import parts
 
 import meshflow
-from meshflow.estimate.constraints import Mask, MaxChange
+from meshflow.estimate.constraints import Fixed, Mask, MaxChange
 from meshflow.estimate.grid_risk import probed
 from meshflow.estimate.pieces import pieces_of, spread, whole
 from meshflow.estimate.probes import probes
@@ -315,3 +315,23 @@ def test_a_stiff_run_of_several_channels_ends():
         assert result.end.step < 100
         assert result.data[:15].std() < 0.25
         assert np.abs(result.data[20, 20] - 1e3).max() < 10.0
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1, 0.5, 1.0, 2.0, 5.0])
+def test_a_slope_is_no_edge(slope):
+    y, x = np.mgrid[0:96, 0:96] * 10.0
+    truth = slope * (0.8 * x + 0.6 * y)
+    z = truth + np.random.default_rng(3).normal(size=truth.shape)
+    for method, share in (("quick", 0.15), (None, 0.08)):
+        left = meshflow.smooth(z, spacing=10.0, method=method) - truth
+        assert rms(left[8:-8, 8:-8]) < share, f"{rms(left[8:-8, 8:-8]):.3f} of the noise is left by {method}"
+
+
+def test_what_is_fixed_stays_to_the_bit_above_a_base():
+    _, z = noisy(n=48)
+    still = np.random.default_rng(1).random(z.shape) < 0.1
+    z[5:9, 20:30] = np.nan
+    result = meshflow.smooth(z.astype(np.float32), method="quick", constraints=Fixed(still), result=True)
+    assert "base" in result.parameters
+    np.testing.assert_array_equal(result.data[still], z.astype(np.float32)[still])
+    assert np.array_equal(np.isnan(result.data), np.isnan(z))

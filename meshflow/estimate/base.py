@@ -15,6 +15,8 @@ __all__ = ["base_of"]
 
 # The time of the heat flow for the base, in squared sample distances.
 TIME = 64.0
+# The ends of its steps as parts of that time: one step alone leaves fine noise.
+PARTS = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0)
 # A difference of neighbours that departs by so many sigma from the differences around it is a jump, which the base keeps.
 JUMP = 6.0
 # The slope of a step over the whole range. It is so small that the flow is the heat equation.
@@ -38,7 +40,10 @@ def base_of(grid: Grid, sigma: float, threads: int | None = None) -> Array:
         right, down = right | grid.cuts.right, down | grid.cuts.down
     step = float(np.sqrt(np.mean(grid.spacing[0]) * grid.spacing[1]))
     flow = GridFlow(replace(grid, contrast=FLAT * step / spread, cuts=Cuts(right, down)), Variant(), threads)
-    u = SuperTime().step(flow, flow.start(), TIME * step**2)
+    u, since = flow.start(), 0.0
+    for count, part in enumerate(PARTS):
+        u = SuperTime().step(flow, u, (part - since) * TIME * step**2, count)
+        since = part
     return u.T.reshape(planes.shape)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from meshflow.estimate.base import base_of
 from meshflow.estimate.families import CHANNEL_FAMILY, FAMILY, MESH_FAMILY, RAY_FAMILY, Family, configurations
 from meshflow.estimate.grid_search import Found, GridSearch, searched_on_grid
 from meshflow.estimate.mesh_search import LOOKED_AT, MESH_ENOUGH, TIMES, MeshSearch, searched_on_mesh
@@ -20,6 +21,8 @@ from meshflow.flow.methods.searched import Search
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Grid, Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -29,6 +32,8 @@ __all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "is_rounded", "limit_
 # the caller (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths over one edge and
 # shrinks little.
 ONE_TIME, GRID_TIME, MESH_TIME = 7.5, 5.0, 0.5
+# Above a base (estimate/base.py), since a slope is no edge: of planes of slope 0 to 5 it leaves 0.09 of the noise, without a base
+# 0.09 to 1.00. On 19 crops of scenes the error is 0.73 to 1.5 of that without, 1.035 in the mean: it loses on flat plateaus alone.
 ONE, ONE_EDGE = {"gamma": -1.0, "sharpness": 1.5}, 3.0
 # Where rounding is the noise it is not independent of the data, and its risk cannot be estimated: one fixed variant. Of widths 0
 # to 3, contrasts 0.5 to 2 and times 1 to 60 it is within 1 % of the best for a Mars terrain in steps of 200 m, a fractal one in
@@ -90,6 +95,8 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
         plan = replace(plan, warnings=(f"{no_noise(noise)}; contrast 1 is taken", *plan.warnings))
     if not request.named:
         plan = replace(plan, method=_filled(request, replace(plan.variant, **exponents), contrast, 0.0))
+        if sigma > 0 and not rounded and isinstance(data, (HeightField, Image)):
+            plan = replace(plan, base=base_of(data.gridded(plan.lift), sigma, request.compute.threads))
     return _ruled(plan, contrast, how, much, f"{much:g} h²")
 
 

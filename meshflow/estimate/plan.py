@@ -23,6 +23,8 @@ from meshflow.flow.stops import Scale
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation
 from meshflow.surfaces.range_image import RangeImage
@@ -73,6 +75,7 @@ class Plan:
     :ivar orientation: how the caller's grid was turned to become ``data``; the request's arrays were turned with it.
     :ivar setting: of a mesh whose points move; None of everything else.
     :ivar groups: the second stage, of groups of similar patches; None: the flow alone.
+    :ivar base: (k, h, w), what the samples of a grid are moved above; None: above zero.
     :ivar preparation: of the samples of a grid before the flow; else None.
     """
 
@@ -94,12 +97,38 @@ class Plan:
     preserve: Keep | None = None
     orientation: Orientation = AS_IT_IS
     setting: PointSetting | None = None
+    base: Array | None = None
     preparation: Preparation | None = None
     groups: PatchGroups | None = None
 
+    @property
+    def above(self) -> HeightField | Image | RangeImage:
+        """The grid that is moved: what of the data stands above its base.
+
+        :raises TypeError: of a mesh, which has none.
+        """
+        if isinstance(self.data, Mesh):
+            raise TypeError("above: a grid expected, got a mesh")
+        if self.base is None:
+            return self.data
+        return self.data.lowered(self.data.gridded(self.lift).planes.reshape(len(self.base), -1).T - self.base_columns)
+
+    @property
+    def base_columns(self) -> Array:
+        """The base as (n, k), zero without one."""
+        return np.zeros((1, 1), np.float32) if self.base is None else self.base.reshape(len(self.base), -1).T
+
+    def _lowered(self, u: Array) -> Data:
+        """The data at coordinates u (n, k) above its base; what may not move keeps its bits."""
+        if self.base is None or isinstance(self.data, (Mesh, RangeImage)):
+            return self.data.lowered(u)
+        planes = self.data.gridded(self.lift).planes
+        stays = self.data.fixed.reshape(-1, 1)
+        return self.data.lowered(np.where(stays, planes.reshape(len(planes), -1).T, u + self.base_columns))
+
     def result(self, u: Array | None = None) -> Data:
         """The data of the caller with coordinates u (n, k) of the flow; None: for a run that does nothing."""
-        done = self.data if u is None else self.data.lowered(u)
+        done = self.data if u is None else self._lowered(u)
         if isinstance(done, (Mesh, RangeImage)):
             return done
         done = done.oriented(self.orientation.inverse)
@@ -171,7 +200,7 @@ class _Seen:
     plan: Plan
 
     def __call__(self, u: Array) -> Array:
-        values = np.asarray(u).reshape(self.shape).view()
+        values = (np.asarray(u) if self.plan.base is None else u + self.plan.base_columns).reshape(self.shape).view()
         values = self.plan.orientation.inverse.of(values) if self.plan.orientation.changes else values
         values = values if self.plan.preparation is None else self.plan.preparation.seen(values)
         values.flags.writeable = False

@@ -145,7 +145,7 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
 def _engine(plan: Plan) -> Flow:
     """The engine that moves the data."""
     if not isinstance(plan.data, Mesh):
-        return GridFlow(plan.data.gridded(plan.lift), plan.variant, plan.request.compute.threads)
+        return GridFlow(plan.above.gridded(plan.lift), plan.variant, plan.request.compute.threads)
     surface = plan.data.lifted(plan.lift)
     if plan.points is not None and plan.setting is not None:
         return plan.points.engine(surface, plan.setting)
