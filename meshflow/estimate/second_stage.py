@@ -95,7 +95,7 @@ def _gains(plan: Plan, groups: PatchGroups) -> Iterator[Array]:
     between = None if len(deviations) == 1 else plan.noise.between
     if not isinstance(plan.data, (HeightField, Image)):
         return
-    whole = plan.data.gridded(plan.lift)
+    whole = plan.above.gridded(plan.lift)
     for seed, (rows, columns) in enumerate(spread_tiles(whole.shape, ENOUGH, TILES)):
         grid = _cut(whole, rows, columns)
         k, (h, w) = len(grid.planes), grid.shape

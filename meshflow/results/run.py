@@ -222,7 +222,7 @@ def _grouped(end: State, plan: Plan, groups: PatchGroups) -> State:
     """The end of a run after the second stage; what is fixed stays."""
     if not isinstance(plan.data, (HeightField, Image)):
         return end
-    grid, limit = plan.data.gridded(plan.lift), plan.limit(end.flow.start())
+    grid, limit = plan.above.gridded(plan.lift), plan.limit(end.flow.start())
     first = np.ascontiguousarray(end.u.T).reshape(grid.planes.shape).astype(grid.planes.dtype)
     planes = groups.filtered(np.ascontiguousarray(grid.planes), first, grid.missing, plan.request.compute.threads)
     planes[:, grid.fixed] = first[:, grid.fixed]
