@@ -1,6 +1,5 @@
 """A weighted mean of several runs, with the nonnegative weights of least estimated risk."""
 
-from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -30,7 +29,7 @@ def blended(changes: Array, left: Array) -> tuple[Array, float]:
     return best, least
 
 
-def _even(changes: Array, left: Array) -> Sequence[float]:
+def _even(changes: Array, left: Array) -> Array:
     """The weights of sum 1 and of any sign that minimize the same form."""
     m = len(left)
     system = np.zeros((m + 1, m + 1))
