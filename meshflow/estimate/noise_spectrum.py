@@ -38,6 +38,8 @@ GAIN, BETTER = 30.0, 0.5
 ABOVE, EVIDENCE, FEW, MISFIT, NARROWEST, WIDEST = 1.25, 40.0, 6, 0.2, 0.35, 2.8
 # If more than the share MIXED of it is white, which is usually white noise on a texture, these bounds hold instead.
 MIXED, ABOVE_WHITE, EVIDENCE_WHITE = 0.05, 2.5, 100.0
+# So is noise on a "surface" of a smaller exponent. Lines of text and bricks have lengths that differ by such a factor.
+LEVEL, SKEWED = 1.2, 1.6
 # Correlations below UNTOLD, and those of lags beyond REACH, are not reported.
 UNTOLD, REACH = 0.03, 8
 
@@ -83,8 +85,10 @@ class Found:
     @property
     def correlated(self) -> bool:
         """Whether the noise is correlated beyond doubt."""
-        spectrum, wide = self.spectrum, max(self.spectrum.lengths)
-        mixed = spectrum.white > MIXED * float(self.covariance()[0, 0])
+        spectrum, narrow, wide = self.spectrum, min(self.spectrum.lengths), max(self.spectrum.lengths)
+        mixed = spectrum.exponent < LEVEL or spectrum.white > MIXED * float(self.covariance()[0, 0])
+        if mixed and wide > SKEWED * narrow:
+            return False
         above, evidence = (ABOVE_WHITE, EVIDENCE_WHITE) if mixed else (ABOVE, EVIDENCE)
         clear = self.above > above and self.evidence > evidence and self.tiles >= FEW and self.error < MISFIT
         return clear and NARROWEST < wide < WIDEST
