@@ -1,61 +1,63 @@
-"""Folds of a mesh, and motions without new folds."""
+"""Folds of a mesh, and how far points may move without new ones."""
 
 import numpy as np
 
 from meshflow.geometry.connectivity import shared_sides
+from meshflow.geometry.laplacians import neighbour_means
 from meshflow.geometry.normals import measured
-from meshflow.geometry.orientation import parts
 from meshflow.geometry.validation import Array
 
 __all__ = ["moved_without_folds", "new_folds"]
 
 # The cosine between the normals of two neighbours below which the surface is folded there: they turn by more than 135 degrees.
 FOLDED = -0.7
-# The largest number of halvings of a motion that folds.
-HALVINGS = 8
+# Rounds in which what folds is moved to the middle of its neighbours, and then half as far, and then not at all.
+SMOOTHED, HALVED, STAYED = 12, 4, 4
 
 
 def new_folds(before: Array, after: Array, faces: Array) -> Array:
-    """The pairs of triangles (k, 2) that are folded at their common edge after a motion, but not before.
+    """The pairs of triangles (k, 2) that are folded over their edge, and were not before.
 
-    :param before: points (n, 3); ``after`` likewise.
+    :param before: points (n, 3), as ``after``.
     """
     one, other = shared_sides(faces)
     pairs = np.stack([one // 3, other // 3], axis=1)
     return pairs[_folded(after, faces, pairs) & ~_folded(before, faces, pairs)]
 
 
-def moved_without_folds(before: Array, after: Array, faces: Array) -> tuple[Array, int]:
-    """The points (n, 3) after a motion without new folds: points that would cause one move less.
+def moved_without_folds(before: Array, after: Array, faces: Array, held: Array) -> tuple[Array, int]:
+    """The points (n, 3) after a motion, those that would fold the surface where it was not folded moved otherwise.
 
-    The motion of the vertices of new folds and of those around them is halved repeatedly. If that does not help, the part of
-    the mesh does not move.
+    The corners of what folds are moved to the middle of their neighbours, again and again; where that does not help, half as far
+    as they were to go, and then not at all. If more is folded after all this than was before, nothing moves.
 
-    :param before: points (n, 3); ``after`` likewise.
-    :returns: the points, and the number of those that move less.
+    :param before: points (n, 3), as ``after``.
+    :param held: (n,), points that stay.
+    :returns: the points, and how many of them are moved otherwise.
     """
     one, other = shared_sides(faces)
     pairs = np.stack([one // 3, other // 3], axis=1)
     were = _folded(before, faces, pairs)
-    share, points = np.ones(len(before)), after
-    for halving in range(HALVINGS + 2):
-        bad = pairs[_folded(points, faces, pairs) & ~were]
+    points, mean = after, None
+    for turn in range(SMOOTHED + HALVED + STAYED):
+        bad = np.unique(faces[pairs[_folded(points, faces, pairs) & ~were]])
+        bad = bad[~held[bad]]
         if not len(bad):
             break
-        near = np.zeros(len(before), bool)
-        near[faces[bad]] = True
-        near[faces[near[faces].any(axis=1)]] = True
-        if halving < HALVINGS:
-            share[near] *= 0.5
+        mean = neighbour_means(faces, len(before), "free") if mean is None else mean
+        points = points.copy()
+        if turn < SMOOTHED:
+            points[bad] = mean[bad] @ points
+        elif turn < SMOOTHED + HALVED:
+            points[bad] = 0.5 * (before[bad] + points[bad])
         else:
-            label = parts(faces, len(before))[1]
-            share[np.isin(label, label[near]) if halving > HALVINGS else near] = 0.0
-        points = np.where(share[:, None] == 1.0, after, before + share[:, None] * (after - before))
-        points = np.where(share[:, None] == 0.0, before, points).astype(after.dtype)
-    return points, int(np.count_nonzero(share < 1.0))
+            points[bad] = before[bad]
+    if _folded(points, faces, pairs).sum() > were.sum():
+        points = before
+    return points, int((points != after).any(axis=1).sum())
 
 
 def _folded(points: Array, faces: Array, pairs: Array) -> Array:
-    """Mask (k,) of the folded pairs of triangles; those with a triangle without area are not folded."""
+    """Which pairs of triangles (k,) are folded; triangles without area are not."""
     normals, _ = measured(points, faces)
     return np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]]) < FOLDED

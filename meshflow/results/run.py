@@ -163,8 +163,8 @@ def _without_folds(done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
     """The result of a search on a mesh without new folds, and a sentence if points move less for that."""
     if not isinstance(done, Mesh) or not isinstance(plan.data, Mesh) or not plan.candidates or done.moves != "points":
         return done, ()
-    points, less = moved_without_folds(plan.data.points, done.points, done.faces)
-    said = f"{less} of {len(points)} points were moved less than by the method alone, which would fold the surface"
+    points, less = moved_without_folds(plan.data.points, done.points, done.faces, plan.data.fixed)
+    said = f"{less} of {len(points)} points were moved otherwise than by the method alone, which would fold the surface"
     return replace(done, points=points), (said,) if less else ()
 
 
