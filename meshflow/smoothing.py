@@ -32,6 +32,7 @@ from meshflow.flow.progress import Progress
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
 from meshflow.geometry.options import nearest, options_of
 from meshflow.io.adapters.multipart import multipart
+from meshflow.io.document import Document
 from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.io.objects import Imported, from_object, opened, taken_in
 from meshflow.results.multipart import Results, one_by_one
@@ -180,6 +181,8 @@ def smooth_object(
     parts = multipart(data, options)
     if parts is not None:
         results = one_by_one(parts, request.constraints, lambda part: _smoothed(part, request, progress, record))
+        if isinstance(data, Document):
+            results = replace(results, warnings=(*data.notes, *results.warnings))
         return results.data, results
     imported = taken_in(data, options)
     found = _smoothed(imported, request, progress, record)

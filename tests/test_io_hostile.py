@@ -163,6 +163,14 @@ def test_a_raster_larger_than_the_machine_is_refused_with_size_and_limit(tmp_pat
     )
 
 
+def test_a_picture_that_promises_what_no_compression_reaches_is_refused(tmp_path):
+    profile = {"driver": "GTiff", "count": 1, "dtype": "uint8", "SPARSE_OK": True, "tiled": True}
+    blocks = {"blockxsize": 16384, "blockysize": 16384}
+    with rasterio.open(tmp_path / "a.tif", "w", width=32768, height=32768, **profile, **blocks):
+        pass
+    refused(lambda: read(tmp_path / "a.tif"), r"1 x 32768 x 32768 samples, 4\.3 GB .* promised in \d+ bytes")
+
+
 def test_an_ascii_grid_that_promises_more_than_the_file_holds_is_refused(tmp_path):
     (tmp_path / "a.asc").write_text(ASC.replace("ncols 3", "ncols 50000").replace("nrows 2", "nrows 50000") + "1 2 3\n")
     refused(lambda: read(tmp_path / "a.asc"), "cut off, 50000 x 50000 numbers expected in 6 bytes")

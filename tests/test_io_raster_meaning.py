@@ -210,6 +210,7 @@ def test_bands_of_unlike_size_are_smoothed_each_by_its_own_noise_and_so_it_is_to
     result = meshflow.smooth(document, result=True)
     assert isinstance(result, Results)
     assert list(result) == ["elevation", "uncertainty"]
+    assert any("each is smoothed by itself" in word for word in result.warnings)
     alone = meshflow.smooth(read(path, band=1)).data.z
     assert np.array_equal(result.data.data.values[..., 0], alone)
     assert np.std(result.data.data.values[..., 1] - 0.3) < 0.02

@@ -25,6 +25,8 @@ _ELSEWHERE = {
 }  # fmt: skip
 # The share of the machine's memory that the samples of a raster may take; smoothing needs at least as much again.
 _SHARE = 0.5
+# Bytes of samples for one byte of a file: no compression reaches it, nor a file of empty tiles that is of use.
+_MOST_PACKED = 1e6
 _WORD = re.compile(rb"(?<!\S)(?:\S*[^\s0-9.,+\-eE]\S*|[eE+\-.,]+(?!\S))")
 # Bytes of an ASCII grid from which GDAL decides whether it has whole numbers.
 _LOOKED_AT = 100_000
@@ -55,9 +57,15 @@ def must_fit(path: Path, bands: int, height: int, width: int) -> None:
 
     :raises FormatError: the message names the size and the limit.
     """
+    size, stored = 4.0 * bands * height * width, path.stat().st_size
+    if path.suffix.lower() in _PICTURE_SUFFIXES and size > _MOST_PACKED * stored:
+        raise FormatError(
+            f"{path.name}: {bands} x {height} x {width} samples, {size / 1e9:.1f} GB in float32, are promised in {stored} bytes, "
+            f"and {_MOST_PACKED:g} to one is the limit; is it cut off, or the header wrong?"
+        )
     if not hasattr(os, "sysconf"):  # Windows has no sysconf
         return
-    size, limit = 4.0 * bands * height * width, _SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    limit = _SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if size > limit:
         raise FormatError(
             f"{path.name}: {bands} x {height} x {width} samples are {size / 1e9:.1f} GB in float32, and {limit / 1e9:.1f} GB, "
