@@ -93,6 +93,8 @@ def plan(data: Data, request: Request) -> Plan:
             data, spikes = without_spikes(data)
             warnings += spikes
     data, noise, why = _with_noise(data, request, mask, (how, way))
+    if how is not None and request.level is None:
+        warnings += _of_lines(noise.oriented(way.inverse))
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
         data = data.cleared(request.constraints.min_component)
     request = _stepped(data, request)
@@ -111,6 +113,16 @@ def plan(data: Data, request: Request) -> Plan:
         found, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=(*warnings, *found.warnings)
     )
     return with_second_stage(_ended(_held(found)))
+
+
+def _of_lines(noise: Noise) -> tuple[str, ...]:
+    """A warning about rows or columns that are shifted against each other, and the option that levels them."""
+    found = (("rows", noise.lines.rows), ("columns", noise.lines.columns))
+    return tuple(
+        f"{lines} are shifted against each other by {size:.3g} (rms), as scan lines are: level={lines!r} levels them"
+        for lines, size in found
+        if size > 0
+    )
 
 
 def plan_of_flow(data: Data, request: Request) -> Plan:

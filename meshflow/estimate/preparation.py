@@ -7,7 +7,7 @@ import numpy as np
 
 from meshflow.estimate.outliers import Outliers, large_pieces, outliers_of
 from meshflow.estimate.ring_fill import filled_from_ring
-from meshflow.estimate.stripes import Level, line_offsets, stripes_of
+from meshflow.estimate.stripes import Level, offsets_to_level
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
@@ -100,14 +100,7 @@ def prepared(
         insists = outliers == "repair" or found.dense
         warnings += _said(values, found, repaired)
     if level is not None:
-        values = (values - line_offsets(values, missing, level)).astype(values.dtype)
-    else:
-        stripes = stripes_of(values, missing)
-        if stripes is not None:
-            warnings.append(
-                f"{stripes.along} are shifted against each other by {stripes.size:.3g} (rms), as scan lines are: "
-                f"level={stripes.along!r} levels them"
-            )
+        values = (values - offsets_to_level(values, missing, level)).astype(values.dtype)
     datum = _datum(values, missing)
     if datum.any():
         values = np.where(missing if values.ndim == 2 else missing[..., None], 0, values - datum.astype(values.dtype))

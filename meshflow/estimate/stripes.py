@@ -1,6 +1,5 @@
-"""Offsets of scan lines: detects and removes shifts of rows or columns against each other."""
+"""Offsets of scan lines: the shifts of rows or columns against each other that levelling removes."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -9,65 +8,24 @@ from scipy.sparse.linalg import spsolve
 
 from meshflow.geometry.validation import Array
 
-__all__ = ["Level", "Stripes", "line_offsets", "stripes_of"]
+__all__ = ["Level", "offsets_to_level"]
 
 Level = Literal["rows", "columns"]
 # Median absolute deviation of a Gaussian to its standard deviation.
 MAD = 1.4826
 # The least number of lines, and of samples in a line.
 LEAST = 16
-# Second differences of independent offsets have a correlation of -2/3 from line to line; those of a smooth surface, above 0.
-OPPOSED = -0.4
-# Stripes are reported if they are this many times those of the lines across, and those that noise causes in the median of a line.
-STANDING = 2.5
 # Offsets are visible if the squared bends of the lines are this many times those of the lines across, and of noise.
 SEEN = 1.5
 # The number of updates of the weights of a fit.
 FITS = 12
 # The surface is at least as rough as this share of the offsets.
 SLIGHT = 0.02
-# The numbers of samples per line, and of lines, that are used.
-ENOUGH, LINES = 512, 2048
+# The number of samples per line that are used.
+ENOUGH = 512
 
 
-@dataclass(frozen=True)
-class Stripes:
-    """Detected offsets of lines.
-
-    :ivar along: ``rows`` or ``columns``, which have offsets.
-    :ivar size: standard deviation of the offsets, unit of the values.
-    """
-
-    along: Level
-    size: float
-
-
-def stripes_of(values: Array, missing: Array) -> Stripes | None:
-    """Whether rows or columns are shifted against each other; None where they are not.
-
-    It uses the median of each line's second differences across the lines, which independent offsets make large and alternating in
-    sign. Offsets are reported only if it exceeds that of the lines across, and that of noise.
-
-    :param values: (h, w) or (h, w, k), of which the mean of the channels is used.
-    :param missing: (h, w).
-    """
-    flat = _flat(values, missing)
-    found = {along: _bends((flat if along == "rows" else flat.T)[:LINES]) for along in ("rows", "columns")}
-    for along, other in (("rows", "columns"), ("columns", "rows")):
-        bends, noise = found[along]
-        across, _ = found[other]
-        if bends.size < LEAST or across.size < LEAST:
-            continue
-        size = MAD * float(np.median(np.abs(bends)))
-        usual = max(MAD * float(np.median(np.abs(across))), noise)
-        clipped = np.clip(bends, -4.0 * size, 4.0 * size)
-        power = float(np.mean(clipped**2))
-        if power > 0 and size > STANDING * usual and float(np.mean(clipped[1:] * clipped[:-1])) < OPPOSED * power:
-            return Stripes("rows" if along == "rows" else "columns", size / float(np.sqrt(6.0)))
-    return None
-
-
-def line_offsets(values: Array, missing: Array, along: Level) -> Array:
+def offsets_to_level(values: Array, missing: Array, along: Level) -> Array:
     """The offset of each line, (h, 1) or (1, w), for images (h, 1, k) or (1, w, k), of mean zero.
 
     The second differences of neighbouring lines are those of the offsets and of the surface. They are separated by the
@@ -95,11 +53,10 @@ def _flat(values: Array, missing: Array) -> Array:
     return np.where(missing, np.nan, flat)
 
 
-def _bends(lines: Array, whole: bool = False) -> tuple[Array, float]:
-    """The median second difference of each line except the outer ones, and its deviation for pure noise.
+def _bends(lines: Array) -> tuple[Array, float]:
+    """The second difference of each line except the outer ones, NaN for lines that are too short; its deviation for noise.
 
-    :param whole: instead of the median the mean of values within three deviations of it, which is less noisy, for every line;
-        NaN for lines that are too short, which are left out otherwise.
+    It is the mean of the values within three deviations of their median.
     """
     lines = lines[:, :: max(1, lines.shape[1] // ENOUGH)]
     if len(lines) < 3:
@@ -113,8 +70,6 @@ def _bends(lines: Array, whole: bool = False) -> tuple[Array, float]:
     off = kept - np.nanmedian(kept, axis=1)[:, None]
     spread = MAD * float(np.nanmedian(np.abs(off)))
     middle = np.full(len(bends), np.nan)
-    if not whole:
-        return np.nanmedian(kept, axis=1), 1.2533 * spread / float(np.sqrt(np.median(there[long])))
     near = np.maximum(3.0 * spread, np.nanmin(np.abs(off), axis=1, keepdims=True))
     middle[long] = np.nanmean(np.where(np.abs(off) <= near, kept, np.nan), axis=1)
     return middle, spread / float(np.sqrt(np.median(there[long])))
@@ -129,8 +84,8 @@ def _split(lines: Array, others: Array) -> Array:
     :param others: the same samples as lines in the other direction.
     """
     count = len(lines)
-    bends, noise = _bends(lines, whole=True)
-    across, blur = _bends(others, whole=True)
+    bends, noise = _bends(lines)
+    across, blur = _bends(others)
     if len(bends) < LEAST or not np.isfinite(bends).any() or across.size == 0:
         return np.zeros(count)
     size = MAD * float(np.nanmedian(np.abs(bends)))
