@@ -15,7 +15,7 @@ __all__ = ["base_of"]
 
 # The time of the heat flow for the base, in squared sample distances.
 TIME = 64.0
-# The ends of its steps as parts of that time: one step alone leaves fine noise.
+# The ends of its steps as parts of that time. A single step would leave fine noise.
 PARTS = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0)
 # A difference of neighbours that departs by so many sigma from the differences around it is a jump, which the base keeps.
 JUMP = 6.0

@@ -8,8 +8,8 @@ from meshflow.flow.family import Variant
 __all__ = ["CHANNEL_FAMILY", "FAMILY", "MESH_FAMILY", "RAY_FAMILY", "Family", "configurations"]
 
 Family = tuple[tuple[dict[str, float], tuple[float, ...]], ...]
-# The configurations of a search where no method is named. The first one is nearly the heat equation: a slope is no edge
-# for it, and with twicing it leaves bowls and ridges as they are.
+# The configurations of a search where no method is named. The first one is nearly the heat equation: slopes are not edges
+# for it, and with twicing it preserves bowls and ridges.
 FAMILY: Family = (
     ({}, (0.1,)),
     ({"patch": 1.5}, (0.4, 3.0)),

@@ -32,8 +32,9 @@ __all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "is_rounded", "limit_
 # the caller (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths over one edge and
 # shrinks little.
 ONE_TIME, GRID_TIME, MESH_TIME = 7.5, 5.0, 0.5
-# Above a base (estimate/base.py), since a slope is no edge: of planes of slope 0 to 5 it leaves 0.09 of the noise, without a base
-# 0.09 to 1.00. On 19 crops of scenes the error is 0.73 to 1.5 of that without, 1.035 in the mean: it loses on flat plateaus.
+# It runs above a base (estimate/base.py), because slopes are not edges: on planes of slope 0 to 5 the remaining noise is 0.09
+# of it, without a base 0.09 to 1.00. On 19 crops of scenes the error is 0.73 to 1.5 of that without a base, 1.035 on average;
+# it is higher on flat plateaus.
 ONE, ONE_EDGE = {"gamma": -1.0, "sharpness": 1.5}, 3.0
 # Where rounding is the noise it is not independent of the data, and its risk cannot be estimated: one fixed variant. Of widths 0
 # to 3, contrasts 0.5 to 2 and times 1 to 60 it is within 1 % of the best for a Mars terrain in steps of 200 m, a fractal one in

@@ -38,7 +38,8 @@ GAIN, BETTER = 30.0, 0.5
 ABOVE, EVIDENCE, FEW, MISFIT, NARROWEST, WIDEST = 1.25, 40.0, 6, 0.2, 0.35, 2.8
 # If more than the share MIXED of it is white, which is usually white noise on a texture, these bounds hold instead.
 MIXED, ABOVE_WHITE, EVIDENCE_WHITE = 0.05, 2.5, 100.0
-# So is noise on a "surface" of a smaller exponent. Lines of text and bricks have lengths that differ by such a factor.
+# The same bounds hold if the exponent of the surface is below LEVEL. If the lengths also differ by the factor SKEWED, as for
+# lines of text and bricks, the noise is not correlated.
 LEVEL, SKEWED = 1.2, 1.6
 # Correlations below UNTOLD, and those of lags beyond REACH, are not reported.
 UNTOLD, REACH = 0.03, 8

@@ -75,7 +75,7 @@ class Plan:
     :ivar orientation: how the caller's grid was turned to become ``data``; the request's arrays were turned with it.
     :ivar setting: of a mesh whose points move; None of everything else.
     :ivar groups: the second stage, of groups of similar patches; None: the flow alone.
-    :ivar base: (k, h, w), what the samples of a grid are moved above; None: above zero.
+    :ivar base: (k, h, w), the base of a grid, relative to which it is smoothed; None: zero.
     :ivar preparation: of the samples of a grid before the flow; else None.
     """
 
@@ -103,9 +103,9 @@ class Plan:
 
     @property
     def above(self) -> HeightField | Image | RangeImage:
-        """The grid that is moved: what of the data stands above its base.
+        """The grid to be smoothed: the data relative to its base.
 
-        :raises TypeError: of a mesh, which has none.
+        :raises TypeError: for a mesh, which has no base.
         """
         if isinstance(self.data, Mesh):
             raise TypeError("above: a grid expected, got a mesh")
@@ -119,7 +119,7 @@ class Plan:
         return np.zeros((1, 1), np.float32) if self.base is None else self.base.reshape(len(self.base), -1).T
 
     def _lowered(self, u: Array) -> Data:
-        """The data at coordinates u (n, k) above its base; what may not move keeps its bits."""
+        """The data at coordinates u (n, k) relative to its base; fixed samples do not change in any bit."""
         if self.base is None or isinstance(self.data, (Mesh, RangeImage)):
             return self.data.lowered(u)
         planes = self.data.gridded(self.lift).planes

@@ -1,4 +1,4 @@
-"""Whether groups of similar patches, filtered after the flow, lower the error: both estimated on a few tiles."""
+"""The choice of a second stage, filtering of groups of similar patches after the flow, by the errors estimated on a few tiles."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,38 +23,38 @@ from meshflow.surfaces.image import Image
 
 __all__ = ["groups_of", "with_second_stage"]
 
-# Samples that the errors are estimated on, on so many tiles by side, and how many at a cut are not counted.
+# The number of samples for the estimates, the number of tiles by side, and the number of samples at a cut that are not counted.
 ENOUGH, TILES, CUT = 20_736, 3, 4
-# The twin starts beside the run by this share of the noise.
+# The perturbation of the twin, as a share of the noise.
 PROBE = 0.1
-# By so many standard errors of their difference the second stage must be better.
+# The second stage must lower the error by this many standard errors of the difference.
 SURE = 1.0
 
 
 def groups_of(noise: Noise, strength: float, channels: int) -> PatchGroups:
     """The second stage for a noise.
 
-    :param strength: the noise times this is what is removed.
-    :param channels: k, how many the data has.
+    :param strength: the noise times this is removed.
+    :param channels: k, the number of channels of the data.
     """
     sigmas = np.array(noise.channels if len(noise.channels) == channels else (noise.sigma,) * channels)
     whole = float(np.sqrt(np.mean(sigmas**2)))
-    if whole > 0:  # what is given is the root mean square
+    if whole > 0:  # the given noise is the root mean square
         sigmas = sigmas * (noise.sigma * strength / whole)
     return PatchGroups.of(sigmas, noise.between, noise.correlation)
 
 
 def with_second_stage(plan: Plan) -> Plan:
-    """A plan with the second stage where it is asked for, or where nobody says and the error to be expected is lower with it.
+    """A plan with the second stage if it is requested, or by default if the expected error is lower with it.
 
-    :raises InputError: where it is asked for and cannot be had.
+    :raises InputError: if it is requested but not possible.
     """
     data, request, asked = plan.data, plan.request, plan.request.heights.second_stage
     on_grid = isinstance(data, (HeightField, Image))
     if asked and not on_grid:
         raise InputError(f"second_stage: of height fields and images only, got {type(data).__name__}")
     if asked and (plan.mobility is not None or plan.pull is not None):
-        raise InputError("second_stage: with mobility or data weights the flow alone is run; leave it out")
+        raise InputError("second_stage: not possible with mobility or data weights; leave it out")
     if (
         not on_grid
         or not isinstance(plan.method, HeightMethod)
@@ -77,7 +77,7 @@ def with_second_stage(plan: Plan) -> Plan:
 
 
 def _gain(plan: Plan, groups: PatchGroups) -> tuple[float, float]:
-    """How much lower the mean square error is with the second stage, and the standard error of that."""
+    """The decrease of the mean square error by the second stage, and its standard error."""
     found = np.concatenate([np.zeros(0), *_gains(plan, groups)])
     if found.size < 2:
         return 0.0, 0.0
@@ -87,8 +87,8 @@ def _gain(plan: Plan, groups: PatchGroups) -> tuple[float, float]:
 def _gains(plan: Plan, groups: PatchGroups) -> Iterator[Array]:
     """The estimated gain of the samples of each tile.
 
-    Monte Carlo SURE (Ramani, Blu, Unser 2008) of both, from one run and one twin: the probe has the covariance of the noise, and
-    the twin finds groups of its own.
+    It is the difference of Monte Carlo SURE (Ramani, Blu, Unser 2008) for both results, from one run and one twin. The probe
+    has the covariance of the noise, and the twin has its own groups.
     """
     threads = plan.request.compute.threads
     deviations = np.sqrt(np.diag(groups.channels))
@@ -144,7 +144,7 @@ def _two_stages(plan: Plan, grid: Grid, groups: PatchGroups, most: object, threa
 
 
 def _limit(plan: Plan, rows: slice, columns: slice) -> object:
-    """What no sample of a tile leaves: a number, or an array of its samples."""
+    """The largest change on a tile: a number, or an array with one number per sample."""
     if plan.max_change is None or np.ndim(plan.max_change) == 0:
         return plan.max_change
     shape = size_of(plan.data)[0]

@@ -1,12 +1,12 @@
-"""A second stage on a grid: groups of similar patches, found in a first result, each filtered as one.
+"""A second stage on a grid: filtering of groups of similar patches, which are found in a first result.
 
 The second step of non-local Bayes (Lebrun, Buades, Morel, *A Nonlocal Bayesian Image Denoising Algorithm*, 2013). Patches that
-are alike in the first result, the pilot, form a group. Its mean m and covariance C in the pilot and the covariance Cn of noise
-say what is expected of a patch: a noisy one y becomes m + C (C + Cn)^-1 (y - m), and what all groups say of a sample is averaged.
+are similar in the first result, the pilot, form a group with mean m and covariance C. With the covariance Cn of the noise, the
+estimate for a noisy patch y is m + C (C + Cn)^-1 (y - m). The estimates of a sample from all groups are averaged.
 
-Ours: channels are turned so that their noise is independent and of deviation 1 and the pilot's principal axes lie along them, and
-are then filtered each by itself in groups that they share; it is done again with its own result as pilot, as a flow lacks details
-that the first groups bring back.
+Our additions: channels are transformed so that their noise is independent with deviation 1, and that they are the principal
+axes of the pilot. They are then filtered separately in common groups. The filter is repeated with its own result as pilot,
+because the result of a flow lacks details that the first pass restores.
 """
 
 from dataclasses import dataclass
@@ -18,13 +18,14 @@ from meshflow.kernels.patch_groups import GroupOptions, patch_groups
 
 __all__ = ["PatchGroups"]
 
-# Samples along the side of a patch, the reach of a search for others along each axis, and how many form a group. Sides from 3 to
+# The side of a patch in samples, the reach of the search along each axis, and the number of patches in a group. Sides from 3 to
 # 8, reaches to 15 and groups from 32 to 100 differ by 0.03 dB on twelve photographs (tests/bench_second_stage.py).
 SIDE, REACH, MEMBERS = 5, 10, 48
-# What a squared sample of distance in place counts, in squares of the noise: 0.05 dB better than nothing.
+# The weight of the squared distance in position (samples), in squares of the noise. It improves the result by 0.05 dB.
 NEAR = 0.2
-# The share of the noise that is counted and the stride of the references, pass by pass. The first pilot varies less than the data
-# does: with less noise counted, what it has lost comes back. Colours take a pass more: 0.15 dB, of one channel nothing.
+# The assumed share of the noise and the stride of the references, for each pass. The first pilot varies less than the data;
+# with a smaller share of the noise its lost details are restored. A third pass improves colours by 0.15 dB, but not a single
+# channel.
 PASSES: tuple[tuple[float, int], ...] = ((0.4, 4), (0.9, 3))
 PASSES_OF_CHANNELS: tuple[tuple[float, int], ...] = ((0.5, 4), (0.9, 4), (0.9, 3))
 
@@ -33,10 +34,10 @@ PASSES_OF_CHANNELS: tuple[tuple[float, int], ...] = ((0.5, 4), (0.9, 4), (0.9, 3
 class PatchGroups:
     """Filtering in groups of similar patches, for noise of a known covariance.
 
-    :ivar channels: (k, k), covariance of the noise between the channels of one sample, squared unit of the values; channels of
-        variance 0 stay as they are.
-    :ivar correlation: (2 r + 1, 2 r + 1), of the noise of two samples by their lag in rows and columns, 1 in the middle, the same
-        for all channels; None: the noise is white.
+    :ivar channels: (k, k), covariance of the noise between the channels of one sample, squared unit of the values; channels with
+        variance 0 do not change.
+    :ivar correlation: (2 r + 1, 2 r + 1), correlation of the noise by lag in rows and columns, 1 in the middle, the same for all
+        channels; None: the noise is white.
     """
 
     channels: Array
@@ -44,24 +45,24 @@ class PatchGroups:
 
     @classmethod
     def of(cls, sigmas: Array, between: Array | None = None, correlation: Array | None = None) -> "PatchGroups":
-        """Of the standard deviations of the channels.
+        """The filter for given standard deviations of the channels.
 
         :param sigmas: (k,), unit of the values.
         :param between: (k, k), correlation of the noise between channels; None: none.
-        :param correlation: as of the class.
+        :param correlation: see the class.
         """
         sigma = np.asarray(sigmas, np.float64)
         return cls(np.outer(sigma, sigma) * (np.eye(len(sigma)) if between is None else between), correlation)
 
     def filtered(self, values: Array, pilot: Array, missing: Array, threads: int | None = None) -> Array:
-        """The values (k, h, w), filtered with a first result of them as pilot.
+        """The filtered values (k, h, w), with a first result as pilot.
 
-        A sample that no whole patch covers, beside those that are missing or on a grid below a patch, is that of the pilot.
+        Samples without a complete patch, near missing ones or on a grid smaller than a patch, are those of the pilot.
 
         :param values: (k, h, w), float32 or float64.
         :param pilot: (k, h, w), of the same type.
-        :param missing: (h, w), samples that no patch has.
-        :param threads: how many.
+        :param missing: (h, w), samples that must not be in a patch.
+        :param threads: the number of threads.
         :returns: (k, h, w), a new array.
         """
         noisy = np.flatnonzero(np.diag(self.channels) > 0)
@@ -108,5 +109,7 @@ class PatchGroups:
         lags[reach - down : reach + down + 1, reach - right : reach + right + 1] = self.correlation
         row, column = (axis.ravel() for axis in np.mgrid[:SIDE, :SIDE])
         found = lags[reach + row[:, None] - row, reach + column[:, None] - column]
-        variances, axes = np.linalg.eigh((found + found.T) / 2)  # lags that were cut off are no covariance any more
+        variances, axes = np.linalg.eigh(
+            (found + found.T) / 2
+        )  # with truncated lags it may not be positive semidefinite
         return (axes * np.maximum(variances, 1e-3)) @ axes.T

@@ -1,4 +1,4 @@
-"""Groups of similar patches of a grid, found in a pilot, each filtered as one."""
+"""Filtering of groups of similar patches of a grid, which are found in a pilot."""
 
 import ctypes
 from typing import Annotated, ClassVar
@@ -12,8 +12,8 @@ __all__ = ["GroupOptions", "patch_groups"]
 
 
 class GroupOptions(Struct):
-    """Side of a patch, stride of references, reach of members, their number, what distance in place counts, and the share of the
-    noise that is counted (patch_groups.h).
+    """Side of a patch, stride of references, reach of members, their number, weight of the distance in position, and the
+    assumed share of the noise (patch_groups.h).
     """
 
     _fields_: ClassVar = [
@@ -33,16 +33,16 @@ def patch_groups(
     stop: Annotated[Stop | None, stop] = None,
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Write what groups of patches make of noisy values: m + C (C + Cn)^-1 (y - m), averaged over the groups of a sample.
+    """Filter noisy values in groups of patches: m + C (C + Cn)^-1 (y - m), averaged over the groups of a sample.
 
-    Samples that no group covers are those of the pilot.
+    Samples without a group are those of the pilot.
 
     :param values: (k, h, w), in units of their noise, channels of independent noise.
     :param pilot: (k, h, w), a first result, in the same units.
-    :param missing: (h, w), samples that no patch has; None: none.
+    :param missing: (h, w), samples that must not be in a patch; None: none.
     :param noise: (d, d), Cn of the d = side^2 samples of a patch, 1 on its diagonal.
-    :param options: what a group is.
-    :param out: (k, h, w), which may be the pilot.
-    :param stop: stops it, between tiles.
-    :param threads: how many.
+    :param options: of the groups.
+    :param out: (k, h, w); it may be the pilot.
+    :param stop: stops the work between tiles.
+    :param threads: the number of threads.
     """

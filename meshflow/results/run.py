@@ -219,7 +219,7 @@ def _blended(plan: Plan, first: State) -> State:
 
 
 def _grouped(end: State, plan: Plan, groups: PatchGroups) -> State:
-    """The end of a run after the second stage; what is fixed stays."""
+    """The end of a run after the second stage; fixed samples do not change."""
     if not isinstance(plan.data, (HeightField, Image)):
         return end
     grid, limit = plan.above.gridded(plan.lift), plan.limit(end.flow.start())
