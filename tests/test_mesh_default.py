@@ -59,6 +59,16 @@ def test_what_was_drawn_comes_back_to_the_bit(name):
     assert "no noise was found" in result.stopped_because
 
 
+@pytest.mark.parametrize("name", ["antfile", "planefile"])
+def test_models_of_few_polygons_stay_to_the_bit(name):
+    import pyvista
+    from pyvista import examples
+
+    model = pyvista.read(getattr(examples, name)).triangulate()
+    points, faces = np.asarray(model.points), model.faces.reshape(-1, 4)[:, 1:]
+    assert np.array_equal(meshflow.smooth((points, faces))[0], points)
+
+
 def test_drawn_parts_are_clean_in_single_precision_wherever_they_lie():
     turn = trimesh.transformations.random_rotation_matrix(np.array([0.1, 0.6, 0.3]))[:3, :3]
     for name in ("box, subdivided", "fine cylinder", "annulus"):

@@ -27,7 +27,7 @@ CLIPPED = 2.5
 # signs differ at a share of 0.6 of the edges. For finely sampled shapes the curvature has the same sign almost everywhere, and
 # the correlation is 0 to 0.5. Coarse models, and irregular samplings of curved shapes, are between these.
 ALTERNATES, ALMOST, WHITE = 0.26, 0.08, -0.23
-CORRELATED = -0.11
+CORRELATED, SIGNIFICANT = -0.11, 3.0
 # The least number of edges without a flat edge at either end, and the least share of their vertices; otherwise no noise is
 # reported.
 EDGES, SHARE = 24, 0.04
@@ -132,10 +132,11 @@ def _is_noisy(umbrella: Any, bend: Array, rough: Array, free: Array) -> bool:
     """Whether residuals alternate as noise does, on enough vertices without flat edges, mask ``free`` (n,)."""
     if free.sum() < SHARE * len(free):
         return False
-    alternating, correlation = _alternation(umbrella, bend, rough, free)
+    alternating, correlation, edges = _alternation(umbrella, bend, rough, free)
     if alternating >= ALTERNATES:
         return True
-    return correlation <= (CORRELATED if alternating >= ALMOST else WHITE)
+    chance = SIGNIFICANT / np.sqrt(max(edges, 1))  # of few edges a correlation says less
+    return correlation <= (max(CORRELATED - chance, WHITE) if alternating >= ALMOST else WHITE)
 
 
 def _spread(umbrella: Any, gain: Array, calm: Array, found: float, numbers: Array) -> tuple[int, float]:
@@ -162,18 +163,18 @@ def _along(umbrella: Any, x: Array, normals: Array, gain: Array) -> tuple[Array,
     return bend, np.divide(umbrella @ bend, gain, out=np.zeros_like(gain), where=gain > 0)
 
 
-def _alternation(umbrella: Any, bend: Array, rough: Array, free: Array) -> tuple[float, float]:
-    """For edges between vertices with mask ``free`` (n,): the share with a change of the sign of the curvature, and the
-    correlation of residuals; 0 and 0 for too few edges.
+def _alternation(umbrella: Any, bend: Array, rough: Array, free: Array) -> tuple[float, float, int]:
+    """For edges between vertices with mask ``free`` (n,): the share with a change of the sign of the curvature, the
+    correlation of residuals, and how many there are; 0 and 0 for too few edges.
     """
     edges = umbrella.tocoo()
     both = (edges.row < edges.col) & free[edges.row] & free[edges.col]
     start, end = edges.row[both], edges.col[both]
     if len(start) < EDGES:
-        return 0.0, 0.0
+        return 0.0, 0.0, len(start)
     size = MAD * float(np.median(np.abs(rough[free])))
     held = np.clip(rough / max(size, np.finfo(float).tiny), -CLIPPED, CLIPPED)
-    return float(np.mean(bend[start] * bend[end] < 0)), float(np.mean(held[start] * held[end]))
+    return float(np.mean(bend[start] * bend[end] < 0)), float(np.mean(held[start] * held[end])), len(start)
 
 
 def _gain(umbrella: Any) -> Array:
