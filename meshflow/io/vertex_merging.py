@@ -95,12 +95,15 @@ class Skin:
 
         :param given: an array (n, ...), or the name of one; anything else is returned unchanged.
         :param find: looks up a name.
-        :raises InputError: for a name that does not exist; the message lists those that do.
+        :raises InputError: for a name that does not exist, with those that do, and for an array that is not of numbers.
         """
         values = looked_up(given, word, find(given)) if isinstance(given, str) else np.asarray(given)
         if values.ndim == 0 or len(values) != len(self.home):
             return given
-        values = truth_of(values) if word in MASKS and values.dtype.kind in "biuf" else values
+        if values.dtype.kind not in "biuf":
+            what = "a mask of booleans, or of numbers," if word in MASKS else "numbers"
+            raise InputError(f"{word}: {what} expected, got dtype {values.dtype}")
+        values = truth_of(values) if word in MASKS else values
         order = np.argsort(self.home, kind="stable")
         starts = np.searchsorted(self.home[order], np.arange(len(self.first)))
         most = np.maximum if word in ("fixed", "data_weights") else np.minimum
