@@ -62,7 +62,7 @@ def test_a_stop_is_where_the_states_end():
     *_, (time, last) = states(ROUGH, request, 4)
     ended = run(ROUGH, request)
     assert time == pytest.approx(ended.end.time)
-    np.testing.assert_allclose(last.z, ended.after.z, atol=0.1)  # that one lies on a line between steps
+    np.testing.assert_allclose(last.z, ended.after.z, atol=0.15)  # that one lies on a line between steps
 
 
 def test_what_takes_one_step_is_stepped_afresh_for_each_state():

@@ -97,7 +97,7 @@ def smooth(given: Given) -> None:
     record = given["json"] or given["report"] is not None
     done, result = smooth_object(document, request, None if quiet else True, record=record)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
-    options: Writing = {**dtype, **_left(document, target, result)}
+    options: Writing = {**dtype, **_left(document, target, result, dtype)}
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **options)
     notes += tuple(word for word in _warned(document, result) if word not in (*notes, result.stopped_because))
     if not quiet:
@@ -211,9 +211,10 @@ def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
     return (*result.warnings, f"the surface lost {lost:.0%} of its area; a smaller --time keeps more")
 
 
-def _left(document: Document, target: Path, result: Result | Results) -> Writing:
+def _left(document: Document, target: Path, result: Result | Results, options: Writing | None = None) -> Writing:
     """The noise that is left, for the writer of depth images, which rounds."""
-    if isinstance(result, Mapping) or "left" not in writable(document, target, overwrite=True).WRITES:
+    form = writable(document, target, overwrite=True, **(options or {}))
+    if isinstance(result, Mapping) or "left" not in form.WRITES:
         return {}
     return {"left": result.left}
 
