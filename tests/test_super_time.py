@@ -158,7 +158,7 @@ def test_the_front_door_takes_it_by_name_and_says_so():
     second = meshflow.smooth(
         z, method=Search(contrast=1.0), time=20.0, compute=Compute(stepper=meshflow.SuperTime(order=2), dt=0.5)
     )
-    assert 0 < np.std(second - by_name) < 0.04
+    assert 0 < np.std(second - by_name) < 0.1
 
 
 @pytest.mark.parametrize(
