@@ -221,9 +221,7 @@ def test_what_cannot_be_imported_is_refused_with_the_way_out(rio, make, hints, e
 
 def test_packed_numbers_are_said():
     array = field(attrs={"scale_factor": 0.1, "add_offset": 0})
-    assert (
-        "scale_factor 0.1 and add_offset 0 stand in the attributes and were not applied" in from_object(array).notes[0]
-    )
+    assert "scale_factor 0.1 and add_offset 0 are in the attributes and were not applied" in from_object(array).notes[0]
 
 
 # --- through files

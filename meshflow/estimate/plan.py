@@ -119,12 +119,13 @@ class Plan:
         return np.zeros((1, 1), np.float32) if self.base is None else self.base.reshape(len(self.base), -1).T
 
     def _lowered(self, u: Array) -> Data:
-        """The data at coordinates u (n, k) relative to its base; fixed samples do not change in any bit."""
+        """The data at coordinates u (n, k) relative to its base; what did not move does not change in any bit."""
         if self.base is None or isinstance(self.data, (Mesh, RangeImage)):
             return self.data.lowered(u)
         planes = self.data.gridded(self.lift).planes
-        stays = self.data.fixed.reshape(-1, 1)
-        return self.data.lowered(np.where(stays, planes.reshape(len(planes), -1).T, u + self.base_columns))
+        values = planes.reshape(len(planes), -1).T
+        stays = self.data.fixed.reshape(-1, 1) | (u == values - self.base_columns)
+        return self.data.lowered(np.where(stays, values, u + self.base_columns))
 
     def result(self, u: Array | None = None) -> Data:
         """The data of the caller with coordinates u (n, k) of the flow; None: for a run that does nothing."""

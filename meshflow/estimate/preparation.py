@@ -87,7 +87,8 @@ def prepared(
         images are repaired, others kept.
     :param level: ``rows`` or ``columns``; None: none, but a warning where they are shifted against each other.
     """
-    values, missing = array_of(data), data.missing
+    # Sums depend on the order of memory; the result must not.
+    values, missing = np.ascontiguousarray(array_of(data)), data.missing
     found = None if outliers == "include" else outliers_of(values, missing)
     repaired, warnings, insists = np.zeros(missing.shape, bool), [], False
     if found is not None:

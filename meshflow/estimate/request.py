@@ -23,6 +23,8 @@ __all__ = ["BoundaryWord", "Domain", "Request", "Stopping"]
 Domain = Literal["length", "disparity"]
 BoundaryWord = Boundary | Literal["border-curve"]
 Stopping = Steps | Residual | AreaLoss | Displacement | When | Callable[[Array, float], object]
+# The largest scale: its square must be a number.
+WIDEST = 1e150
 OUTLIERS, LEVELS = ("keep", "repair", "include"), ("rows", "columns")
 BOUNDARIES, DOMAINS = ("plane-preserving", "neumann", "fixed", "border-curve"), ("length", "disparity")
 
@@ -74,6 +76,8 @@ class Request:
             value = getattr(self, name)
             if value is not None and (isinstance(value, bool) or number(value, name) < 0):
                 raise InputError(f"{name}: a finite number, zero or more, expected, got {value}")
+        if self.scale is not None and self.scale > WIDEST:
+            raise InputError(f"scale: a length up to {WIDEST:g} expected, whose square is a number, got {self.scale}")
         positive(self.strength, "strength")
         if self.noise is not None:
             positive(self.noise, "noise")
