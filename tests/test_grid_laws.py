@@ -133,7 +133,7 @@ def test_slopes_too_steep_for_single_precision_are_measured_in_double():
 
 def test_slopes_whose_powers_no_number_holds_are_refused():
     z = 1e160 * RNG.normal(size=(5, 5))
-    with pytest.raises(InputError, match=r"powers of such slopes do not fit .* scale the data"):
+    with pytest.raises(InputError, match="numbers up to .* expected, got .* scale the data"):
         GridFlow(HeightField(z).gridded(Lift()))
     with pytest.raises(InputError, match="do not fit into double precision"):
         GridFlow(HeightField(RNG.normal(size=(5, 5)), 1e-200).gridded(Lift()))

@@ -43,8 +43,8 @@ class HeightMethod:
     )
     second_stage: bool | None = option(
         None,
-        "Filter groups of similar patches after the flow; height fields and images only. Default: if no method is named and the "
-        "expected error is lower with it.",
+        "Filter groups of similar patches after the flow; height fields and images only. Default: if no method is named, the "
+        "expected error is lower with it, and there are at most 2^20 values.",
         flag="second-stage",
     )
     indicator: Indicator = option("metric", "How edges are recognized where gamma is not 0.")
