@@ -101,7 +101,7 @@ class Skin:
         if values.ndim == 0 or len(values) != len(self.home):
             return given
         if values.dtype.kind not in "biuf":
-            what = "a mask of booleans, or of numbers," if word in MASKS else "numbers"
+            what = "a mask of booleans, or of numbers," if word in MASKS else "a number or an array of numbers"
             raise InputError(f"{word}: {what} expected, got dtype {values.dtype}")
         values = truth_of(values) if word in MASKS else values
         order = np.argsort(self.home, kind="stable")
