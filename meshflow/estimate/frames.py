@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.noise_growth import noise_growth
+from meshflow.estimate.noise_growth import MAD, noise_growth
 from meshflow.estimate.quantization import steps_of
 from meshflow.geometry.validation import Array
 
@@ -168,7 +168,7 @@ def _off(values: Array, first: Array, noise: Array) -> float:
     means = off.reshape(h // BLOCK, BLOCK, w // BLOCK, BLOCK).mean(axis=(1, 3))[whole]
     if means.size < BLOCKS:
         return 0.0
-    typical = 1.4826 * float(np.median(np.abs(means)))
+    typical = MAD * float(np.median(np.abs(means)))
     return float(np.sqrt(max(typical**2 - 2.0 / BLOCK**2, 0.0)))
 
 

@@ -7,6 +7,7 @@ offsets. Rows at which the surface itself has a step are clipped to the size of 
 
 import numpy as np
 
+from meshflow.estimate.noise_growth import MAD
 from meshflow.geometry.validation import Array
 
 __all__ = ["line_offsets"]
@@ -17,7 +18,6 @@ BLOCKS, NARROWEST, COLUMNS = 4, 12, 48
 FEW = 40
 # Second differences are clipped at HELD deviations. Offsets are reported if their variance exceeds SURE standard errors.
 HELD, SURE = 2.5, 6.0
-MAD = 1.4826
 
 
 def line_offsets(parts: list[tuple[Array, Array]]) -> tuple[float, float]:

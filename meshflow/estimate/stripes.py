@@ -6,13 +6,12 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array, eye_array
 from scipy.sparse.linalg import spsolve
 
+from meshflow.estimate.noise_growth import MAD
 from meshflow.geometry.validation import Array
 
 __all__ = ["Level", "offsets_to_level"]
 
 Level = Literal["rows", "columns"]
-# Median absolute deviation of a Gaussian to its standard deviation.
-MAD = 1.4826
 # The least number of lines, and of samples in a line.
 LEAST = 16
 # Offsets are visible if the squared bends of the lines are this many times those of the lines across, and of noise.
@@ -38,19 +37,12 @@ def offsets_to_level(values: Array, missing: Array, along: Level) -> Array:
     stack = values.reshape(*missing.shape, -1)
     made = []
     for channel in np.moveaxis(stack, 2, 0):
-        flat = _flat(channel, missing)
-        flat, other = (flat, flat.T) if along == "rows" else (flat.T, flat)
-        made.append(_split(flat, other))
+        flat = np.where(missing, np.nan, channel.astype(np.float64))
+        lines, others = (flat, flat.T) if along == "rows" else (flat.T, flat)
+        made.append(_split(lines, others))
     offsets = np.stack(made, axis=-1)  # (lines, k)
     shaped = offsets[:, None, :] if along == "rows" else offsets[None, :, :]
     return shaped[..., 0] if values.ndim == 2 else shaped
-
-
-def _flat(values: Array, missing: Array) -> Array:
-    """The mean of the channels in double precision, NaN where missing."""
-    flat = values.astype(np.float64)
-    flat = flat if flat.ndim == 2 else flat.mean(axis=2)
-    return np.where(missing, np.nan, flat)
 
 
 def _bends(lines: Array) -> tuple[Array, float]:
