@@ -212,3 +212,13 @@ def test_words_for_outliers_and_levels_are_refused_where_they_mean_nothing():
     for word in ({"outliers": "keep"}, {"level": "rows"}):
         with pytest.raises(InputError, match="of height fields and images only, got Mesh"):
             meshflow.smooth((points, faces), **word)
+
+
+def test_the_largest_of_many_samples_of_white_noise_is_no_impulse():
+    z = np.random.default_rng(0).standard_normal((5000, 5000), np.float32)  # one of them is 5.98 deviations off
+    assert outliers_of(z, np.zeros(z.shape, bool)) is None
+    z[2500, 2500] = 12.0
+    found = outliers_of(z, np.zeros(z.shape, bool))
+    assert found is not None
+    assert found.impulses.sum() == 1
+    assert found.impulses[2500, 2500]

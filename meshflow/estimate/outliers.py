@@ -1,18 +1,18 @@
 """Finds outliers: values far from all others, and impulses that differ from all their neighbours."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import label
 
+from meshflow.estimate.noise_growth import MAD
 from meshflow.estimate.quantization import steps_of
+from meshflow.estimate.ring_fill import neighbours_of
 from meshflow.geometry.validation import Array
 
 __all__ = ["Outliers", "large_pieces", "outliers_of"]
 
-# Median absolute deviation of a Gaussian to its standard deviation.
-MAD = 1.4826
 # Samples used for quantiles.
 ENOUGH = 200_000
 # A value is far outside at this multiple of the range of the middle 98 % of the others.
@@ -46,8 +46,13 @@ OFTEN = 0.1
 DENSE, ISOLATED, LIKE = 2e-3, 0.3, 3
 # The number of repetitions without the impulses found so far, where they are dense.
 ROUNDS = 3
-# Samples whose neighbourhoods are processed at a time.
+# Samples that are processed at a time.
 CHUNK = 200_000
+# The neighbourhood of a sample reaches so far along rows and columns; the eight nearest in the order of its samples.
+REACH = 2
+NEAR = np.array(
+    [max(abs(r), abs(c)) == 1 for r in range(-REACH, REACH + 1) for c in range(-REACH, REACH + 1) if r or c]
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,18 +123,29 @@ def _marked(z: Array, there: Array) -> Array | None:
     known = z[there]
     if known.size < 2:
         return None
-    for extreme in (known.min(), known.max()):
-        rest = known[known != extreme]
-        if len(rest) < 4:
-            continue
-        low, high = _middle(rest)
-        gap = float(np.abs(rest.astype(np.float64) - float(extreme)).min())
-        named = float(extreme) in MARKERS or abs(float(extreme)) > HUGE
-        enough = (1.0 if named else FAR) * (high - low)
-        drawn = high == low or len(np.unique(rest[:ENOUGH])) < LEVELS
-        if gap > enough and (not drawn or abs(float(extreme)) > HUGE) and (named or known.size - rest.size > 1):
+    for nearest in (np.min, np.max):
+        extreme = nearest(known)
+        if _marks(extreme, known[known != extreme], known.size, nearest):
             return there & (z == extreme)
     return None
+
+
+def _marks(extreme: np.floating, rest: Array, count: int, nearest: Callable[[Array], np.floating]) -> bool:
+    """Whether an extreme value marks missing samples.
+
+    :param rest: the other values (n,).
+    :param count: the number of all values.
+    :param nearest: takes the nearest one of the others, the least or the largest.
+    """
+    if len(rest) < 4:
+        return False
+    low, high = _middle(rest)
+    gap = abs(float(nearest(rest)) - float(extreme))
+    huge = abs(float(extreme)) > HUGE
+    named = float(extreme) in MARKERS or huge
+    enough = (1.0 if named else FAR) * (high - low)
+    drawn = high == low or len(np.unique(rest[:ENOUGH])) < LEVELS
+    return gap > enough and (not drawn or huge) and (named or count - len(rest) > 1)
 
 
 def _strays(z: Array, there: Array) -> Array:
@@ -175,7 +191,9 @@ def _impulses(z: Array, there: Array) -> tuple[Array, bool]:
         return none, False
     steps = steps_of(z[there])
     least = 0.0 if steps is None else float(np.median(steps.sizes))
-    found, alone = _unlike(z, there, least, IMPULSE)
+    # The largest of n Gaussian samples is near sqrt(2 log n) deviations; it is no impulse.
+    most = max(IMPULSE, float(np.sqrt(2.0 * np.log(max(1, there.sum())))) + 1.0)
+    found, alone = _unlike(z, there, least, most)
     total, single = int(found.sum()), int(alone.sum())
     dense = total >= max(8.0, DENSE * there.sum()) and single >= ISOLATED * total
     if not dense:
@@ -197,49 +215,61 @@ def _unlike(z: Array, there: Array, least: float, most: float | Array) -> tuple[
     :param least: the least deviation, the step of quantized data.
     :param most: the largest allowed difference in deviations, a number or (h, w).
     """
-    field = np.pad(np.where(there, z, np.nan).astype(np.float64), 2, constant_values=np.nan)
-    usual, places = _suspects(field, there, np.min(most) / 2.0)
+    usual, places = _suspects(z, there, float(np.min(most)) / 2.0)
     usual = max(usual, least)
-    found, alone = np.zeros(z.size, bool), np.zeros(z.size, bool)
-    width = field.shape[1]
-    ring = np.array([r * width + c for r in range(-2, 3) for c in range(-2, 3) if r or c])
-    near = np.array([max(abs(r), abs(c)) == 1 for r in range(-2, 3) for c in range(-2, 3) if r or c])
-    flat, limit = field.ravel(), np.broadcast_to(most, z.shape).ravel()
-    for part in _parts(places):
-        at = (part // z.shape[1] + 2) * width + part % z.shape[1] + 2
-        around, own = flat[at[:, None] + ring], flat[at]
-        enough = np.isfinite(around[:, near]).sum(axis=1) >= 3
-        part, around, own = part[enough], around[enough], own[enough]
-        if part.size == 0:
+    found, alone, limit = np.zeros(z.shape, bool), np.zeros(z.shape, bool), np.broadcast_to(most, z.shape)
+    for start in range(0, len(places), CHUNK):
+        part = places[start : start + CHUNK]
+        rows, columns, inside = neighbours_of(part, z.shape, REACH)
+        around = np.where(inside & there[rows, columns], z[rows, columns].astype(np.float64), np.nan)
+        enough = np.isfinite(around[:, NEAR]).sum(axis=1) >= 3
+        (row, column), around = part[enough].T, around[enough]
+        if row.size == 0:
             continue
-        median = np.nanmedian(around, axis=1)
+        own, median = z[row, column].astype(np.float64), np.nanmedian(around, axis=1)
         scale = np.maximum(MAD * np.nanmedian(np.abs(around - median[:, None]), axis=1), usual)
         off = np.abs(own - median)
-        like = (np.abs(around[:, near] - own[:, None]) < 0.5 * off[:, None]).sum(axis=1)
-        out = (off > limit[part] * scale) & (like <= LIKE)
-        found[part[out]] = True
-        alone[part[out & (like == 0)]] = True
-    return found.reshape(z.shape), alone.reshape(z.shape)
+        like = (np.abs(around[:, NEAR] - own[:, None]) < 0.5 * off[:, None]).sum(axis=1)
+        out = (off > limit[row, column] * scale) & (like <= LIKE)
+        found[row[out], column[out]] = True
+        alone[row, column] = out & (like == 0)
+    return found, alone
 
 
-def _suspects(field: Array, there: Array, least: float) -> tuple[float, Array]:
-    """The usual deviation of a sample from its neighbours, and the samples that differ along rows and columns.
+def _suspects(z: Array, there: Array, least: float) -> tuple[float, Array]:
+    """The usual deviation of a sample from its neighbours, and the places (m, 2) that differ along rows and columns.
 
-    :param field: (h + 4, w + 4), NaN where missing.
+    Both are found by bands of rows: a large grid needs no more memory than a band.
+
     :param least: the least difference in deviations.
     """
-    inner = field[2:-2, 2:-2]
-    across = inner - 0.5 * (field[2:-2, 1:-3] + field[2:-2, 3:-1])
-    down = inner - 0.5 * (field[1:-3, 2:-2] + field[3:-1, 2:-2])
-    np.abs(across, out=across)
-    np.abs(down, out=down)
-    known = across[np.isfinite(across)]
-    usual = MAD / np.sqrt(1.5) * float(np.median(known[:: max(1, known.size // ENOUGH)])) if known.size else 0.0
-    off = ~(across <= least * usual) & ~(down <= least * usual) & there
-    return usual, np.flatnonzero(off)
+    height = max(1, CHUNK // z.shape[1])
+    bands = [(top, min(top + height, len(z))) for top in range(0, len(z), height)]
+    count = int((there[:, :-2] & there[:, 1:-1] & there[:, 2:]).sum())
+    stride, seen, some = max(1, count // ENOUGH), 0, [np.zeros(0)]
+    for band in bands:
+        known = _departures(z, there, *band)[0]
+        known = known[np.isfinite(known)]
+        some.append(known[-seen % stride :: stride].copy())  # a view would keep the whole band
+        seen += known.size
+    usual = MAD / np.sqrt(1.5) * float(np.median(np.concatenate(some))) if count else 0.0
+    places = [np.zeros((0, 2), np.int64)]
+    for top, bottom in bands:
+        across, down = _departures(z, there, top, bottom)
+        off = ~(across <= least * usual) & ~(down <= least * usual) & there[top:bottom]
+        places.append(np.argwhere(off) + (top, 0))
+    return usual, np.concatenate(places)
 
 
-def _parts(places: Array) -> Iterator[Array]:
-    """The places in parts whose neighbourhoods fit in memory."""
-    for start in range(0, places.size, CHUNK):
-        yield places[start : start + CHUNK]
+def _departures(z: Array, there: Array, top: int, bottom: int) -> tuple[Array, Array]:
+    """How far samples are from the mean of their two neighbours in the row, and in the column; NaN where one is unknown.
+
+    :param top: the first row; ``bottom``: the row after the last.
+    """
+    low, high = max(top - 1, 0), min(bottom + 1, len(z))
+    field = np.full((bottom - top + 2, z.shape[1] + 2), np.nan)
+    field[low - top + 1 : high - top + 1, 1:-1] = np.where(there[low:high], z[low:high], np.nan)
+    inner = field[1:-1, 1:-1]
+    across = np.abs(inner - 0.5 * (field[1:-1, :-2] + field[1:-1, 2:]))
+    down = np.abs(inner - 0.5 * (field[:-2, 1:-1] + field[2:, 1:-1]))
+    return across, down

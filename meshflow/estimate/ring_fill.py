@@ -4,7 +4,7 @@ import numpy as np
 
 from meshflow.geometry.validation import Array
 
-__all__ = ["filled_from_ring"]
+__all__ = ["filled_from_ring", "neighbours_of"]
 
 # The number of rings that are filled; wider regions are not guessed.
 RINGS = 3
@@ -28,7 +28,7 @@ def filled_from_ring(values: Array, out: Array, missing: Array) -> tuple[Array, 
         places = np.argwhere(out & ~done)
         if len(places) == 0:
             break
-        rows, columns, there = _around(places, out.shape)
+        rows, columns, there = neighbours_of(places, out.shape)
         there &= known[rows, columns]
         enough = there.sum(axis=1) >= LEAST
         if not enough.any():
@@ -42,9 +42,14 @@ def filled_from_ring(values: Array, out: Array, missing: Array) -> tuple[Array, 
     return changed, done
 
 
-def _around(places: Array, shape: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Rows and columns (m, 8) of the neighbours of places (m, 2), and the mask of those on the grid."""
-    steps = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c])
+def neighbours_of(places: Array, shape: tuple[int, ...], reach: int = 1) -> tuple[Array, Array, Array]:
+    """Rows and columns (m, n) of the n neighbours of places (m, 2), row by row, and the mask of those on the grid.
+
+    :param shape: (h, w), of the grid.
+    :param reach: samples along rows and columns; 1: the eight nearest.
+    """
+    way = range(-reach, reach + 1)
+    steps = np.array([(r, c) for r in way for c in way if r or c])
     rows, columns = places[:, :1] + steps[:, 0], places[:, 1:] + steps[:, 1]
     inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
     return np.clip(rows, 0, shape[0] - 1), np.clip(columns, 0, shape[1] - 1), inside
