@@ -302,6 +302,24 @@ def test_the_whole_job_beside_what_a_user_would_take():
         print(f"  {name:45s} {took:7.2f} s, ours / theirs {ratio:.3f} = 1 / {1 / ratio:.1f}{_error(result, truth)}")
 
 
+def test_a_default_call_by_its_size():
+    print(
+        f"\na default call, one channel float32, {THREADS} threads: seconds, and CPU seconds; of them the second stage"
+    )
+    for n in (128, 256, 512, 1024):
+        (truth, z), cost = mesas(n), {}
+        for name, method in (("default", None), ("flow alone", meshflow.Search(second_stage=False))):
+            assert _error(meshflow.smooth(z, method=method), truth) < _error(z, truth)
+            runs = []
+            for _ in range(3):
+                begun = time.perf_counter(), time.process_time()
+                meshflow.smooth(z, method=method)
+                runs.append((time.perf_counter() - begun[0], time.process_time() - begun[1]))
+            cost[name] = np.median(runs, axis=0)
+        wall, work = cost["default"]
+        print(f"  {n:5d}²  {wall:.2f}  {work:.2f}; {work - cost['flow alone'][1]:.2f}")
+
+
 def _error(result, truth):
     """The rms error of a result that is in the units of the truth."""
     import SimpleITK as sitk

@@ -239,7 +239,7 @@ def test_the_help_names_every_option_with_its_unit():
 
 def test_masks_limits_and_weights_are_files_of_the_same_samples(terrain, tmp_path):
     before = meshflow.read(terrain).data
-    only, weights = np.zeros(before.z.shape, bool), np.full(before.z.shape, 1e6)
+    only, weights = np.zeros(before.z.shape, bool), np.full(before.z.shape, 1e4)
     only[10:30, 10:40] = True
     np.save(tmp_path / "only.npy", only.astype(np.uint8))
     np.save(tmp_path / "weights.npy", weights)

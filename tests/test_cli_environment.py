@@ -215,7 +215,8 @@ def test_a_signal_leaves_nothing_behind(tmp_path, heights, number):
     waiting = tmp_path / "site"
     waiting.mkdir()
     (waiting / "sitecustomize.py").write_text(
-        "import os, time\n"
+        "import os, signal, time\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a job in the background of a shell ignores it
         "whole = os.replace\n"
         "def replace(*names):\n"
         "    print('writing', flush=True)\n"

@@ -246,8 +246,9 @@ def test_the_memory_of_a_run_is_at_most_seven_more_of_the_array():
 
 def test_ctrl_c_stops_a_long_run_within_a_second_and_leaves_the_array_as_it_was():
     code = """
-        import sys, time
+        import signal, sys, time
         import numpy as np, meshflow
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background of a shell ignores it
         flow = meshflow.Beltrami(gamma=0)
         meshflow.smooth(np.random.default_rng(0).normal(size=(64, 64)), method=flow, time=1.0)  # compiled
         z = np.random.default_rng(0).normal(size=(3000, 3000))
