@@ -286,6 +286,7 @@ def test_the_words_of_other_tools_are_pointed_to_what_is_here(words, hint):
         ({"result": "yes"}, "result: True or False expected"),
         ({"unit": 3}, "unit: the name of a unit"),
         ({"method": "heat", "time": 1e12}, "wide as the data"),
+        ({"method": "heat", "scale": 1e200}, "whose square is a number"),
         ({"constraints": meshflow.Mask("mask.tif")}, r"of a file, give its samples: meshflow.read"),
     ],
 )

@@ -11,7 +11,7 @@ from meshflow.estimate.grid_search import Found, GridSearch, searched_on_grid
 from meshflow.estimate.mesh_search import LOOKED_AT, MESH_ENOUGH, TIMES, MeshSearch, searched_on_mesh
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
-from meshflow.estimate.plan import Decided, Part, Plan
+from meshflow.estimate.plan import GIVEN, Decided, Part, Plan
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE, Configuration
 from meshflow.flow.constraints import Limit
@@ -55,8 +55,6 @@ STEPPED = (
     "the depths come in steps larger than their noise, so the risk cannot be estimated: no search was done, the time was "
     "chosen by the noise"
 )
-
-GIVEN = Decided("given")
 
 
 def as_they_are(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:

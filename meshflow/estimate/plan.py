@@ -29,7 +29,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Decided", "Part", "Plan", "size_of"]
+__all__ = ["GIVEN", "Decided", "Part", "Plan", "size_of"]
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,9 @@ class Decided:
 
     origin: Origin = "default"
     why: str = ""
+
+
+GIVEN = Decided("given")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from meshflow.estimate.mesh_noise import PointNoise
-from meshflow.estimate.risk import Candidate
+from meshflow.estimate.risk import PROBE, Candidate
 from meshflow.estimate.vertex_numbers import drawn, numbers_of
 from meshflow.flow.low_pass import filtered
 from meshflow.geometry.connectivity import connect
@@ -18,8 +18,6 @@ from meshflow.surfaces.surface import Surface
 
 __all__ = ["PointCandidate", "PointRisk", "folded", "shifted"]
 
-# The perturbation of the second run, as a share of the noise; the difference of both is a derivative.
-PROBE = 0.1
 # Times of the bi-Laplacian filter with uniform weights, in squared edges: for the normals, and for the smooth copy with new
 # noise.
 NORMALS, AROUND = 1.0, 2.0

@@ -9,7 +9,7 @@ from meshflow.estimate.heights import HARM, as_they_are, no_noise
 from meshflow.estimate.mesh_noise import PointNoise
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
-from meshflow.estimate.plan import Decided, Plan
+from meshflow.estimate.plan import GIVEN, Decided, Plan
 from meshflow.estimate.point_search import Tried, configurations, searched
 from meshflow.estimate.request import Request
 from meshflow.flow.conservation import Keep
@@ -45,7 +45,6 @@ CHANNELS, BENT, BENDS, LONGER = 8.0, 0.05, 0.3, {NormalChannels.word: 5.0, Princ
 HOLLOW = 1e-6
 # The time of the bi-Laplacian filter that removes steps of voxels, in squared edges.
 VOXELS = 3.0
-GIVEN = Decided("given")
 
 
 def moving(data: Mesh, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:

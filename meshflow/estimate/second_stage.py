@@ -7,9 +7,11 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.estimate.heights import is_rounded
-from meshflow.estimate.noise import Noise, spread_tiles
+from meshflow.estimate.noise import Noise
 from meshflow.estimate.plan import Decided, Plan, size_of
 from meshflow.estimate.probes import probes
+from meshflow.estimate.risk import PROBE
+from meshflow.estimate.spread import spread_tiles
 from meshflow.flow.constraints import Limit
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.march import march
@@ -26,8 +28,6 @@ __all__ = ["groups_of", "with_second_stage"]
 
 # The number of samples for the estimates, the number of tiles by side, and the number of samples at a cut that are not counted.
 ENOUGH, TILES, CUT = 20_736, 3, 4
-# The perturbation of the twin, as a share of the noise.
-PROBE = 0.1
 # The largest number of values for which it is considered by default: it takes 5 to 17 microseconds of CPU per value, many times
 # as long as a flow.
 LARGEST = 2**20
