@@ -21,6 +21,7 @@ MAY = {
     "estimate": {"flow", "surfaces", "geometry"},
     "results": {"estimate", "flow", "surfaces", "geometry", "io", "view"},
     "io": {"surfaces", "geometry"},
+    "large": {"results", "estimate", "flow", "io", "surfaces", "geometry"},
     "smoothing": {"results", "estimate", "flow", "io", "surfaces", "geometry"},
     "fusing": {"smoothing", "results", "estimate", "flow", "io", "surfaces", "geometry"},
     "accessors": {"smoothing", "results", "estimate", "flow", "io", "surfaces", "geometry"},
@@ -30,8 +31,8 @@ MAY = {
     "evaluate": {"flow", "surfaces", "geometry"},
     "synthetic": {"flow", "surfaces", "geometry"},
     "cli": {
-        "smoothing", "fusing", "accessors", "results", "estimate", "flow", "io", "surfaces", "geometry", "view", "viewer",
-        "classics", "evaluate", "synthetic", "kernels",
+        "smoothing", "fusing", "accessors", "large", "results", "estimate", "flow", "io", "surfaces", "geometry", "view",
+        "viewer", "classics", "evaluate", "synthetic", "kernels",
     },
     "__main__": {"cli"},
 }  # fmt: skip

@@ -6,12 +6,12 @@ import numpy as np
 
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.family import Variant
-from meshflow.flow.steppers import SuperTime
+from meshflow.flow.steppers import Explicit, SuperTime
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.discontinuities import Cuts
-from meshflow.surfaces.grid import Grid
+from meshflow.surfaces.grid import Grid, Whole
 
-__all__ = ["base_of"]
+__all__ = ["base_of", "base_reach"]
 
 # The time of the heat flow for the base, in squared sample distances.
 TIME = 64.0
@@ -19,6 +19,8 @@ TIME = 64.0
 PARTS = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0)
 # A difference of neighbours that departs by so many sigma from the differences around it is a jump, which the base keeps.
 JUMP = 6.0
+# How many samples away a sample decides whether a difference is a jump.
+ACROSS = 3
 # The slope of a step over the whole range. It is so small that the flow is the heat equation.
 FLAT = 1e-3
 
@@ -31,20 +33,39 @@ def base_of(grid: Grid, sigma: float, threads: int | None = None) -> Array:
     :param sigma: the noise, unit of the planes.
     """
     planes = np.where(grid.missing, 0, grid.planes)
-    there = np.broadcast_to(~grid.missing, planes.shape)
-    spread = float(np.max(planes, where=there, initial=-np.inf) - np.min(planes, where=there, initial=np.inf))
+    spread = _range(planes, grid)
     if spread == 0.0:
         return planes
     right, down = (_jumps(planes, grid.missing, axis, JUMP * sigma) for axis in (2, 1))
     if grid.cuts is not None:
         right, down = right | grid.cuts.right, down | grid.cuts.down
-    step = float(np.sqrt(np.mean(grid.spacing[0]) * grid.spacing[1]))
+    step = float(np.sqrt(np.mean(grid.spacing[0]) * grid.spacing[1])) if grid.whole is None else grid.whole.step
     flow = GridFlow(replace(grid, contrast=FLAT * step / spread, cuts=Cuts(right, down)), Variant(), threads)
     u, since = flow.start(), 0.0
     for count, part in enumerate(PARTS):
         u = SuperTime().step(flow, u, (part - since) * TIME * step**2, count)
         since = part
     return u.T.reshape(planes.shape)
+
+
+def base_reach(whole: Whole) -> int:
+    """How many samples away a sample decides the base of another one.
+
+    :param whole: of the grid.
+    """
+    none = np.zeros((2, 2), bool)
+    grid = Grid(np.zeros((1, 2, 2)), none, none, (float(np.min(whole.spacing[0])), whole.spacing[1]), whole=whole)
+    flow = GridFlow(grid, Variant())
+    explicit, ends = Explicit().largest(flow, flow.start()), np.diff([0.0, *PARTS]) * TIME * whole.step**2
+    return ACROSS + sum(SuperTime().count(float(dt), explicit) for dt in ends)
+
+
+def _range(planes: Array, grid: Grid) -> float:
+    """The range of the present samples, of a window that of the whole grid."""
+    if grid.whole is not None:
+        return grid.whole.ends[1] - grid.whole.ends[0]
+    there = np.broadcast_to(~grid.missing, planes.shape)
+    return float(np.max(planes, where=there, initial=-np.inf) - np.min(planes, where=there, initial=np.inf))
 
 
 def _jumps(planes: Array, missing: Array, axis: int, most: float) -> Array:

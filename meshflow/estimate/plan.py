@@ -11,6 +11,7 @@ from meshflow.estimate.parameters import Origin
 from meshflow.estimate.preparation import Preparation
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import Candidate
+from meshflow.flow.compute import Compute
 from meshflow.flow.conservation import Keep
 from meshflow.flow.constraints import Limit
 from meshflow.flow.controls import Until
@@ -22,7 +23,7 @@ from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.stops import Scale
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
-from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.grid import Lift, Whole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -48,11 +49,13 @@ class Part:
     """One of several runs that are blended.
 
     :ivar time: squared length.
+    :ivar compute: how it is computed; None: as the first run is.
     """
 
     weight: float
     method: HeightMethod
     time: float
+    compute: Compute | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +83,7 @@ class Plan:
     :ivar groups: the second stage, of groups of similar patches; None: the flow alone.
     :ivar base: (k, h, w), the base of a grid, relative to which it is smoothed; None: zero.
     :ivar preparation: of the samples of a grid before the flow; else None.
+    :ivar whole: of the grid of which ``data`` is a window; None: it is the whole.
     """
 
     data: Data
@@ -103,6 +107,7 @@ class Plan:
     base: Array | None = None
     preparation: Preparation | None = None
     groups: PatchGroups | None = None
+    whole: Whole | None = None
 
     @property
     def above(self) -> HeightField | Image | RangeImage:
@@ -145,7 +150,8 @@ class Plan:
     def only(self, part: Part) -> "Plan":
         """The run of one part of a blend."""
         lift = replace(self.lift, contrast=part.method.contrast or self.lift.contrast)
-        return replace(self, method=part.method, lift=lift, time=part.time, blend=())
+        request = self.request if part.compute is None else replace(self.request, compute=part.compute)
+        return replace(self, request=request, method=part.method, lift=lift, time=part.time, blend=())
 
     @property
     def variant(self) -> Variant:

@@ -33,7 +33,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation, orientation_of
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["noise_in", "plan", "plan_of_flow"]
+__all__ = ["constrained", "noise_in", "oriented", "plan", "plan_of_flow", "staying"]
 
 # The end of a run that does not reach its stop, in squared sample distances.
 PATIENT = 100.0
@@ -78,8 +78,8 @@ def plan(data: Data, request: Request) -> Plan:
     :raises InputError: for options that do not apply to the kind of data, and constraints that do not fit it.
     """
     _must_suit(data, request)
-    stays = _staying(data, request)
-    data, request, mobility = _constrained(data, request, stays)
+    stays = staying(data, request)
+    data, request, mobility = constrained(data, request, stays)
     _must_fit(data, request)
     data, how = (
         (data, None) if isinstance(data, (Mesh, RangeImage)) else prepared(data, request.outliers, request.level)
@@ -140,14 +140,14 @@ def _unseen(missing: Array, mask: Array | None) -> Array:
     return missing if unseen.all() else unseen
 
 
-def _staying(data: Data, request: Request) -> Array:
+def staying(data: Data, request: Request) -> Array:
     """The samples that the data or the caller fixes, (h, w) or (n,)."""
     fixed = data.fixed
     given = request.constraints.fixed
     return fixed if given is None else fixed | mask_of(given, fixed.shape, "fixed")
 
 
-def _constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Request, Array | None]:
+def constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Request, Array | None]:
     """The data with fixed samples; masks as booleans; the mobility (n, 1), None where all are free."""
     held = request.constraints
     if held.mask is not None:
@@ -169,13 +169,19 @@ def _oriented(data: Data, request: Request, mobility: Array | None) -> tuple[Dat
     """
     if isinstance(data, (Mesh, RangeImage)) or request.compute.diagonals in ("forward", "backward"):
         return data, request, mobility, AS_IT_IS
-    values, (h, w) = array_of(data), data.missing.shape
-    way = orientation_of(values, data.missing, data.spacing)
+    way = orientation_of(array_of(data), data.missing, data.spacing)
+    return *oriented(data, request, mobility, way), way
+
+
+def oriented(
+    data: HeightField | Image, request: Request, mobility: Array | None, way: Orientation
+) -> tuple[HeightField | Image, Request, Array | None]:
+    """Data, request and mobility (n, 1) in another orientation."""
     if not way.changes:
-        return data, request, mobility, way
-    held = request.constraints.oriented(way, values.shape)
-    mobility = None if mobility is None else way.of_samples(mobility, (h, w))
-    return data.oriented(way), replace(request, constraints=held), mobility, way
+        return data, request, mobility
+    held = request.constraints.oriented(way, array_of(data).shape)
+    mobility = None if mobility is None else way.of_samples(mobility, data.missing.shape)
+    return data.oriented(way), replace(request, constraints=held), mobility
 
 
 def _with_noise(

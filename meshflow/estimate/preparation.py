@@ -13,7 +13,7 @@ from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["OutlierWord", "Preparation", "prepared"]
+__all__ = ["OutlierWord", "Preparation", "datum_between", "lowered_by", "prepared"]
 
 OutlierWord = Literal["keep", "repair", "include"]
 # The ratio of level to range at which a datum is subtracted; differences are exact, but single precision would lose them.
@@ -105,12 +105,28 @@ def prepared(
     if level is not None:
         values = (values - offsets_to_level(values, missing, level)).astype(values.dtype)
     datum = _datum(values, missing)
-    if datum.any():
-        values = np.where(missing if values.ndim == 2 else missing[..., None], 0, values - datum.astype(values.dtype))
+    values = _above(values, missing, datum)
     how = Preparation(data, found, repaired, datum, level is not None, insists, tuple(warnings))
     if values is array_of(data):
         return data, how
     return _with(data, values, missing), how
+
+
+def lowered_by(data: OnGrid, datum: Array) -> tuple[OnGrid, Preparation]:
+    """A window of a grid for the flow, and its preparation: a datum is subtracted, and nothing else is looked for.
+
+    :param datum: of the whole grid, () or (k,).
+    """
+    values = _above(np.ascontiguousarray(array_of(data)), data.missing, datum)
+    how = Preparation(data, None, np.zeros(data.missing.shape, bool), datum)
+    return (data if values is array_of(data) else _with(data, values, data.missing)), how
+
+
+def _above(values: Array, missing: Array, datum: Array) -> Array:
+    """Values above a datum, zero where missing; the same array where the datum is zero."""
+    if not datum.any():
+        return values
+    return np.where(missing if values.ndim == 2 else missing[..., None], 0, values - datum.astype(values.dtype))
 
 
 def _with(data: OnGrid, values: Array, missing: Array) -> OnGrid:
@@ -135,9 +151,14 @@ def _datum(values: Array, missing: Array) -> Array:
     there = values[~missing].reshape(-1, *values.shape[2:])
     if values.dtype != np.float32 or there.size == 0:
         return none
-    low, high = there.min(axis=0).astype(np.float64), there.max(axis=0).astype(np.float64)
+    return datum_between(there.min(axis=0), there.max(axis=0))
+
+
+def datum_between(least: Array, greatest: Array) -> Array:
+    """The datum of each channel whose single-precision values lie between these, () or (k,)."""
+    low, high = least.astype(np.float64), greatest.astype(np.float64)
     middle = (0.5 * (low + high)).astype(np.float32).astype(np.float64)
-    return np.where(np.abs(middle) > DISTANT * (high - low), middle, none)
+    return np.where(np.abs(middle) > DISTANT * (high - low), middle, 0.0)
 
 
 def _said(values: Array, found: Outliers, repaired: Array) -> list[str]:

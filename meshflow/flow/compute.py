@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.flow.controls import AreaChange, Embedded, FixedStep
+from meshflow.flow.controls import AreaChange, Embedded, FixedStep, GivenSteps
 from meshflow.flow.steppers import Stepper, StepperName, stepper_word
 from meshflow.geometry.delaunay import Triangles
 from meshflow.geometry.options import option
@@ -28,7 +28,7 @@ class Compute:
 
     stepper: Stepper | StepperName = option("auto", "The time stepper.")
     dt: float | None = option(None, "Length of a step. Default: chosen for the stepper.", "squared length")
-    control: FixedStep | AreaChange | Embedded | None = option(
+    control: FixedStep | AreaChange | Embedded | GivenSteps | None = option(
         None, "Control of the step lengths, instead of dt.", flag="-"
     )
     threads: int | None = option(None, "Number of threads. Default: one per core.")
@@ -49,7 +49,7 @@ class Compute:
             positive(self.dt, "dt")
         if self.threads is not None:
             whole(self.threads, "threads", 1)
-        if self.control is not None and not isinstance(self.control, (FixedStep, AreaChange, Embedded)):
+        if self.control is not None and not isinstance(self.control, (FixedStep, AreaChange, Embedded, GivenSteps)):
             raise InputError(f"control: FixedStep, AreaChange or Embedded expected, got {self.control!r}")
         if self.triangles not in TRIANGLES:
             raise InputError(f"triangles: {', '.join(TRIANGLES)} expected, got {self.triangles!r}")

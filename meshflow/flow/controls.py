@@ -7,12 +7,12 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
-from meshflow.flow.step_lengths import AreaSteps, ErrorSteps, EvenSteps, Steps
+from meshflow.flow.step_lengths import AreaSteps, ErrorSteps, EvenSteps, ListedSteps, Steps
 from meshflow.flow.steppers import Embedding, Explicit, Stepper
 from meshflow.flow.stops import Scale, Stop
 from meshflow.geometry.validation import Array, positive
 
-__all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "Until"]
+__all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "GivenSteps", "Until"]
 
 # The default number of steps of a semi-implicit run: the metric is then lagged by a tenth of the time.
 IMPLICIT_STEPS = 10
@@ -90,6 +90,24 @@ class FixedStep:
         :raises InputError: for a dt beyond the largest stable one, which is named.
         """
         return EvenSteps(_longest(self.dt, flow, stepper, u, until))
+
+
+@dataclass(frozen=True)
+class GivenSteps:
+    """Steps of the lengths that another run has taken.
+
+    :param lengths: squared lengths, in their order; at least one.
+    """
+
+    lengths: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not self.lengths:
+            raise InputError("lengths: one step or more expected, got none")
+
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> ListedSteps:
+        """The steps of this run."""
+        return ListedSteps(self.lengths)
 
 
 @dataclass(frozen=True)

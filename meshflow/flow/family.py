@@ -68,6 +68,11 @@ class Variant:
         taps = np.exp(-0.5 * np.square(np.arange(far + 1) / self.patch)) if far else np.ones(1)
         return taps / (2.0 * taps.sum() - taps[0])
 
+    @property
+    def reach(self) -> int:
+        """How many samples away a sample of a grid decides the rate of another one."""
+        return len(self.taps) if self.patch > 0 else 1
+
     def check(self, along_rays: bool, on_grid: bool) -> None:
         """Refuse options that are not defined on a surface.
 

@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-__all__ = ["AreaSteps", "ErrorSteps", "EvenSteps", "Steps", "Taken"]
+__all__ = ["AreaSteps", "ErrorSteps", "EvenSteps", "ListedSteps", "Steps", "Taken"]
 
 # The next super-time step is at least this share of the elapsed time. A run then has an error of 0.005 to 0.02 sigma (with a
 # half, 0.01 to 0.03 for a fifth fewer rates).
@@ -77,6 +77,31 @@ class EvenSteps:
     def after(self, taken: Taken) -> "EvenSteps":
         """The same."""
         return self
+
+
+@dataclass(frozen=True)
+class ListedSteps:
+    """Steps of given lengths, one after the other; once they are used up, of the length of the last one.
+
+    :ivar lengths: squared lengths.
+    :ivar taken: the number of steps so far.
+    """
+
+    lengths: tuple[float, ...]
+    taken: int = 0
+    asks_error = False
+
+    def length(self, limit: float) -> float:
+        """The length of the next step, at most the stable limit."""
+        return min(self.lengths[min(self.taken, len(self.lengths) - 1)], limit)
+
+    def accepts(self, taken: Taken) -> bool:
+        """Every step."""
+        return True
+
+    def after(self, taken: Taken) -> "ListedSteps":
+        """The steps after this one."""
+        return replace(self, taken=self.taken + 1)
 
 
 @dataclass(frozen=True)

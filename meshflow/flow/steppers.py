@@ -130,7 +130,7 @@ class SuperTime:
 
     def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after time dt."""
-        workspace, count = workspace or Workspace(flow), self._count(dt, Explicit().largest(flow, u))
+        workspace, count = workspace or Workspace(flow), self.count(dt, Explicit().largest(flow, u))
         last, *spent = self._stages(flow, u, dt, diagonal, count, workspace)
         workspace.give(*spent)
         return last
@@ -139,7 +139,7 @@ class SuperTime:
         self, flow: Flow, u: Array, dt: float, explicit: float, diagonal: int = 0, workspace: Workspace | None = None
     ) -> tuple[Array, float]:
         """A step, and its root mean square error, to the order of the step."""
-        workspace, count = workspace or Workspace(flow), self._count(dt, explicit)
+        workspace, count = workspace or Workspace(flow), self.count(dt, explicit)
         last, before, *drift = self._stages(flow, u, dt, diagonal, count, workspace)
         of_last, of_before, of_start, of_rate = schedule(self.order, count).error
         terms = [(of_last, last), (of_before, before), (of_start, u), *((of_rate * dt, rate) for rate in drift)]
@@ -149,7 +149,7 @@ class SuperTime:
 
     def endured(self, dt: float, explicit: float, then: float) -> bool:
         """False where triangles have become so thin during the step that its stages were unstable."""
-        return SLACK * then * reach(self.order, self._count(dt, explicit)) >= dt
+        return SLACK * then * reach(self.order, self.count(dt, explicit)) >= dt
 
     @property
     def stretch(self) -> float:
@@ -160,8 +160,11 @@ class SuperTime:
         """The reach of the largest number of stages, with explicit steps that are stable at u."""
         return Explicit().largest(flow, u) * self.stretch
 
-    def _count(self, dt: float, explicit: float) -> int:
-        """The number of stages of a step, enough to compare the last two."""
+    def count(self, dt: float, explicit: float) -> int:
+        """The number of stages of a step, enough to compare the last two.
+
+        :param dt: the length of the step; ``explicit``: that of the longest stable explicit one.
+        """
         return max(self.order + 1, stages(self.order, dt / explicit))
 
     def _stages(

@@ -11,10 +11,11 @@ from meshflow.estimate.planner import plan as planned
 from meshflow.estimate.planner import plan_of_flow
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
+from meshflow.flow.compute import Compute
 from meshflow.flow.conservation import Kept, free_of
 from meshflow.flow.constraints import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
-from meshflow.flow.controls import Control, FixedStep, Until
+from meshflow.flow.controls import Control, FixedStep, GivenSteps, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
@@ -22,7 +23,7 @@ from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.mobility import slowed
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
-from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
 from meshflow.geometry.folds import moved_without_folds
 from meshflow.geometry.validation import whole
 from meshflow.results.result import History, Result, release
@@ -32,7 +33,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["run", "states"]
+__all__ = ["end_of", "engine_of", "run", "states", "with_given_steps"]
 
 # A warning is given where more than this number, and this share, of the samples have no triangle.
 ALONE, ALONE_SHARE = 10, 1e-3
@@ -53,7 +54,7 @@ def run(data: Data, request: Request, progress: Progress = None, *, record: bool
 def _smoothed(data: Data, request: Request, progress: Progress, record: bool | None) -> Result:
     """:func:`run`, with the threads that are asked for."""
     plan = planned(data, request)
-    engine = _engine(plan)
+    engine = engine_of(plan)
     start, end, history = _run(_steered(engine, plan), plan, progress, record)
     if plan.blend and plan.idle is None:
         end = _blended(plan, end)
@@ -89,6 +90,64 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
     )
 
 
+def end_of(plan: Plan) -> State:
+    """The last state of a plan that is not idle: its run, or the blend of its runs; nothing is measured on the way."""
+    end = _run(_steered(engine_of(plan), plan), plan, None, None)[1]
+    return _blended(plan, end) if plan.blend else end
+
+
+def with_given_steps(plan: Plan) -> tuple[Plan, tuple[int, ...]]:
+    """The plan with the steps that its runs take, so that a window of its data takes the same; and the rates of each run.
+
+    Explicit steps follow from the spacing alone. Where their length depends on the data, the runs are made for it.
+
+    :raises InputError: for steps that every sample has a part in: implicit ones, and those whose bound depends on the data.
+    """
+    compute, rates = _given_steps(replace(plan, blend=()))
+    parts, counts = [], [rates]
+    for i, part in enumerate(plan.blend):
+        own, rates = (compute, rates) if i == 0 else _given_steps(plan.only(part))
+        parts.append(replace(part, compute=own))
+        counts += [rates] * (i > 0)
+    return replace(plan, request=replace(plan.request, compute=compute), blend=tuple(parts)), tuple(counts)
+
+
+def _given_steps(plan: Plan) -> tuple[Compute, int]:
+    """The computation of one run with the steps that it takes, and the number of its rates."""
+    engine = engine_of(plan)
+    flow = _steered(engine, plan)
+    stepper, control = _stepping(flow, plan)
+    until = _until(plan)
+    stepper = stepper_for(stepper or Explicit(), flow, until.time)
+    if not isinstance(engine, GridFlow) or not engine.uniform:
+        raise InputError(
+            f"method={plan.method.word!r}: the length of its steps depends on all samples; take one with gamma "
+            "of -1 or above (for several channels 0), and mass barycentric or ring"
+        )
+    if not isinstance(stepper, (Explicit, SuperTime)):
+        raise InputError(f"stepper={stepper.name!r}: an implicit step needs all samples; take explicit or super-time")
+    explicit, lengths = Explicit().largest(flow, flow.start()), []
+    if isinstance(stepper, Explicit) and (control is None or isinstance(control, FixedStep)):
+        dt, time = (control or FixedStep()).opened(flow, stepper, flow.start(), until).dt, 0.0
+        while until.reason(time, len(lengths)) is None:
+            lengths.append(min(dt, explicit, until.left(time)))
+            time += lengths[-1]
+    else:
+        limit = _hold(plan, flow)
+        lengths = [state.dt for state in march(flow, until, stepper, control, recycle=True, limit=limit)][1:]
+    given = GivenSteps(tuple(lengths)) if lengths else None
+    rates = [stepper.count(dt, explicit) if isinstance(stepper, SuperTime) else 1 for dt in lengths]
+    return replace(plan.request.compute, stepper=stepper, dt=None, control=given), sum(rates)
+
+
+def _until(plan: Plan) -> Until:
+    """The end of a run: for twicing at twice its time, with a step that ends at the time."""
+    until = plan.until
+    if plan.twicing > 0 and until.time is not None:
+        return replace(until, time=2.0 * until.time, marks=(until.time,))
+    return until
+
+
 def states(data: Data, request: Request, count: int, progress: Progress = None) -> Iterator[tuple[float, Data]]:
     """Times and states of a flow: the start, the end, and states between them.
 
@@ -114,7 +173,7 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
 def _states(data: Data, request: Request, count: int, progress: Progress) -> Iterator[tuple[float, Data]]:
     """:func:`states`, once what was asked for is known to make sense."""
     plan = plan_of_flow(data, request)
-    engine = _engine(plan)
+    engine = engine_of(plan)
     flow = _steered(engine, plan)
     yield 0.0, plan.result()
     until = plan.until
@@ -142,10 +201,11 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
             yield state.time, plan.result(state.u)
 
 
-def _engine(plan: Plan) -> Flow:
+def engine_of(plan: Plan) -> Flow:
     """The engine that moves the data."""
     if not isinstance(plan.data, Mesh):
-        return GridFlow(plan.above.gridded(plan.lift), plan.variant, plan.request.compute.threads)
+        grid = replace(plan.above.gridded(plan.lift), whole=plan.whole)
+        return GridFlow(grid, plan.variant, plan.request.compute.threads)
     surface = plan.data.lifted(plan.lift)
     if plan.points is not None and plan.setting is not None:
         return plan.points.engine(surface, plan.setting)
@@ -184,10 +244,8 @@ def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tup
     begin = State(flow, flow.start(), reason=plan.idle)
     if plan.idle is not None:
         return begin, begin, History.joined(() if record is None else (_measured(begin, plan),))
-    until, kept = plan.until, None
-    time, twicing = until.time, plan.twicing
-    if twicing > 0 and time is not None:
-        until = replace(until, time=2.0 * time, marks=(time,))
+    until, kept = _until(plan), None
+    time, twicing = plan.until.time, plan.twicing
     stepper, control = _stepping(flow, plan)
     limit = _hold(plan, flow)
     measured, state = [], begin
@@ -212,7 +270,7 @@ def _blended(plan: Plan, first: State) -> State:
     u = first.u.dtype.type(plan.blend[0].weight) * first.u
     for part in plan.blend[1:]:
         alone = plan.only(part)
-        flow = _steered(_engine(alone), alone)
+        flow = _steered(engine_of(alone), alone)
         u += u.dtype.type(part.weight) * _run(flow, alone, None, None)[1].u
     words = f"{first.reason}; blended with {len(plan.blend) - 1} more"
     return replace(first, u=u, reason=words)

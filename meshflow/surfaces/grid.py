@@ -18,7 +18,7 @@ from meshflow.surfaces.triangles import (
     triangulations,
 )
 
-__all__ = ["Lines", "Grid", "Lift", "Spacing", "held", "OnGrid"]
+__all__ = ["Lines", "Grid", "Lift", "Spacing", "Whole", "held", "OnGrid"]
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,23 @@ class Lines:
 
 
 @dataclass(frozen=True, eq=False)
+class Whole:
+    """What a window of a grid takes from the whole grid, so that it computes the same bits.
+
+    :param spacing: (dx, dy) of the whole, dx a number or one per row.
+    :param ends: the least and the greatest present number of its planes.
+    """
+
+    spacing: Spacing
+    ends: tuple[float, float]
+
+    @property
+    def step(self) -> float:
+        """The typical distance of neighbours (the geometric mean of dx and dy)."""
+        return float(np.sqrt(np.mean(self.spacing[0]) * self.spacing[1]))
+
+
+@dataclass(frozen=True, eq=False)
 class Grid:
     """A grid of samples for an engine; the data objects have checked it.
 
@@ -90,6 +107,7 @@ class Grid:
     :param lines: the lines along which the samples move; None: they move vertically above the grid.
     :param jump: a triangle is left out where its values differ by more than this share of the least; None: none is.
     :param cuts: edges that no triangle has.
+    :param whole: of the grid of which this is a window; None: this is the whole.
     :raises InputError: for an unknown word for the diagonals or the boundary.
     """
 
@@ -103,6 +121,7 @@ class Grid:
     lines: Lines | None = None
     jump: float | None = None
     cuts: Cuts | None = None
+    whole: Whole | None = None
 
     def __post_init__(self) -> None:
         triangulations(self.diagonals)

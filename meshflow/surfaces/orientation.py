@@ -9,7 +9,7 @@ import numpy as np
 from meshflow.geometry.validation import Array, Spacing
 from meshflow.surfaces.discontinuities import Cuts
 
-__all__ = ["AS_IT_IS", "Orientation", "orientation_of"]
+__all__ = ["AS_IT_IS", "Orientation", "lattice", "orientation_by", "orientation_of"]
 
 # The largest numbers of rows and of columns that are used; and the share of the sum of its absolute terms below which a moment
 # is zero.
@@ -78,9 +78,18 @@ def orientation_of(values: Array, missing: Array, spacing: Spacing) -> Orientati
     :param spacing: (dx, dy); a grid with one dx per row is not transposed.
     """
     h, w = missing.shape
-    rows, columns = _some(h), _some(w)
-    there = ~missing[np.ix_(rows, columns)]
-    some = values.reshape(h, w, -1)[np.ix_(rows, columns)]
+    at = np.ix_(lattice(h), lattice(w))
+    return orientation_by(values.reshape(h, w, -1)[at], ~missing[at], (h, w), spacing)
+
+
+def orientation_by(some: Array, there: Array, shape: tuple[int, int], spacing: Spacing) -> Orientation:
+    """:func:`orientation_of` for the samples of the :func:`lattice` along both sides.
+
+    :param some: (r, c, k); ``there``: (r, c), those that are present.
+    :param shape: (h, w), of the whole grid.
+    """
+    h, w = shape
+    rows, columns = lattice(h), lattice(w)
     with np.errstate(over="ignore", invalid="ignore"):
         energy = _energy(np.where(there[..., None], some, 0).astype(np.float64), there)
     fields = [field for field in (energy, there.astype(np.float64)) if np.isfinite(field).all()]
@@ -95,8 +104,8 @@ def orientation_of(values: Array, missing: Array, spacing: Spacing) -> Orientati
     return Orientation(transposed, *(mirrored[::-1] if transposed else mirrored))
 
 
-def _some(size: int) -> Array:
-    """Indices along a side, symmetric about its middle."""
+def lattice(size: int) -> Array:
+    """Indices along a side, symmetric about its middle: the rows or columns that tell an orientation."""
     places = np.arange(size) if size <= ENOUGH else np.linspace(0, size - 1, ENOUGH // 2).astype(int)
     return np.unique(np.concatenate([places, size - 1 - places]))
 

@@ -48,9 +48,11 @@ class GridFlow:
         self.variant.check(along_rays=grid.lines is not None, on_grid=True)
         self.shape = (len(grid.planes), *grid.shape)
         widths = np.broadcast_to(np.asarray(grid.spacing[0], dtype=np.float64), (self.shape[1],))
+        of_all = widths if grid.whole is None else np.atleast_1d(np.asarray(grid.whole.spacing[0], dtype=np.float64))
         # A power of two, so that counting lengths in it costs no bit and tiles of a grid agree with the whole.
-        typical = 1.0 if grid.lines is not None else np.sqrt(np.median(widths)) * np.sqrt(grid.spacing[1])
+        typical = 1.0 if grid.lines is not None else np.sqrt(np.median(of_all)) * np.sqrt(grid.spacing[1])
         self._unit = float(2.0 ** np.floor(np.log2(typical)))
+        self._all_widths = of_all / self._unit
         self._widths, self._height = widths / self._unit, grid.spacing[1] / self._unit
         self.dtype = self._number_type()
         self._begin = self._cleaned()
@@ -100,13 +102,23 @@ class GridFlow:
     def _bound_at_start(self) -> float:
         return self._bound(self.start())
 
+    @property
+    def uniform(self) -> bool:
+        """Whether the bound holds for any data: then a window of the grid moves as the whole does."""
+        return self._by_gradients and (self.variant.gamma >= -1 or not self._alone)
+
+    @property
+    def _by_gradients(self) -> bool:
+        """Whether the flat grid bounds the decay, but for a factor where gamma of one channel is below -1."""
+        m = self.variant
+        return self.grid.lines is None and m.mass != "voronoi" and (m.gamma >= 0 or self._alone)
+
     def _bound(self, u: Array) -> float:
         """:meth:`bound`, measured anew."""
         m = self.variant
-        if self.grid.lines is None and m.mass != "voronoi" and (m.gamma >= 0 or self._alone):
-            flat = self._flat_bound / (3.0 if m.mass == "ring" else 1.0)
-            if m.gamma >= -1 or not self._alone:
-                return flat
+        if self._by_gradients:
+            if self.uniform:
+                return self._flat_bound / (3.0 if m.mass == "ring" else 1.0)
             return self._flat_bound * max(self._measured(u, span, kernels.BOUND)[1] for span in self._spans)
         # Where the indicator is left out, masses do not matter, and all triangles are asked at once.
         spans = [(self._spans[0][0], self._spans[-1][1])] if self._by_rays and m.gamma >= 0 else self._spans
@@ -138,8 +150,8 @@ class GridFlow:
     def _number_type(self) -> Any:
         """The number type of the planes; double precision where powers of their slopes would overflow."""
         grid, m = self.grid, self.variant
-        least, greatest = _extent(grid.planes, grid.missing)
-        steep = float(grid.contrast) / min(self._unit * self._widths.min(), self._unit * self._height)
+        least, greatest = _extent(grid.planes, grid.missing) if grid.whole is None else grid.whole.ends
+        steep = float(grid.contrast) / min(self._unit * self._all_widths.min(), self._unit * self._height)
         sizes = np.array([greatest - least, steep * (greatest - least), steep, max(abs(least), abs(greatest))])
         sizes = np.log10(sizes[sizes > 0])
         alone = len(grid.planes) == 1 and grid.lines is None
@@ -186,7 +198,7 @@ class GridFlow:
     @cached_property
     def _flat_bound(self) -> float:
         """What every triangle allows, whatever the data; per squared length."""
-        x, y = self._widths, self._height
+        x, y = self._all_widths, self._height
         return float(np.maximum(6 / x**2 + 6 / y**2, 9 / np.minimum(x, y) ** 2).max()) / self._unit**2
 
     @property

@@ -1,0 +1,175 @@
+"""Windows of a grid, of any shape and in any order, equal the whole bit for bit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import meshflow
+from meshflow import Beltrami, Compute, Fixed, Mask, MaxChange, Mobility
+from meshflow.errors import InputError
+from meshflow.estimate.request import Request
+from meshflow.large.census import census_of, counted_in, joined
+from meshflow.large.sample import sample_of
+from meshflow.large.source import Held, grown, tiled
+from meshflow.large.windows import windowed
+from meshflow.results.run import run
+from meshflow.surfaces.data import array_of
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+
+H, W = 61, 47
+
+
+def terrain(h=H, w=W, dtype=np.float32, seed=0, holes=0.03, rows=False, level=0.0, k=0):
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[0:h, 0:w]
+    z = level + 4 * np.sin(y / 7) * np.cos(x / 5) + 6 * (x > w // 2) + rng.normal(size=(h, w))
+    missing = rng.random((h, w)) < holes
+    if holes:
+        missing[h // 3 : h // 2, : w // 3] = True
+    if k:
+        return Image(np.stack([z + i * rng.normal(size=(h, w)) for i in range(k)], 2).astype(dtype), missing=missing)
+    spacing = (np.linspace(1.0, 1.4, h), 1.2) if rows else (1.3, 0.8)
+    return HeightField(z.astype(dtype), spacing, missing)
+
+
+def by_windows(data, request, sides, enough=1 << 22, side=16):
+    """All windows of a grid, one after the other."""
+    source = Held(data)
+    found = windowed(census_of(source, at_once=700), sample_of(source, enough, side), request)
+    done = np.full_like(array_of(data), np.nan)
+    for window in tiled(source.form.shape, sides):
+        outer = grown(window, found.halo, source.form.shape)
+        done[window] = found.moved(window, outer, *source.read(outer))
+    return done, found
+
+
+def same(one, other):
+    assert np.array_equal(one, other, equal_nan=True), f"{np.nanmax(np.abs(one - other)):.3g}"
+
+
+METHODS = {
+    "beltrami": Beltrami(contrast=2.0),
+    "sharp": Beltrami(gamma=-1.0, sharpness=2.0, contrast=1.5),
+    "patches": Beltrami(patch=0.7, contrast=2.0),
+    "projection": Beltrami(gamma=1.0, indicator="projection", contrast=1.0),
+    "ring": Beltrami(mass="ring", contrast=1.0),
+    "twicing": Beltrami(contrast=2.0, twicing=0.5),
+}
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    method=st.sampled_from(sorted(METHODS)),
+    time=st.sampled_from([0.4, 2.0, 14.0]),
+    boundary=st.sampled_from(["plane-preserving", "neumann", "fixed"]),
+    sides=st.tuples(st.integers(1, H), st.integers(1, W)).filter(lambda s: s[0] * s[1] > 40),
+    kind=st.sampled_from(["float32", "float64", "rows", "far", "whole", "two"]),
+    held=st.sampled_from(["none", "mask", "fixed", "limit", "limits", "mobility", "all"]),
+    diagonals=st.sampled_from(["alternate", "both", "forward"]),
+    seed=st.integers(0, 3),
+)
+def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
+    method, time, boundary, sides, kind, held, diagonals, seed
+):  # each is a part of the law
+    if kind == "two" and method in ("sharp", "projection"):
+        method = "patches"
+    options = {
+        "float64": {"dtype": np.float64},
+        "rows": {"rows": True},
+        "far": {"level": 3000.0},
+        "whole": {"holes": 0},
+    }
+    data = terrain(seed=seed, **({"k": 2} if kind == "two" else options.get(kind, {})))
+    rng = np.random.default_rng(seed + 9)
+    constraints = {
+        "mask": [Mask(rng.random((H, W)) < 0.8)],
+        "fixed": [Fixed(rng.random((H, W)) < 0.1)],
+        "limit": [MaxChange(0.5)],
+        "limits": [MaxChange(rng.random((H, W)))],
+        "mobility": [Mobility(rng.random((H, W)))],
+    }
+    constraints["none"], constraints["all"] = [], [constraints[name][0] for name in ("mask", "limits", "mobility")]
+    request = Request.of(
+        METHODS[method], (), constraints[held], time=time, noise=1.0, boundary=boundary, outliers="include",
+        compute=Compute(diagonals=diagonals),
+    )  # fmt: skip
+    done, _ = by_windows(data, request, sides)
+    same(done, array_of(run(data, request, record=None).after))
+
+
+@pytest.mark.parametrize("method", [None, "quick", "search"])
+@pytest.mark.parametrize("k", [0, 3])
+def test_what_is_chosen_by_default_runs_by_windows_as_it_does_on_the_whole(method, k):
+    data = terrain(k=k, rows=not k)
+    request = Request.of(method, outliers="include")
+    done, found = by_windows(data, request, (17, 23))
+    if k == 0:
+        chosen = run(data, Request.of(method or meshflow.Search(second_stage=False), outliers="include"), record=None)
+        same(done, array_of(chosen.after))
+    once, _ = by_windows(data, request, (H, W))
+    same(done, once)
+    assert found.plan.idle is None
+    assert not np.array_equal(done, array_of(data))
+
+
+def test_a_plan_found_on_spread_tiles_is_that_of_the_whole_to_the_error_of_its_estimates():
+    data = terrain(400, 500, holes=0.01)
+    request = Request.of(outliers="include")
+    small, found = by_windows(data, request, (150, 500), enough=160 * 160, side=40)
+    one, _ = by_windows(data, request, (400, 500), enough=160 * 160, side=40)
+    same(small, one)
+    chosen = run(data, replace(request, method=meshflow.Search(second_stage=False)), record=None)
+    assert found.found.noise.sigma == pytest.approx(chosen.noise.sigma, rel=0.1)
+    assert any("tiles spread over the whole" in word for word in found.warnings)
+    y, x = np.mgrid[0:400, 0:500]
+    clean = (4 * np.sin(y / 7) * np.cos(x / 5) + 6 * (x > 250))[~data.missing]
+    errors = [float(np.sqrt(np.mean(np.square(z[~data.missing] - clean)))) for z in (small, array_of(chosen.after))]
+    assert errors[0] < 1.1 * errors[1], errors
+
+
+def test_the_order_of_windows_and_of_their_counts_does_not_matter():
+    data = terrain(rows=True)
+    source, shape = Held(data), (H, W)
+    windows = list(tiled(shape, (9, 11)))
+    counts = [counted_in(window, *source.read(window), shape) for window in windows]
+    one, two = joined(counts, source.form), joined(counts[::-1], source.form)
+    same(one.some, two.some)
+    assert one.whole.ends == two.whole.ends == census_of(source).whole.ends
+    assert one.orientation(Compute()) == two.orientation(Compute())
+
+
+def test_noise_free_data_comes_back_as_it_is():
+    data = replace(terrain(), z=np.ones((H, W), np.float32))
+    done, found = by_windows(data, Request.of(), (20, 20))
+    same(done, array_of(data))
+    assert found.plan.idle is not None
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"stop": meshflow.Residual(0.9)}, "stop: not by windows, it is met by the whole at once"),
+        ({"level": "rows"}, "level: not by windows"),
+        ({"outliers": "repair"}, "outliers='repair': not by windows"),
+        ({"method": Beltrami(second_stage=True)}, "second_stage: not by windows"),
+        ({"method": Beltrami(gamma=-2.0, contrast=1.0), "time": 1.0}, "method='beltrami': the length of its steps"),
+        ({"time": 1.0, "compute": Compute(stepper="semi-implicit")}, "stepper='semi-implicit': an implicit step"),
+        ({"constraints": MaxChange("step")}, "max_change='step': not by windows"),
+        ({"constraints": Mask(np.ones((3, 3), bool))}, "mask: one number per sample, shape"),
+    ],
+)
+def test_what_no_window_can_know_is_refused_in_one_line_that_says_why(options, why):
+    with pytest.raises(InputError, match=why) as refusal:
+        by_windows(terrain(), Request.of(options.pop("method", None), **options), (20, 20))
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_grid_without_a_present_sample_is_refused():
+    data = terrain()
+    values, missing = array_of(data), np.ones((H, W), bool)
+    with pytest.raises(InputError, match="all .* samples are missing"):
+        joined([counted_in((slice(0, H), slice(0, W)), values, missing, (H, W))], Held(data).form)
