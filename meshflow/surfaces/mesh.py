@@ -96,7 +96,7 @@ class Mesh:
             axes = self._axes(self.channels.astype(np.float64), lift.contrast)
         elif lift.contrast != 1.0:
             raise InputError(f"contrast: a factor on the channels, and the points move alone; got {lift.contrast}")
-        return Surface(points, (self.faces,), axes, self.fixed, lift.boundary or self.boundary)
+        return Surface(points, (self.faces,), axes, self.fixed, lift.boundary or self.boundary, irregular=True)
 
     def _axes(self, channels: Array, contrast: float) -> Axes:
         """The axes of the channels, or of the points and the channels."""

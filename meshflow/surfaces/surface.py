@@ -34,6 +34,8 @@ class Surface:
     :param fixed: vertices (n,) that stay; by default none.
     :param boundary: ``neumann``: the variational boundary condition; ``plane-preserving``: the pull of the boundary's conormal is
         removed, so that tilted planes do not move; ``fixed``: boundary vertices stay.
+    :param irregular: triangles of any shape, as meshes have: a ``plane-preserving`` boundary then moves as a curve of its own
+        (:func:`meshflow.geometry.border.border_operator`), instead of without the conormals of the triangles at border edges.
     :param alternate: take the triangulations in turn, one per rate evaluation, instead of all together.
     :param time_factor: (n,), factor on the rate of each vertex (the squared pixel footprint of a range image); None: 1 for all.
     :param charts: for each triangulation (m, 3, c), the coordinates of corners that are not free, in a chart of each triangle,
@@ -46,6 +48,7 @@ class Surface:
     free: Free = ALL
     fixed: Array = field(default_factory=nowhere)
     boundary: Boundary = "neumann"
+    irregular: bool = False
     alternate: bool = False
     time_factor: Array | None = None
     charts: tuple[Array, ...] = ()

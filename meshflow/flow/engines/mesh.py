@@ -14,6 +14,7 @@ from meshflow.flow.engines.triangulation import Triangulation, triangulations_of
 from meshflow.flow.family import Variant
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import Blocks, blocked, march_blocks
+from meshflow.geometry.border import border_operator
 from meshflow.geometry.connectivity import Connectivity
 from meshflow.geometry.laplacians import cotangent_generator, umbrella_generator
 from meshflow.geometry.normals import mean_edge
@@ -36,6 +37,7 @@ class MeshSystem:
     :ivar measured: the triangles.
     :ivar directions: (n, 3), along which vertices move; None where all coordinates are free or along axes.
     :ivar order: the vertices (n,) in an order in which neighbours are near; None where it would bring nothing.
+    :ivar border: (n, n), the operator of a border that moves on its own, whose vertices are not among those that move; or None.
     """
 
     mass: Array
@@ -43,6 +45,7 @@ class MeshSystem:
     measured: Measured
     directions: Array | None
     order: Array | None
+    border: Any = None
 
     @property
     def stiffness(self) -> sparse.csr_matrix:
@@ -54,7 +57,7 @@ class MeshSystem:
         whole = self.stiffness
         whole.data *= dt
         whole.data[self.measured.connectivity.pattern.diagonal] += self.mass
-        return whole
+        return whole if self.border is None else sparse.csr_matrix(whole + dt * self.border)
 
 
 def _stiffness(connectivity: Connectivity, weights: Array, directions: Array | None, moves: Array) -> sparse.csr_matrix:
@@ -98,6 +101,7 @@ class MeshFlow(Dense):
         if surface.boundary == "fixed":
             for triangulation in self._triangulations:
                 self.held |= triangulation.connectivity.rim
+        self._stays = self.held if self._border is None else self.held | self._rim
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """du/dt (n, k), free coordinate per time, zero where a vertex is fixed, isolated, or without area; or a blend of it."""
@@ -114,7 +118,10 @@ class MeshFlow(Dense):
         gradient = operator.gather_gradient(m.connectivity, m.weights, snapshot.x, self._linear)
         pull, inertia = self.surface.free.along(gradient), self._inertia(snapshot, gradient)
         moves = self._moves(inertia)
-        return -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
+        rate = -np.divide(pull, inertia[:, None], out=np.zeros_like(pull), where=moves[:, None])
+        if self._border is not None:
+            rate[self._rim] = -(self._border @ u)[self._rim]
+        return rate
 
     def _marched(self, u: Array, keep: float, dt: float, out: Array | None) -> Array | None:
         """keep u + dt rate(u), by blocks of triangles; None where that is not what moves, or triangles are too thin for it."""
@@ -129,7 +136,9 @@ class MeshFlow(Dense):
         sharpest = march_blocks(blocks, u, keep, dt, out, inverse)
         if sharpest > thinnest:
             return None
-        if inverse is not None:
+        if self._border is not None:
+            out[self._rim] = keep * u[self._rim] - dt * (self._border @ u)[self._rim]
+        elif inverse is not None:
             out[c.rim] -= inverse[c.rim, None] * operator.border_pull(c, u)[c.rim]
         return out
 
@@ -137,7 +146,25 @@ class MeshFlow(Dense):
     def _blocks(self) -> Blocks | None:
         """Made when the first explicit step asks for them."""
         faces, kind = self._triangulations[0].connectivity.faces, operator.mass_kind(self.variant.mass)
-        return blocked(self.surface.points, faces, kind, self.held)
+        return blocked(self.surface.points, faces, kind, self._stays)
+
+    @cached_property
+    def _rim(self) -> Array:
+        """Vertices (n,) of a border that moves on its own."""
+        return self._triangulations[0].connectivity.rim
+
+    @cached_property
+    def _border(self) -> Any:
+        """The operator (n, n) of a plane-preserving border of irregular triangles, which moves on its own; None: there is none.
+
+        Its metric is that of the start.
+        """
+        surface, c = self.surface, self._triangulations[0].connectivity
+        if surface.boundary != "plane-preserving" or not surface.irregular or not len(c.border):
+            return None
+        staying = list(surface.free.staying(surface.points.shape[1]))
+        found = border_operator(c, surface.points[:, staying] if staying else surface.points, self.held)
+        return found / 3.0 if self.variant.mass == "ring" else found
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
@@ -151,6 +178,15 @@ class MeshFlow(Dense):
         Dirichlet energy, whatever the sharpness: the bound of the flat triangles holds as well, times what M / s is less than the
         flat mass.
         """
+        return max(self._inner_bound(u), self._border_bound)
+
+    @cached_property
+    def _border_bound(self) -> float:
+        """That of a border that moves on its own, whose operator is positive semidefinite: its largest row, by Gershgorin."""
+        return 0.0 if self._border is None else float(np.asarray(abs(self._border).sum(axis=1)).max())
+
+    def _inner_bound(self, u: Array) -> float:
+        """:meth:`bound` of what is not such a border."""
         snapshots = [self._at(u, diagonal) for diagonal in range(len(self._metrics))]
         if self._metrics[0].keeps_range:
             return max(map(self._range_bound, snapshots))
@@ -196,7 +232,10 @@ class MeshFlow(Dense):
         inertia, m = self._inertia(snapshot, None), snapshot.measured
         moves = self._moves(inertia)
         mass = np.where(moves, inertia, 1.0)
-        return MeshSystem(mass, moves, m, self.surface.free.directions, self._order)
+        border = self._border
+        if border is not None and self.held.any():  # held vertices do not change, and the system is symmetric
+            border = border @ sparse.diags((~self.held).astype(np.float64))
+        return MeshSystem(mass, moves, m, self.surface.free.directions, self._order, border)
 
     @cached_property
     def _order(self) -> Array | None:
@@ -219,12 +258,13 @@ class MeshFlow(Dense):
             return umbrella_generator(connectivity, step, ~(self.held | isolated), curve)
         snapshot = self._at(u, 0)
         inertia, m = self._inertia(snapshot, None), snapshot.measured
-        return cotangent_generator(m.connectivity, m.cot, inertia, self._moves(inertia), self._linear)
+        whole = cotangent_generator(m.connectivity, m.cot, inertia, self._moves(inertia), self._linear)
+        return whole if self._border is None else sparse.csr_matrix(whole + self._border)
 
     @property
     def _linear(self) -> bool:
-        """Whether the pull of the border is taken out."""
-        return self.surface.boundary == "plane-preserving"
+        """Whether the conormals of the triangles at border edges are taken out."""
+        return self.surface.boundary == "plane-preserving" and not self.surface.irregular
 
     def _at(self, u: Array, diagonal: int) -> _Snapshot:
         """The surface at u, measured."""
@@ -271,5 +311,5 @@ class MeshFlow(Dense):
         return np.clip(ratio, self.variant.floor, 1.0)
 
     def _moves(self, inertia: Array) -> Array:
-        """Vertices (n,) that are neither fixed nor without triangles."""
-        return (inertia > 0) & np.isfinite(inertia) & ~self.held
+        """Vertices (n,) that are neither fixed, nor without triangles, nor of a border that moves on its own."""
+        return (inertia > 0) & np.isfinite(inertia) & ~self._stays
