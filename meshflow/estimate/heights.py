@@ -91,6 +91,7 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
         contrast, how = edge * data.step / sigma, Decided("estimated", f"{edge:g} h / sigma")
     else:
         contrast, how = 1.0, Decided("default", "no noise found")
+    if sigma <= 0 and asked.contrast is None and not plan.variant.linear:
         plan = replace(plan, warnings=(f"{no_noise(noise)}; contrast 1 is taken", *plan.warnings))
     if not request.named:
         plan = replace(plan, method=_filled(request, replace(plan.variant, **exponents), contrast, 0.0))
@@ -137,7 +138,7 @@ def _filled(request: Request, variant: Variant, contrast: float, twicing: float)
     """The named method, or that of the found exponents, with its numbers."""
     asked = request.heights
     if request.named:
-        return replace(asked, contrast=contrast, twicing=twicing)
+        return replace(asked, contrast=None if variant.linear else contrast, twicing=twicing)
     return Beltrami(
         gamma=variant.gamma,
         sharpness=variant.sharpness,
@@ -196,11 +197,11 @@ def _searched(plan: Plan, sigma: float) -> Plan | None:
     """
     data, request = plan.data, plan.request
     asked, end = request.heights, request.until_time
-    like = Variant(indicator=asked.indicator, mass=asked.mass)
+    like = Variant(indicator=asked.indicator, mass=asked.mass, linear=asked.variant.linear)
     made = configurations(_family(data, request), data.step / _rough(plan.noise, sigma), like, asked.contrast)
     alone = end is not None or request.weighted or bool(request.stops)
     twices = (float(request.twicing),) if request.twicing is not None else (0.0,) if alone else TWICE
-    free = asked.contrast is None
+    free = asked.contrast is None and not like.linear
     if isinstance(data, Mesh):
         parts = (0.25, 0.5, 1.0, *((2.0,) if max(twices) > 0 else ()))
         times = tuple(t * data.step**2 for t in TIMES if t <= LOOKED_AT)
@@ -233,7 +234,7 @@ def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tu
     own = noise.channels if len(noise.channels) == k and noise.how != "given" else (noise.sigma,)
     return GridSearch(
         made,
-        free=request.heights.contrast is None,
+        free=request.heights.contrast is None and not plan.variant.linear,
         sigma=np.reshape(own, (-1, 1, 1)) * request.strength,
         end=request.until_time,
         weights=twices,

@@ -37,6 +37,8 @@ class Variant:
         widths of 0.5 to 1 lower the error of the flow on noisy data.
     :param floor: least value of the ``projection`` indicator, which is 0/0 on flat surfaces; without it the rate is unbounded for
         gamma < 0.
+    :param linear: triangles are measured by their base alone, so that dX/dt is the Laplacian of X: the heat equation, for any
+        data. It has no contrast.
     :raises InputError: for an unknown word, a gamma that is not finite, a sharpness that is not positive, a floor outside
         (0, 1], or a patch that is negative or wider than 6 samples.
     """
@@ -47,6 +49,7 @@ class Variant:
     mass: Mass = "barycentric"
     floor: float = 0.05
     patch: float = 0.0
+    linear: bool = False
 
     def __post_init__(self) -> None:
         number(self.gamma, "gamma")
@@ -77,8 +80,13 @@ class Variant:
         """Refuse options that are not defined on a surface.
 
         :raises InputError: for a sharpness other than 1 along rays, where the triangles have no common base and tilted planes
-            would move; for patches along rays or on a mesh.
+            would move; for patches along rays or on a mesh; for a linear flow along rays, where there is no base.
         """
+        if along_rays and self.linear:
+            raise InputError(
+                "method='heat': along rays there is no plane over which depths could diffuse linearly; take domain='disparity', "
+                "or kind='terrain' for the depths as heights over the pixels"
+            )
         if along_rays and self.sharpness != 1.0:
             raise InputError(
                 f"sharpness: along rays only 1 is defined, got {self.sharpness}; use gamma to keep edges of a range image"

@@ -46,6 +46,7 @@ class GridFlow:
         self.slivers = len(grid.planes) > 1 and self.variant.gamma < 0
         self.threads = None if threads is None else whole(threads, "threads", 1)
         self.variant.check(along_rays=grid.lines is not None, on_grid=True)
+        self._contrast = 0.0 if self.variant.linear else float(grid.contrast)
         self.shape = (len(grid.planes), *grid.shape)
         widths = np.broadcast_to(np.asarray(grid.spacing[0], dtype=np.float64), (self.shape[1],))
         of_all = widths if grid.whole is None else np.atleast_1d(np.asarray(grid.whole.spacing[0], dtype=np.float64))
@@ -151,7 +152,7 @@ class GridFlow:
         """The number type of the planes; double precision where powers of their slopes would overflow."""
         grid, m = self.grid, self.variant
         least, greatest = _extent(grid.planes, grid.missing) if grid.whole is None else grid.whole.ends
-        steep = float(grid.contrast) / min(self._unit * self._all_widths.min(), self._unit * self._height)
+        steep = self._contrast / min(self._unit * self._all_widths.min(), self._unit * self._height)
         sizes = np.array([greatest - least, steep * (greatest - least), steep, max(abs(least), abs(greatest))])
         sizes = np.log10(sizes[sizes > 0])
         alone = len(grid.planes) == 1 and grid.lines is None
@@ -191,7 +192,7 @@ class GridFlow:
     def _geometry(self) -> Array:
         """(h, 7), what a triangle with a leg in each row is measured by; lengths in units of the typical spacing."""
         x, y = self._widths, np.broadcast_to(self._height, self._widths.shape)
-        a = self.grid.contrast / self._unit
+        a = self._contrast / self._unit
         columns = [(a / x) ** 2, (a / y) ** 2, y / (2 * x), x / (2 * y), x * y / 6, x, y]
         return np.stack(columns, axis=-1).astype(self.dtype)
 
@@ -239,7 +240,7 @@ class GridFlow:
             kind, pitch = kernels.LINES, grid.lines.pitch
             if pitch is not None:
                 kind, across, down = kernels.PINHOLE, 1.0 / pitch[0], 1.0 / pitch[1]
-        scale, small = (grid.contrast / self._unit) ** 2, ROUNDING[self.dtype.itemsize]
+        scale, small = (self._contrast / self._unit) ** 2, ROUNDING[self.dtype.itemsize]
         gaps, forms = int(grid.there is not None), int(self._by_forms)
         kinds = mass_kind(m.mass), int(m.indicator == "projection"), kind, gaps, forms
         return kernels.GridOptions(m.sharpness, m.gamma, m.floor, scale, small, across, down, *span, *kinds)

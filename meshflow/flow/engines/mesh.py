@@ -168,8 +168,13 @@ class MeshFlow(Dense):
 
     def area(self, u: Array) -> float:
         """Area of the surface at u, squared length; the mean over its triangulations."""
-        x, pairs = self.surface.free.measured(u), zip(self._metrics, self._triangulations, strict=True)
+        x, pairs = self._measuring(u), zip(self._metrics, self._triangulations, strict=True)
         return sum(m.area(t, x, self.variant.sharpness) for m, t in pairs) / len(self.surface.triangulations)
+
+    def _measuring(self, u: Array) -> Array:
+        """The coordinates (n, c) that measure triangles, beside their charts: none where the flow is linear."""
+        x = self.surface.free.measured(u)
+        return np.zeros_like(x) if self.variant.linear and not self.surface.is_free else x
 
     def bound(self, u: Array) -> float:
         """max over triangles of lambda_max(M_T^-1 L_T) times the largest factor of time at its corners; per time.
@@ -270,7 +275,7 @@ class MeshFlow(Dense):
         """The surface at u, measured."""
         which = diagonal % len(self._metrics)
         triangulation, x = self._triangulations[which], self.surface.free.measured(u)
-        m = self._metrics[which].measured(triangulation, x, self.variant.sharpness)
+        m = self._metrics[which].measured(triangulation, self._measuring(u), self.variant.sharpness)
         return _Snapshot(triangulation, x, m, operator.gather_mass(m.connectivity, m.cot, m.area, self.variant.mass))
 
     def _inertia(self, snapshot: _Snapshot, gradient: Array | None) -> Array:

@@ -72,7 +72,8 @@ class HeightMethod:
     @property
     def variant(self) -> Variant:
         """The exponents, the edge indicator and the mass, for the engines."""
-        return Variant(indicator=self.indicator, mass=self.mass, **self.exponents)
+        gamma, sharpness, patch = ({"gamma": 0.0, "sharpness": 1.0, "patch": 0.0} | self.exponents).values()
+        return Variant(gamma, sharpness, self.indicator, self.mass, patch=patch)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,10 +172,28 @@ class GemanMcClure(HeightMethod):
 
 @dataclass(frozen=True, kw_only=True)
 class Heat(HeightMethod):
-    """Beltrami flow at a contrast so low that it is nearly the heat equation."""
+    """The heat equation du/dt = div grad u, linear for any data: time t is a Gaussian of variance 2 t. It blurs edges.
+
+    On a mesh it is the equation of the surface, with the Laplace-Beltrami operator of its points. It has no contrast.
+    """
 
     word: ClassVar[str] = "heat"
-    contrasts: ClassVar[tuple[float, ...]] = (0.05,)
+    contrasts: ClassVar[tuple[float, ...]] = (1.0,)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.contrast is not None:
+            raise InputError(f"method='heat': the heat equation has no contrast, got {self.contrast}; leave it out")
+
+    @property
+    def ruled(self) -> bool:
+        """There is no contrast to search for."""
+        return True
+
+    @property
+    def variant(self) -> Variant:
+        """The linear flow."""
+        return Variant(mass=self.mass, linear=True)
 
 
 @dataclass(frozen=True, kw_only=True)
