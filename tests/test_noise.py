@@ -119,6 +119,21 @@ def test_a_photograph_shows_the_noise_of_its_camera_and_how_it_is_correlated():
         assert found.between == pytest.approx(np.corrcoef(noise.reshape(-1, 3).T), abs=0.15)
 
 
+def test_channels_say_together_what_each_of_them_leaves_in_doubt():
+    found, alone = [], []
+    for seed in range(6):
+        scene = picture((64, 64), seed=seed).truth
+        photograph, clean = Camera(shot=0.01, reading=0.006, quality=92, seed=seed).photograph(scene)
+        missing = np.zeros(scene.shape[:2], bool)
+        found.append(noise_of(photograph, missing).sigma / np.std(photograph - clean))
+        alone += [noise_of(photograph[..., k], missing).correlation is not None for k in range(3)]
+        white = scene + 8.0 * np.random.default_rng(seed).normal(size=scene.shape)
+        assert noise_of(white, missing).correlation is None
+    assert np.mean(alone) < 0.5
+    assert min(found) > 0.7
+    assert max(found) < 1.4
+
+
 def test_noise_common_to_all_channels_is_told_from_noise_of_each():
     rng = np.random.default_rng(2)
     common, own = rng.normal(size=(256, 256, 1)), rng.normal(size=(256, 256, 3))

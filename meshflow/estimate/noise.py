@@ -7,7 +7,14 @@ import numpy as np
 
 from meshflow.estimate.noise_growth import MAD, residuals
 from meshflow.estimate.noise_lines import line_offsets
-from meshflow.estimate.noise_spectrum import Found, between_of, correlation_of, length_of, spectral_noise
+from meshflow.estimate.noise_spectrum import (
+    Found,
+    between_of,
+    correlated_together,
+    correlation_of,
+    length_of,
+    spectral_noise,
+)
 from meshflow.estimate.noise_tiles import Tiles, tiles_of
 from meshflow.estimate.outliers import large_pieces
 from meshflow.estimate.patch_noise import patch_noise
@@ -112,16 +119,25 @@ class Noise:
 
 
 @dataclass(frozen=True, eq=False)
-class _Channel:
-    """The noise of one channel: the fields of :class:`Noise`, the covariance of correlated noise, tiles and spectrum."""
+class _Measured:
+    """Measurements of one channel: its parts and number type, what of :class:`Noise` needs no decision, tiles and spectrum."""
 
-    sigma: float
+    parts: list[Part]
+    precision: np.dtype
     quantum: float
     share: float
-    how: str
-    covariance: Array | None
+    lines: Lines
     tiles: Tiles
     spectrum: Found | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Channel:
+    """The noise of one channel: the fields of :class:`Noise`, and the covariance of correlated noise."""
+
+    sigma: float
+    how: str
+    covariance: Array | None
     lines: Lines
     doubt: str
 
@@ -139,22 +155,25 @@ def noise_of(values: Array, missing: Array) -> Noise:
     """
     stack = values.reshape(*missing.shape, -1)
     windows = spread_tiles(missing.shape, ENOUGH)
-    found = [_channel(channel, missing, windows) for channel in np.moveaxis(stack, 2, 0)]
+    seen = [_measured(channel, missing, windows) for channel in np.moveaxis(stack, 2, 0)]
+    spectra = [one.spectrum for one in seen if one.spectrum is not None]
+    several = len(seen) > 1 and len(spectra) == len(seen)
+    between = between_of([one.tiles for one in seen], spectra) if several else None
+    together = several and correlated_together(spectra, between)
+    found = [_channel(one, together) for one in seen]
     covariances = [one.covariance for one in found if one.covariance is not None]
     correlation = correlation_of(np.sum(covariances, axis=0)) if covariances else None
     lengths = length_of(correlation)
-    spectra = [one.spectrum for one in found if one.spectrum is not None]
-    several = len(found) > 1 and len(spectra) == len(found)
     return Noise(
         _mean_square([one.sigma for one in found]),
-        max(one.quantum for one in found),
+        max(one.quantum for one in seen),
         tuple(one.sigma for one in found),
-        max(one.share for one in found),
+        max(one.share for one in seen),
         "spectrum" if covariances else found[0].how,
         correlation,
         _mean_square(lengths),
         lengths,
-        between_of([one.tiles for one in found], spectra) if several else None,
+        between,
         Lines(_mean_square([one.lines.rows for one in found]), _mean_square([one.lines.columns for one in found])),
         next((one.doubt for one in found if one.doubt), ""),
     )
@@ -165,23 +184,33 @@ def _mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _channel(channel: Array, missing: Array, windows: list[tuple[slice, slice]]) -> _Channel:
-    """The noise of one channel (h, w), from windows of it."""
+def _measured(channel: Array, missing: Array, windows: list[tuple[slice, slice]]) -> _Measured:
+    """Measurements of one channel (h, w), from windows of it."""
     quantum, share = quantum_of(np.concatenate([channel[window][~missing[window]] for window in windows]))
     parts = [_patched(channel[window], ~missing[window]) for window in windows]
-    tiles = tiles_of(parts)
-    lines = Lines(*line_offsets(parts))
-    spectrum = spectral_noise(tiles, lines.rows > 0, lines.columns > 0)
+    tiles, lines = tiles_of(parts), Lines(*line_offsets(parts))
+    return _Measured(
+        parts, channel.dtype, quantum, share, lines, tiles, spectral_noise(tiles, lines.rows > 0, lines.columns > 0)
+    )
+
+
+def _channel(seen: _Measured, together: bool) -> _Channel:
+    """The noise of one channel.
+
+    :param together: whether the channels together show that the noise is correlated.
+    """
+    parts, quantum, lines, spectrum = seen.parts, seen.quantum, seen.lines, seen.spectrum
     least, most = _range(parts)
-    covariance, doubt = _correlated(spectrum, max(FAINT * (most - least), ROUNDING * quantum / np.sqrt(12.0)))
+    faint = max(FAINT * (most - least), ROUNDING * quantum / np.sqrt(12.0))
+    covariance, doubt = _correlated(spectrum, faint, together)
     sigma, how = _white(parts) if covariance is None else (float(np.sqrt(covariance[0, 0])), "spectrum")
     if how == "patches" and spectrum is not None and sigma > 0:
         doubt = _doubt(sigma, float(np.sqrt(spectrum.plain.white)))
-    if sigma <= 2.0 * np.finfo(channel.dtype).eps * max(abs(least), abs(most)):
+    if sigma <= 2.0 * np.finfo(seen.precision).eps * max(abs(least), abs(most)):
         sigma, covariance, lines, doubt = 0.0, None, Lines(), ""  # rounding of floating-point numbers is no noise
     if sigma > 0 or (quantum > 0 and terraced(parts, quantum)):
         sigma = max(sigma, quantum / np.sqrt(12.0))
-    return _Channel(sigma, quantum, share, how, covariance, tiles, spectrum, lines, doubt)
+    return _Channel(sigma, how, covariance, lines, doubt)
 
 
 def _patched(z: Array, there: Array) -> Part:
@@ -212,9 +241,9 @@ def _range(parts: list[Part]) -> tuple[float, float]:
     return (float(min(map(np.min, known))), float(max(map(np.max, known)))) if known else (0.0, 0.0)
 
 
-def _correlated(found: Found | None, least: float) -> tuple[Array | None, str]:
+def _correlated(found: Found | None, least: float, together: bool) -> tuple[Array | None, str]:
     """The covariance of correlated noise and the reason for doubt; None if the noise is white or at most ``least``."""
-    if found is None or not found.correlated:
+    if found is None or not (together or found.correlated):
         return None, ""
     covariance = found.covariance()
     if np.sqrt(covariance[0, 0]) <= least:
