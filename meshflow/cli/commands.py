@@ -17,6 +17,7 @@ import typer
 
 from meshflow.cli import looking
 from meshflow.cli.asking import asked
+from meshflow.cli.by_windows import memory_for, smooth_by_windows
 from meshflow.cli.console import err, out, said, table
 from meshflow.cli.environment import environment
 from meshflow.cli.flags import FLOW, Given, command, only
@@ -77,13 +78,17 @@ def about(
         *only(FLOW, *TEN),
         *flags("kind", "camera", "picture", "report", "overwrite"),
         *(flag for flag in FLOW if flag.name not in TEN),
-        *flags(*READING[2:], "moves", "time_unit", "dtype", *SAYING[3:]),
+        *flags(*READING[2:], "moves", "time_unit", "dtype", "most_memory", *SAYING[3:]),
     ),
 )
 def smooth(given: Given) -> None:
     """Smooth IN and write the same kind of data to OUT. Options that are not given are estimated from the data."""
     source, target = given["source"], given["target"]
     quiet, overwrite = given["quiet"], given["overwrite"]
+    memory = memory_for(given)
+    if memory is not None:
+        smooth_by_windows(given, memory)
+        return
     document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
     piped = target == STDIN
     if piped:

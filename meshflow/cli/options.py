@@ -125,6 +125,15 @@ ALL: tuple[Flag, ...] = (
         FIRST,
     ),
     Flag("dtype", str | None, "Number type of a raster or picture; 'source' rounds back to whole numbers.", OUTPUT),
+    Flag(
+        "most_memory",
+        str | None,
+        "Memory that the command may take, such as 2GB: a raster that does not fit is smoothed by windows, with the same result. "
+        "Default: half of what is free.",
+        OUTPUT,
+        None,
+        ("--memory",),
+    ),
     _yes("overwrite", "Replace OUT if it is there.", FIRST),
     _yes("quiet", "Print errors only.", OUTPUT, "--quiet", "-q"),
     _yes("verbose", "Print every parameter with its unit and origin.", OUTPUT, "--verbose", "-v"),

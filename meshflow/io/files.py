@@ -14,7 +14,7 @@ from meshflow.io.formats.ply_layout import has_grid
 from meshflow.io.incoming import set_down
 from meshflow.io.metadata import Metadata, ReadOptions
 
-__all__ = ["Document", "read", "read_with", "writable", "write"]
+__all__ = ["Document", "format_of", "read", "read_with", "writable", "write"]
 
 MESHES = frozenset({".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".vtp", ".vtu", ".vtk", ".vtm", ".3mf"})
 ARRAYS = frozenset({".npy", ".npz"})
@@ -165,9 +165,14 @@ def read_with(path: Path, options: ReadOptions) -> Document:
     _must_be_a_file(path)
     if options.kind is None and options.camera is None:
         must_be_known(path)
-    found = next(entry for entry in FORMATS if entry.claims(path, options)).load()
+    found = format_of(path, options)
     options.must_belong(f"{found.NAME} ({path.name})", found.READS)
     return found.read(path, options)
+
+
+def format_of(path: Path, options: ReadOptions) -> Format:
+    """The format that reads a file."""
+    return next(entry for entry in FORMATS if entry.claims(path, options)).load()
 
 
 def write(

@@ -6,7 +6,7 @@ from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array
 from meshflow.io.formats.raster_frame import Frame
 
-__all__ = ["DTYPES", "mark", "rounded"]
+__all__ = ["DTYPES", "mark", "mark_outside", "rounded"]
 
 DTYPES = ("uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
 
@@ -39,8 +39,7 @@ def mark(samples: Array, frame: Frame, dtype: np.dtype) -> float | None:
     floating = dtype.kind == "f"
     if frame.nodata is None and (not frame.gone.any() or (frame.alpha is not None and not floating)):
         return None
-    ends = (np.nan,) if floating else (float(np.iinfo(dtype).min), float(np.iinfo(dtype).max))
-    for candidate in (frame.nodata, -9999.0, *ends):
+    for candidate in _candidates(frame.nodata, dtype):
         if candidate is not None and _fits(candidate, dtype):
             value = dtype.type(candidate)
             if not (samples == value)[~frame.gone].any():
@@ -48,6 +47,28 @@ def mark(samples: Array, frame: Frame, dtype: np.dtype) -> float | None:
     raise FormatError(
         f"{int(frame.gone.sum())} samples are missing and {dtype} has no value left to mark them; write dtype='float32'"
     )
+
+
+def mark_outside(declared: float | None, ends: tuple[float, float], dtype: np.dtype) -> float:
+    """A value for missing samples of data that is written by parts: that of the file, else one beyond the other samples.
+
+    :param declared: by the file.
+    :param ends: the least and the greatest sample.
+    :raises FormatError: when there is none.
+    """
+    low, high = ends
+    for candidate in _candidates(declared, dtype):
+        if candidate is None or not _fits(candidate, dtype):
+            continue
+        if candidate == declared or not low - (high - low) <= candidate <= high + (high - low):
+            return float(dtype.type(candidate))
+    raise FormatError(f"samples are missing and {dtype} has no value left to mark them; write dtype='float32'")
+
+
+def _candidates(declared: float | None, dtype: np.dtype) -> tuple[float | None, ...]:
+    """Values that may mark missing samples: of the file, the usual one, and those at the ends of a type."""
+    ends = (np.nan,) if dtype.kind == "f" else (float(np.iinfo(dtype).min), float(np.iinfo(dtype).max))
+    return (declared, -9999.0, *ends)
 
 
 def _fits(value: float, dtype: np.dtype) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 from meshflow.geometry.validation import Array
 
-__all__ = ["Mark", "mark_in"]
+__all__ = ["Mark", "mark_in", "may_mark"]
 
 # Values that programs write where nothing was measured, and a bound above which there are no measurements.
 _USUAL = (
@@ -55,10 +55,9 @@ def mark_in(values: Array, gone: Array) -> Mark | None:
         return None
     there = values[known]
     for end in (there.min(), there.max()):
-        beyond = abs(float(end)) >= _BEYOND
-        usual = any(float(end) == float(values.dtype.type(word)) for word in _USUAL if _holds(values.dtype, word))
-        if not (beyond or usual):
+        if not may_mark(float(end), values.dtype):
             continue
+        beyond = abs(float(end)) >= _BEYOND
         at_end = there == end
         rest, count = there[~at_end], int(at_end.sum())
         if not rest.size:
@@ -68,6 +67,14 @@ def mark_in(values: Array, gone: Array) -> Mark | None:
         if beyond or (count >= _OFTEN and gap > _FAR * (high - low)):
             return Mark(float(end), count, (low, high))
     return None
+
+
+def may_mark(end: float, dtype: np.dtype) -> bool:
+    """Whether the least or the greatest value is one that programs write where nothing was measured.
+
+    :param dtype: in which it is stored.
+    """
+    return abs(end) >= _BEYOND or any(end == float(dtype.type(word)) for word in _USUAL if _holds(dtype, word))
 
 
 def _holds(dtype: np.dtype, word: float) -> bool:

@@ -155,7 +155,7 @@ def windowed(census: Census, sample: Sample, request: Request) -> Windowed:
     halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
     if found.base is not None:
         halo += base_reach(there)
-    return Windowed(found, plan, census, constraints, halo, warnings)
+    return Windowed(replace(found, noise=plan.noise), plan, census, constraints, halo, warnings)
 
 
 def _few(data: OnGrid) -> OnGrid:

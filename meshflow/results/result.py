@@ -13,9 +13,10 @@ from scipy.special import i0e
 
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, value_unit
-from meshflow.estimate.risk import Candidate, as_good
+from meshflow.estimate.risk import Candidate
 from meshflow.flow.march import State
 from meshflow.geometry.validation import Array
+from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, searched_lines
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
@@ -23,11 +24,6 @@ from meshflow.surfaces.range_image import RangeImage
 __all__ = ["History", "Result", "release"]
 
 
-# The parameters that a summary names, in this order.
-SUMMED = (
-    "method", "order", "weights", "gamma", "sharpness", "patch", "contrast", "crease_contrast", "crease_sharpness",
-    "regularize", "feature_length", "normal_weight",
-)  # fmt: skip
 # Those left out for range images, where they are always the same.
 ALONG_RAYS = ("sharpness", "patch", "contrast")
 
@@ -163,10 +159,7 @@ class Result:
     @property
     def tags(self) -> dict[str, str]:
         """The parameters as text, for the tags of files."""
-        words = {"version": self.version}
-        for name, parameter in self.parameters.items():
-            value = parameter.value
-            words[name] = value if isinstance(value, str) else f"{value:.6g}"
+        words = {"version": self.version, **as_text(self.parameters)}
         words |= {"time": f"{self.end.time:.6g}", "steps": str(self.end.step), "stepper": self.end.stepper}
         return {**words, "stopped_because": self.stopped_because}
 
@@ -175,27 +168,19 @@ class Result:
         """One line: why the run ended, what was chosen, what was removed."""
         if self.end.step == 0:
             return self.stopped_because
-        p = self.parameters
-        hidden = ALONG_RAYS if isinstance(self.before, RangeImage) else ()
-        names = [name for name in SUMMED if name in p and name not in hidden]
-        chosen = ", ".join(f"{name.replace('_', ' ')} {_short(p[name].value)}" for name in names)
+        chosen = chosen_in(self.parameters, ALONG_RAYS if isinstance(self.before, RangeImage) else ())
         sigma = f" of noise {self.noise.sigma:.4g}{self._unit}"
-        chosen = f"{chosen}; " if chosen else ""
         return f"{self.stopped_because}; {chosen}removed {self._along}rms {self._rms:.4g}{self._unit}{sigma}"
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the data, in types of JSON."""
-        parameters = {
-            name: {"value": p.value, "unit": p.unit, "origin": p.origin, **({"why": p.why} if p.why else {})}
-            for name, p in self.parameters.items()
-        }
         return {
             "version": self.version,
             "stopped_because": self.stopped_because,
             "time": self.end.time,
             "steps": self.end.step,
             "stepper": self.end.stepper,
-            "parameters": parameters,
+            "parameters": as_numbers(self.parameters),
             "noise": self.noise.to_dict(),
             "removed": {
                 "rms": self._rms,
@@ -203,7 +188,7 @@ class Result:
                 "correlation": self.correlation,
             },
             "history": self.history.to_list(),
-            "candidates": [_in_numbers(candidate, i == 0) for i, candidate in enumerate(self.candidates)],
+            "candidates": candidates_in_numbers(self.candidates),
             "warnings": list(self.warnings),
         }
 
@@ -231,16 +216,7 @@ class Result:
         correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
         sizes = f"{self._along}rms {self._rms:.6g}{self._unit}, largest {np.abs(self.counted).max():.6g}{self._unit}"
         lines.append(f"  removed      {sizes}{correlation}")
-        if self.candidates:
-            lines.append(f"  searched     {len(self.candidates)} candidates; expected errors (rms), least first:")
-            for candidate in sorted(self.candidates, key=lambda candidate: candidate.least[1])[:5]:
-                words = (
-                    f"{k} {v if isinstance(v, str) else format(v, '.4g')}"
-                    for k, v in candidate.configuration.words.items()
-                )
-                error = f"{candidate.risk:.6g}" if candidate.least[1] > 0 else "below what can be measured"
-                near = "; as good, as far as can be told" if as_good(candidate, self.candidates[0]) else ""
-                lines.append(f"               {error} at time {candidate.least[0]:.4g}: {', '.join(words)}{near}")
+        lines += searched_lines(self.candidates)
         lines += [f"  noise        {sentence}" for sentence in self.noise.sentences()]
         return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
 
@@ -264,20 +240,6 @@ class Result:
     def _points(self) -> bool:
         """Whether only the points of a mesh in R^3 have moved."""
         return isinstance(self.before, Mesh) and self.before.moves == "points" and self.before.normals is not None
-
-
-def _short(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.4g}"
-
-
-def _in_numbers(candidate: Candidate, whole: bool) -> dict[str, Any]:
-    """A candidate in numbers; with its curve only where ``whole``, since all curves are hundreds of numbers."""
-    return {
-        **candidate.configuration.words,
-        "time": candidate.least[0],
-        "risk": candidate.risk,
-        **({"curve": {"times": list(candidate.times), "risks": list(candidate.risks)}} if whole else {}),
-    }
 
 
 def release() -> str:

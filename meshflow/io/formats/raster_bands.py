@@ -14,6 +14,7 @@ from rasterio.enums import ColorInterp, MaskFlags, Resampling
 from rasterio.errors import CRSError, NodataShadowWarning, NotGeoreferencedWarning, RasterioError
 from rasterio.io import DatasetReader, MemoryFile
 from rasterio.transform import Affine
+from rasterio.windows import Window
 
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, real
@@ -29,7 +30,10 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Encoding", "framed", "layers", "load", "merged", "save"]
+__all__ = [
+    "Encoding", "frame_of", "framed", "gone_in", "layers", "load", "merged", "must_have_bands", "quiet", "reason_of", "save",
+    "unreadable",
+]  # fmt: skip
 
 T = TypeVar("T")
 
@@ -81,7 +85,7 @@ def load(
     opening = must_be_numbers(path) if path.suffix.lower() == ".asc" else {}
     try:
         with (
-            _quiet(),
+            quiet(),
             plainly_named(path) as named,
             taken_out(named) as file,
             DatasetReader(str(file), driver=allowed_drivers(file, remote), **opening) as source,
@@ -89,9 +93,9 @@ def load(
             must_fit(path, len(bands or source.indexes), source.height, source.width)
             colours = source.colorinterp
             chosen = list(bands or [i for i in source.indexes if colours[i - 1] != ColorInterp.alpha])
-            _check_bands(path, source, chosen)
+            must_have_bands(path, source, chosen)
             raw = source.read(chosen, out_dtype=np.result_type(*source.dtypes))
-            gone = _gone(source, raw, chosen, nodata)
+            gone = gone_in(source, raw, chosen, nodata)
             alpha = (
                 source.read(source.count) if colours[-1] == ColorInterp.alpha and source.count not in chosen else None
             )
@@ -102,9 +106,9 @@ def load(
                     "mask, and comes back as it is (--band takes one as data)",
                 )
                 raw, gone, alpha, chosen = raw[:-1], gone[:-1], raw[-1], chosen[:-1]
-            frame = _frame(source, raw, chosen, nodata)
+            frame = frame_of(source, str(raw.dtype), chosen, nodata)
     except (RasterioError, CRSError, CPLE_BaseError, OSError, MemoryError) as cause:
-        raise _unreadable(path, cause) from cause
+        raise unreadable(path, cause) from cause
     values = real(raw, path.name)
     if alpha is not None:
         gone |= alpha == 0
@@ -133,7 +137,7 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
     shape = {"count": len(samples), "height": samples.shape[1], "width": samples.shape[2]}
     with beside(path) as temporary:
         try:
-            with _quiet(), MemoryFile(ext=path.suffix) as memory:
+            with quiet(), MemoryFile(ext=path.suffix) as memory:
                 with memory.open(
                     driver=encoding.driver,
                     dtype=samples.dtype,
@@ -150,7 +154,7 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
                         target.build_overviews(list(frame.overviews), Resampling.average)
                 temporary.write_bytes(memory.read())
         except (RasterioError, CPLE_BaseError) as cause:
-            raise OSError(_reason(cause)) from cause
+            raise OSError(reason_of(cause)) from cause
 
 
 def framed(data: HeightField | Image | RangeImage, dtype: str) -> Frame:
@@ -190,7 +194,7 @@ def merged(source: Source, data: HeightField | Image | RangeImage) -> tuple[Arra
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Suppress warnings about files without georeference, and alpha beside nodata."""
     with warnings.catch_warnings(), rasterio.Env(**_SAFE):
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
@@ -198,7 +202,12 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _check_bands(path: Path, source: DatasetReader, chosen: list[int]) -> None:
+def must_have_bands(path: Path, source: DatasetReader, chosen: list[int]) -> None:
+    """Refuse no band, a band that is not there, and more than are smoothed together.
+
+    :raises FormatError: for a file without bands, and for too many.
+    :raises InputError: for a band that is not there.
+    """
     if not chosen:
         inside = ", ".join(source.subdatasets[:4])
         raise FormatError(
@@ -225,16 +234,28 @@ def _ends_in_mask(raw: Array, colour: ColorInterp) -> bool:
     return bool(peak in _OPAQUE and holes.any() and (holes | (last == peak)).all() and not raw[:-1, holes].any())
 
 
-def _gone(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Array:
-    """Missing samples per band; a given nodata value replaces the declared one, an internal mask stays."""
+def gone_in(
+    source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None, window: Window | None = None
+) -> Array:
+    """Missing samples (k, h, w) of bands; a given nodata value replaces the declared one, an internal mask stays.
+
+    :param raw: (k, h, w), the samples as stored; ``window``: where they lie, None for all.
+    """
     if nodata is None:
-        return source.read_masks(chosen) == 0
+        return source.read_masks(chosen, window=window) == 0
     flags = source.mask_flag_enums[chosen[0] - 1]
-    masked = np.zeros(raw.shape, bool) if MaskFlags.nodata in flags else source.read_masks(chosen) == 0
+    masked = np.zeros(raw.shape, bool) if MaskFlags.nodata in flags else source.read_masks(chosen, window=window) == 0
     return masked | (raw == float(nodata))
 
 
-def _frame(source: DatasetReader, raw: Array, chosen: list[int], nodata: float | None) -> Frame:
+def frame_of(source: DatasetReader, dtype: str, chosen: list[int], nodata: float | None) -> Frame:
+    """The frame of bands of a raster, but for their missing samples.
+
+    :param dtype: in which their samples are stored.
+    :param chosen: numbers of bands, from 1.
+    :param nodata: instead of the declared one.
+    """
+
     def of(each: Sequence[T]) -> tuple[T, ...]:
         """The entries of the bands that are read."""
         return tuple(each[i - 1] for i in chosen)
@@ -249,7 +270,7 @@ def _frame(source: DatasetReader, raw: Array, chosen: list[int], nodata: float |
     if source.colorinterp[chosen[0] - 1] == ColorInterp.palette:
         palette = np.array(list(source.colormap(chosen[0]).values()), dtype=np.uint8)
     return Frame(
-        dtype=str(raw.dtype),
+        dtype=dtype,
         gone=np.zeros(0, bool),
         nodata=declared,
         crs=source.crs,
@@ -276,14 +297,15 @@ def _verify(memory: MemoryFile, samples: Array, driver: str) -> None:
                 raise OSError("what was read back differs from what was written")
 
 
-def _reason(cause: BaseException) -> str:
+def reason_of(cause: BaseException) -> str:
     """The message of GDAL, which rasterio only refers to."""
     while cause.__cause__ is not None:
         cause = cause.__cause__
     return " ".join(str(cause).split())[:300]
 
 
-def _unreadable(path: Path, cause: BaseException) -> FormatError:
+def unreadable(path: Path, cause: BaseException) -> FormatError:
+    """The refusal of a file that GDAL cannot read."""
     labels = [
         label for label in (path.with_suffix(".LBL"), path.with_suffix(".lbl")) if label.exists() and label != path
     ]
@@ -292,4 +314,4 @@ def _unreadable(path: Path, cause: BaseException) -> FormatError:
         if labels
         else "is it whole, and a raster that GDAL opens (GeoTIFF, .asc, .hgt, .dem, PDS label, VRT, PNG, ...)?"
     )
-    return FormatError(f"{path.name} cannot be read ({_reason(cause)}); {said_of(path) or advice}")
+    return FormatError(f"{path.name} cannot be read ({reason_of(cause)}); {said_of(path) or advice}")

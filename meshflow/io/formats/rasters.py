@@ -17,13 +17,16 @@ from meshflow.io.spacing import between_samples, height_unit, units_disagree
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["Raster", "can_write", "read", "write"]
+__all__ = [
+    "TILE", "Raster", "can_write", "geotiff", "notes_on", "read", "spacing_in", "type_for", "unlike_bands", "write",
+]  # fmt: skip
 
 NAME: str = "a raster"
 READS: tuple[str, ...] = ("kind", "band", "nodata", "spacing", "allow_remote")
 WRITES: tuple[str, ...] = ("dtype",)
 
-_TILE = 256
+# The side of the tiles of a GeoTIFF.
+TILE = 256
 # Bands whose samples spread over ranges that differ by more are quantities of their own; samples that tell it.
 _UNLIKE, _ENOUGH = 10.0, 100_000
 _COLOURS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.cyan, ColorInterp.palette)
@@ -68,15 +71,15 @@ def read(path: Path, options: ReadOptions) -> Document:
     notes: tuple[str, ...] = ()
     unit = height_unit(frame.crs, frame.units[0])
     if options.spacing is None:
-        spacing, notes = _spacing(frame, unit)
+        spacing, notes = spacing_in(frame, unit, values.shape[1:])
     else:
         spacing = spacing_of(options.spacing, values.shape[1])
-    notes += _about_values(frame)
+    notes += notes_on(frame)
     missing: Array = np.any(frame.gone, axis=0)
     if len(values) == 1 and kind != "image":
         return Document(HeightField(values[0], spacing, missing, unit=unit), path, Raster(frame), notes)
     channels = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
-    unlike = _unlike(values, frame) if kind is None else ()
+    unlike = unlike_bands(values, frame) if kind is None else ()
     if unlike:
         notes += (
             f"{len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}): each is smoothed by itself, by its own noise "
@@ -97,7 +100,7 @@ def must_fit(document: Document, path: Path, options: WriteOptions) -> None:
     :raises InputError: for an unknown number type.
     """
     values, frame = merged(document.source, samples_of(document))
-    _dtype(options.dtype, frame, values)
+    type_for(options.dtype, frame, values.dtype)
     if path.suffix.lower() == ".asc":
         _fit_into_ascii(path, frame)
 
@@ -115,7 +118,7 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     """
     values, frame = merged(document.source, samples_of(document))
     dtype = options.dtype
-    kind = _dtype(dtype, frame, values)
+    kind = type_for(dtype, frame, values.dtype)
     notes: tuple[str, ...] = ()
     if frame.scaled and not (dtype == "source" and kind.kind in "iu"):
         frame = frame.without_scale()
@@ -137,7 +140,11 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
             notes += (f"missing samples are marked by nodata {nodata:g}",)
     # As many digits as tell each number of the type from the next.
     digits = {"SIGNIFICANT_DIGITS": 9 if samples.dtype == np.float32 else 17} if samples.dtype.kind == "f" else {}
-    encoding = Encoding("AAIGrid", nodata, digits) if ascii_grid else Encoding("GTiff", nodata, _geotiff(samples))
+    encoding = (
+        Encoding("AAIGrid", nodata, digits)
+        if ascii_grid
+        else Encoding("GTiff", nodata, geotiff(samples.dtype, samples.shape[1:]))
+    )
     save(samples, frame, path, encoding, options.tags)
     return notes + clipped
 
@@ -147,12 +154,15 @@ def _alike(one: float, other: float | None) -> bool:
     return other is not None and bool(one == other or (np.isnan(one) and np.isnan(other)))
 
 
-def _spacing(frame: Frame, unit: str) -> tuple[Spacing, tuple[str, ...]]:
+def spacing_in(frame: Frame, unit: str, shape: tuple[int, ...]) -> tuple[Spacing, tuple[str, ...]]:
+    """(dx, dy) of a raster, and notes.
+
+    :param unit: of the heights; ``shape``: (h, w).
+    """
     if not frame.georeferenced:
         why = "ground control points only" if frame.gcps[0] else "no georeference"
         return (1.0, 1.0), (f"{why}: the spacing is 1, a pixel; give spacing=(dx, dy) in the unit of the heights",)
-    height, width = frame.gone.shape[1:]
-    spacing, notes = between_samples(frame.crs, frame.transform, (height, width))
+    spacing, notes = between_samples(frame.crs, frame.transform, (shape[0], shape[1]))
     west, north = frame.transform.c, frame.transform.f
     if frame.crs is None and _FINEST < spacing[1] < 0.05 and abs(west) <= 360 and abs(north) <= 90:
         notes += (
@@ -162,7 +172,8 @@ def _spacing(frame: Frame, unit: str) -> tuple[Spacing, tuple[str, ...]]:
     return spacing, notes + units_disagree(frame.crs, unit)
 
 
-def _about_values(frame: Frame) -> tuple[str, ...]:
+def notes_on(frame: Frame) -> tuple[str, ...]:
+    """Notes on the samples of a raster."""
     notes = frame.notes
     if frame.scaled:
         notes += (f"scale {frame.scales[0]:g} and offset {frame.offsets[0]:g} of the file were applied",)
@@ -171,7 +182,7 @@ def _about_values(frame: Frame) -> tuple[str, ...]:
     return notes
 
 
-def _unlike(values: Array, frame: Frame) -> tuple[str, ...]:
+def unlike_bands(values: Array, frame: Frame) -> tuple[str, ...]:
     """The names of bands that are quantities of their own: of other units, or of ranges that differ tenfold; else none."""
     if len(values) < 2 or any(colour in _COLOURS for colour in frame.colours):
         return ()
@@ -186,8 +197,13 @@ def _unlike(values: Array, frame: Frame) -> tuple[str, ...]:
     return tuple(name or f"band {i}" for i, name in enumerate(frame.descriptions, start=1))
 
 
-def _dtype(name: str | None, frame: Frame, values: Array) -> np.dtype:
-    name = str(values.dtype) if name is None else frame.dtype if name == "source" else name
+def type_for(name: str | None, frame: Frame, dtype: np.dtype) -> np.dtype:
+    """The number type in which samples are written.
+
+    :param name: of the type, ``source``, or None for ``dtype``, the one of the values.
+    :raises InputError: for one that no raster holds.
+    """
+    name = str(dtype) if name is None else frame.dtype if name == "source" else name
     if name not in DTYPES:
         raise InputError(f"dtype: source or one of {', '.join(DTYPES)} expected, got {name!r}")
     return np.dtype(name)
@@ -208,9 +224,10 @@ def _fit_into_ascii(path: Path, frame: Frame) -> tuple[Frame, tuple[str, ...]]:
     return frame.bare(), (".asc has no room for the CRS and the tags; .tif has",) if lost else ()
 
 
-def _geotiff(samples: Array) -> dict[str, str | int | bool]:
-    predictor = 3 if samples.dtype.kind == "f" else 2
+def geotiff(dtype: np.dtype, shape: tuple[int, int]) -> dict[str, str | int | bool]:
+    """How a GeoTIFF of h x w samples of a type is stored: compressed, in tiles where it is larger than one."""
+    predictor = 3 if dtype.kind == "f" else 2
     options: dict[str, str | int | bool] = {"compress": "deflate", "predictor": predictor, "bigtiff": "IF_SAFER"}
-    if min(samples.shape[1:]) >= _TILE:
-        options |= {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE}
+    if min(shape) >= TILE:
+        options |= {"tiled": True, "blockxsize": TILE, "blockysize": TILE}
     return options

@@ -1,0 +1,74 @@
+"""``meshflow smooth`` of a raster that does not fit into the memory that it may take."""
+
+import json as notation
+
+from meshflow.cli.asking import asked
+from meshflow.cli.console import out, said
+from meshflow.cli.flags import Given
+from meshflow.cli.inputs import plain_sample
+from meshflow.cli.options import READING
+from meshflow.errors import InputError
+from meshflow.flow.methods import words_for
+from meshflow.io.files import format_of
+from meshflow.io.incoming import STDIN
+from meshflow.io.metadata import ReadOptions
+from meshflow.large.memory import SHARE, Budget, bytes_in, free_memory, needed
+
+__all__ = ["memory_for", "smooth_by_windows"]
+
+# Bytes of a file below which it is not asked whether its samples fit.
+SMALL = 1 << 20
+# What refers to other files, and may be small itself.
+REFERRING = (".vrt",)
+# The format that is read by windows, by its name.
+RASTER = "a raster"
+# Formats of rasters that are not read by windows.
+AS_A_WHOLE = (".asc", ".zip")
+
+
+def memory_for(given: Given) -> float | None:
+    """Bytes in which IN must be smoothed by windows; None where it fits as a whole, and for everything but rasters."""
+    source, words = given["source"], given["most_memory"]
+    memory = None if words is None else bytes_in(words)
+    if STDIN in (source, given["target"]) or not source.is_file() or source.suffix.lower() in AS_A_WHOLE:
+        return None
+    if memory is None and source.stat().st_size < SMALL and source.suffix.lower() not in REFERRING:
+        return None
+    options = _reading(given)
+    if format_of(source, options).NAME != RASTER:
+        return None
+    from meshflow.large.rasters import form_of
+
+    memory = SHARE * free_memory() if memory is None else memory
+    return memory if needed(form_of(source, options)) > memory else None
+
+
+def smooth_by_windows(given: Given, memory: float) -> None:
+    """Smooth IN by windows, and say what was done.
+
+    :raises InputError: for options that need the whole.
+    """
+    from meshflow.large.rasters import Output, smooth_raster
+
+    source, target, quiet = given["source"], given["target"], given["quiet"]
+    for name in ("picture", "report"):
+        if given[name] is not None:
+            raise InputError(
+                f"--{name}: not by windows, it needs the whole, which does not fit into {memory / 1e6:.0f} MB (--memory)"
+            )
+    options = _reading(given)
+    options.must_belong(f"a raster ({source.name})", format_of(source, options).READS)
+    request = asked(given, plain_sample, words_for(points=False))
+    writing = Output(Budget(memory), given["dtype"], given["overwrite"])
+    result = smooth_raster(source, target, request, options, writing, None if quiet else True)
+    notes = (*result.notes, *(word for word in result.warnings if word not in result.notes))
+    if not quiet:
+        said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
+    if given["json"]:
+        summary = {"in": str(source), "out": str(target), **result.to_dict(), "notes": list(notes)}
+        out.print_json(notation.dumps(summary))
+
+
+def _reading(given: Given) -> ReadOptions:
+    names = (*READING, "moves", "time_unit")
+    return ReadOptions.of({name: given[name] for name in names if given.get(name) is not None})

@@ -1,0 +1,213 @@
+"""Rasters that are read and written by windows, so that they need not fit in memory."""
+
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from rasterio._err import CPLE_BaseError  # errors of GDAL for which rasterio has no public name
+from rasterio.enums import ColorInterp, Resampling
+from rasterio.errors import CRSError, RasterioError
+from rasterio.io import DatasetReader, DatasetWriter
+from rasterio.windows import Window
+
+from meshflow.errors import FormatError
+from meshflow.geometry.validation import Array, real
+from meshflow.io.atomic_write import beside
+from meshflow.io.formats.raster_bands import (
+    Encoding,
+    frame_of,
+    gone_in,
+    must_have_bands,
+    quiet,
+    reason_of,
+    unreadable,
+)
+from meshflow.io.formats.raster_drivers import allowed_drivers
+from meshflow.io.formats.raster_frame import Frame, alpha_as, describe, place
+from meshflow.io.incoming import plainly_named
+from meshflow.io.metadata import ReadOptions
+
+__all__ = ["Part", "RasterReader", "RasterWriter", "raster_read", "raster_written"]
+
+# Rows and columns.
+Part = tuple[slice, slice]
+# Bytes of decoded blocks that GDAL keeps.
+CACHE = 64 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class RasterReader:
+    """A raster that is read by windows.
+
+    :ivar path: of the file.
+    :ivar source: of GDAL.
+    :ivar frame: the content besides the samples; it has no mask of those that are missing.
+    :ivar chosen: the numbers of its bands, from 1.
+    :ivar alpha: the number of its alpha band; None: it has none.
+    :ivar nodata: instead of the declared value.
+    :ivar marks: further stored values that mark missing samples.
+    """
+
+    path: Path
+    source: DatasetReader
+    frame: Frame
+    chosen: tuple[int, ...]
+    alpha: int | None = None
+    nodata: float | None = None
+    marks: tuple[float, ...] = ()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(h, w)."""
+        return self.source.height, self.source.width
+
+    @property
+    def dtype(self) -> np.dtype:
+        """float32 or float64, of the values."""
+        return real(np.zeros(1, self.frame.dtype), self.path.name).dtype
+
+    @property
+    def block(self) -> tuple[int, int]:
+        """Rows and columns of the blocks in which the file is stored."""
+        high, wide = self.source.block_shapes[self.chosen[0] - 1]
+        return high, wide
+
+    def stored(self, part: Part) -> tuple[Array, Array]:
+        """Samples (k, r, c) of a window as they are stored, and those that are missing.
+
+        :raises FormatError: where the file cannot be read.
+        """
+        window, chosen = _window(part), list(self.chosen)
+        try:
+            raw = self.source.read(chosen, window=window, out_dtype=self.frame.dtype)
+            gone = gone_in(self.source, raw, chosen, self.nodata, window)
+            if self.alpha is not None:
+                gone |= self.source.read(self.alpha, window=window) == 0
+        except (RasterioError, CPLE_BaseError) as cause:
+            raise unreadable(self.path, cause) from cause
+        for mark in self.marks:
+            gone |= raw == mark
+        if raw.dtype.kind == "f":
+            gone |= ~np.isfinite(raw)
+        return raw, gone
+
+    def values(self, part: Part) -> tuple[Array, Array]:
+        """Values (k, r, c) of a window with scale and offset, and those that are missing."""
+        raw, gone = self.stored(part)
+        values = real(raw, self.path.name)
+        if self.frame.scaled:
+            scale, offset = (np.reshape(factor, (-1, 1, 1)) for factor in (self.frame.scales, self.frame.offsets))
+            values = np.where(gone, values, values * scale + offset).astype(values.dtype)
+            gone |= ~np.isfinite(values)
+        return values, gone
+
+    def alpha_of(self, part: Part) -> Array | None:
+        """The alpha band (r, c) of a window as it is stored; None where there is none."""
+        return None if self.alpha is None else self.source.read(self.alpha, window=_window(part))
+
+
+@dataclass(frozen=True, eq=False)
+class RasterWriter:
+    """A GeoTIFF that is written by windows.
+
+    :ivar target: of GDAL.
+    :ivar sums: checksums of the windows that were written, by their place.
+    """
+
+    target: DatasetWriter
+    sums: dict[tuple[int, int, int, int], int]
+
+    def write(self, part: Part, samples: Array, alpha: Array | None) -> None:
+        """Write a window; each sample once.
+
+        :param samples: (k, r, c), in the type of the file; ``alpha``: (r, c), its alpha band.
+        """
+        if alpha is not None:
+            samples = np.concatenate([samples, alpha_as(alpha, samples.dtype)[None]])
+        samples = np.ascontiguousarray(samples)
+        try:
+            self.target.write(samples, window=_window(part))
+        except (RasterioError, CPLE_BaseError) as cause:
+            raise OSError(reason_of(cause)) from cause
+        rows, columns = part
+        self.sums[rows.start, rows.stop, columns.start, columns.stop] = zlib.crc32(samples.data)
+
+
+@contextmanager
+def raster_read(path: Path, options: ReadOptions) -> Iterator[RasterReader]:
+    """Open a raster that is read by windows.
+
+    :param options: as of :func:`.rasters.read`.
+    :raises FormatError: when GDAL cannot open it, or its format is not read by parts.
+    :raises InputError: for a band that is not there.
+    """
+    if path.suffix.lower() in (".asc", ".zip"):
+        raise FormatError(f"{path.name}: {path.suffix} is not read by windows; gdal_translate it to .tif")
+    with quiet(), rasterio.Env(GDAL_CACHEMAX=CACHE), plainly_named(path) as named:
+        try:
+            source = DatasetReader(str(named), driver=allowed_drivers(named, options.allow_remote))
+        except (RasterioError, CRSError, CPLE_BaseError, OSError) as cause:
+            raise unreadable(path, cause) from cause
+        with source:
+            colours = source.colorinterp
+            every = [i for i in source.indexes if colours[i - 1] != ColorInterp.alpha]
+            chosen = every if options.band is None else [options.band]
+            must_have_bands(path, source, chosen)
+            dtype = str(np.result_type(*source.dtypes))
+            frame = frame_of(source, dtype, chosen, options.nodata)
+            last = source.count
+            alpha = last if colours[-1] == ColorInterp.alpha and last not in chosen else None
+            yield RasterReader(path, source, frame, tuple(chosen), alpha, options.nodata)
+
+
+@contextmanager
+def raster_written(
+    path: Path, reader: RasterReader, frame: Frame, dtype: np.dtype, encoding: Encoding, tags: Mapping[str, str]
+) -> Iterator[RasterWriter]:
+    """Write a GeoTIFF of the grid of a reader by windows; at the end it is read back, and then replaces an old one.
+
+    :param frame: what is written around the samples.
+    :param dtype: of the samples.
+    :param tags: words on top of the frame's.
+    :raises FormatError: when the file could not be written whole; an old one is then as it was.
+    """
+    count, (height, width) = len(reader.chosen), reader.shape
+    shape = {"count": count + (reader.alpha is not None), "height": height, "width": width}
+    with beside(path) as temporary:
+        sums: dict[tuple[int, int, int, int], int] = {}
+        try:
+            with rasterio.open(
+                temporary, "w", driver=encoding.driver, dtype=dtype, nodata=encoding.nodata, **shape, **place(frame),
+                **encoding.creation,
+            ) as target:  # fmt: skip
+                described = replace(frame, alpha=None)
+                describe(target, described, count, tags)
+                yield RasterWriter(target, sums)
+            _verify(temporary, sums)
+            if frame.overviews:
+                with rasterio.open(temporary, "r+") as target:
+                    target.build_overviews(list(frame.overviews), Resampling.average)
+        except (RasterioError, CPLE_BaseError) as cause:
+            raise OSError(reason_of(cause)) from cause
+
+
+def _verify(path: Path, sums: Mapping[tuple[int, int, int, int], int]) -> None:
+    """Read a file back, window by window.
+
+    :raises OSError: where it does not hold what was written.
+    """
+    with rasterio.open(path) as written:
+        for (top, bottom, left, right), checksum in sums.items():
+            found = written.read(window=_window((slice(top, bottom), slice(left, right))))
+            if zlib.crc32(np.ascontiguousarray(found).data) != checksum:
+                raise OSError("what was read back differs from what was written")
+
+
+def _window(part: Part) -> Window:
+    """A window as rasterio has it."""
+    rows, columns = part
+    return Window(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)  # type: ignore[call-arg]

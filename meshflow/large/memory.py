@@ -1,0 +1,102 @@
+"""How large the windows of a grid may be in a given memory."""
+
+import os
+import re
+from dataclasses import dataclass
+from math import isqrt
+from pathlib import Path
+
+from meshflow.errors import InputError
+from meshflow.large.source import Form
+
+__all__ = ["Budget", "bytes_in", "free_memory", "needed"]
+
+# Bytes of the command for each value of a grid that is smoothed in memory, and of a window, by bytes of a number.
+IN_MEMORY, IN_WINDOW = 13.0, 14.0
+# The share of the free memory that a run in memory may take.
+SHARE = 0.5
+# Bytes for libraries, and for decoded blocks of a file; and the share of what is then left that a sample may take.
+LIBRARIES, OF_SAMPLE = 250e6, 0.5
+# Windows are multiples of this many samples, as the tiles of files are; the largest one has this many values.
+MULTIPLE, LARGEST = 256, 1 << 25
+# A band of whole rows is taken where its halo is a smaller share of it.
+BANDS = 4
+_SIZE = re.compile(r"\s*([0-9.]+)\s*([kmgt]?)i?b?\s*", re.IGNORECASE)
+_FACTORS = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
+
+
+def bytes_in(words: str) -> float:
+    """Bytes of a size such as ``2GB``, ``500 MB`` or ``1.5g``.
+
+    :raises InputError: for other words.
+    """
+    found = _SIZE.fullmatch(words)
+    try:
+        size = float(found[1]) * _FACTORS[found[2].lower()] if found else 0.0
+    except ValueError:
+        size = 0.0
+    if size <= 0:
+        raise InputError(f"memory: a size such as 2GB or 500MB expected, got {words!r}")
+    return size
+
+
+def free_memory() -> float:
+    """Bytes of memory that are free; infinite where the system does not say."""
+    known = Path("/proc/meminfo")
+    if known.exists():
+        for line in known.read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024.0 * float(line.split()[1])
+    if hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_AVPHYS_PAGES"))
+    return float("inf")
+
+
+def needed(form: Form) -> float:
+    """Bytes that a run in memory takes."""
+    return LIBRARIES + IN_MEMORY * form.dtype.itemsize * form.values
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The memory that a run by windows may take.
+
+    :ivar memory: bytes of the process.
+    """
+
+    memory: float
+
+    @property
+    def room(self) -> float:
+        """Bytes beside libraries."""
+        return max(self.memory - LIBRARIES, 0.0)
+
+    def sample(self, form: Form, most: int) -> int:
+        """The number of values of the sample of a grid.
+
+        :param most: more are of no use.
+        """
+        return min(most, int(OF_SAMPLE * self.room / (IN_MEMORY * form.dtype.itemsize)))
+
+    def counted(self, form: Form) -> int:
+        """The number of values that are counted at a time."""
+        return max(form.shape[1], min(1 << 22, int(self.room / (4.0 * form.dtype.itemsize))))
+
+    def sides(self, form: Form, halo: int) -> tuple[int, int]:
+        """Rows and columns of the windows: bands of whole rows where their halo is a small part of them, else squares.
+
+        :raises InputError: where no window with its halo fits; the least memory that works is named.
+        """
+        each = IN_WINDOW * form.dtype.itemsize * (form.channels or 1)
+        (h, w), fits = form.shape, min(int(self.room / each), LARGEST)
+        high = fits // w - 2 * halo
+        if high >= min(h, max(MULTIPLE, BANDS * halo)):
+            return (high // MULTIPLE * MULTIPLE if high < h else h), w
+        side = (isqrt(fits) - 2 * halo) // MULTIPLE * MULTIPLE
+        if side >= MULTIPLE:
+            return side, side
+        least = LIBRARIES + each * (MULTIPLE + 2 * halo) ** 2
+        raise InputError(
+            f"memory of {self.memory / 1e6:.0f} MB: too little for a window of {MULTIPLE} samples with its halo of {halo}; "
+            f"{least / 1e6:.0f} MB is the least"
+        )

@@ -1,0 +1,123 @@
+"""What a run by windows did and why: a result without the data, which is in the file."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from meshflow.estimate.parameters import Parameter, value_unit
+from meshflow.estimate.reported import parameters_of
+from meshflow.geometry.validation import Array
+from meshflow.large.windows import Windowed
+from meshflow.results.result import release
+from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, searched_lines
+
+__all__ = ["Outcome", "Removed"]
+
+
+@dataclass
+class Removed:
+    """What was removed, summed over windows.
+
+    :ivar squares: the sum of its squares over all present values; ``count``: their number.
+    :ivar largest: of a sample, in absolute value.
+    """
+
+    squares: float = 0.0
+    count: int = 0
+    largest: float = 0.0
+
+    def add(self, before: Array, after: Array, missing: Array) -> None:
+        """Count a window.
+
+        :param before: values (r, c) or (r, c, k); ``after``: likewise; ``missing``: (r, c).
+        """
+        gone = (before.astype(np.float64) - after)[~missing]
+        self.squares += float(np.square(gone).sum())
+        self.count += gone.size
+        self.largest = max(self.largest, float(np.abs(gone).max(initial=0.0)))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square."""
+        return float(np.sqrt(self.squares / max(self.count, 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A run by windows. ``print`` shows all parameters.
+
+    :ivar run: the plan.
+    :ivar windows: their number.
+    :ivar removed: from the whole.
+    :ivar notes: sentences on the files.
+    """
+
+    run: Windowed
+    windows: int
+    removed: Removed
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """By name, each with its value, unit, origin and reason."""
+        return parameters_of(self.run.found)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences."""
+        return (*self.run.found.warnings, *self.run.warnings)
+
+    @property
+    def stopped_because(self) -> str:
+        """A sentence: the time, and by how many windows."""
+        if self.run.found.idle is not None:
+            return self.run.found.idle
+        many = f"{self.windows} window{'s' * (self.windows != 1)} with a halo of {self.run.halo} samples"
+        steps = self.run.found.until.steps
+        ended = f"reached time {self.run.found.time:.6g}" if steps is None else f"took all {steps} steps asked for"
+        return f"{ended} by {many}"
+
+    @property
+    def summary(self) -> str:
+        """One line: why the run ended, what was chosen, what was removed."""
+        if self.run.found.idle is not None:
+            return self.stopped_because
+        unit, noise = self._unit, self.run.found.noise.sigma
+        chosen = chosen_in(self.parameters)
+        return f"{self.stopped_because}; {chosen}removed rms {self.removed.rms:.4g}{unit} of noise {noise:.4g}{unit}"
+
+    @property
+    def tags(self) -> dict[str, str]:
+        """The parameters as text, for the tags of files."""
+        return {"version": release(), **as_text(self.parameters), "stopped_because": self.stopped_because}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything in types of JSON."""
+        return {
+            "version": release(),
+            "stopped_because": self.stopped_because,
+            "time": self.run.found.time,
+            "windows": self.windows,
+            "halo": self.run.halo,
+            "parameters": as_numbers(self.parameters),
+            "noise": self.run.found.noise.to_dict(),
+            "removed": {"rms": self.removed.rms, "largest": self.removed.largest},
+            "candidates": candidates_in_numbers(self.run.found.candidates),
+            "warnings": list(self.warnings),
+        }
+
+    def __str__(self) -> str:
+        lines = [self.stopped_because]
+        lines += [f"  {name:<12} {parameter}" for name, parameter in self.parameters.items()]
+        lines.append(
+            f"  removed      rms {self.removed.rms:.6g}{self._unit}, largest {self.removed.largest:.6g}{self._unit}"
+        )
+        lines += searched_lines(self.run.found.candidates)
+        lines += [f"  noise        {sentence}" for sentence in self.run.found.noise.sentences()]
+        return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
+
+    @property
+    def _unit(self) -> str:
+        unit = value_unit(self.run.found.data)
+        return f" {unit}" if unit else ""

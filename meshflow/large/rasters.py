@@ -1,0 +1,251 @@
+"""Smooths a raster file by windows: it is read, run and written in a bounded memory."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from meshflow.errors import FormatError, InputError
+from meshflow.estimate.request import Request
+from meshflow.flow.progress import Progress, reporting
+from meshflow.geometry.validation import Array, Spacing, spacing_of
+from meshflow.io.atomic_write import must_be_free
+from meshflow.io.formats.raster_bands import Encoding
+from meshflow.io.formats.raster_frame import Frame
+from meshflow.io.formats.raster_windows import RasterReader, raster_read, raster_written
+from meshflow.io.formats.rasters import geotiff, notes_on, spacing_in, type_for, unlike_bands
+from meshflow.io.metadata import ReadOptions
+from meshflow.io.rounding import mark_outside, rounded
+from meshflow.io.spacing import height_unit
+from meshflow.large.census import Census, census_of
+from meshflow.large.marks import marked
+from meshflow.large.memory import Budget
+from meshflow.large.outcome import Outcome, Removed
+from meshflow.large.sample import ENOUGH, Sample, sample_of
+from meshflow.large.source import Form, Window, grown, tiled, within
+from meshflow.large.windows import Windowed, windowed
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+
+__all__ = ["form_of", "smooth_raster"]
+
+
+@dataclass(frozen=True, eq=False)
+class Gridded:
+    """A raster as a grid that is read by windows."""
+
+    reader: RasterReader
+    form: Form
+
+    def read(self, window: Window) -> tuple[Array, Array]:
+        """Values (r, c) or (r, c, k) of a window, and those (r, c) that are missing."""
+        values, gone = self.reader.values(window)
+        return self.laid(values), np.logical_or.reduce(gone)
+
+    def laid(self, bands: Array) -> Array:
+        """Bands (k, r, c) as values of the grid."""
+        return bands[0] if self.form.channels is None else np.moveaxis(bands, 0, 2)
+
+    def bands(self, values: Array) -> Array:
+        """Values of the grid as bands (k, r, c)."""
+        return values[None] if self.form.channels is None else np.moveaxis(values, 2, 0)
+
+
+def form_of(path: Path, options: ReadOptions) -> Form:
+    """The form of a raster, of which no sample is read.
+
+    :raises FormatError: for a file that is not read by windows.
+    """
+    with raster_read(path, options) as reader:
+        return _gridded(reader, options)[0].form
+
+
+def smooth_raster(
+    path: Path,
+    target: Path,
+    request: Request,
+    options: ReadOptions,
+    writing: "Output",
+    progress: Progress = None,
+) -> Outcome:
+    """Smooth a raster by windows; what is written equals, bit for bit, what the same plan makes of the whole.
+
+    Noise, method and time are found on tiles spread over the whole.
+
+    :param path: of the raster; ``target``: of the GeoTIFF that is written, atomically.
+    :param options: of the reader: kind, band, nodata, spacing, allow_remote.
+    :raises FormatError: for files that cannot be read or written so.
+    :raises InputError: for what cannot be done by windows, and a memory that is too small.
+    """
+    must_be_free(target, writing.overwrite)
+    if target.suffix.lower() not in (".tif", ".tiff"):
+        raise FormatError(f"{target.name}: a .tif is written by windows, got {target.suffix or 'no extension'}")
+    if not target.parent.is_dir():
+        raise FormatError(f"{target.parent} is no folder; make it first")
+    with raster_read(path, options) as opened, request.compute.running():
+        source, notes = _gridded(opened, options)
+        type_for(writing.dtype, opened.frame, source.form.dtype)
+        source, census, more = _counted(source, writing.budget, progress)
+        sample = sample_of(source, writing.budget.sample(source.form, ENOUGH))
+        _must_be_alike(source, sample, options)
+        run = windowed(census, sample, request)
+        outcome = _written(source, run, target, writing, progress)
+    return replace(outcome, notes=(*notes, *more, *outcome.notes))
+
+
+@dataclass(frozen=True)
+class Output:
+    """How a raster is written.
+
+    :ivar budget: the memory.
+    :ivar dtype: number type of the samples, or ``source``; None: floating point.
+    :ivar overwrite: replace a file that is there.
+    """
+
+    budget: Budget
+    dtype: str | None = None
+    overwrite: bool = False
+
+
+def _gridded(reader: RasterReader, options: ReadOptions) -> tuple[Gridded, tuple[str, ...]]:
+    """A raster as a grid, and notes."""
+    frame, kind, count = reader.frame, options.kind, len(reader.chosen)
+    if kind not in (None, "terrain", "image"):
+        raise InputError(f"{reader.path.name}: a raster is a terrain or an image, got kind={kind!r}")
+    if kind == "terrain" and count > 1:
+        raise InputError(f"{reader.path.name}: one band expected for a terrain, got {count}; choose one: band=1")
+    unit, notes = height_unit(frame.crs, frame.units[0]), ()
+    if options.spacing is None:
+        spacing, notes = spacing_in(frame, unit, reader.shape)
+    else:
+        spacing = spacing_of(options.spacing, reader.shape[0])
+    terrain = count == 1 and kind != "image"
+    form = _form(reader, spacing, unit if terrain else "", terrain)
+    return Gridded(reader, form), notes + notes_on(frame)
+
+
+def _form(reader: RasterReader, spacing: Spacing, unit: str, terrain: bool) -> Form:
+    channels = None if len(reader.chosen) == 1 else len(reader.chosen)
+    return Form(reader.shape, channels, reader.dtype, spacing, HeightField if terrain else Image, unit)
+
+
+def _counted(source: Gridded, budget: Budget, progress: Progress) -> tuple[Gridded, Census, tuple[str, ...]]:
+    """The source with undeclared marks of missing samples, its count, and notes."""
+    notes: tuple[str, ...] = ()
+    at_once = budget.counted(source.form)
+    windows = list(tiled(source.form.shape, (max(1, at_once // source.form.shape[1]), source.form.shape[1])))
+    while True:
+        with reporting(progress, "reading") as report:
+            census = census_of(source, report, at_once)
+        ends = _stored_ends(source, census, windows)
+        reader, mark = marked(source.reader, ends, windows)
+        if mark is None:
+            return source, census, notes
+        source, notes = replace(source, reader=reader), (*notes, mark.sentence)
+
+
+def _stored_ends(source: Gridded, census: Census, windows: list[Window]) -> tuple[float, float]:
+    """The least and the greatest number as it is stored."""
+    if not source.reader.frame.scaled:
+        return float(census.ends[:, 0].min()), float(census.ends[:, 1].max())
+    low, high = np.inf, -np.inf
+    for window in windows:
+        raw, gone = source.reader.stored(window)
+        known = raw[~gone].astype(np.float64)
+        low, high = float(known.min(initial=low)), float(known.max(initial=high))
+    return low, high
+
+
+def _must_be_alike(source: Gridded, sample: Sample, options: ReadOptions) -> None:
+    """Refuse bands that are quantities of their own, which are not smoothed together.
+
+    :raises InputError: it names them.
+    """
+    if options.kind is not None or source.form.channels is None or not isinstance(sample.data, Image):
+        return
+    values = source.bands(sample.data.values)
+    gone = np.broadcast_to(sample.data.missing, values.shape)
+    unlike = unlike_bands(values, replace(source.reader.frame, gone=gone))
+    if unlike:
+        raise InputError(
+            f"{source.reader.path.name}: {len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}); by windows choose "
+            "one (band=1, --band), or smooth them together (--kind image)"
+        )
+
+
+def _written(source: Gridded, run: Windowed, target: Path, writing: Output, progress: Progress) -> Outcome:
+    """Run and write all windows."""
+    form, reader = source.form, source.reader
+    frame, kind, nodata, notes = _stored_as(source, run.census, writing.dtype)
+    windows = list(tiled(form.shape, writing.budget.sides(form, run.halo)))
+    outcome = Outcome(run, len(windows), Removed())
+    encoding = Encoding("GTiff", nodata, {**geotiff(kind, form.shape), "num_threads": run.plan.request.compute.workers})
+    tags = {f"meshflow:{name}": word for name, word in outcome.tags.items()}
+    clipped: dict[str, int] = {}
+    with (
+        raster_written(target, reader, frame, kind, encoding, tags) as writer,
+        reporting(progress, f"smoothing by {len(windows)} windows") as report,
+    ):
+        for i, window in enumerate(windows):
+            samples, said = _one(source, run, window, outcome.removed, _Stored(frame, kind, nodata))
+            clipped |= dict.fromkeys(said, 0)
+            writer.write(window, samples, reader.alpha_of(window))
+            report((i + 1) / len(windows))
+    return replace(outcome, notes=(*notes, *clipped))
+
+
+@dataclass(frozen=True, eq=False)
+class _Stored:
+    """How samples are stored: what is around them, their type, and the value of missing ones."""
+
+    frame: Frame
+    kind: np.dtype
+    nodata: float | None
+
+
+def _one(
+    source: Gridded, run: Windowed, window: Window, removed: Removed, stored: _Stored
+) -> tuple[Array, tuple[str, ...]]:
+    """The samples (k, r, c) of a window as they are stored, and notes."""
+    outer = grown(window, run.halo, source.form.shape)
+    at = within(window, outer)
+    bands, gone = source.reader.values(outer)
+    values, missing = source.laid(bands), np.logical_or.reduce(gone)
+    done = run.moved(window, outer, values, missing)
+    removed.add(values[at], done, missing[at])
+    gone = gone[:, *at]
+    samples, clipped = rounded(stored.frame.stored(source.bands(done)), gone, stored.kind)
+    if stored.nodata is not None:
+        taken = int((samples == stored.nodata)[~gone].sum())
+        if taken:
+            raise FormatError(
+                f"{taken} smoothed samples have the value {stored.nodata:g}, which marks missing ones; give another (nodata, "
+                "--nodata)"
+            )
+        samples[gone] = stored.nodata
+    return samples, clipped
+
+
+def _stored_as(
+    source: Gridded, census: Census, name: str | None
+) -> tuple[Frame, np.dtype, float | None, tuple[str, ...]]:
+    """The frame that is written, the type of its samples, the value of missing ones, and notes."""
+    frame, notes = source.reader.frame, ()
+    kind = type_for(name, frame, source.form.dtype)
+    whole = kind.kind in "iu"
+    if frame.scaled and not (name == "source" and whole):
+        frame = frame.without_scale()
+        notes += ("scale and offset of the source were applied: the values are stored as they are",)
+    if whole:
+        step = frame.scales[0] if frame.scaled else 1
+        notes += (
+            f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps what was gained",
+        )
+    some_gone = census.present < source.form.shape[0] * source.form.shape[1]
+    if frame.nodata is None and (not some_gone or (source.reader.alpha is not None and whole)):
+        return frame, kind, None, notes
+    ends = frame.stored(census.ends[:, None, :])
+    nodata = mark_outside(frame.nodata, (float(ends.min()), float(ends.max())), kind)
+    if some_gone and nodata != frame.nodata and not (np.isnan(nodata) and np.isnan(frame.nodata or 0.0)):
+        notes += (f"missing samples are marked by nodata {nodata:g}",)
+    return frame, kind, nodata, notes

@@ -1,0 +1,305 @@
+"""A raster file that is smoothed by windows: the same file as the whole makes, in a bounded memory, or nothing at all."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from helpers.raster_files import make
+from rasterio.enums import ColorInterp
+from rasterio.transform import from_origin
+
+from meshflow import Beltrami, Mask
+from meshflow.errors import FormatError, InputError
+from meshflow.estimate.request import Request
+from meshflow.io.files import read, write
+from meshflow.io.formats.raster_windows import RasterWriter
+from meshflow.io.metadata import ReadOptions
+from meshflow.large.memory import Budget, bytes_in, needed
+from meshflow.large.rasters import Output, form_of, smooth_raster
+from meshflow.results.run import run
+from meshflow.smoothing import smooth_object
+from meshflow.surfaces.data import array_of
+
+H, W = 130, 170
+
+
+class Small(Budget):
+    """Windows of 64 samples a side, and bands of 20 rows for counting."""
+
+    def sides(self, form, halo):
+        return 64, 64
+
+    def counted(self, form):
+        return 20 * form.shape[1]
+
+
+SMALL = Small(1e9)
+
+
+def heights(dtype="float32", k=1, level=200.0, seed=0):
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[0:H, 0:W]
+    z = level + 30 * np.sin(y / 9) * np.cos(x / 7) + 20 * (x > W // 2) + 2 * rng.normal(size=(k, H, W))
+    return z.astype(dtype)
+
+
+def request(**options):
+    return Request.of(
+        options.pop("method", Beltrami(contrast=5.0)), time=options.pop("time", 900.0), noise=2.0,
+        outliers="include", **options,
+    )  # fmt: skip
+
+
+def both(path, asked, dtype=None, **options):
+    """The file that the whole makes, and that of windows."""
+    one, two = path.parent / "whole.tif", path.parent / "windows.tif"
+    done, _ = smooth_object(read(path, **options), asked, record=None)
+    write(done, one, **({"dtype": dtype} if dtype else {}))
+    outcome = smooth_raster(path, two, asked, ReadOptions.of(options), Output(SMALL, dtype))
+    return one, two, outcome
+
+
+def alike(one, two):
+    with rasterio.open(one) as a, rasterio.open(two) as b:
+        ours = {name: value for name, value in b.profile.items() if name != "interleave"}
+        assert {name: a.profile[name] for name in ours} == ours
+        assert a.read().tobytes() == b.read().tobytes()
+        assert np.array_equal(a.read_masks(), b.read_masks())
+        assert (a.colorinterp, a.descriptions, a.units, a.scales) == (b.colorinterp, b.descriptions, b.units, b.scales)
+        assert [a.overviews(i) for i in a.indexes] == [b.overviews(i) for i in b.indexes]
+        return b.tags(ns="meshflow")
+
+
+def holed(samples, value):
+    samples = samples.copy()
+    samples[:, 40:60, 30:90] = value
+    samples[:, 100, 5] = value
+    return samples
+
+
+DEGREES = {"crs": "EPSG:4326", "transform": from_origin(7, 46, 0.0003, 0.0003)}
+FILES = {
+    "plain": lambda path: make(path, heights()),
+    "tiled": lambda path: make(path, heights(), tiled=True, blockxsize=64, blockysize=64, compress="deflate"),
+    "nodata": lambda path: make(path, holed(heights(), -9999), nodata=-9999),
+    "nan": lambda path: make(path, holed(heights(), np.nan)),
+    "undeclared": lambda path: make(path, holed(heights("int16"), -32768)),
+    "far above zero": lambda path: make(path, heights(level=90_000.0)),
+    "degrees": lambda path: make(path, holed(heights(), -9999), nodata=-9999, **DEGREES),
+    "scaled": lambda path: make(path, heights("int16"), scale=(0.5, 3.0)),
+    "mask": lambda path: make(path, heights(), mask=np.indices((H, W)).sum(axis=0) < 90),
+    "three": lambda path: make(path, heights(k=3)),
+    "alpha": lambda path: make(
+        path, np.concatenate([heights("uint8", 3) // 2, np.full((1, H, W), 255, np.uint8)]),
+        colours=[ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha],
+    ),
+    "two, the second": lambda path: make(path, heights(k=2)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sorted(FILES))
+def test_the_file_that_windows_write_is_that_of_the_whole(name, tmp_path):
+    path = FILES[name](tmp_path / "in.tif")
+    one, two, outcome = both(path, request(), **({"band": 2} if "second" in name else {}))
+    tags = alike(one, two)
+    assert outcome.windows == 9
+    assert tags["method"] == "beltrami"
+    assert "by 9 windows" in tags["stopped_because"]
+    if name == "undeclared":
+        assert any("1201 samples are -32768" in note for note in outcome.notes)
+
+
+@pytest.mark.parametrize(
+    ("asked", "dtype"),
+    [
+        (request(), "source"),
+        (request(method=Beltrami(patch=0.7, contrast=3.0, twicing=0.5), time=4000.0), None),
+        (request(constraints=[Mask(np.indices((H, W)).sum(axis=0) % 7 > 0)]), None),
+        (request(boundary="fixed"), "float64"),
+    ],
+)
+def test_so_it_is_for_other_flows_masks_and_types(asked, dtype, tmp_path):
+    path = make(tmp_path / "in.tif", holed(heights("int16"), -999), nodata=-999)
+    alike(*both(path, asked, dtype)[:2])
+
+
+def test_overviews_and_tags_of_the_source_are_kept(tmp_path):
+    path = make(tmp_path / "in.tif", heights(), tags={"SURVEY": "spring"})
+    with rasterio.open(path, "r+") as raster:
+        raster.build_overviews([2, 4])
+    one, two, _ = both(path, request())
+    alike(one, two)
+    with rasterio.open(two) as raster:
+        assert raster.overviews(1) == [2, 4]
+        assert raster.tags()["SURVEY"] == "spring"
+
+
+def test_what_is_removed_is_summed_over_the_windows(tmp_path):
+    path = make(tmp_path / "in.tif", holed(heights(), -9999), nodata=-9999)
+    document = read(path)
+    outcome = smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions(), Output(SMALL))
+    result = run(document.data, request(), record=None)
+    assert outcome.removed.rms == pytest.approx(float(np.sqrt(np.mean(result.counted**2))), rel=1e-12)
+    assert outcome.removed.largest == float(np.abs(result.counted).max())
+    assert f"rms {outcome.removed.rms:.4g} of noise 2" in outcome.summary
+
+
+def test_a_raster_may_replace_itself(tmp_path):
+    path = make(tmp_path / "in.tif", heights())
+    before = array_of(read(path).data)
+    smooth_raster(path, path, request(), ReadOptions(), Output(SMALL, overwrite=True))
+    after = array_of(read(path).data)
+    assert before.shape == after.shape
+    assert not np.array_equal(before, after)
+
+
+def test_a_full_disk_half_way_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    path, target = make(tmp_path / "in.tif", heights()), tmp_path / "out.tif"
+    target.write_bytes(b"old")
+    written = RasterWriter.write
+
+    def full(self, part, samples, alpha):
+        if len(self.sums) == 4:
+            raise OSError(28, "No space left on device")
+        written(self, part, samples, alpha)
+
+    monkeypatch.setattr(RasterWriter, "write", full)
+    with pytest.raises(
+        FormatError, match="out.tif was not written .No space left on device.; an existing file is unch"
+    ):
+        smooth_raster(path, target, request(), ReadOptions(), Output(SMALL, overwrite=True))
+    assert target.read_bytes() == b"old"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["in.tif", "out.tif"]
+
+
+def test_what_is_not_read_back_as_it_was_written_is_refused(tmp_path, monkeypatch):
+    path = make(tmp_path / "in.tif", heights())
+    written = RasterWriter.write
+
+    def another(self, part, samples, alpha):
+        written(self, part, samples, alpha)
+        self.sums[next(iter(self.sums))] ^= 1
+
+    monkeypatch.setattr(RasterWriter, "write", another)
+    with pytest.raises(FormatError, match="what was read back differs"):
+        smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions(), Output(SMALL))
+    assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
+
+
+# --- memory -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "size"), [("2GB", 2e9), ("500 MB", 5e8), ("1.5g", 1.5e9), ("1e3", None), ("x", None)]
+)
+def test_a_size_is_said_in_bytes(words, size):
+    if size is None:
+        with pytest.raises(InputError, match="memory: a size such as 2GB or 500MB expected"):
+            bytes_in(words)
+    else:
+        assert bytes_in(words) == size
+
+
+def test_a_memory_too_small_for_one_window_is_refused_with_the_least_that_works(tmp_path):
+    path = make(tmp_path / "in.tif", heights())
+    with pytest.raises(InputError, match="too little for a window of 256 .* halo of .*; (\\d+) MB is the least") as why:
+        smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions(), Output(Budget(251e6)))
+    least = float(str(why.value).split(";")[1].split()[0])
+    smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions(), Output(Budget(1e6 * (least + 1))))
+
+
+def large(path, n=3000):
+    """A raster whose samples in memory take eight times the file."""
+    rng = np.random.default_rng(0)
+    z = 30 * np.sin(np.arange(n) / 90)[:, None] + 2 * rng.normal(size=(n, n))
+    return make(path, z.astype("float32"), tiled=True, blockxsize=256, blockysize=256)
+
+
+LIMITED = """
+import resource, sys
+limit = int(sys.argv.pop(1))
+from meshflow.cli.commands import main
+resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+try:
+    main()
+finally:
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+FIXED = ("--method", "beltrami", "--contrast", "5", "--time", "900", "--noise", "2", "--outliers", "include")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit is that of Linux")
+def test_a_process_that_may_take_less_memory_than_the_raster_needs_writes_the_same_bits(tmp_path):
+    path, memory = large(tmp_path / "in.tif"), 450e6
+    assert needed(form_of(path, ReadOptions())) > memory
+    limited = [
+        sys.executable,
+        "-c",
+        LIMITED,
+        str(int(memory)),
+        "smooth",
+        path,
+        tmp_path / "out.tif",
+        "--memory",
+        "450MB",
+    ]
+    done = subprocess.run([*map(str, limited), *FIXED], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "windows with a halo of" in done.stderr
+    assert int(done.stdout.split()[-1]) < memory
+    whole, _ = smooth_object(read(path), request(), record=None)
+    assert array_of(read(tmp_path / "out.tif").data).tobytes() == array_of(whole.data).tobytes()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
+def test_ctrl_c_half_way_leaves_nothing(tmp_path):
+    path = large(tmp_path / "in.tif")
+    words = [sys.executable, "-m", "meshflow", "smooth", path, tmp_path / "out.tif", "--memory", "300MB", *FIXED]
+    with subprocess.Popen(list(map(str, words)), stderr=subprocess.PIPE, env={**os.environ, "COLUMNS": "200"}) as run:
+        until = time.monotonic() + 60
+        while time.monotonic() < until and not list(tmp_path.glob(".meshflow-*")):
+            time.sleep(0.02)
+        run.send_signal(signal.SIGINT)
+        _, said = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert b"interrupted" in said
+    assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
+
+
+def smoothed(path: Path, *words):
+    done = subprocess.run(
+        [sys.executable, "-m", "meshflow", "smooth", str(path), str(path.parent / "out.tif"), *words],
+        capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "200"},
+    )  # fmt: skip
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("--report", "r.html"), "--report: not by windows, it needs the whole, which does not fit into 300 MB"),
+        (("--residual", "0.9"), "stop: not by windows, it is met by the whole at once; give a time"),
+        (("--memory", "0"), "memory: a size such as 2GB"),
+        (("--moves", "points"), "moves: no option of a raster"),
+    ],
+)
+def test_a_refusal_is_one_line(words, why, tmp_path):
+    path = large(tmp_path / "in.tif", 2500)
+    code, said = smoothed(path, "--memory", "300MB", *words)
+    assert code == 1
+    assert why in said
+    assert said.count("\n") == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
+
+
+def test_a_raster_that_fits_is_smoothed_as_a_whole(tmp_path):
+    path = make(tmp_path / "in.tif", heights())
+    code, said = smoothed(path, "--memory", "1GB", *FIXED)
+    assert code == 0
+    assert "window" not in said
