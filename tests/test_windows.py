@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import meshflow
-from meshflow import Beltrami, Compute, Fixed, Mask, MaxChange, Mobility
+from meshflow import Beltrami, Compute, Fixed, Heat, Mask, MaxChange, Mobility
 from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.large.census import census_of, counted_in, joined
@@ -57,11 +57,12 @@ METHODS = {
     "patches": Beltrami(patch=0.7, contrast=2.0),
     "projection": Beltrami(gamma=1.0, indicator="projection", contrast=1.0),
     "ring": Beltrami(mass="ring", contrast=1.0),
+    "heat": Heat(),
     "twicing": Beltrami(contrast=2.0, twicing=0.5),
 }
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     method=st.sampled_from(sorted(METHODS)),
     time=st.sampled_from([0.4, 2.0, 14.0]),

@@ -237,12 +237,13 @@ FIXED = ("--method", "beltrami", "--contrast", "5", "--time", "900", "--noise", 
 @pytest.mark.skipif(sys.platform != "linux", reason="the limit is that of Linux")
 def test_a_process_that_may_take_less_memory_than_the_raster_needs_writes_the_same_bits(tmp_path):
     path, memory = large(tmp_path / "in.tif"), 450e6
-    assert needed(form_of(path, ReadOptions())) > memory
+    assert needed(form_of(path, ReadOptions())) > 1.25 * memory
+    # What is reserved and never touched counts here, too: stacks of threads, rooms of the allocator.
     limited = [
         sys.executable,
         "-c",
         LIMITED,
-        str(int(memory)),
+        str(int(1.25 * memory)),
         "smooth",
         path,
         tmp_path / "out.tif",
