@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from meshflow.lazy import lazily
 
 if TYPE_CHECKING:
-    from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
+    from meshflow.errors import FormatError, InputError, MeshflowWarning, MissingPackage, NotConverged
     from meshflow.estimate.constraints import (
         DataWeights,
         Fixed,
@@ -69,6 +69,7 @@ _HOMES = {
     "errors": (
         "FormatError",
         "InputError",
+        "MeshflowWarning",
         "MissingPackage",
         "NotConverged",
     ),

@@ -1,9 +1,26 @@
-"""The errors of meshflow, and the import of optional packages."""
+"""The errors and warnings of meshflow, and the import of optional packages."""
 
+import inspect
+import os
+import warnings
+from collections.abc import Iterable
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
-__all__ = ["FormatError", "InputError", "MissingPackage", "NotConverged", "NothingThere", "need"]
+__all__ = [
+    "FormatError",
+    "InputError",
+    "MeshflowWarning",
+    "MissingPackage",
+    "NotConverged",
+    "NothingThere",
+    "need",
+    "warn",
+]
+
+# The files of this package, as the frames of a call name them.
+_PACKAGE = f"{Path(__file__).parent}{os.sep}"
 
 
 class InputError(ValueError):
@@ -24,6 +41,19 @@ class MissingPackage(ImportError):
 
 class NotConverged(RuntimeError):
     """A solver did not converge, or a flow did not reach its end. The message says how far it came."""
+
+
+class MeshflowWarning(UserWarning):
+    """What a caller should know of a run and might not expect. With ``result=True`` the same sentences are in the Result."""
+
+
+def warn(sentences: Iterable[str]) -> None:
+    """Issue sentences as :class:`MeshflowWarning`, for the line outside of this package that called it."""
+    level, frame = 1, inspect.currentframe()
+    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        level, frame = level + 1, frame.f_back
+    for sentence in sentences:
+        warnings.warn(sentence, MeshflowWarning, stacklevel=level)
 
 
 def need(package: str, extra: str) -> ModuleType:

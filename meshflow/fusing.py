@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from meshflow.errors import InputError, NothingThere
+from meshflow.errors import InputError, NothingThere, warn
 from meshflow.estimate.frames import Averaged, averaged
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.request import Request
@@ -41,6 +41,8 @@ def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = No
     must_exist(options)
     metadata = {name: options.pop(name) for name in list(options) if name in Metadata.__annotations__}
     back, found = fuse_frames(frames, Request.of(**options), progress, metadata=metadata)
+    if not result:
+        warn(found.warnings)
     return found if result else back
 
 

@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeVar, Unpack, overload
 
 import numpy as np
 
-from meshflow.errors import InputError
+from meshflow.errors import InputError, warn
 from meshflow.estimate.constraints import (
     Constraint,
     Constraints,
@@ -31,11 +31,12 @@ from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
 from meshflow.geometry.options import nearest, options_of
+from meshflow.geometry.validation import must_be_truth
 from meshflow.io.adapters.multipart import multipart
 from meshflow.io.document import Document
 from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.io.objects import Imported, from_object, opened, taken_in
-from meshflow.results.multipart import Results, one_by_one
+from meshflow.results.multipart import Results, every_warning, one_by_one
 from meshflow.results.result import Result
 from meshflow.results.run import run
 from meshflow.surfaces.disparity import from_disparity, in_disparity
@@ -147,7 +148,8 @@ def smooth(
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
-    :param result: return a :class:`Result`; for data of several parts, :class:`Results`.
+    :param result: return a :class:`Result`; for data of several parts, :class:`Results`. Its warnings are issued as
+        :class:`MeshflowWarning` where it is not returned.
     :param metadata: what the data does not contain itself: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
         ``camera``, ``missing``, ``unit``, ``channels``, ``moves``, ``jump``, ``measure``, ``time_unit``, ``depth_scale``.
     :returns: the same kind of data, smoothed. Integers are returned as floating point, because rounding would undo the smoothing.
@@ -155,13 +157,12 @@ def smooth(
     :raises NotConverged: when a solver fails.
     """
     must_exist(metadata, method)
-    if not isinstance(result, bool):
-        raise InputError(f"result: True or False expected, got {result!r}")
-    request = Request.of(
-        method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary,
-        domain=domain, outliers=outliers, level=level, compute=compute,
-    )  # fmt: skip
-    back, found = smooth_object(data, request, progress, record=True if result else None, metadata=metadata)
+    must_be_truth(result, "result")
+    asked = Request.of(
+        method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary, domain=domain,
+        outliers=outliers, level=level, compute=compute)  # fmt: skip
+    back, found = smooth_object(data, asked, progress, record=result or None, metadata=metadata)
+    warn(() if result else every_warning(found))
     return found if result else back
 
 
@@ -290,7 +291,9 @@ def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
     :raises InputError: for data that cannot be smoothed.
     """
     must_exist(metadata)
-    return noise_in(from_object(data, metadata).data)
+    imported = from_object(data, metadata)
+    warn(imported.notes)
+    return noise_in(imported.data)
 
 
 def noise_facts(data: Any) -> dict[str, float]:

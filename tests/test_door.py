@@ -120,7 +120,7 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
         (lambda: Compute(dt=0), "dt: a positive"),
         (lambda: Compute(threads=0), "threads: a whole number"),
         (lambda: Compute(triangles="round"), "triangles: auto"),  # type: ignore[arg-type]
-        (lambda: Compute(search="yes"), "search: true or false"),  # type: ignore[arg-type]
+        (lambda: Compute(search="yes"), "search: True or False"),  # type: ignore[arg-type]
         (lambda: Request(time=True), "time: a finite number"),
         (lambda: Request(time=1.0, scale=2.0), "one of them expected"),
         (lambda: Request(domain="moon"), "domain: length or disparity"),  # type: ignore[arg-type]
@@ -128,7 +128,7 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
         (lambda: Request.of(stop=[Steps(2), Steps(3)]), "Steps is given twice"),
         (lambda: Request.of(stop=[Residual(0.9), Residual(0.5)]), "Residual is given twice"),
         (lambda: Request.of(stop=5), "stop: Steps, Residual"),  # type: ignore[arg-type]
-        (lambda: Request.of(stop=Residual), r"got the class Residual; give Residual\(\.\.\.\)"),  # type: ignore[arg-type]
+        (lambda: Request.of(stop=Residual), r"got the class Residual; give Residual\(\)"),  # type: ignore[arg-type]
         (lambda: Request.of(constraints=[MaxChange(1), MaxChange(2)]), "MaxChange is given twice"),
         (lambda: Request.of(constraints=["fixed"]), "constraints: one of Fixed"),  # type: ignore[list-item]
         (lambda: Request.of(constraints=Fixed()), "Fixed: a value expected"),

@@ -33,7 +33,7 @@ from meshflow.fusing import fuse_frames as fused
 from meshflow.io.document import Document, Writing
 from meshflow.io.files import writable, write
 from meshflow.io.incoming import STDIN, temporary
-from meshflow.results.multipart import Results
+from meshflow.results.multipart import Results, every_warning
 from meshflow.results.result import Result, release
 from meshflow.smoothing import noise_facts, smooth_object
 from meshflow.surfaces.mesh import Mesh
@@ -104,7 +104,7 @@ def smooth(given: Given) -> None:
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
     options: Writing = {**dtype, **_left(document, target, result, dtype)}
     notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **options)
-    notes += tuple(word for word in _warned(document, result) if word not in (*notes, result.stopped_because))
+    notes += tuple(word for word in every_warning(result) if word not in (*notes, result.stopped_because))
     if not quiet:
         said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
     if piped:
@@ -202,18 +202,6 @@ def _reported(result: Result | Results, path: Path, name: str, overwrite: bool, 
     notes = (*drawn_report(result, path, title=name, overwrite=overwrite).notes, f"report: {path}")
     said("", () if quiet else notes)
     return notes
-
-
-def _warned(document: Document, result: Result | Results) -> tuple[str, ...]:
-    """The warnings of a run, and one where a mesh is about to vanish; those of a part begin with its name."""
-    if isinstance(result, Mapping):
-        each = ((name, _warned(document, one)) for name, one in result.items())
-        return (*result.warnings, *(f"{name}: {word}" for name, words in each for word in words))
-    moves = document.kind == "mesh" and getattr(result.after, "moves", "") == "points"
-    if not moves or result.end.area > 0.8 * result.start.area:  # the area of points and channels is of both
-        return result.warnings
-    lost = 1 - result.end.area / result.start.area
-    return (*result.warnings, f"the surface lost {lost:.0%} of its area; a smaller --time keeps more")
 
 
 def _left(document: Document, target: Path, result: Result | Results, options: Writing | None = None) -> Writing:

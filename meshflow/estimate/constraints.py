@@ -1,7 +1,7 @@
 """Constraints of a run: fixed or slower samples, a largest change, data weights, a volume."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.flow.conservation import Keep
-from meshflow.geometry.options import option
+from meshflow.geometry.options import must_be_object, named_fields, option
 from meshflow.geometry.validation import whole
 from meshflow.surfaces.orientation import Orientation
 
@@ -22,24 +22,27 @@ __all__ = [
 PerSample = ArrayLike | str
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Fixed:
     """Samples that do not move, in addition to those that the data itself fixes."""
 
     mask: PerSample = option(
-        None, "Mask, not zero where samples do not move: a raster, picture, .npy, or vertex attribute.", flag="fixed"
+        MISSING, "Mask, not zero where samples do not move: a raster, picture, .npy, or vertex attribute.", flag="fixed"
     )
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Mask:
     """The samples that may move; all others stay. The noise is estimated from them."""
 
     mask: PerSample = option(
-        None, "Mask, not zero where samples may move: a raster, picture, .npy, or vertex attribute.", flag="mask"
+        MISSING, "Mask, not zero where samples may move: a raster, picture, .npy, or vertex attribute.", flag="mask"
     )
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class MaxChange:
     """The largest change of a sample.
@@ -49,7 +52,7 @@ class MaxChange:
     """
 
     most: PerSample = option(
-        None,
+        MISSING,
         "Largest change of a sample: a number, a raster or .npy, the name of a vertex attribute, or 'step': half the step of "
         "quantized data. Default: half the quantum where rounding is the noise, else none.",
         "unit of the values",
@@ -57,6 +60,7 @@ class MaxChange:
     )
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class DataWeights:
     """Weights w of a fidelity term: the steady state of the flow balances smoothness and data.
@@ -68,13 +72,14 @@ class DataWeights:
     """
 
     weights: PerSample = option(
-        None,
+        MISSING,
         "Weights of a fidelity term, 1 / variance: a number, a raster or .npy of them, or the name of a vertex attribute.",
         "1 / squared value",
         "data-weights",
     )
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Mobility:
     """A factor on the rate of each sample, from 0 (fixed) to 1 (free): the soft constraints of [DMSB99].
@@ -83,12 +88,13 @@ class Mobility:
     """
 
     mobility: PerSample = option(
-        None,
+        MISSING,
         "Factor on the rate of samples, 0 (fixed) to 1 (free): a number, a raster or .npy, or a vertex attribute.",
         flag="mobility",
     )
 
 
+@named_fields
 @dataclass(frozen=True)
 class PreserveVolume:
     """A closed mesh whose points move keeps its volume.
@@ -104,11 +110,13 @@ class PreserveVolume:
             raise InputError(f"PreserveVolume: by normals or scaling expected, got {self.by!r}")
 
 
+@named_fields
 @dataclass(frozen=True)
 class PreserveArea:
     """A mesh whose points move keeps its area by scaling about the centroid."""
 
 
+@named_fields
 @dataclass(frozen=True)
 class MinComponent:
     """Components of a range image of fewer samples are dropped."""
@@ -156,10 +164,7 @@ class Constraints:
             several = list(given)
         found: dict[str, Any] = {}
         for one in several:
-            if isinstance(one, type):
-                raise InputError(
-                    f"constraints: a constraint expected, got the class {one.__name__}; give {one.__name__}(...)"
-                )
+            must_be_object(one, "constraints: a constraint")
             if not isinstance(one, KINDS):
                 names = ", ".join(kind.__name__ for kind in KINDS)
                 raise InputError(f"constraints: one of {names} expected, got {one!r}")

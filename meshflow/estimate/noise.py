@@ -21,6 +21,7 @@ from meshflow.estimate.patch_noise import patch_noise
 from meshflow.estimate.quantization import quantum_of, terraced
 from meshflow.estimate.ring_fill import filled_from_ring
 from meshflow.estimate.spread import spread_tiles
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.orientation import Orientation
 
@@ -49,6 +50,7 @@ class Lines:
     columns: float = 0.0
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Noise:
     """Noise of samples, in the unit of the values.

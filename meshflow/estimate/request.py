@@ -14,7 +14,7 @@ from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.searched import Quick, Search
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps, Stop, When
-from meshflow.geometry.options import option
+from meshflow.geometry.options import must_be_object, option
 from meshflow.geometry.validation import Array, number, positive
 from meshflow.surfaces.surface import Boundary
 
@@ -88,6 +88,7 @@ class Request:
         for name, known in (("outliers", OUTLIERS), ("level", LEVELS)):
             if getattr(self, name) not in (None, *known):
                 raise InputError(f"{name}: {', '.join(known)} expected, got {getattr(self, name)!r}")
+        must_be_object(self.compute, "compute: a Compute")
         if not isinstance(self.compute, Compute):
             raise InputError(f"compute: a Compute expected, got {self.compute!r}")
         if self.heights.twicing and (self.steps is not None or self.weighted or self.stops):
@@ -191,6 +192,7 @@ def _stops(given: object) -> tuple[int | None, tuple[Stop, ...]]:
     steps: int | None = None
     found: list[Stop] = []
     for one in several:
+        must_be_object(one, "stop: a stop")
         if isinstance(one, Steps):
             if steps is not None:
                 raise InputError("stop: Steps is given twice")
@@ -199,8 +201,6 @@ def _stops(given: object) -> tuple[int | None, tuple[Stop, ...]]:
             if any(type(one) is type(other) and not isinstance(one, When) for other in found):
                 raise InputError(f"stop: {type(one).__name__} is given twice")
             found.append(one)
-        elif isinstance(one, type):
-            raise InputError(f"stop: a stop expected, got the class {one.__name__}; give {one.__name__}(...)")
         elif callable(one):
             found.append(When(one))
         else:

@@ -3,14 +3,12 @@
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
-import numpy as np
-
 from meshflow.errors import InputError
 from meshflow.flow.controls import AreaChange, Embedded, FixedStep, GivenSteps
 from meshflow.flow.steppers import Stepper, StepperName, stepper_word
 from meshflow.geometry.delaunay import Triangles
-from meshflow.geometry.options import option
-from meshflow.geometry.validation import positive, whole
+from meshflow.geometry.options import must_be_object, named_fields, option
+from meshflow.geometry.validation import must_be_truth, positive, whole
 from meshflow.kernels.library import default_threads, using_threads
 from meshflow.surfaces.triangles import Diagonals, triangulations
 
@@ -19,6 +17,7 @@ __all__ = ["Compute"]
 TRIANGLES = ("auto", "given", "delaunay", "clamped")
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class Compute:
     """How a flow is computed.
@@ -49,12 +48,13 @@ class Compute:
             positive(self.dt, "dt")
         if self.threads is not None:
             whole(self.threads, "threads", 1)
+        must_be_object(self.control, "control: FixedStep, AreaChange or Embedded")
         if self.control is not None and not isinstance(self.control, (FixedStep, AreaChange, Embedded, GivenSteps)):
             raise InputError(f"control: FixedStep, AreaChange or Embedded expected, got {self.control!r}")
         if self.triangles not in TRIANGLES:
             raise InputError(f"triangles: {', '.join(TRIANGLES)} expected, got {self.triangles!r}")
-        if self.search is not None and not isinstance(self.search, (bool, np.bool_)):
-            raise InputError(f"search: true or false expected, got {self.search!r}")
+        if self.search is not None:
+            must_be_truth(self.search, "search")
         triangulations(self.diagonals)
         stepper_word(self.stepper)
         if self.triangles == "clamped" and self.stepper == "super-time":

@@ -10,6 +10,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.step_lengths import AreaSteps, ErrorSteps, EvenSteps, ListedSteps, Steps
 from meshflow.flow.steppers import Embedding, Explicit, Stepper
 from meshflow.flow.stops import Scale, Stop
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, positive
 
 __all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "GivenSteps", "Until"]
@@ -18,6 +19,7 @@ __all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "GivenSteps", "Unti
 IMPLICIT_STEPS = 10
 
 
+@named_fields
 @dataclass(frozen=True)
 class Until:
     """When to stop: at a time (squared length), after a number of steps, or at one of the ``stops``, whichever comes first.
@@ -71,6 +73,7 @@ class Control(Protocol):
         ...
 
 
+@named_fields
 @dataclass(frozen=True)
 class FixedStep:
     """Steps of one length.
@@ -92,6 +95,7 @@ class FixedStep:
         return EvenSteps(_longest(self.dt, flow, stepper, u, until))
 
 
+@named_fields
 @dataclass(frozen=True)
 class GivenSteps:
     """Steps of the lengths that another run has taken.
@@ -133,6 +137,7 @@ class AreaChange:
         return AreaSteps(self.target, _longest(self.dt, flow, stepper, u, until))
 
 
+@named_fields
 @dataclass(frozen=True)
 class Embedded:
     """Steps as long as their embedded error allows, for :class:`SuperTime`.

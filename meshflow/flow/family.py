@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, number, positive
 
 __all__ = ["Indicator", "Mass", "Variant"]
@@ -16,6 +17,7 @@ Mass = Literal["barycentric", "voronoi", "ring"]
 WIDEST = 6.0
 
 
+@named_fields
 @dataclass(frozen=True)
 class Variant:
     """One flow of the family dX/dt = -(edge indicator)^gamma P B.

@@ -16,6 +16,7 @@ from meshflow.flow.step_lengths import Steps
 from meshflow.flow.steppers import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.flow.stops import Course, crossing, unmet
 from meshflow.flow.workspace import Workspace
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 
 __all__ = ["VANISHED", "State", "march"]
@@ -29,6 +30,7 @@ GONE = 1e-9
 VANISHED = "the surface has vanished"
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class State:
     """The state of a run.

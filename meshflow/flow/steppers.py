@@ -11,6 +11,7 @@ from meshflow.flow.contract import Flow, MatrixFree, Ordered, System
 from meshflow.flow.linear_solve import Method, solve
 from meshflow.flow.super_time import reach, schedule, stages
 from meshflow.flow.workspace import Workspace
+from meshflow.geometry.options import must_be_object, named_fields
 from meshflow.geometry.validation import Array, positive
 
 __all__ = [
@@ -86,6 +87,7 @@ class Embedding(Stepper, Protocol):
         ...
 
 
+@named_fields
 @dataclass(frozen=True)
 class Explicit:
     """u + dt rate(u): first order, stable for dt <= 2 / bound (h^2 / 6 on a grid of spacing h, for any data)."""
@@ -103,6 +105,7 @@ class Explicit:
         return 2.0 / bound if bound > 0 else np.inf
 
 
+@named_fields
 @dataclass(frozen=True)
 class SuperTime:
     """Super-time-stepping, Runge-Kutta-Legendre (Meyer, Balsara, Aslam 2014): s rates reach s^2 / 2 explicit steps.
@@ -187,6 +190,7 @@ class SuperTime:
         return (last, before, *drift)
 
 
+@named_fields
 @dataclass(frozen=True)
 class SemiImplicit:
     """(M / s + dt L) (u+ - u) = dt (M / s) rate(u): current metric, positions at the end [DMSB99]; stable for every dt.
@@ -237,8 +241,9 @@ class SemiImplicit:
 def stepper_word(word: Stepper | StepperName) -> Stepper | StepperName:
     """A stepper, or the name of one.
 
-    :raises InputError: for an unknown name, or an object that is neither.
+    :raises InputError: for an unknown name, a class, or an object that is neither.
     """
+    must_be_object(word, "stepper: a stepper")
     known = word in STEPPERS if isinstance(word, str) else isinstance(word, (Explicit, SuperTime, SemiImplicit))
     if not known and not hasattr(word, "step"):
         raise InputError(f"stepper: {', '.join(STEPPERS)} expected, got {word!r}")

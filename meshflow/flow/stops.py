@@ -1,14 +1,14 @@
 """Stops: criteria that end a run by what it has done to the surface. They are located within a step."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from typing import Protocol
 
 import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
-from meshflow.geometry.options import option
+from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array, positive, whole
 
 __all__ = ["AreaLoss", "Course", "Displacement", "Residual", "Scale", "Steps", "Stop", "When", "crossing", "unmet"]
@@ -55,6 +55,7 @@ class Stop(Protocol):
         ...
 
 
+@named_fields
 @dataclass(frozen=True)
 class Steps:
     """Stop after a number of steps; the method is then not searched for.
@@ -62,12 +63,13 @@ class Steps:
     :param count: zero or more.
     """
 
-    count: int = option(0, "Stop after this many steps.", flag="steps")
+    count: int = option(MISSING, "Stop after this many steps.", flag="steps")
 
     def __post_init__(self) -> None:
         whole(self.count, "steps", 0)
 
 
+@named_fields
 @dataclass(frozen=True)
 class Residual:
     """Stop when the root mean square change reaches a share of the noise; a share of 1 smooths too much.
@@ -99,6 +101,7 @@ class Residual:
         return change / np.sqrt(scale.there) / scale.sigma if scale.sigma > 0 else np.inf
 
 
+@named_fields
 @dataclass(frozen=True)
 class AreaLoss:
     """Stop when the area has decreased by a share of its initial value (El-Fallah and Ford; section 5.6).
@@ -125,6 +128,7 @@ class AreaLoss:
         return 1.0 - flow.area(u) / before if before > 0 else 0.0
 
 
+@named_fields
 @dataclass(frozen=True)
 class Displacement:
     """Stop when a sample has moved this far since the start.
@@ -149,6 +153,7 @@ class Displacement:
         return flow.size((1.0, u), (-1.0, flow.start()))[1]
 
 
+@named_fields
 @dataclass(frozen=True)
 class When:
     """Stop when a callable of the caller says so.

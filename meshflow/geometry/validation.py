@@ -19,6 +19,8 @@ __all__ = [
     "brief",
     "indices_of",
     "mask_of",
+    "must_be_truth",
+    "must_be_vertices",
     "must_have_squares",
     "nowhere",
     "number",
@@ -26,6 +28,7 @@ __all__ = [
     "real",
     "samples",
     "spacing_of",
+    "triangles_of",
     "truth_of",
     "whole",
 ]
@@ -118,6 +121,48 @@ def indices_of(faces: Array) -> Array:
     return np.ascontiguousarray(faces, np.int32)
 
 
+def must_be_truth(value: object, name: str) -> None:
+    """Refuse anything but True and False.
+
+    :raises InputError: with the value.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise InputError(f"{name}: True or False expected, got {value!r}")
+
+
+def triangles_of(faces: ArrayLike) -> Array:
+    """Triangles (m, 3) as integers; whole numbers of floating point become int64.
+
+    :raises InputError: for another shape, and for anything but whole numbers.
+    """
+    array = np.asarray(faces)
+    if array.size == 0:
+        return np.zeros((0, 3), np.int64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InputError(f"faces: triangles of shape (m, 3) expected, got {array.shape}; triangulate polygons first")
+    if array.dtype.kind in "iu":
+        return array
+    if array.dtype.kind != "f":
+        raise InputError(f"faces: whole numbers expected, got dtype {array.dtype}")
+    whole = np.isfinite(array) & (np.abs(array) < 2.0**53) & (array == np.rint(array))
+    if not whole.all():
+        raise InputError(f"faces: whole numbers expected, got {array[~whole].flat[0]:g} ({array.dtype})")
+    return array.astype(np.int64)
+
+
+def must_be_vertices(faces: Array, n: int) -> None:
+    """Refuse triangles of other vertices than 0 to n - 1.
+
+    :raises InputError: with the first number that is none of them.
+    """
+    if not faces.size:
+        return
+    low, high = int(faces.min()), int(faces.max())
+    if low < 0 or high >= n:
+        ones = "; they count from 1, as in an OBJ: give faces - 1" if low > 0 and high == n else ""
+        raise InputError(f"faces: vertices 0 to {n - 1} expected, got {low if low < 0 else high}{ones}")
+
+
 # A mask that is false everywhere, for any shape.
 NOWHERE: Array = np.zeros(0, bool)
 
@@ -199,12 +244,23 @@ def spacing_of(spacing: Any, rows: int) -> Spacing:
     pair = spacing if isinstance(spacing, (tuple, list)) else (spacing, spacing)
     if len(pair) != 2:
         raise InputError(f"spacing: one number or a pair (dx, dy) expected, got {spacing!r}")
-    dy = positive(pair[1], "spacing dy")
+    one = not isinstance(spacing, (tuple, list))
+    dy = _length(pair[1], "spacing" if one else "spacing dy")
     if np.ndim(pair[0]) == 0:
-        return positive(pair[0], "spacing dx"), dy
+        return _length(pair[0], "spacing dx"), dy
     widths = np.asarray(pair[0], dtype=np.float64)
-    if widths.shape != (rows,) or not (np.isfinite(widths).all() and (widths > 0).all()):
+    if widths.shape != (rows,) or not ((widths >= 1.0 / LARGEST) & (widths <= LARGEST)).all():
         raise InputError(
             f"spacing dx: a positive number or {rows} of them, one per row, expected; got shape {widths.shape}"
         )
     return widths, dy
+
+
+def _length(value: Any, name: str) -> float:
+    """A positive number whose fourth power, which occurs in squared areas, is a number of double precision."""
+    found = positive(value, name)
+    if not 1.0 / LARGEST <= found <= LARGEST:
+        raise InputError(
+            f"{name}: a length from {1.0 / LARGEST:g} to {LARGEST:g} expected, got {found:g}; scale the data"
+        )
+    return found

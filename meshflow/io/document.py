@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypedDict
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.io.metadata import Kind, ReadOptions, as_given
 from meshflow.surfaces.data import Data
@@ -106,6 +107,7 @@ class MeshSource(Source, ABC):
         """
 
 
+@named_fields
 @dataclass(frozen=True)
 class Document:
     """The contents of a file.

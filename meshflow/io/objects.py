@@ -5,6 +5,7 @@ from os import PathLike
 from pathlib import Path
 
 from meshflow.errors import InputError
+from meshflow.geometry.options import must_be_object
 from meshflow.io.document import Document, Imported
 from meshflow.io.files import read_with
 from meshflow.io.metadata import Metadata, ReadOptions
@@ -35,6 +36,7 @@ def taken_in(data: object, options: ReadOptions) -> Imported:
         if options.given:
             raise InputError(f"{type(data).__name__} already says {', '.join(options.given)}; set them there")
         return Imported(data, lambda same: same)
+    must_be_object(data, "data: an array or an object with data")
     data, options = opened(data, options)
     if isinstance(data, Document):
         return _from_document(data, options)

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from meshflow.errors import InputError
 from meshflow.geometry.normals import mean_edge
-from meshflow.geometry.validation import Array, real, truth_of
+from meshflow.geometry.validation import Array, must_be_vertices, real, triangles_of, truth_of
 from meshflow.io.document import Section
 from meshflow.io.metadata import MASKS, Found, looked_up
 from meshflow.surfaces.mesh import Mesh, Moves
@@ -272,11 +272,9 @@ def _mean(values: Array, home: Array, count: int) -> Array:
 
 def _in_range(faces: Array, home: Array) -> Array:
     """Faces of the joined vertices; faces with an index out of range are refused."""
-    faces = np.asarray(faces)
-    if faces.size and (faces.min() < 0 or faces.max() >= len(home)):
-        bad = faces.min() if faces.min() < 0 else faces.max()
-        raise InputError(f"faces: vertices 0 to {len(home) - 1} expected, got {bad}")
-    return home[faces] if faces.size else np.zeros((0, 3), np.int64)
+    triangles = triangles_of(faces)
+    must_be_vertices(triangles, len(home))
+    return home[triangles]
 
 
 def _shape_of(data: object) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from meshflow.errors import InputError, NotConverged
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.parameters import Parameter
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Imported, Multipart
 from meshflow.results.result import Result, release
@@ -18,12 +19,13 @@ from meshflow.surfaces.data import Data
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.multipart import as_one
 
-__all__ = ["Results", "one_by_one"]
+__all__ = ["Results", "every_warning", "one_by_one"]
 
 # The most parts that a summary lists.
 LISTED = 12
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Results(Mapping[str, Result]):
     """The results of data of several parts: a :class:`Result` for each part, by its name. ``print`` shows them all.
@@ -132,6 +134,11 @@ class Results(Mapping[str, Result]):
     candidates = ()
     history = ()
     correlation = None
+
+
+def every_warning(found: Result | Results) -> tuple[str, ...]:
+    """The warnings of a run; those of a part begin with its name."""
+    return (*found.warnings, *(f"{name}: {word}" for name, one in found.parts.items() for word in one.warnings))
 
 
 def one_by_one(several: Multipart, constraints: Constraints, smoothed: Callable[[Imported], Result]) -> Results:

@@ -15,6 +15,7 @@ from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, value_unit
 from meshflow.estimate.risk import Candidate
 from meshflow.flow.march import State
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, searched_lines
 from meshflow.surfaces.data import Data, array_of
@@ -57,6 +58,7 @@ class History:
         return [{f.name: float(getattr(self, f.name)[i]) for f in fields(self)} for i in range(len(self))]
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Result:
     """Smoothed data and how it was made. ``print`` shows all parameters.

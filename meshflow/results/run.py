@@ -37,13 +37,14 @@ __all__ = ["end_of", "engine_of", "run", "states", "with_given_steps"]
 
 # A warning is given where more than this number, and this share, of the samples have no triangle.
 ALONE, ALONE_SHARE = 10, 1e-3
+# The share of its area below which a mesh is warned of.
+LOST = 0.8
 
 
 def run(data: Data, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
     """Smooth a data object as requested; returns a new data object in a result.
 
-    :param record: True: measure the surface after each step. False: the history holds the start and the end. None: the history
-        is empty and warnings are not looked for, for callers who need the smoothed data only.
+    :param record: True: measure the surface after each step. False: the history holds the start and the end. None: it is empty.
     :raises InputError: for data that cannot be smoothed, or options that do not suit the data.
     :raises NotConverged: when a solver or a run fails.
     """
@@ -64,11 +65,11 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
         history = History.joined((history, _measured(end, plan))) if record is not None else history
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
-        warnings += (end.reason,) if end.reason is not None and VANISHED in end.reason else ()
+        warnings += _of_area(done, start, end)
         done, held = _without_folds(done, plan)
         warnings += held
     if isinstance(engine, GridFlow):
-        warnings += _alone(engine, plan) if record is not None else ()
+        warnings += _alone(engine, plan)
     done = replace(done, fixed=data.fixed)
     if isinstance(done, Mesh) and isinstance(data, Mesh):
         done = replace(done, faces=data.faces)
@@ -226,6 +227,15 @@ def _without_folds(done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
     points, less = moved_without_folds(plan.data.points, done.points, done.faces, plan.data.fixed)
     said = f"{less} of {len(points)} points were moved otherwise than by the method alone, which would fold the surface"
     return replace(done, points=points), (said,) if less else ()
+
+
+def _of_area(done: Data, start: State, end: State) -> tuple[str, ...]:
+    """A warning about a surface that has vanished, or a mesh whose points move and that lost much of its area."""
+    if end.reason is not None and VANISHED in end.reason:
+        return (end.reason,)
+    if not isinstance(done, Mesh) or done.moves != "points" or end.area > LOST * start.area:
+        return ()
+    return (f"the surface lost {1 - end.area / start.area:.0%} of its area; a smaller time keeps more",)
 
 
 def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:

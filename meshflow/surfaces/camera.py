@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.distortion import coefficients, distorted, undistorted
 from meshflow.surfaces.grid import Lines
@@ -68,6 +69,7 @@ class Camera(Protocol):
         ...
 
 
+@named_fields
 @dataclass(frozen=True)
 class Pinhole:
     """A pinhole camera: x' = (u - cx) / fx, y' = (v - cy) / fy, the point of depth z is z (x', y', 1).
@@ -182,6 +184,7 @@ def _undistorted(camera: Pinhole, shape: tuple[int, int]) -> tuple[Array, Array]
     return x, y
 
 
+@named_fields
 @dataclass(frozen=True)
 class Orthographic:
     """Parallel rays along z: the point of depth z in row r and column c is (c dx, r dy, z).

@@ -8,6 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.connectivity import Connectivity
 from meshflow.geometry.operator import gather_seen
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 
 __all__ = ["ALL", "Axes", "Free", "Rays"]
@@ -90,6 +91,7 @@ class Free(Protocol):
         ...
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Axes:
     """All vertices move along the same coordinate axes: z of a height field, the channels of an image, all axes of a mesh.
@@ -160,6 +162,7 @@ class Axes:
 ALL = Axes()
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Rays:
     """Every vertex moves along its own line, p(u) = o + u d: the lines of sight of a camera or a scanner.

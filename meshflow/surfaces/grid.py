@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, Spacing, positive
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.free import Axes, Rays
@@ -21,6 +22,7 @@ from meshflow.surfaces.triangles import (
 __all__ = ["Lines", "Grid", "Lift", "Spacing", "Whole", "held", "OnGrid"]
 
 
+@named_fields
 @dataclass(frozen=True)
 class Lift:
     """How a data object is turned into a surface.

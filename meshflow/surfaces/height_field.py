@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
@@ -13,6 +14,7 @@ from meshflow.surfaces.surface import Boundary, Surface
 __all__ = ["HeightField"]
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class HeightField(OnGrid):
     """Elevations on a grid; only z is free.

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
 from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
 from meshflow.surfaces.orientation import Orientation
@@ -12,6 +13,7 @@ from meshflow.surfaces.surface import Surface
 __all__ = ["Image"]
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Image(OnGrid):
     """Channels on a grid: grey values, colours, a vector or tensor field. All channels are free and coupled.

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.normals import mean_edge, normals_at
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, must_have_squares, nowhere, real
 from meshflow.surfaces.free import Axes
 from meshflow.surfaces.grid import Lift
@@ -18,6 +19,7 @@ __all__ = ["Mesh", "Moves"]
 Moves = Literal["points", "channels", "all"]
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """A triangle mesh whose points, channels, or both are free.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError, NothingThere
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, brief, mask_of, nowhere, positive, real, samples
 from meshflow.surfaces.camera import Camera, Measure
 from meshflow.surfaces.discontinuities import Cuts, cuts_by_noise, small_components
@@ -23,6 +24,7 @@ SHARE = 0.05
 FASTEST = 6.0
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class RangeImage:
     """Depths seen by a camera; each point may move along the ray of its pixel.

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, number
 from meshflow.surfaces.camera import Measure, known
 from meshflow.surfaces.grid import Lines
@@ -14,6 +15,7 @@ from meshflow.surfaces.grid import Lines
 __all__ = ["Scanner", "Spherical"]
 
 
+@named_fields
 @dataclass(frozen=True)
 class Spherical:
     """A lidar sweep: the point of range u is u (cos e cos a, cos e sin a, sin e); x forward, y left, z up.
@@ -122,6 +124,7 @@ class Spherical:
         return np.radians(np.linspace(*self.azimuth, shape[1]))[None, :], np.radians(e)[:, None]
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Scanner:
     """Arbitrary rays: the point of value u is o + u d.

@@ -6,7 +6,8 @@ from typing import Literal
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, mask_of, nowhere
+from meshflow.geometry.options import named_fields
+from meshflow.geometry.validation import Array, mask_of, must_be_vertices, nowhere, triangles_of
 from meshflow.surfaces.free import ALL, Free
 
 __all__ = ["BOUNDARIES", "Boundary", "Surface", "known_boundary"]
@@ -24,6 +25,7 @@ def known_boundary(boundary: str) -> None:
         raise InputError(f"boundary: neumann, plane-preserving or fixed expected, got {boundary!r}")
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Points, triangles, and the free directions of each point.
@@ -101,14 +103,6 @@ class Surface:
 
 def _faces(faces: Array, n: int) -> Array:
     """Triangles (m, 3) of vertices 0 to n - 1, as int64."""
-    array = np.asarray(faces)
-    if array.size == 0:
-        return np.zeros((0, 3), np.int64)
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"faces: triangles of shape (m, 3) expected, got {array.shape}; triangulate polygons first")
-    if array.dtype.kind not in "iu":
-        raise InputError(f"faces: whole numbers expected, got dtype {array.dtype}")
-    low, high = int(array.min()), int(array.max())
-    if low < 0 or high >= n:
-        raise InputError(f"faces: vertices 0 to {n - 1} expected, got {low if low < 0 else high}")
+    array = triangles_of(faces)
+    must_be_vertices(array, n)
     return np.ascontiguousarray(array, dtype=np.int64)

@@ -21,7 +21,7 @@ from meshflow.flow.methods.normal_filter import NormalFilter
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.principal import PrincipalFlow
 from meshflow.flow.methods.searched import Quick, Search
-from meshflow.geometry.options import refused
+from meshflow.geometry.options import must_be_object, refused
 
 __all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", "words_for"]
 
@@ -49,8 +49,7 @@ def method_of(given: "str | Method") -> Method:
         if given in METHODS:
             return METHODS[given]()
         raise refused(given, tuple(METHODS), "method")
-    if isinstance(given, type):
-        raise InputError(f"method: a method expected, got the class {given.__name__}; give {given.__name__}()")
+    must_be_object(given, "method: a method")
     raise InputError(f"method: a name or a method such as PeronaMalik(sharpness=2) expected, got {given!r}")
 
 

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from meshflow.errors import InputError
 from meshflow.flow.family import Indicator, Mass, Variant
-from meshflow.geometry.options import option
+from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import number, positive
 
 __all__ = [
@@ -76,6 +76,7 @@ class HeightMethod:
         return Variant(gamma, sharpness, self.indicator, self.mass, patch=patch)
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class Beltrami(HeightMethod):
     """The family dX/dt = -(edge indicator)^gamma P B by its exponents; Beltrami flow (14) by default."""
@@ -104,6 +105,7 @@ class Beltrami(HeightMethod):
         return self.contrast is not None or (self.gamma, self.sharpness, self.patch) != (0.0, 1.0, 0.0)
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class GraphFlow(HeightMethod):
     """The motion of the graph under mean curvature flow, in which only the values move (8), (9): gamma = -2."""
@@ -117,6 +119,7 @@ class GraphFlow(HeightMethod):
         return {"gamma": -2.0}
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class MeanCurvatureDiffusion(HeightMethod):
     """Mean curvature diffusion [FEF98]: gamma = -1. The mean of the values is conserved."""
@@ -129,6 +132,7 @@ class MeanCurvatureDiffusion(HeightMethod):
         return {"gamma": -1.0}
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class TotalVariation(HeightMethod):
     """Mean curvature diffusion at high contrast, close to the flow of total variation [ROF92]."""
@@ -142,6 +146,7 @@ class TotalVariation(HeightMethod):
         return {"gamma": -1.0}
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class PeronaMalik(HeightMethod):
     """The diffusion of Perona and Malik on triangles (1): flux grad / W^q, gamma = -1."""
@@ -157,6 +162,7 @@ class PeronaMalik(HeightMethod):
         return {"gamma": -1.0, "sharpness": self.sharpness}
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class GemanMcClure(HeightMethod):
     """Diffusion with the flux grad / W^4, after Geman and McClure: gamma = -1, sharpness 4."""
@@ -170,6 +176,7 @@ class GemanMcClure(HeightMethod):
         return {"gamma": -1.0, "sharpness": 4.0}
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class Heat(HeightMethod):
     """The heat equation du/dt = div grad u, linear for any data: time t is a Gaussian of variance 2 t. It blurs edges.
@@ -196,6 +203,7 @@ class Heat(HeightMethod):
         return Variant(mass=self.mass, linear=True)
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class Patches(HeightMethod):
     """Beltrami flow with lengths measured between patches, the neighbourhoods of the samples. Grids only."""

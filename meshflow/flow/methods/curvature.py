@@ -11,13 +11,14 @@ from meshflow.flow.family import Mass, Variant
 from meshflow.flow.methods.border_curve import Bordered
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.steppers import Stepper, StepperName, stepper_for
-from meshflow.geometry.options import option
+from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["ConformalFlow", "CurvatureFlow", "bordered"]
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class CurvatureFlow(PointMethod):
     """Mean curvature flow [DMSB99], dx/dt = -M^-1 L x. It shrinks the mesh."""
@@ -47,6 +48,7 @@ class CurvatureFlow(PointMethod):
         return asked if self.along == "all" else AlongNormals(stepper_for(asked, flow, time), faces)
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class ConformalFlow(CurvatureFlow):
     """Conformalized mean curvature flow (Kazhdan, Solomon, Ben-Chen 2012), with the stiffness of the start; for large times."""

@@ -12,13 +12,14 @@ from meshflow.flow.low_pass import LowPass, Weights
 from meshflow.flow.methods.curvature import bordered
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.steppers import Stepper, StepperName
-from meshflow.geometry.options import option
+from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["Fairing"]
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class Fairing(PointMethod):
     """The filter 1 / (1 + (t A)^order), A = M^-1 L (:class:`LowPass`): order 1 is implicit fairing [DMSB99]."""

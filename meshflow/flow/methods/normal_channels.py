@@ -9,13 +9,14 @@ from meshflow.flow.engines.metric import NormalChannels as Lengths
 from meshflow.flow.engines.metric import metric_of
 from meshflow.flow.family import Mass, Variant
 from meshflow.flow.methods.points import PointMethod, PointSetting
-from meshflow.geometry.options import option
+from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import positive
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["NormalChannels"]
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class NormalChannels(PointMethod):
     """Mean curvature flow of the surface (x, normal_weight n), in which only the points x move. It keeps creases."""

@@ -17,7 +17,7 @@ from meshflow.geometry import normals as facets
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.laplacians import umbrella_generator
-from meshflow.geometry.options import option
+from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array, number, positive
 from meshflow.surfaces.surface import Surface
 
@@ -30,6 +30,7 @@ ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
 ALMOST = 1e-9
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class NormalFilter(PointMethod):
     """The normals of the triangles diffuse but for creases, and the points follow. Options that are None are estimated."""

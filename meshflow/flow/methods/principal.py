@@ -17,7 +17,7 @@ from meshflow.flow.wrapper import Around
 from meshflow.geometry.curvature import directed
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.operator import MassKind, total_area
-from meshflow.geometry.options import option
+from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.surface import Surface
 
@@ -86,6 +86,7 @@ class Principal(Around):
         return blend.of_rate(u, np.einsum("ij,ij->i", rate, normals)[:, None] * normals, out)
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class PrincipalFlow(PointMethod):
     """Mean curvature flow along the directions of small curvature; it keeps edges and corners (:class:`Principal`)."""

@@ -5,11 +5,12 @@ from typing import ClassVar
 
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import Along
-from meshflow.geometry.options import option
+from meshflow.geometry.options import named_fields, option
 
 __all__ = ["Quick", "Search"]
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class Search(HeightMethod):
     """The method with the least estimated risk, among those that suit the data; options given here are kept."""
@@ -22,6 +23,7 @@ class Search(HeightMethod):
     )
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True)
 class Quick(Search):
     """One fixed choice for all data, without a search."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array, nowhere, real, spacing_of
+from meshflow.geometry.validation import Array, nowhere, real, spacing_of, triangles_of
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, in_metres
 from meshflow.io.document import Document, Imported, Source, WriteOptions, samples_of
@@ -221,7 +221,12 @@ def _on_grid(data: Array, kind: Kind, options: ReadOptions) -> HeightField | Ima
 
 def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Imported:
     channels = None if options.channels is None else np.asarray(options.channels)
-    triangles, places = np.array(faces), real(np.asarray(points), "mesh points")
+    first, second = np.asarray(points), np.asarray(faces)
+    if first.dtype.kind in "iu" and second.dtype.kind == "f" and (second != np.rint(second)).any():
+        raise InputError(
+            "(points, faces) expected, got whole numbers first and real numbers second; are they swapped? Give (points, faces)"
+        )
+    triangles, places = triangles_of(second), real(first, "mesh points")
     split = places.shape[-1] == 3 and triangles.shape[-1] == 3 and is_soup(triangles, len(places))
     skin = Skin.of(places, triangles, split=split, channels=channels, moves=options.moves)
 

@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from meshflow.errors import FormatError, InputError
+from meshflow.geometry.options import must_be_object
 from meshflow.io.atomic_write import beside
 from meshflow.io.formats.camera_info import said_in, words_for
 from meshflow.io.metadata import CameraLike, Intrinsics
@@ -70,6 +71,7 @@ def calibration_for(camera: CameraLike | None, shape: tuple[int, int], name: str
     :raises InputError: without a camera, or for a camera of an image of another size.
     :raises FormatError: when the file cannot be read or is incomplete.
     """
+    must_be_object(camera, "camera: a camera")
     if isinstance(camera, Camera):
         return Calibration(camera)
     if camera is None:

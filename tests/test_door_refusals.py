@@ -1,0 +1,122 @@
+"""What cannot be meant is refused by the door in words that lead to what can, never by an error of Python from within."""
+
+import dataclasses
+import inspect
+
+import numpy as np
+import pytest
+import trimesh
+
+import meshflow
+from meshflow import Compute, FixedStep, HeightField, InputError, Mesh, Pinhole, SemiImplicit, smooth
+from meshflow.geometry.options import named_fields
+
+RANDOM = np.random.default_rng(14)
+Z = np.sin(np.arange(40) / 5.0) + np.arange(36)[:, None] / 9.0 + RANDOM.normal(0, 0.05, (36, 40))
+BALL = trimesh.creation.icosphere(2)
+POINTS, FACES = np.array(BALL.vertices), np.array(BALL.faces)
+CAMERA = Pinhole(50, 50, 20, 18)
+
+
+def refused(call, words):
+    with pytest.raises(InputError, match=words):
+        call()
+
+
+def test_whole_numbers_of_floating_point_are_faces():
+    plain, faces = smooth((POINTS, FACES.astype(float)), time=0.01)
+    np.testing.assert_array_equal(plain, smooth((POINTS, FACES), time=0.01)[0])
+    assert faces.dtype == float
+    assert Mesh(POINTS, FACES.astype(np.float32)).faces.dtype.kind == "i"
+
+
+@pytest.mark.parametrize("make", [lambda faces: smooth((POINTS, faces)), lambda faces: Mesh(POINTS, faces)])
+@pytest.mark.parametrize(
+    ("faces", "words"),
+    [
+        (FACES + 0.5, r"faces: whole numbers expected, got \d+\.5 \(float64\)"),
+        (FACES * np.nan, "faces: whole numbers expected, got nan"),
+        (FACES > 2, "faces: whole numbers expected, got dtype bool"),
+        (FACES.astype(str), "faces: whole numbers expected, got dtype <U"),
+        (FACES.astype(object), "faces: whole numbers expected, got dtype object"),
+        (FACES - 1, "faces: vertices 0 to 161 expected, got -1"),
+        (FACES + 1, "got 162; they count from 1, as in an OBJ: give faces - 1"),
+        (FACES + 2, "faces: vertices 0 to 161 expected, got 163$"),
+    ],
+)
+def test_faces_that_are_no_vertices_are_refused(make, faces, words):
+    refused(lambda: make(faces), words)
+
+
+def test_points_and_faces_in_the_other_order_are_seen():
+    refused(lambda: smooth((FACES, POINTS)), "are they swapped")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: Compute(stepper=SemiImplicit), r"got the class SemiImplicit; give SemiImplicit\(\)"),
+        (lambda: Compute(control=FixedStep), r"give FixedStep\(\)"),
+        (lambda: smooth(Z, compute=Compute), r"give Compute\(\)"),
+        (lambda: smooth(Z, camera=Pinhole), r"give Pinhole\(\.\.\.\)"),
+        (lambda: smooth(HeightField), r"give HeightField\(\.\.\.\)"),
+        (lambda: smooth(Z, method=meshflow.PeronaMalik), r"give PeronaMalik\(\)"),
+        (lambda: smooth(Z, stop=meshflow.Residual), r"give Residual\(\)"),
+        (lambda: smooth(Z, constraints=[meshflow.Fixed]), r"give Fixed\(\.\.\.\)"),
+    ],
+)
+def test_a_class_is_no_object_and_the_brackets_are_named(call, words):
+    refused(call, words)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+@pytest.mark.parametrize("make", [lambda x: x, lambda x: (x, 1.0), lambda x: (1.0, x), lambda x: (np.full(36, x), 1.0)])
+@pytest.mark.parametrize("data", [Z, np.dstack([Z, Z])])
+def test_a_spacing_whose_powers_are_no_numbers_is_refused(data, make, size):
+    refused(lambda: smooth(data, spacing=make(size)), "spacing")
+
+
+PARTS = [one for one in (getattr(meshflow, name) for name in meshflow.__all__) if dataclasses.is_dataclass(one)]
+
+
+@pytest.mark.parametrize("kind", PARTS, ids=lambda kind: kind.__name__)
+def test_every_public_class_refuses_a_word_that_it_does_not_have_and_shows_those_that_it_has(kind):
+    refused(lambda: kind(nothing_like_it=3), f"nothing_like_it: no such option of {kind.__name__}; there are")
+    shown = list(inspect.signature(kind).parameters)
+    assert shown == [field.name for field in dataclasses.fields(kind) if field.init and not field.kw_only] + [
+        field.name for field in dataclasses.fields(kind) if field.init and field.kw_only
+    ]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: meshflow.PeronaMalik(sharpnes=3), "sharpnes: no such option of PeronaMalik; did you mean sharpness"),
+        (lambda: Compute(treads=2), "did you mean threads"),
+        (lambda: HeightField(Z, unti="m"), "did you mean unit"),
+        (lambda: meshflow.PeronaMalik(3), "options by name expected, got 3; there are contrast"),
+        (lambda: meshflow.Residual(0.9, 3), r"Residual\(share\): at most 1 value expected, got 2"),
+        (lambda: meshflow.Residual(0.9, share=0.8), "Residual: share is given twice"),
+        (lambda: Pinhole(50, 50), r"a value expected for cx and cy, got nothing; give Pinhole\(fx, fy, cx, cy\)"),
+        (lambda: meshflow.Fixed(), r"Fixed: a value expected for mask, got nothing; give Fixed\(mask\)"),
+        (lambda: meshflow.Steps(), "Steps: a value expected for count"),
+        (lambda: dataclasses.replace(meshflow.PeronaMalik(), sharpnes=3), "did you mean sharpness"),
+    ],
+)
+def test_a_call_that_does_not_fit_a_class_is_refused_with_what_fits(call, words):
+    refused(call, words)
+
+
+def test_an_error_of_type_from_within_a_class_is_not_taken_for_a_wrong_call():
+    @named_fields
+    @dataclasses.dataclass
+    class Part:
+        """A part whose check fails."""
+
+        value: int
+
+        def __post_init__(self):
+            self.value + "a"
+
+    with pytest.raises(TypeError, match="unsupported operand"):
+        Part(3)

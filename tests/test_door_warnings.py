@@ -1,0 +1,90 @@
+"""What a run has to say reaches its caller: as a warning at his line, in the Result, or once in the command."""
+
+import inspect
+import warnings
+
+import numpy as np
+import pytest
+import trimesh
+from typer.testing import CliRunner
+
+import meshflow
+from meshflow import MeshflowWarning
+from meshflow.cli.commands import app
+
+RANDOM = np.random.default_rng(14)
+Z = np.sin(np.arange(48) / 5.0) + np.arange(40)[:, None] / 9.0 + RANDOM.normal(0, 0.05, (40, 48))
+UNDECLARED = np.where((np.arange(48) > 20) & (np.arange(48) < 27) & (np.arange(40)[:, None] < 9), -9999.0, Z)
+
+
+def ball():
+    mesh = trimesh.creation.icosphere(3)
+    mesh.vertices += np.random.default_rng(3).normal(0, 0.01, mesh.vertices.shape)
+    return mesh
+
+
+def warned(call):
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        call()
+    return [one for one in found if issubclass(one.category, MeshflowWarning)]
+
+
+CASES = [
+    (lambda **how: meshflow.smooth(UNDECLARED, **how), "-9999"),
+    (lambda **how: meshflow.smooth(ball(), time=1e9, **how), "vanished"),
+    (lambda **how: meshflow.smooth(ball(), time=0.1, **how), "of its area; a smaller time"),
+    (lambda **how: meshflow.smooth(ball(), method="heat", **how), "no effect where points move"),
+]
+
+
+@pytest.mark.parametrize(("call", "word"), CASES)
+def test_each_warning_of_a_result_is_issued_where_no_result_is_returned(call, word):
+    result = []
+    assert not warned(lambda: result.append(call(result=True)))
+    found = warned(call)
+    assert {str(one.message) for one in found} >= {next(w for w in result[0].warnings if word in w)}
+    assert len(found) == len(result[0].warnings)
+
+
+def test_a_warning_names_the_line_of_the_caller_and_none_of_ours():
+    here = inspect.currentframe().f_lineno + 1
+    [one] = warned(lambda: meshflow.smooth(UNDECLARED))
+    assert (one.filename, one.lineno) == (__file__, here)
+
+
+def test_an_accessor_is_not_the_caller():
+    xarray = pytest.importorskip("xarray")
+    import meshflow.accessors  # noqa: F401
+
+    [one] = warned(lambda: xarray.DataArray(UNDECLARED, {"y": np.arange(40), "x": np.arange(48)}).meshflow.smooth())
+    assert one.filename == __file__
+
+
+def test_a_warning_of_a_part_begins_with_its_name():
+    scene = trimesh.Scene()
+    scene.add_geometry(ball(), geom_name="left")
+    scene.add_geometry(ball(), geom_name="right")
+    found = [str(one.message) for one in warned(lambda: meshflow.smooth(scene, time=1e9))]
+    assert [word.partition(":")[0] for word in found] == ["left", "right"]
+
+
+def test_fused_frames_warn_like_one():
+    frames = [RANDOM.normal(2, 0.01, (24, 32)) for _ in range(3)] + [np.full((24, 32), np.nan)]
+    camera = meshflow.Pinhole(40, 40, 16, 12)
+    found = [str(one.message) for one in warned(lambda: meshflow.fuse(frames, camera=camera))]
+    assert any("without a single depth" in word for word in found)
+
+
+def test_what_says_nothing_in_a_result_says_nothing_at_all():
+    assert not warned(lambda: meshflow.smooth(Z))
+
+
+def test_the_command_says_each_warning_once(tmp_path):
+    ball().export(tmp_path / "a.ply")
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        done = CliRunner().invoke(app, ["smooth", str(tmp_path / "a.ply"), str(tmp_path / "b.ply"), "--time", "0.1"])
+    assert done.exit_code == 0, done.output
+    assert done.output.count("of its area") == 1
+    assert not [one for one in found if issubclass(one.category, MeshflowWarning)]
