@@ -114,6 +114,7 @@ class GivenSteps:
         return ListedSteps(self.lengths)
 
 
+@named_fields
 @dataclass(frozen=True)
 class AreaChange:
     """Step control by change of area (section 5.6, after El-Fallah and Ford): a large loss means much noise and long steps.
