@@ -5,17 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from meshflow.estimate.noise_channels import spectra_of
 from meshflow.estimate.noise_growth import MAD, residuals
 from meshflow.estimate.noise_lines import line_offsets
-from meshflow.estimate.noise_spectrum import (
-    Found,
-    between_of,
-    correlated_together,
-    correlation_of,
-    length_of,
-    spectral_noise,
-)
-from meshflow.estimate.noise_tiles import Tiles, tiles_of
+from meshflow.estimate.noise_spectrum import Found, correlation_of, length_of
 from meshflow.estimate.outliers import large_pieces
 from meshflow.estimate.patch_noise import patch_noise
 from meshflow.estimate.quantization import quantum_of, terraced
@@ -122,15 +115,13 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """Measurements of one channel: its parts and number type, what of :class:`Noise` needs no decision, tiles and spectrum."""
+    """Measurements of one channel: its parts and number type, what of :class:`Noise` needs no decision."""
 
     parts: list[Part]
     precision: np.dtype
     quantum: float
     share: float
     lines: Lines
-    tiles: Tiles
-    spectrum: Found | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,11 +149,8 @@ def noise_of(values: Array, missing: Array) -> Noise:
     stack = values.reshape(*missing.shape, -1)
     windows = spread_tiles(missing.shape, ENOUGH)
     seen = [_measured(channel, missing, windows) for channel in np.moveaxis(stack, 2, 0)]
-    spectra = [one.spectrum for one in seen if one.spectrum is not None]
-    several = len(seen) > 1 and len(spectra) == len(seen)
-    between = between_of([one.tiles for one in seen], spectra) if several else None
-    together = several and correlated_together(spectra, between)
-    found = [_channel(one, together) for one in seen]
+    spectra = spectra_of([(one.parts, one.lines.rows > 0, one.lines.columns > 0) for one in seen])
+    found = [_channel(one, spectrum, spectra.together) for one, spectrum in zip(seen, spectra.found, strict=True)]
     covariances = [one.covariance for one in found if one.covariance is not None]
     correlation = correlation_of(np.sum(covariances, axis=0)) if covariances else None
     lengths = length_of(correlation)
@@ -175,7 +163,7 @@ def noise_of(values: Array, missing: Array) -> Noise:
         correlation,
         _mean_square(lengths),
         lengths,
-        between,
+        spectra.between,
         Lines(_mean_square([one.lines.rows for one in found]), _mean_square([one.lines.columns for one in found])),
         next((one.doubt for one in found if one.doubt), ""),
     )
@@ -190,18 +178,15 @@ def _measured(channel: Array, missing: Array, windows: list[tuple[slice, slice]]
     """Measurements of one channel (h, w), from windows of it."""
     quantum, share = quantum_of(np.concatenate([channel[window][~missing[window]] for window in windows]))
     parts = [_patched(channel[window], ~missing[window]) for window in windows]
-    tiles, lines = tiles_of(parts), Lines(*line_offsets(parts))
-    return _Measured(
-        parts, channel.dtype, quantum, share, lines, tiles, spectral_noise(tiles, lines.rows > 0, lines.columns > 0)
-    )
+    return _Measured(parts, channel.dtype, quantum, share, Lines(*line_offsets(parts)))
 
 
-def _channel(seen: _Measured, together: bool) -> _Channel:
+def _channel(seen: _Measured, spectrum: Found | None, together: bool) -> _Channel:
     """The noise of one channel.
 
     :param together: whether the channels together show that the noise is correlated.
     """
-    parts, quantum, lines, spectrum = seen.parts, seen.quantum, seen.lines, seen.spectrum
+    parts, quantum, lines = seen.parts, seen.quantum, seen.lines
     least, most = _range(parts)
     faint = max(FAINT * (most - least), ROUNDING * quantum / np.sqrt(12.0))
     covariance, doubt = _correlated(spectrum, faint, together)

@@ -6,15 +6,15 @@ fitted spectrum (:mod:`.noise_model`) at the frequencies where it is noise.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache, reduce
+from functools import lru_cache
 
 import numpy as np
 
 from meshflow.estimate.noise_model import Frequencies, Spectrum, fitted, gaussian
-from meshflow.estimate.noise_tiles import SIDE, Tiles, folded, tiling
+from meshflow.estimate.noise_tiles import SIDES, Tiles, tiling
 from meshflow.geometry.validation import Array
 
-__all__ = ["Found", "between_of", "correlated_together", "correlation_of", "length_of", "spectral_noise"]
+__all__ = ["HINT", "LEAST", "MISFIT", "Found", "correlation_of", "length_of", "spectral_noise"]
 
 # The least number of tiles.
 LEAST = 5
@@ -22,6 +22,8 @@ LEAST = 5
 LOWEST, MARGIN, ROUNDS = 0.05, 3.0, 3
 # Frequencies of the first selection, cycles per sample.
 LOW = 0.26
+# The end of the band of low frequencies, in frequencies of the tile.
+LOWEST_BAND = 3.84
 # The log power of a periodogram has this deviation.
 LOG_SPREAD = np.pi / np.sqrt(6.0)
 # Powers below this share of the noise at frequency zero have no effect.
@@ -34,18 +36,16 @@ HINT = 3.0
 GAIN, BETTER = 30.0, 0.5
 # Noise is correlated if it exceeds surface and white noise somewhere by a factor, is likelier than white noise by a gain of log
 # likelihood, and has a length of at least so many samples: one of SINGLE. It must also be found in FEW tiles, fit their power
-# (squared relative error), and be neither too narrow nor as wide as surfaces.
+# (squared relative error), and be neither too narrow nor as wide as surfaces (a share of the side of a tile).
 SINGLE = ((1.25, 40.0, 0.0), (2.0, 20.0, 0.5))
-FEW, MISFIT, NARROWEST, WIDEST = 6, 0.2, 0.35, 2.8
+FEW, MISFIT, NARROWEST, WIDEST = 6, 0.2, 0.35, 0.0875
 # If more than the share MIXED of it is white, which is usually white noise on a texture, or the exponent of the surface is below
 # LEVEL, one of OF_MIXED is demanded instead. If the lengths also differ by the factor SKEWED, as for lines of text and bricks,
 # the noise is not correlated.
 OF_MIXED = ((2.5, 100.0, 0.0), (4.0, 30.0, 0.45))
 MIXED, LEVEL, SKEWED = 0.05, 1.2, 1.6
-# Channels together: the median factor, the gain, that of independent channels added, and the least length; the number of tiles of
-# all, and the largest ratio of lengths. Of 80 crops by a simulated camera 0.81 are recognized, by their channels alone 0.55.
-OF_CHANNELS = (2.0, 40.0, 0.5)
-FEW_OF_CHANNELS, UNLIKE = 12, 1.6
+# Smaller tiles hold fewer of the low frequencies that tell noise from surfaces: these are demanded of them.
+OF_SMALL = ((2.0, 40.0, 0.5),)
 # Correlations below UNTOLD, and those of lags beyond REACH, are not reported.
 UNTOLD, REACH = 0.03, 8
 
@@ -66,6 +66,11 @@ class Found:
     power: Array
     chosen: Array
     at: Frequencies
+
+    @property
+    def side(self) -> int:
+        """The number of samples along a side of a tile."""
+        return 2 * (len(self.at.lines) - 1)
 
     @property
     def tiles(self) -> int:
@@ -89,25 +94,30 @@ class Found:
         return self.spectrum.misfit / (2.0 * self.tiles * self.at.weights.sum())
 
     @property
+    def widest(self) -> float:
+        """The length, in samples, at which noise is not told from the surface."""
+        return WIDEST * self.side
+
+    @property
     def correlated(self) -> bool:
         """Whether the noise is correlated beyond doubt."""
         spectrum, narrow, wide = self.spectrum, min(self.spectrum.lengths), max(self.spectrum.lengths)
         mixed = spectrum.exponent < LEVEL or spectrum.white > MIXED * float(self.covariance()[0, 0])
         if mixed and wide > SKEWED * narrow:
             return False
+        demanded = OF_MIXED if mixed else SINGLE if self.side == SIDES[0] else OF_SMALL
         clear = any(
-            self.above > above and self.evidence > evidence and wide >= length
-            for above, evidence, length in (OF_MIXED if mixed else SINGLE)
+            self.above > above and self.evidence > evidence and wide >= length for above, evidence, length in demanded
         )
-        return clear and self.tiles >= FEW and self.error < MISFIT and NARROWEST < wide < WIDEST
+        return clear and self.tiles >= FEW and self.error < MISFIT and NARROWEST < wide < self.widest
 
     def noise(self) -> Array:
-        """The power (SIDE, SIDE / 2 + 1) of the noise.
+        """The power (side, side / 2 + 1) of the noise.
 
         At frequencies at which the surface has less than half of the power, it is the remaining power, whatever its shape;
         elsewhere, also at the lowest frequencies, it is the fitted noise, scaled to agree with its neighbours.
         """
-        shared, half, spectrum = tiling(), SIDE // 2, self.spectrum
+        shared, half, spectrum = tiling(self.side), self.side // 2, self.spectrum
         at = self.at
         surface, fit = spectrum.of_surface(at), spectrum.of_blurred(at) + spectrum.white
         clear = (surface < 0.5 * self.power) & (at.weights > 0)
@@ -121,8 +131,8 @@ class Found:
         return np.concatenate([quarter, quarter[half - 1 : 0 : -1]])
 
     def covariance(self) -> Array:
-        """The covariance (SIDE, SIDE) of the noise by lag in rows and columns, lag (0, 0) at [0, 0]."""
-        return np.fft.irfft2(self.noise(), (SIDE, SIDE))
+        """The covariance (side, side) of the noise by lag in rows and columns, lag (0, 0) at [0, 0]."""
+        return np.fft.irfft2(self.noise(), (self.side, self.side))
 
 
 def spectral_noise(tiles: Tiles, rows: bool = False, columns: bool = False) -> Found | None:
@@ -131,7 +141,7 @@ def spectral_noise(tiles: Tiles, rows: bool = False, columns: bool = False) -> F
     :param rows: whether rows have offsets, which are then left out; ``columns``: whether columns have.
     :returns: None where there are too few tiles, or most are constant.
     """
-    at = tiling().at
+    at = tiling(tiles.side).at
     lines = (at.across < 2) & rows | (at.down < 2) & columns  # frequencies of offsets, widened by the window
     at = replace(at, weights=np.where(lines, 0.0, at.weights))
     rough = np.min(tiles.power, axis=1, initial=np.inf) > 0
@@ -178,8 +188,8 @@ def _below(score: Array, limit: float) -> Array:
 
 def _levels(mean: Array, at: Frequencies) -> tuple[float, float, float]:
     """Powers at low, middle and high frequencies."""
-    radius = at.radius
-    bands = (radius < 0.12, (radius > 0.12) & (radius < 0.3), radius > 0.4)
+    radius, lowest = at.radius, LOWEST_BAND * at.lines[1]
+    bands = (radius < lowest, (radius > lowest) & (radius < 0.3), radius > 0.4)
     low, middle, high = (float(np.median(mean[band])) for band in bands)
     return low, middle, high
 
@@ -211,60 +221,17 @@ def _starts(mean: Array, at: Frequencies) -> list[list[float]]:
     return [[surface, 3.3, white, blurred, np.log(length)] for length in (0.5, 1.0, 2.0)]
 
 
-def correlated_together(found: list[Found], between: Array | None) -> bool:
-    """Whether the noise of several channels is correlated, which they say together where one alone is in doubt.
-
-    Noise differs between channels and texture hardly does: the gains of log likelihood count as far as channels are independent.
-
-    :param between: (k, k), the correlation of the supposed noise between channels; None: no common tiles, independent.
-    """
-    k = len(found)
-    above, evidence, length = OF_CHANNELS
-    same = 0.0 if between is None else float(np.abs(between[np.triu_indices(k, 1)]).mean())
-    gained = float(np.sum([one.evidence for one in found])) / (1.0 + (k - 1) * same)
-    wide = [max(one.spectrum.lengths) for one in found]
-    lengths = [float(np.sqrt(np.prod(one.spectrum.lengths))) for one in found]
-    return (
-        gained > evidence
-        and float(np.median([one.above for one in found])) > above
-        and min(wide) >= length
-        and max(wide) < WIDEST
-        and max(lengths) < UNLIKE * min(lengths)
-        and sum(one.tiles for one in found) >= FEW_OF_CHANNELS
-        and max(one.error for one in found) < MISFIT
-    )
-
-
-def between_of(channels: list[Tiles], found: list[Found]) -> Array | None:
-    """The correlation (k, k) of the noise between channels, from the tiles that were chosen in all of them.
-
-    :returns: None for too few such tiles.
-    """
-    seen = [tiles.names[one.chosen] for tiles, one in zip(channels, found, strict=True)]
-    common = reduce(np.intersect1d, seen)
-    if common.size < LEAST:
-        return None
-    at = tiling().at
-    surface = np.max([one.spectrum.of_surface(at) / one.power for one in found], axis=0)
-    weights = at.weights * (surface < 0.5)
-    if not weights.any():
-        return None
-    parts = [one.transform[np.searchsorted(one.names, common)] for one in channels]
-    cross = np.array([[folded(np.real(a * np.conj(b))).mean(axis=0) @ weights for b in parts] for a in parts])
-    spread = np.sqrt(np.diag(cross))
-    return cross / np.outer(spread, spread)
-
-
 def correlation_of(covariance: Array) -> Array | None:
     """The correlation (2 r + 1, 2 r + 1) by lag, 1 in the middle, r the last significant lag; None for white noise.
 
-    :param covariance: (SIDE, SIDE), from :meth:`Found.covariance`.
+    :param covariance: (side, side), from :meth:`Found.covariance`.
     """
-    lags = np.roll(covariance / covariance[0, 0], (REACH, REACH), (0, 1))[: 2 * REACH + 1, : 2 * REACH + 1]
+    most = min(REACH, len(covariance) // 2 - 1)
+    lags = np.roll(covariance / covariance[0, 0], (most, most), (0, 1))[: 2 * most + 1, : 2 * most + 1]
     lags = 0.5 * (lags + lags[::-1, ::-1])
-    far = np.maximum(*np.abs(np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1]))
+    far = np.maximum(*np.abs(np.mgrid[-most : most + 1, -most : most + 1]))
     reach = int(far[np.abs(lags) > UNTOLD].max())
-    inner = slice(REACH - reach, REACH + reach + 1)
+    inner = slice(most - reach, most + reach + 1)
     return lags[inner, inner] if reach else None
 
 
