@@ -14,8 +14,9 @@ from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import Array
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import Imported, taken_in
+from meshflow.results.keywords import must_be_keywords
 from meshflow.results.result import Result
-from meshflow.smoothing import Metadata, must_exist, smooth_object
+from meshflow.smoothing import Metadata, smooth, smooth_object
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["fuse", "fuse_frames"]
@@ -38,7 +39,7 @@ def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = No
     :param options: those of :func:`smooth`.
     :raises InputError: for fewer than two frames with depths, frames of different sizes, or data that is no depth image.
     """
-    must_exist(options)
+    must_be_keywords(options, tuple(smooth.__kwdefaults__ or {}))
     metadata = {name: options.pop(name) for name in list(options) if name in Metadata.__annotations__}
     back, found = fuse_frames(frames, Request.of(**options), progress, metadata=metadata)
     if not result:

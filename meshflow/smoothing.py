@@ -7,16 +7,7 @@ from typing import Any, Literal, TypeVar, Unpack, overload
 import numpy as np
 
 from meshflow.errors import InputError, warn
-from meshflow.estimate.constraints import (
-    Constraint,
-    Constraints,
-    DataWeights,
-    Fixed,
-    Mask,
-    MaxChange,
-    MinComponent,
-    Mobility,
-)
+from meshflow.estimate.constraints import Constraint, Constraints
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import noise_growth
 from meshflow.estimate.parameters import Parameter
@@ -26,16 +17,15 @@ from meshflow.estimate.preparation import OutlierWord
 from meshflow.estimate.request import BoundaryWord, Domain, Request, Stopping
 from meshflow.estimate.stripes import Level
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import HEIGHT_METHODS, POINT_METHODS, Method, Search, method_of
+from meshflow.flow.methods import Method
 from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
-from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
-from meshflow.geometry.options import nearest, options_of
 from meshflow.geometry.validation import must_be_truth
 from meshflow.io.adapters.multipart import multipart
 from meshflow.io.document import Document
 from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.io.objects import Imported, from_object, opened, taken_in
+from meshflow.results.keywords import must_be_keywords, must_be_metadata
 from meshflow.results.multipart import Results, every_warning, one_by_one
 from meshflow.results.result import Result
 from meshflow.results.run import run
@@ -43,22 +33,11 @@ from meshflow.surfaces.disparity import from_disparity, in_disparity
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Metadata", "estimate_noise", "must_exist", "noise_facts", "smooth", "smooth_object"]
+__all__ = ["Metadata", "estimate_noise", "noise_facts", "smooth", "smooth_object"]
 
 Data = TypeVar("Data")
 # Patch and time for inverse depths where depths are quantized: within 5 % of the best on the frames of a Kinect.
 STEPPED_PATCH, STEPPED_TIME = 1.0, 15.0
-PARTS = {
-    "stop": (Steps, Residual, AreaLoss, Displacement),
-    "constraints": (Fixed, Mask, MaxChange, DataWeights, Mobility, MinComponent),
-}
-# Words that other tools have for what is here, and what to give instead.
-MEANT = {
-    "sigma": "noise=", "std": "noise=", "noise_sigma": "noise=", "iterations": "stop=Steps(count=...)",
-    "iters": "stop=Steps(count=...)", "n_iter": "stop=Steps(count=...)", "steps": "stop=Steps(count=...)",
-    "radius": "scale=", "bandwidth": "scale=", "weights": "constraints=DataWeights(...)",
-    "roi": "constraints=Mask(...)",
-}  # fmt: skip
 STEPPED = "quantized depths: the risk cannot be estimated where rounding is the noise"
 
 
@@ -156,7 +135,7 @@ def smooth(
     :raises InputError: for data that cannot be smoothed, or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.
     """
-    must_exist(metadata, method)
+    must_be_keywords(metadata, tuple(smooth.__kwdefaults__ or {}), method)
     must_be_truth(result, "result")
     asked = Request.of(
         method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary, domain=domain,
@@ -197,43 +176,6 @@ def _smoothed(imported: Imported, request: Request, progress: Progress, record: 
     if request.domain == "disparity" and isinstance(imported.data, RangeImage):
         return _in_disparity(imported.data, request, progress, record)
     return run(imported.data, request, progress, record=record)
-
-
-def must_exist(words: Iterable[str], method: Method | str | None = None) -> None:
-    """Refuse keywords that :func:`smooth` does not have, and suggest the nearest one.
-
-    :param method: that is named beside them: a hint names its own option first.
-    :raises InputError: naming them.
-    """
-    known = (*(smooth.__kwdefaults__ or {}), *Metadata.__annotations__)
-    inside = {name: f"method={kind.__name__}({name}=...)" for name, kind in _method_options(method).items()}
-    inside |= {o.name: f"compute=Compute({o.name}=...)" for o in options_of(Compute)}
-    inside |= {
-        o.flag.replace("-", "_"): f"{where}={k.__name__}(...)"
-        for where, ks in PARTS.items()
-        for k in ks
-        for o in options_of(k)
-    }
-    for word in words:
-        if word in known:
-            continue
-        if word in MEANT and word not in inside:
-            raise InputError(f"{word}: no keyword of smooth; give {MEANT[word]}")
-        if word in inside:
-            raise InputError(f"{word}: no keyword of smooth; give {inside[word]}")
-        near = nearest(word, (*known, *inside))
-        meant = f"; did you mean {inside.get(near, near)}? There" if near else "; there"
-        raise InputError(f"{word}: no such keyword{meant} are {', '.join(known)}")
-
-
-def _method_options(method: Method | str | None) -> dict[str, type[Method]]:
-    """The options of all methods, each with the named method if it has the option, else the first method that has it."""
-    found: dict[str, type[Method]] = {}
-    named = () if method is None else (type(method_of(method)),)
-    for kind in (*named, *HEIGHT_METHODS, Search, *POINT_METHODS):
-        for option in options_of(kind):
-            found.setdefault(option.name, kind)
-    return found
 
 
 def _in_disparity(data: RangeImage, request: Request, progress: Progress, record: bool | None) -> Result:
@@ -290,7 +232,7 @@ def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:
         between channels, offsets of rows and columns, and the quantum of rounded data; ``sentences()`` says it in words.
     :raises InputError: for data that cannot be smoothed.
     """
-    must_exist(metadata)
+    must_be_metadata(metadata, "estimate_noise")
     imported = from_object(data, metadata)
     warn(imported.notes)
     return noise_in(imported.data)

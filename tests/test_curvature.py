@@ -189,7 +189,7 @@ def test_planes_rest_in_normal_channels_and_a_length_of_zero_is_refused():
         for wrong in (0.0, -2.0):
             with pytest.raises(InputError, match=f"{length}: a positive"):
                 method(**{length: wrong})
-    with pytest.raises(InputError, match="where the points of a mesh move only"):
+    with pytest.raises(InputError, match="only for a mesh whose points move"):
         smooth((points, faces), method="normal-channels", channels=points[:, 0])
 
 

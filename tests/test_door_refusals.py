@@ -120,3 +120,82 @@ def test_an_error_of_type_from_within_a_class_is_not_taken_for_a_wrong_call():
 
     with pytest.raises(TypeError, match="unsupported operand"):
         Part(3)
+
+
+UNDECLARED = np.where(np.arange(40) < 6, -9999.0, Z)
+
+
+@pytest.mark.parametrize("how", [{"nodata": -9999}, {"missing": -9999}, {"missing": UNDECLARED == -9999}])
+@pytest.mark.parametrize("data", [UNDECLARED, np.dstack([Z, UNDECLARED]), UNDECLARED.astype(np.float32)])
+def test_what_the_warning_of_undeclared_samples_advises_is_taken_and_equals_a_mask(data, how):
+    gone = UNDECLARED == -9999
+    found = smooth(data, result=True, **how)
+    np.testing.assert_array_equal(found.data, smooth(data, missing=gone))
+    np.testing.assert_array_equal(found.data[gone], data[gone])
+    assert found.before.missing.sum() == gone.sum()
+    assert not found.warnings
+
+
+@pytest.mark.parametrize("how", [{"nodata": -9999}, {"missing": -9999}])
+def test_nodata_of_a_dataarray_is_missing(how):
+    xarray = pytest.importorskip("xarray")
+    array = xarray.DataArray(UNDECLARED, {"y": np.arange(36), "x": np.arange(40)})
+    assert smooth(array, result=True, **how).before.missing.sum() == (UNDECLARED == -9999).sum()
+
+
+def test_an_unknown_word_of_each_function_is_refused_with_the_words_of_that_function():
+    refused(
+        lambda: meshflow.estimate_noise(Z, methd=3),
+        "methd: no keyword of estimate_noise; it takes metadata only: kind,",
+    )
+    refused(lambda: meshflow.estimate_noise(Z, spacin=3), "did you mean spacing")
+    refused(lambda: smooth(Z, nothing_like_it=3), "nothing_like_it: no such keyword; there are method, time")
+
+
+DEPTH = 2 + Z / 50
+ALONG = ["search", "quick", "beltrami", "graph", "mean-curvature", "total-variation"]
+
+
+@pytest.mark.parametrize("word", ["perona-malik", "geman-mcclure", "heat", "patches", "curvature", "fairing"])
+def test_a_method_that_is_not_defined_along_rays_is_refused_by_name_with_those_that_are(word):
+    with pytest.raises(InputError) as told:
+        smooth(DEPTH, camera=CAMERA, method=word)
+    assert str(told.value).startswith(f"method={word!r}: ")
+    assert f"methods for this data are {', '.join(ALONG)}" in str(told.value)
+    if word not in ("curvature", "fairing"):
+        assert "domain='disparity'" in str(told.value)
+        smooth(DEPTH, camera=CAMERA, method=word, domain="disparity", time=1)
+
+
+@pytest.mark.parametrize("word", ALONG)
+def test_a_method_that_is_offered_along_rays_runs(word):
+    smooth(DEPTH, camera=CAMERA, method=word, time=1)
+
+
+def test_a_boundary_is_refused_with_the_nearest_one():
+    refused(
+        lambda: smooth(Z, boundary="neuman"),
+        "for meshes also border-curve, expected, got 'neuman'; did you mean neumann",
+    )
+
+
+@pytest.mark.parametrize(("word", "search"), [("search", False), ("quick", True)])
+def test_a_method_and_a_search_that_contradict_each_other_are_refused(word, search):
+    refused(lambda: smooth(Z, method=word, compute=Compute(search=search)), "contradict each other")
+    smooth(Z, method=word, compute=Compute(search=not search))
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.uint16])
+def test_depths_in_millimetres_are_metres_for_the_flow_and_millimetres_afterwards(dtype):
+    stored = (DEPTH * 1000).astype(dtype)
+    stored[3:5, 3:9] = 0
+    found = smooth(stored, camera=CAMERA, depth_scale=1000, result=True)
+    assert found.parameters["noise"].unit == "m"
+    np.testing.assert_array_equal(found.data[3:5, 3:9], 0)
+    metres = smooth(np.where(stored == 0, np.nan, stored / 1000.0), camera=CAMERA, missing=stored == 0)
+    np.testing.assert_allclose(found.data[stored > 0], 1000 * metres[stored > 0], rtol=3e-6)
+
+
+@pytest.mark.parametrize("how", [{"depth_scale": 1000}, {"measure": "range"}, {"jump": None}])
+def test_an_option_of_depths_without_a_camera_is_refused_with_what_lacks(how):
+    refused(lambda: smooth(DEPTH, **how), "of depths, which need their camera; give camera=")

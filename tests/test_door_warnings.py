@@ -76,6 +76,36 @@ def test_fused_frames_warn_like_one():
     assert any("without a single depth" in word for word in found)
 
 
+CAMERA = meshflow.Pinhole(60, 60, 24, 20)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: meshflow.smooth(np.stack([Z, Z, Z])), "read as 3 x 40 samples of 48 channels"),
+        (lambda: meshflow.smooth((2 + Z / 50) * 1000, camera=CAMERA), "give depth_scale"),
+        (lambda: meshflow.smooth(Z, noise=1e6), "noise 1e.06: more than the largest difference of the values"),
+        (lambda: meshflow.smooth(Z, noise=1.0, strength=1e6), "more than the largest difference of the values"),
+        (lambda: meshflow.smooth(ball(), noise=5.0), "more than the largest difference of the values"),
+    ],
+)
+def test_what_can_hardly_be_meant_is_warned_of(call, words):
+    with pytest.warns(MeshflowWarning, match=words):
+        call()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: meshflow.smooth(np.dstack([Z, Z, Z])),
+        lambda: meshflow.smooth((2 + Z / 50) * 1000, camera=CAMERA, unit="mm"),
+        lambda: meshflow.smooth(Z, noise=1.0),
+    ],
+)
+def test_what_can_be_meant_is_not_warned_of(call):
+    assert not warned(call)
+
+
 def test_what_says_nothing_in_a_result_says_nothing_at_all():
     assert not warned(lambda: meshflow.smooth(Z))
 

@@ -74,7 +74,7 @@ def test_hints_reach_the_data_object():
         (
             heights(),
             {"channels": 1},
-            "channels: no option of an array of heights, which takes kind, spacing, missing, unit",
+            "channels: no option of an array of heights, which takes kind, spacing, missing, nodata, unit",
         ),
         (heights(), {"kind": "image", "moves": "all"}, "moves: no option of an array of channels"),
         (heights() + 1, {"camera": CAMERA, "spacing": 2}, "spacing: no option of an array of depths"),

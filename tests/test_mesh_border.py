@@ -202,7 +202,7 @@ def test_a_curve_is_refused_where_there_is_none():
         lambda: smooth(z, boundary="border-curve"),
         lambda: smooth((points, faces), boundary="border-curve", channels=rim * 1.0),
     ):
-        with pytest.raises(InputError, match="boundary='border-curve': where the points of a mesh move only"):
+        with pytest.raises(InputError, match="boundary='border-curve': only for a mesh whose points move"):
             call()
     with pytest.raises(InputError, match="got method='normal-filter'"):
         smooth((points, faces), method="normal-filter", boundary="border-curve")

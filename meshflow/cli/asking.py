@@ -45,6 +45,8 @@ def asked(given: Given, per_sample: Callable[[str, str], Any], suiting: tuple[st
     :param suiting: the words of the methods that suit the data.
     :raises InputError: for options that exclude each other, or that the method does not have.
     """
+    if given.get("quiet") and given.get("verbose"):
+        raise InputError("--quiet and --verbose: they contradict each other; leave one of them out")
     flags = {flag.name: given.pop(flag.name, None) for flag in FLOW}
     stops = [made(flags[name]) for name, made in STOPS.items() if flags[name] is not None]
     constraints = []

@@ -27,8 +27,8 @@ from meshflow.cli.looking import must_be_drawable, pictured
 from meshflow.cli.options import READING, flags
 from meshflow.cli.tables import methods_table, options_table
 from meshflow.errors import InputError, MissingPackage, NotConverged
+from meshflow.estimate.planner import words_on
 from meshflow.evaluate.facts import describe
-from meshflow.flow.methods import words_for
 from meshflow.fusing import fuse_frames as fused
 from meshflow.io.document import Document, Writing
 from meshflow.io.files import writable, write
@@ -36,7 +36,6 @@ from meshflow.io.incoming import STDIN, temporary
 from meshflow.results.multipart import Results, every_warning
 from meshflow.results.result import Result, release
 from meshflow.smoothing import noise_facts, smooth_object
-from meshflow.surfaces.mesh import Mesh
 from meshflow.view.report import report as drawn_report
 from meshflow.view.report import writable as reportable
 
@@ -95,8 +94,7 @@ def smooth(given: Given) -> None:
         if given["json"]:
             raise InputError("smooth: OUT or --json goes to stdout, not both; name a file for OUT")
         target = temporary(os.getpid()) / f"stdout{document.path.suffix}"
-    points = isinstance(document.data, Mesh) and document.data.moves != "channels"
-    request = asked(given, partial(per_sample, document), words_for(points))
+    request = asked(given, partial(per_sample, document), words_on(document.data))
     dtype: Writing = {"dtype": given["dtype"]} if given["dtype"] else {}
     _must_be_writable(document, target, given["picture"], given["report"], overwrite, dtype)
     record = given["json"] or given["report"] is not None

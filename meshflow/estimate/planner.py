@@ -21,7 +21,7 @@ from meshflow.estimate.spikes import without_spikes
 from meshflow.flow.compute import Compute
 from meshflow.flow.constraints import Limit, trust_of
 from meshflow.flow.methods import words_for
-from meshflow.flow.methods.beltrami import Patches
+from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.searched import Quick
 from meshflow.flow.mobility import speed_of
@@ -92,6 +92,7 @@ def plan(data: Data, request: Request) -> Plan:
         if request.is_open and request.outliers != "include":
             data, spikes = without_spikes(data)
             warnings += spikes
+    warnings += _excessive(data, request)
     data, noise, why = _with_noise(data, request, mask, (how, way))
     if how is not None and request.level is None:
         warnings += _of_lines(noise.oriented(way.inverse))
@@ -255,8 +256,7 @@ def _must_suit(data: Data, request: Request) -> None:
             raise InputError(f"{word}: of height fields and images only, got {kind}")
     if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
         raise InputError(f"triangles: of meshes only, got {kind}")
-    if isinstance(request.method, Patches) and isinstance(data, Mesh):
-        raise InputError("method='patches': of height fields and images, whose samples have patches; got a mesh")
+    _must_be_defined(data, request)
     if isinstance(data, Mesh) and data.moves != "channels":
         return
     of_points = {
@@ -269,8 +269,44 @@ def _must_suit(data: Data, request: Request) -> None:
     for word, given in of_points.items():
         if given:
             what = "a mesh of which the channels move" if isinstance(data, Mesh) else kind
-            suits = f"; methods here are {', '.join(words_for(points=False))}" if word.startswith("method") else ""
-            raise InputError(f"{word}: where the points of a mesh move only, got {what}{suits}")
+            suits = f"; {_methods_on(data)}" if word.startswith("method") else ""
+            raise InputError(f"{word}: only for a mesh whose points move, got {what}{suits}")
+
+
+def _must_be_defined(data: Data, request: Request) -> None:
+    """Refuse a method for values above a base that is not defined on the data.
+
+    :raises InputError: with its name, and the methods that are.
+    """
+    method, rays = request.method, isinstance(data, RangeImage)
+    on_grid = not isinstance(data, Mesh)
+    if not isinstance(method, HeightMethod) or (why := method.variant.misfit(rays, on_grid)) == "":
+        return
+    inverse = "; domain='disparity' takes all methods of height fields" if rays else ""
+    raise InputError(f"method={method.word!r}: {why}; {_methods_on(data)}{inverse}")
+
+
+def words_on(data: Data) -> tuple[str, ...]:
+    """The names of the methods that are defined on the data."""
+    points = isinstance(data, Mesh) and data.moves != "channels"
+    return words_for(points, along_rays=isinstance(data, RangeImage), on_grid=not isinstance(data, Mesh))
+
+
+def _methods_on(data: Data) -> str:
+    return f"methods for this data are {', '.join(words_on(data))}"
+
+
+def _excessive(data: Data, request: Request) -> tuple[str, ...]:
+    """A warning about a given noise, or strength, with which the noise exceeds all variation of the data."""
+    if request.noise is None:
+        return ()
+    values, there = array_of(data), slice(None) if isinstance(data, Mesh) else ~data.missing
+    values = data.points if isinstance(data, Mesh) and data.moves == "points" else values[there]
+    most = float((values.max(axis=0) - values.min(axis=0)).max()) if values.size else 0.0
+    sigma = request.noise * request.strength
+    if sigma <= most:
+        return ()
+    return (f"noise {sigma:.4g}: more than the largest difference of the values, {most:.4g}; is it in their unit?",)
 
 
 def _must_fit(data: Data, request: Request) -> None:

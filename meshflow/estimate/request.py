@@ -14,7 +14,7 @@ from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.searched import Quick, Search
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps, Stop, When
-from meshflow.geometry.options import must_be_object, option
+from meshflow.geometry.options import must_be_object, nearest, option
 from meshflow.geometry.validation import Array, number, positive
 from meshflow.surfaces.surface import Boundary
 
@@ -82,7 +82,12 @@ class Request:
         if self.noise is not None:
             positive(self.noise, "noise")
         if self.boundary not in (None, *BOUNDARIES):
-            raise InputError(f"boundary: {', '.join(BOUNDARIES)} expected, got {self.boundary!r}")
+            near = nearest(str(self.boundary), BOUNDARIES)
+            meant = f"; did you mean {near}?" if near else ""
+            raise InputError(
+                f"boundary: {', '.join(BOUNDARIES[:-1])}, or for meshes also {BOUNDARIES[-1]}, expected, got "
+                f"{self.boundary!r}{meant}"
+            )
         if self.domain not in DOMAINS:
             raise InputError(f"domain: {' or '.join(DOMAINS)} expected, got {self.domain!r}")
         for name, known in (("outliers", OUTLIERS), ("level", LEVELS)):
@@ -91,6 +96,10 @@ class Request:
         must_be_object(self.compute, "compute: a Compute")
         if not isinstance(self.compute, Compute):
             raise InputError(f"compute: a Compute expected, got {self.compute!r}")
+        if isinstance(self.method, Search) and self.compute.search is isinstance(self.method, Quick):
+            raise InputError(
+                f"method={self.method.word!r} and search={self.compute.search}: they contradict each other; leave one of them out"
+            )
         if self.heights.twicing and (self.steps is not None or self.weighted or self.stops):
             raise InputError(
                 f"twicing {self.heights.twicing}: a time is doubled; leave out steps, data weights and stops"

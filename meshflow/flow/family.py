@@ -81,18 +81,25 @@ class Variant:
     def check(self, along_rays: bool, on_grid: bool) -> None:
         """Refuse options that are not defined on a surface.
 
-        :raises InputError: for a sharpness other than 1 along rays, where the triangles have no common base and tilted planes
-            would move; for patches along rays or on a mesh; for a linear flow along rays, where there is no base.
+        :raises InputError: as :meth:`misfit` says.
+        """
+        if why := self.misfit(along_rays, on_grid):
+            raise InputError(why)
+
+    def misfit(self, along_rays: bool, on_grid: bool) -> str:
+        """Why the options are not defined on a surface; empty where they are.
+
+        A sharpness other than 1 is not defined along rays, where the triangles have no common base and tilted planes would
+        move; nor are patches along rays or on a mesh; nor is a linear flow along rays, where there is no base.
         """
         if along_rays and self.linear:
-            raise InputError(
-                "method='heat': along rays there is no plane over which depths could diffuse linearly; take domain='disparity', "
+            return (
+                "along rays there is no plane over which depths could diffuse linearly; take domain='disparity', "
                 "or kind='terrain' for the depths as heights over the pixels"
             )
         if along_rays and self.sharpness != 1.0:
-            raise InputError(
-                f"sharpness: along rays only 1 is defined, got {self.sharpness}; use gamma to keep edges of a range image"
-            )
+            return f"sharpness: along rays only 1 is defined, got {self.sharpness:g}; use gamma to keep edges of a range image"
         if self.patch > 0 and (along_rays or not on_grid):
             where = "along rays" if along_rays else "on a mesh"
-            raise InputError(f"patch: {where} samples have no patches, got {self.patch}; height fields and images have")
+            return f"patch: {where} samples have no patches, got {self.patch:g}; height fields and images have"
+        return ""

@@ -10,7 +10,7 @@ from meshflow.geometry.validation import Array, positive, real
 from meshflow.io.formats.cameras import Calibration
 from meshflow.surfaces.camera import Pinhole
 
-__all__ = ["LARGEST", "Metres", "default_units", "in_metres"]
+__all__ = ["LARGEST", "Metres", "default_units", "doubtful_depths", "in_metres"]
 
 LARGEST = 65535  # missing, as 0 is: cameras write one or the other
 # Median depths, metres, outside of which the unit is doubtful, because no depth camera measures them.
@@ -99,13 +99,7 @@ def _doubts(depth: Array, shape: tuple[int, ...], calibration: Calibration, unit
     notes: tuple[str, ...] = ()
     if 0 < depth.size < 3:
         notes += (f"only {depth.size} of {shape[0] * shape[1]} depths is there: no triangle, so nothing can move",)
-    middle = float(np.median(depth)) if depth.size else 1.0
-    if middle > FARTHEST or 0 < middle < NEAREST:
-        factor, unit = (1e-3, "km") if middle > FARTHEST else (1e3, "mm")
-        notes += (
-            f"the scene is {depth.min() * factor:.3g} to {depth.max() * factor:.3g} {unit} away with {units:g} units per metre; "
-            "is that so? else give depth_scale (units per metre: 1000 for millimetres, 5000 for TUM)",
-        )
+    notes += _of_distance(depth, units)
     camera = calibration.camera
     if isinstance(camera, Pinhole) and max(view := camera.view((shape[0], shape[1]))) < NARROW:
         notes += (
@@ -115,6 +109,24 @@ def _doubts(depth: Array, shape: tuple[int, ...], calibration: Calibration, unit
     if isinstance(camera, Pinhole):
         notes += _beside(camera, shape)
     return notes
+
+
+def _of_distance(depth: Array, units: float) -> tuple[str, ...]:
+    """A note on depths (n,), metres, that no depth camera measures."""
+    middle = float(np.median(depth)) if depth.size else 1.0
+    if NEAREST <= middle <= FARTHEST or middle <= 0:
+        return ()
+    factor, unit = (1e-3, "km") if middle > FARTHEST else (1e3, "mm")
+    return (
+        f"the scene is {depth.min() * factor:.3g} to {depth.max() * factor:.3g} {unit} away with {units:g} units per metre; "
+        "is that so? else give depth_scale (units per metre: 1000 for millimetres, 5000 for TUM)",
+    )
+
+
+def doubtful_depths(depth: Array, calibration: Calibration) -> tuple[str, ...]:
+    """A note on depths (n,) of a pinhole camera in floating point that are given without a unit and can hardly be metres."""
+    known = depth[depth > 0]
+    return _of_distance(known, 1.0) if isinstance(calibration.camera, Pinhole) else ()
 
 
 def _beside(camera: Pinhole, shape: tuple[int, ...]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, truth_of
+from meshflow.geometry.validation import Array, mask_of, truth_of
 from meshflow.surfaces.camera import Camera, Measure
 from meshflow.surfaces.mesh import Moves
 from meshflow.surfaces.range_image import TimeUnit
@@ -89,7 +89,7 @@ class ReadOptions:
 
     :param kind: ``terrain | image | depth | mesh``, where the guess would be wrong.
     :param spacing: for samples on a grid: one number or (dx, dy) in the horizontal unit; dx may be one number per row.
-    :param missing: (h, w), samples that are missing.
+    :param missing: (h, w), samples that are missing; or one number, as ``nodata``.
     :param unit: the name of the unit of heights or depths, for reports and pictures.
     :param channels: for a mesh: (n, k), or the name of an attribute of its vertices, or ``"colors"``.
     :param moves: for a mesh with channels: ``points | channels | all``.
@@ -101,7 +101,7 @@ class ReadOptions:
     :param jump: for depths: where neighbours are not connected, as in :class:`meshflow.RangeImage`; None: nowhere.
     :param viewpoint: (x, y, z), the position of the scanner of a PLY range grid.
     :param band: for a raster: the one to read, from 1.
-    :param nodata: for a raster or an array file: the value that marks missing samples.
+    :param nodata: for samples on a grid: the value that marks missing ones.
     :param allow_remote: a file may refer to files outside its folder and in a network; otherwise it is refused.
     """
 
@@ -149,10 +149,20 @@ class ReadOptions:
         """The names of the options that differ from their defaults."""
         return tuple(field.name for field in fields(self) if getattr(self, field.name) is not field.default)
 
-    @property
-    def missing_mask(self) -> Array | None:
-        """``missing`` as an array."""
-        return None if self.missing is None else np.asarray(self.missing)
+    def missing_in(self, values: Array) -> Array | None:
+        """The samples (h, w) that ``missing`` or ``nodata`` declare missing; None where neither is given.
+
+        :param values: (h, w) or (h, w, k), as they are stored. A sample is missing where any of its channels is ``nodata``.
+        :raises InputError: for a mask of another shape.
+        """
+        given, shape = self.missing, values.shape[:2]
+        marks = [mark for mark in (self.nodata, given if _is_number(given) else None) if mark is not None]
+        if given is None and not marks:
+            return None
+        found = np.zeros(shape, bool) if given is None or _is_number(given) else mask_of(given, shape, "missing")
+        for mark in marks:
+            found = found | (np.ma.getdata(values) == mark).reshape(*shape, -1).any(axis=-1)
+        return found
 
     @property
     def attribute(self) -> str | None:
@@ -183,6 +193,11 @@ class ReadOptions:
         self.must_belong(what, ("kind", *takes))
         if self.kind not in (None, "mesh"):
             raise InputError(f"kind={self.kind!r}: {what} is a mesh and nothing else; leave the kind out")
+
+
+def _is_number(given: ArrayLike | None) -> bool:
+    """Whether ``missing`` is one number, a value that marks missing samples, and no mask."""
+    return given is not None and np.ndim(given) == 0 and np.asarray(given).dtype.kind in "iuf"
 
 
 def as_given(given: ArrayLike | None, word: str) -> ArrayLike | None:

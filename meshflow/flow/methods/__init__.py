@@ -53,6 +53,12 @@ def method_of(given: "str | Method") -> Method:
     raise InputError(f"method: a name or a method such as PeronaMalik(sharpness=2) expected, got {given!r}")
 
 
-def words_for(points: bool) -> tuple[str, ...]:
-    """The names of the methods for points of a mesh, or else of those for values above a base."""
-    return ("search", "quick", *(found.word for found in (POINT_METHODS if points else HEIGHT_METHODS)))
+def words_for(points: bool, *, along_rays: bool = False, on_grid: bool = True) -> tuple[str, ...]:
+    """The names of the methods for points of a mesh, or else of those for values above a base.
+
+    :param along_rays: the values move along rays; ``on_grid``: they are on a grid: only methods that are defined there.
+    """
+    if points:
+        return ("search", "quick", *(found.word for found in POINT_METHODS))
+    suiting = (found.word for found in HEIGHT_METHODS if not found().variant.misfit(along_rays, on_grid))
+    return ("search", "quick", *suiting)

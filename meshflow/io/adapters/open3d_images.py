@@ -36,7 +36,9 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         apply.
     """
     name = f"open3d {type(data).__name__}"
-    options.must_belong(f"an {name}", ("kind", "camera", "depth_scale", "missing", "jump", "measure", "time_unit"))
+    options.must_belong(
+        f"an {name}", ("kind", "camera", "depth_scale", "missing", "nodata", "jump", "measure", "time_unit")
+    )
     if options.kind not in (None, "depth"):
         raise InputError(
             f"kind={options.kind!r}: an {name} is taken as depths; give numpy.asarray(image) for anything else"
@@ -49,7 +51,8 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         )
     calibration = calibration_for(options.camera, (raw.shape[0], raw.shape[1]), name)
     found = in_metres(raw, calibration, options.depth_scale, name)
-    gone = found.missing if options.missing is None else found.missing | np.asarray(options.missing)
+    declared = options.missing_in(raw)
+    gone = found.missing if declared is None else found.missing | declared
     image = RangeImage(
         found.depth,
         calibration.camera,

@@ -7,7 +7,7 @@ import pyvista
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array, spacing_of
+from meshflow.geometry.validation import Array, nowhere, spacing_of
 from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions, looked_up
 from meshflow.io.vertex_merging import fitted
@@ -29,7 +29,7 @@ def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
     :param options: ``kind`` (``terrain | image``), ``channels``, ``spacing``.
     :raises InputError: for a volume, no array, or options that do not belong.
     """
-    options.must_belong("an ImageData", ("kind", "channels", "spacing"))
+    options.must_belong("an ImageData", ("kind", "channels", "spacing", "nodata"))
     kind = options.kind
     if kind not in (None, "terrain", "image"):
         raise InputError(f"kind={kind!r}: an ImageData is a terrain or an image")
@@ -46,12 +46,13 @@ def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
     order = np.arange(len(values)).reshape(image.dimensions[long[1]] - cells, image.dimensions[long[0]] - cells)[::-1]
     own = (float(image.spacing[long[0]]), float(image.spacing[long[1]]))
     steps = own if options.spacing is None else spacing_of(options.spacing, len(order))
+    missing = nowhere(options.missing_in(values[order]))
     if values.ndim == 2:
         if kind == "terrain":
             raise InputError(f"kind='terrain': the array {name!r} has {values.shape[1]} components, a terrain has one")
-        found = Image(values[order], steps)
+        found = Image(values[order], steps, missing)
     else:
-        found = (Image if kind == "image" else HeightField)(values[order], steps)
+        found = (Image if kind == "image" else HeightField)(values[order], steps, missing)
     colors = values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] in (3, 4)
     notes = (
         () if values.dtype.kind == "f" or colors else (f"the array {name!r} of {values.dtype} becomes floating point",)
@@ -63,10 +64,10 @@ def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
 def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> Imported:
     """Import a StructuredGrid with one layer; z moves above evenly spaced x and y.
 
-    :param options: ``spacing``.
+    :param options: ``spacing``, ``nodata``.
     :raises InputError: for several layers, or x and y that are not evenly spaced along the axes; the message says what to do.
     """
-    options.must_belong("a StructuredGrid, of which z moves", ("kind", "spacing"))
+    options.must_belong("a StructuredGrid, of which z moves", ("kind", "spacing", "nodata"))
     if options.kind not in (None, "terrain"):
         raise InputError(f"kind={options.kind!r}: a StructuredGrid is a terrain, its z moves; images come as ImageData")
     long = [size for size in grid.dimensions if size > 1]
@@ -79,7 +80,7 @@ def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> 
     order, steps = _laid_out(points, long[1], long[0])
     if options.spacing is not None:
         steps = spacing_of(options.spacing, len(order))
-    data = HeightField(points[order, 2], steps)
+    data = HeightField(points[order, 2], steps, nowhere(options.missing_in(points[order, 2])))
     to_object = partial(_to_structured_grid, grid.copy(deep=True), order)
     return Imported(data, to_object, samples=partial(_samples, grid.point_data, order))
 

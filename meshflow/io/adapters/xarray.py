@@ -63,11 +63,11 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     Results are new DataArrays of float32 or float64, with a nodata value in the encoding, so that ``to_raster`` and
     ``to_netcdf`` neither quantize them nor lose missing samples.
 
-    :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``.
+    :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``, ``nodata``.
     :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or other options.
     """
     array = _data_array(data)
-    options.must_belong("a DataArray", ("kind", "spacing", "missing"))
+    options.must_belong("a DataArray", ("kind", "spacing", "missing", "nodata"))
     layout = _layout(array)
     _check_kind(options.kind, array, layout)
     ordered = array.transpose(*layout.order)
@@ -79,7 +79,7 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         notes += more
     else:
         spacing = spacing_of(options.spacing, len(values))
-    missing = gone | mask_of(options.missing_mask, gone.shape, "missing")
+    missing = gone | mask_of(options.missing_in(values), gone.shape, "missing")
     if layout.channel or options.kind == "image":
         found: HeightField | Image = Image(values, spacing, missing)
     else:

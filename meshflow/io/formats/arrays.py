@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array, nowhere, real, spacing_of, triangles_of
 from meshflow.io.atomic_write import beside
-from meshflow.io.depth_units import LARGEST, in_metres
+from meshflow.io.depth_units import LARGEST, doubtful_depths, in_metres
 from meshflow.io.document import Document, Imported, Source, WriteOptions, samples_of
-from meshflow.io.formats.cameras import calibration_for, camera_for
+from meshflow.io.formats.cameras import calibration_for
 from meshflow.io.metadata import Found, Kind, ReadOptions
 from meshflow.io.vertex_merging import Skin, is_soup
 from meshflow.surfaces.height_field import HeightField
@@ -59,14 +59,16 @@ _BROKEN = (
     struct.error,
     zlib.error,
 )
+# The most channels of a picture, and fewer samples than a picture has along its sides.
+FEW = 8
 _KEYS = ("z", "values", "depth", "data")
 # The options of each kind of array, and its name.
 _TAKES: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
-    "terrain": ("an array of heights", ("spacing", "missing", "unit")),
-    "image": ("an array of channels", ("spacing", "missing")),
+    "terrain": ("an array of heights", ("spacing", "missing", "nodata", "unit")),
+    "image": ("an array of channels", ("spacing", "missing", "nodata")),
     "depth": (
         "an array of depths",
-        ("camera", "missing", "jump", "measure", "time_unit", "unit"),
+        ("camera", "missing", "nodata", "depth_scale", "jump", "measure", "time_unit", "unit"),
     ),
 }
 
@@ -110,18 +112,20 @@ def read(path: Path, options: ReadOptions) -> Document:
     array = arrays.pop(key)
     source, notes = Stored(str(array.dtype), key, arrays), ()
     scale, options = options.depth_scale, options.without("depth_scale")
-    if options.nodata is not None:
-        marked = array == options.nodata
-        options = replace(options.without("nodata"), missing=marked if marked.ndim == 2 else marked.any(axis=-1))
     if options.camera is not None and options.kind in (None, "depth") and array.ndim == 2 and array.dtype.kind in "fiu":
         calibration = calibration_for(options.camera, (array.shape[0], array.shape[1]), path.name)
         found = in_metres(array, calibration, scale, path.name)
-        array, notes = found.depth, found.notes
-        missing = found.missing if options.missing is None else found.missing | np.asarray(options.missing)
-        options = replace(options, missing=missing, camera=calibration.camera, unit=options.unit or "m")
+        notes = found.notes
+        declared = options.missing_in(array)
+        missing = found.missing if declared is None else found.missing | declared
+        options = replace(
+            options.without("nodata"), missing=missing, camera=calibration.camera, unit=options.unit or "m"
+        )
+        array = found.depth
     elif scale is not None:
         raise InputError(f"{path.name}: depth_scale {scale} belongs to depths (h, w) with a camera; leave it out")
-    return Document(from_object(array, options).data, path, source, notes)
+    imported = from_object(array, options)
+    return Document(imported.data, path, source, (*notes, *imported.notes))
 
 
 def can_write(document: Document, suffix: str) -> bool:
@@ -167,8 +171,8 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     native byte order, with the mask of a masked array. Integers become float32 or float64, because rounding would undo the
     smoothing. For a mesh the result is ``(points, faces)``, followed by ``channels`` if they were given.
 
-    :param options: ``kind``; ``spacing``, ``missing`` of grids, ``unit`` of heights; ``camera``, ``missing``,
-        ``jump``, ``measure``, ``time_unit``, ``unit`` of depths; ``channels``, ``moves`` of meshes.
+    :param options: ``kind``; ``spacing``, ``missing``, ``nodata`` of grids, ``unit`` of heights; ``camera``, ``missing``,
+        ``nodata``, ``depth_scale``, ``jump``, ``measure``, ``time_unit``, ``unit`` of depths; ``channels``, ``moves`` of meshes.
     :raises InputError: for anything else, or an option that does not apply.
     """
     arrays = [one for one in data if isinstance(one, np.ndarray)] if isinstance(data, list) else []
@@ -193,30 +197,63 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     if kind not in _TAKES:
         raise InputError(f"kind: {', '.join(_TAKES)} expected for an array, got {kind!r}; a mesh is (points, faces)")
     what, takes = _TAKES[kind]
+    of_depths = [name for name in options.given if name in ("depth_scale", "measure", "jump", "time_unit")]
+    if of_depths and kind != "depth" and options.kind is None:
+        raise InputError(f"{', '.join(of_depths)}: of depths, which need their camera; give camera= beside it")
     options.must_belong(what, ("kind", *takes))
-    return Imported(_on_grid(data, kind, options), lambda smoothed: _like(data, _values(smoothed)))
-
-
-def _on_grid(data: Array, kind: Kind, options: ReadOptions) -> HeightField | Image | RangeImage:
-    missing = options.missing_mask
     if kind == "depth":
-        seen_by = camera_for(options.camera, (data.shape[0], data.shape[1]), "the array")
-        if data.dtype.kind in "ui" and (missing is None or missing.shape == data.shape):
-            missing = (data == LARGEST) | (False if missing is None else missing.astype(bool))
-        time_unit = options.time_unit or "footprint"
-        return RangeImage(
-            data,
-            seen_by,
-            nowhere(missing),
-            jump=options.jump,
-            measure=options.measure,
-            time_unit=time_unit,
-            unit=options.unit or "",
-        )
+        return _depths(data, options)
+    missing = nowhere(options.missing_in(data))
     spacing = (1.0, 1.0) if options.spacing is None else spacing_of(options.spacing, len(data))
     if kind == "image":
-        return Image(data, spacing, nowhere(missing))
-    return HeightField(data, spacing, nowhere(missing), unit=options.unit or "")
+        found: HeightField | Image = Image(data, spacing, missing)
+    else:
+        found = HeightField(data, spacing, missing, unit=options.unit or "")
+    return Imported(found, lambda smoothed: _like(data, _values(smoothed)), _of_channels(data))
+
+
+def _of_channels(data: Array) -> tuple[str, ...]:
+    """A note where the channels seem to come first, as rasterio and PyTorch have them."""
+    if data.ndim != 3 or not data.shape[0] <= FEW < min(data.shape[1:]):
+        return ()
+    h, w, k = data.shape
+    return (
+        f"read as {h} x {w} samples of {k} channels: channels come last. If they come first here, give "
+        "numpy.moveaxis(data, 0, -1)",
+    )
+
+
+def _depths(data: Array, options: ReadOptions) -> Imported:
+    """Import depths; with ``depth_scale`` they are metres for the flow, and again in the units of the array afterwards."""
+    calibration = calibration_for(options.camera, (data.shape[0], data.shape[1]), "the array")
+    missing, depth, units, notes = options.missing_in(data), data, 1.0, ()
+    if options.depth_scale is not None:
+        found = in_metres(np.ma.getdata(data), calibration, options.depth_scale, "the array")
+        gone = found.missing | np.ma.getmaskarray(data)
+        depth, units, notes = found.depth, found.units, found.notes
+        missing = gone if missing is None else gone | missing
+    elif data.dtype.kind in "ui":
+        missing = (data == LARGEST) | (False if missing is None else missing)
+    elif not options.unit:
+        notes = doubtful_depths(np.ma.masked_invalid(data).compressed(), calibration)
+    image = RangeImage(
+        depth,
+        calibration.camera,
+        nowhere(missing),
+        jump=options.jump,
+        measure=options.measure,
+        time_unit=options.time_unit or "footprint",
+        unit=options.unit or ("m" if options.depth_scale is not None else ""),
+    )
+
+    def to_object(smoothed: RangeImage) -> Array:
+        """The depths in the units of the array; those that did not move keep their numbers."""
+        if units == 1.0:
+            return _like(data, _values(smoothed))
+        still = np.asarray(image.missing) | (smoothed.depth == image.depth)
+        return _like(data, np.where(still, np.ma.getdata(data), smoothed.depth * smoothed.depth.dtype.type(units)))
+
+    return Imported(image, to_object, notes)
 
 
 def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Imported:

@@ -20,7 +20,7 @@ from meshflow.io.metadata import CameraLike, Intrinsics
 from meshflow.surfaces.camera import Camera, Orthographic, Pinhole
 from meshflow.surfaces.scanner import Scanner, Spherical
 
-__all__ = ["CONVENTIONS", "Calibration", "calibration_for", "camera_for", "read_camera", "write_camera"]
+__all__ = ["CONVENTIONS", "Calibration", "calibration_for", "read_camera", "write_camera"]
 
 
 # What numpy and zlib raise for a damaged .npz.
@@ -56,11 +56,6 @@ CONVENTIONS: Mapping[str, Calibration] = {
     "kinect": _of_vga(525, 525, 319.5, 239.5, 1000),
     "primesense": _of_vga(525, 525, 319.5, 239.5, 1000),
 }
-
-
-def camera_for(camera: CameraLike | None, shape: tuple[int, int], name: str) -> Camera:
-    """The camera of :func:`calibration_for`, for an image of h x w pixels."""
-    return calibration_for(camera, shape, name).camera
 
 
 def calibration_for(camera: CameraLike | None, shape: tuple[int, int], name: str) -> Calibration:
