@@ -100,6 +100,7 @@ def test_what_can_hardly_be_meant_is_warned_of(call, words):
         lambda: meshflow.smooth(np.dstack([Z, Z, Z])),
         lambda: meshflow.smooth((2 + Z / 50) * 1000, camera=CAMERA, unit="mm"),
         lambda: meshflow.smooth(Z, noise=1.0),
+        lambda: meshflow.smooth((2 + Z / 50) * 1000, camera=CAMERA, depth_scale=1000),
     ],
 )
 def test_what_can_be_meant_is_not_warned_of(call):

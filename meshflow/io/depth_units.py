@@ -67,7 +67,8 @@ def in_metres(raw: Array, calibration: Calibration, depth_scale: float | None, n
     if whole and depth_scale is None:
         _must_not_be_turned(raw[~missing], name)
     depth = (values / units).astype(values.dtype)
-    notes = () if units == 1.0 else (f"depths of {units:g} units per metre are converted to, and reported in, metres",)
+    plain = units == 1.0 or depth_scale is not None  # what the caller gives, he need not be told
+    notes = () if plain else (f"depths of {units:g} units per metre are converted to, and reported in, metres",)
     return Metres(depth, missing, units, notes + _doubts(depth[~missing], missing.shape, calibration, units))
 
 
