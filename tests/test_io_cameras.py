@@ -7,7 +7,7 @@ import pytest
 
 import meshflow
 from meshflow.errors import FormatError, InputError
-from meshflow.io.formats.cameras import CONVENTIONS, calibration_for, camera_for, read_camera, write_camera
+from meshflow.io.formats.cameras import CONVENTIONS, calibration_for, read_camera, write_camera
 from meshflow.surfaces.camera import Orthographic, Pinhole
 from meshflow.surfaces.scanner import Scanner, Spherical
 
@@ -143,7 +143,7 @@ def test_every_convention_has_a_ray_for_each_of_its_pixels(name):
     assert np.abs(found.camera.project(rays.reshape(-1, 3))[-1] - (639, 479)).max() < 1e-9
     assert found.units == (5000 if name.startswith("tum") else 1000)
     with pytest.raises(InputError, match=f"camera {name} saw 640 x 480 pixels, a.png has 320 x 240"):
-        camera_for(name, (240, 320), "a.png")
+        calibration_for(name, (240, 320), "a.png")
 
 
 BAD = [

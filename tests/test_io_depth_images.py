@@ -10,7 +10,7 @@ from helpers.depth_files import CAMERA, SHARED, counts, make, stored
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import depth_images as depths
-from meshflow.io.formats.cameras import camera_for
+from meshflow.io.formats.cameras import calibration_for
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.range_image import RangeImage
@@ -130,8 +130,8 @@ def test_a_frame_of_a_depth_camera_comes_out_as_it_came_in(tmp_path):
     "words", [PLAIN, PLAIN | {"width": 8, "height": 6}, OPEN3D, ROWS, {"intrinsic": OPEN3D, "extrinsic": []}]
 )
 def test_a_camera_is_read_from_every_json_that_is_in_use(tmp_path, words):
-    assert camera_for(said(tmp_path, words), (6, 8), "a.png") == CAMERA
-    assert camera_for(str(said(tmp_path, words)), (6, 8), "a.png") == CAMERA
+    assert calibration_for(said(tmp_path, words), (6, 8), "a.png").camera == CAMERA
+    assert calibration_for(str(said(tmp_path, words)), (6, 8), "a.png").camera == CAMERA
 
 
 def test_a_depth_image_without_a_camera_shows_the_json_to_write(tmp_path):
@@ -139,12 +139,12 @@ def test_a_depth_image_without_a_camera_shows_the_json_to_write(tmp_path):
     with pytest.raises(InputError, match="needs its camera") as refusal:
         read(path, kind="depth")
     example = json.loads(str(refusal.value)[str(refusal.value).index("{") :])
-    assert camera_for(said(tmp_path, example), (6, 8), "a.png") == Pinhole(525, 525, 3.5, 2.5)
+    assert calibration_for(said(tmp_path, example), (6, 8), "a.png").camera == Pinhole(525, 525, 3.5, 2.5)
 
 
 def test_a_camera_of_another_size_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"saw 8 x 6 pixels, a\.png has 16 x 12"):
-        camera_for(said(tmp_path, OPEN3D), (12, 16), "a.png")
+        calibration_for(said(tmp_path, OPEN3D), (12, 16), "a.png")
 
 
 @pytest.mark.parametrize(
@@ -164,13 +164,13 @@ def test_a_camera_of_another_size_is_refused(tmp_path):
 )
 def test_a_json_that_is_no_camera_is_refused_with_an_example(tmp_path, words, expected):
     with pytest.raises(InputError, match=expected):
-        camera_for(said(tmp_path, words), (6, 8), "a.png")
+        calibration_for(said(tmp_path, words), (6, 8), "a.png")
 
 
 def test_a_camera_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(FormatError, match=r"nowhere\.json cannot be read .*No such file"):
-        camera_for(tmp_path / "nowhere.json", (6, 8), "a.png")
+        calibration_for(tmp_path / "nowhere.json", (6, 8), "a.png")
     with pytest.raises(
         InputError, match="the path of a file, or a PinholeCameraIntrinsic of open3d expected, got dict"
     ):
-        camera_for(PLAIN, (6, 8), "a.png")
+        calibration_for(PLAIN, (6, 8), "a.png")
