@@ -169,3 +169,163 @@ def patch_groups(values, pilot, missing, noise, side, stride, reach, members, ne
                 total[channel, i : i + side, j : j + side] += much * one.reshape(side, side)
                 weight[channel, i : i + side, j : j + side] += much
     return np.where(weight > 0, total / np.where(weight > 0, weight, 1), pilot)
+
+
+# --- the systems that the paper cites, by their finite differences: one channel, spacing 1, no missing samples ------------------
+
+
+def near(u, r, c, down, right):
+    """A neighbour's value; the sample's own beyond the border."""
+    h, w = u.shape
+    i, j = r + down, c + right
+    return u[i, j] if 0 <= i < h and 0 <= j < w else u[r, c]
+
+
+def differences(u, r, c):
+    """u_x, u_y, u_xx, u_xy, u_yy by central differences, y downwards."""
+
+    def at(down, right):
+        return near(u, r, c, down, right)
+
+    x, y = (at(0, 1) - at(0, -1)) / 2, (at(1, 0) - at(-1, 0)) / 2
+    xx, yy = at(0, 1) - 2 * at(0, 0) + at(0, -1), at(1, 0) - 2 * at(0, 0) + at(-1, 0)
+    return x, y, xx, (at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)) / 4, yy
+
+
+def each(rate):
+    """A rate of single samples as one of all."""
+
+    def of_all(u, *arguments):
+        h, w = u.shape
+        return np.array([[rate(u, r, c, *arguments) for c in range(w)] for r in range(h)])
+
+    return of_all
+
+
+def xi_xi(u, r, c):
+    """(u_xx u_y^2 - 2 u_x u_y u_xy + u_yy u_x^2) / |grad u|^2; half the Laplacian where the gradient is zero."""
+    x, y, xx, xy, yy = differences(u, r, c)
+    return (xx * y**2 - 2 * x * y * xy + yy * x**2) / (x**2 + y**2) if x**2 + y**2 > 1e-24 else (xx + yy) / 2
+
+
+@each
+def selective_smoothing(u, r, c, smooth, contrast):
+    """[ALM92]: g(|grad G u|) |grad u| div(grad u / |grad u|)."""
+    x, y, *_ = differences(smooth, r, c)
+    return xi_xi(u, r, c) / (1 + contrast**2 * (x**2 + y**2))
+
+
+@each
+def shock_filter(u, r, c, start, smooth, contrast, fidelity, shock):
+    """[KDA97]: phi'(s)/s u_xi_xi + phi''(s) u_eta_eta - lambda (u - u0) - beta sign(G u_eta_eta) |grad u|."""
+    x, y, xx, _, yy = differences(u, r, c)
+    s2 = contrast**2 * (x**2 + y**2)
+    along = xi_xi(u, r, c)
+    rate = along / (1 + s2) ** 0.5 + (xx + yy - along) / (1 + s2) ** 1.5 - fidelity * (u[r, c] - start[r, c])
+    _, _, bxx, _, byy = differences(smooth, r, c)
+    square = 0.0
+    for down, right in ((0, 1), (1, 0)):
+        back, forth = u[r, c] - near(u, r, c, -down, -right), near(u, r, c, down, right) - u[r, c]
+        square += min(abs(back), abs(forth)) ** 2 if back * forth > 0 else 0.0
+    return rate - shock * np.sign(bxx + byy - xi_xi(smooth, r, c)) * square**0.5
+
+
+@each
+def min_max(u, r, c, radius):
+    """[MS96]: max(kappa, 0) |grad u| where the mean over a disc is below the threshold, else min(kappa, 0) |grad u|."""
+    h, w = u.shape
+    far = int(np.ceil(radius))
+    disc = [(i, j) for i in range(-far, far + 1) for j in range(-far, far + 1) if i**2 + j**2 <= radius**2]
+    mean = np.mean([u[min(max(r + i, 0), h - 1), min(max(c + j, 0), w - 1)] for i, j in disc])
+    x, y, *_ = differences(u, r, c)
+    length = np.hypot(x, y)
+    right, down = (int(np.rint(-y * radius / length)), int(np.rint(x * radius / length))) if length > 0 else (0, 0)
+    far = int(np.rint(radius))
+    ways = [(down, right)] if length > 0 else [(0, far), (far, 0)]
+    ends = [u[min(max(r + s * i, 0), h - 1), min(max(c + s * j, 0), w - 1)] for i, j in ways for s in (1, -1)]
+    motion = xi_xi(u, r, c)
+    rate = max(motion, 0.0) if mean < np.mean(ends) else min(motion, 0.0)
+    around = [near(u, r, c, i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+    rate = min(rate, 0.0) if u[r, c] >= max(around) else rate
+    return max(rate, 0.0) if u[r, c] <= min(around) else rate
+
+
+def over_links(u, conductance):
+    """The sum over four neighbours of the mean conductance of both ends times the difference."""
+    h, w = u.shape
+    rate = np.zeros_like(u)
+    for r in range(h):
+        for c in range(w):
+            for i, j in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
+                if 0 <= i < h and 0 <= j < w:
+                    rate[r, c] += 0.5 * (conductance[r, c] + conductance[i, j]) * (u[i, j] - u[r, c])
+    return rate
+
+
+def low_curvature(u, contrast):
+    """[TT99]: -div(C(m) grad(laplace u)), m^2 = (u_xx^2 + u_yy^2) / 2 + u_xy^2, C = 1 / (1 + (contrast m)^2)."""
+    h, w = u.shape
+    laplacian, conductance = np.zeros_like(u), np.zeros_like(u)
+    for r in range(h):
+        for c in range(w):
+            _, _, xx, xy, yy = differences(u, r, c)
+            laplacian[r, c] = xx + yy
+            conductance[r, c] = 1 / (1 + contrast**2 * (0.5 * (xx**2 + yy**2) + xy**2))
+    return -over_links(laplacian, conductance)
+
+
+def edge_field(u, contrast, rho, power):
+    """[Sha96]: v with rho laplace v + (1 - v) / rho = 2 v S / rho, S = (contrast |grad u|)^power, by a dense system."""
+    h, w = u.shape
+    matrix = np.zeros((h * w, h * w))
+    for r in range(h):
+        for c in range(w):
+            x, y, *_ = differences(u, r, c)
+            matrix[r * w + c, r * w + c] += 1 / rho + 2 * (contrast * np.hypot(x, y)) ** power / rho
+            for i, j in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
+                if 0 <= i < h and 0 <= j < w:
+                    matrix[r * w + c, r * w + c] += rho
+                    matrix[r * w + c, i * w + j] -= rho
+    return np.linalg.solve(matrix, np.full(h * w, 1 / rho)).reshape(h, w)
+
+
+def ring(points, shape):
+    """(14) as printed: 1/(2 A) sum (cot alpha_ij + cot beta_ij) (X_j - X_i) over the ring of eight triangles, inner samples."""
+    h, w = shape
+    at = points.reshape(h, w, -1)
+    rate = np.zeros((h, w, points.shape[1]))
+    around = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
+    for r in range(1, h - 1):
+        for c in range(1, w - 1):
+            x, ends = at[r, c], [at[r + i, c + j] for i, j in around]
+            area = sum(triangle_area(x, ends[k], ends[(k + 1) % 8]) for k in range(8))
+            for k in range(8):
+                before, end, behind = ends[k - 1], ends[k], ends[(k + 1) % 8]
+                cots = angle_cotangent(x - before, end - before) + angle_cotangent(x - behind, end - behind)
+                rate[r, c] += cots * (end - x) / (2 * area)
+    return rate
+
+
+def conducting(points, values, faces, g):
+    """div(g(|grad u|) grad u) on triangles of the plane: -grad_i of sum A phi over a third of the area around i; (n, k)."""
+    rate, third = np.zeros_like(values), np.zeros(len(points))
+    for i, j, k in faces:
+        corners = np.column_stack([np.ones(3), points[[i, j, k]]])
+        slopes = np.linalg.inv(corners)[1:]  # the gradients of the hat functions
+        area = abs(np.linalg.det(corners)) / 2
+        gradient = slopes @ values[[i, j, k]]
+        rate[[i, j, k]] -= area * g(np.sum(gradient**2)) * slopes.T @ gradient
+        third[[i, j, k]] += area / 3
+    return rate / third[:, None]
+
+
+def graph_motion(values, h):
+    """g^ij d_i d_j I^a of several channels (h, w, k) by central differences, inner samples: the graph moves by its curvature."""
+    inner = (slice(1, -1), slice(1, -1))
+    x, y = (values[1:-1, 2:] - values[1:-1, :-2]) / (2 * h), (values[2:, 1:-1] - values[:-2, 1:-1]) / (2 * h)
+    xx = (values[1:-1, 2:] - 2 * values[inner] + values[1:-1, :-2]) / h**2
+    yy = (values[2:, 1:-1] - 2 * values[inner] + values[:-2, 1:-1]) / h**2
+    xy = (values[2:, 2:] - values[2:, :-2] - values[:-2, 2:] + values[:-2, :-2]) / (4 * h**2)
+    e, f, g = 1 + (x * x).sum(-1), (x * y).sum(-1), 1 + (y * y).sum(-1)
+    e, f, g = (part[..., None] for part in (e, f, g))
+    return (g * xx - 2 * f * xy + e * yy) / (e * g - f**2)

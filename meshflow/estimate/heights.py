@@ -14,6 +14,7 @@ from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import GIVEN, Decided, Part, Plan
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE, Configuration
+from meshflow.estimate.variational import time_of_noise
 from meshflow.flow.constraints import Limit
 from meshflow.flow.family import Variant
 from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
@@ -82,7 +83,7 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
     plan, rounded = _begun(data, request, noise, mobility), is_rounded(noise)
     exponents, edge, much = ONE, ONE_EDGE, ONE_TIME
     if request.named:
-        edge, much = asked.contrasts[(len(asked.contrasts) - 1) // 2], GRID_TIME
+        edge, much = asked.edge, GRID_TIME * asked.slower
     elif rounded:
         exponents, edge, much = ({} if isinstance(data, Mesh) else ROUNDED), ROUNDED_EDGE, ROUNDED_TIME
     if asked.contrast is not None:
@@ -97,7 +98,11 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
         plan = replace(plan, method=_filled(request, replace(plan.variant, **exponents), contrast, 0.0))
         if sigma > 0 and not rounded and isinstance(data, (HeightField, Image)):
             plan = replace(plan, base=base_of(data.gridded(plan.lift), sigma, request.compute.threads))
-    return _ruled(plan, contrast, how, much, f"{much:g} h²")
+    plan = _ruled(plan, contrast, how, much, f"{much:g} h²")
+    if not asked.fits_noise or sigma <= 0 or request.until_time is not None or request.stops:
+        return plan
+    time = time_of_noise(plan, sigma)
+    return plan.with_({"time": Decided("estimated", "the residual equals the noise")}, time=time)
 
 
 def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
@@ -113,7 +118,7 @@ def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = N
     # A method given by exponents has a contrast by rule; a named method has a list of contrasts to choose from.
     ruled = request.named and asked.ruled
     known = timed is not None and (ruled or timed == 0)
-    open_ = request.searching and sigma > 0 and request.steps is None
+    open_ = request.searching and sigma > 0 and request.steps is None and asked.searches
     if open_ and not (large or known or is_rounded(noise)):
         found = _searched(_begun(data, request, noise, mobility), sigma)
         if found is not None:

@@ -20,6 +20,8 @@ from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.march import VANISHED, State, march
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.mobility import slowed
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
@@ -188,7 +190,7 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
         *_, end = march(flow, until, stepper, control, progress, recycle=True, limit=limit)
         until, time = Until(time=end.time), end.time
     if (
-        plan.points is not None and plan.points.once and time is not None
+        isinstance(plan.method, (HeightMethod, PointMethod)) and plan.method.once and time is not None
     ):  # each state is reached in one step from the start
         for mark in (share * time for share in shares):
             *_, state = march(flow, Until(time=mark), stepper, FixedStep(mark), limit=limit)
@@ -206,11 +208,16 @@ def engine_of(plan: Plan) -> Flow:
     """The engine that moves the data."""
     if not isinstance(plan.data, Mesh):
         grid = replace(plan.above.gridded(plan.lift), whole=plan.whole)
-        return GridFlow(grid, plan.variant, plan.request.compute.threads)
+        threads = plan.request.compute.threads
+        if isinstance(plan.method, HeightMethod):
+            return plan.method.on_grid(grid, threads)
+        return GridFlow(grid, plan.variant, threads)
     surface = plan.data.lifted(plan.lift)
     if plan.points is not None and plan.setting is not None:
         return plan.points.engine(surface, plan.setting)
     clamped = plan.request.compute.triangles == "clamped"
+    if isinstance(plan.method, HeightMethod):
+        return plan.method.on_surface(surface, clamped)
     return MeshFlow(surface, plan.variant, Clamped() if clamped else None)
 
 
@@ -307,6 +314,9 @@ def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | 
     if plan.points is not None and isinstance(plan.data, Mesh):
         stepper = plan.points.stepper(stepper, flow, time, plan.data.faces)
         control = FixedStep(time) if plan.points.once and control is None and time else control
+    if isinstance(plan.method, HeightMethod):
+        stepper = plan.method.stepper(stepper)
+        control = FixedStep(plan.time) if plan.method.once and control is None and plan.time else control
     return stepper, control
 
 

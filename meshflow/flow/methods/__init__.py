@@ -11,16 +11,23 @@ from meshflow.flow.methods.beltrami import (
     HeightMethod,
     MeanCurvatureDiffusion,
     Patches,
-    PeronaMalik,
-    TotalVariation,
 )
 from meshflow.flow.methods.curvature import ConformalFlow, CurvatureFlow
 from meshflow.flow.methods.fairing import Fairing
+from meshflow.flow.methods.half_quadratic import HalfQuadratic, RudinOsherFatemi
+from meshflow.flow.methods.lcis import LowCurvature
+from meshflow.flow.methods.min_max import MinMax
 from meshflow.flow.methods.normal_channels import NormalChannels
 from meshflow.flow.methods.normal_filter import NormalFilter
+from meshflow.flow.methods.perona_malik import PeronaMalik
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.principal import PrincipalFlow
+from meshflow.flow.methods.ring import PaperScheme
 from meshflow.flow.methods.searched import Quick, Search
+from meshflow.flow.methods.selective import SelectiveSmoothing
+from meshflow.flow.methods.shared_edges import SharedEdges
+from meshflow.flow.methods.shock import ShockFilter
+from meshflow.flow.methods.total_variation import TotalVariation
 from meshflow.geometry.options import must_be_object, refused
 
 __all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", "words_for"]
@@ -28,7 +35,9 @@ __all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", 
 Method = HeightMethod | PointMethod
 # Methods for values above a base (heights, channels, depths), and methods for the points of a mesh.
 HEIGHT_METHODS: tuple[type[HeightMethod], ...] = (
-    Beltrami, GraphFlow, MeanCurvatureDiffusion, TotalVariation, PeronaMalik, GemanMcClure, Heat, Patches,
+    Beltrami, GraphFlow, MeanCurvatureDiffusion, TotalVariation, PeronaMalik, GemanMcClure, Heat, Patches, PaperScheme,
+    SelectiveSmoothing, ShockFilter, MinMax, LowCurvature, SharedEdges,
+    HalfQuadratic, RudinOsherFatemi,
 )  # fmt: skip
 POINT_METHODS: tuple[type[PointMethod], ...] = (
     CurvatureFlow, ConformalFlow, Fairing, NormalFilter, PrincipalFlow, NormalChannels,

@@ -4,9 +4,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from meshflow.errors import InputError
+from meshflow.flow.contract import Flow
+from meshflow.flow.engines.grid import GridFlow
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.family import Indicator, Mass, Variant
+from meshflow.flow.steppers import Stepper, StepperName
 from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import number, positive
+from meshflow.surfaces.grid import Grid
+from meshflow.surfaces.surface import Surface
 
 __all__ = [
     "Beltrami",
@@ -16,8 +23,7 @@ __all__ = [
     "HeightMethod",
     "MeanCurvatureDiffusion",
     "Patches",
-    "PeronaMalik",
-    "TotalVariation",
+    "SchemeMethod",
 ]
 
 
@@ -28,10 +34,14 @@ class HeightMethod:
     :ivar word: its name on the command line.
     :ivar gamma: exponent of the edge indicator, see :class:`Variant`; ``sharpness`` and ``patch`` likewise.
     :ivar contrasts: those that a search tries, in sample distances divided by the noise.
+    :ivar once: whether it reaches its time in one step.
+    :ivar slower: by how much its time runs slower than that of the heat equation.
     """
 
     word: ClassVar[str] = ""
     contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0)
+    once: ClassVar[bool] = False
+    slower: ClassVar[float] = 1.0
 
     contrast: float | None = option(
         None,
@@ -70,10 +80,62 @@ class HeightMethod:
         return self.contrast is not None
 
     @property
+    def searches(self) -> bool:
+        """Whether contrast and time may be searched by the estimated risk of the family; else they are by rule."""
+        return True
+
+    @property
     def variant(self) -> Variant:
         """The exponents, the edge indicator and the mass, for the engines."""
         gamma, sharpness, patch = ({"gamma": 0.0, "sharpness": 1.0, "patch": 0.0} | self.exponents).values()
         return Variant(gamma, sharpness, self.indicator, self.mass, patch=patch)
+
+    @property
+    def edge(self) -> float:
+        """The contrast without a search, in sample distances over the noise."""
+        return self.contrasts[(len(self.contrasts) - 1) // 2]
+
+    @property
+    def fits_noise(self) -> bool:
+        """Whether the time without a search is that at which the residual equals the noise."""
+        return False
+
+    def stepper(self, asked: Stepper | StepperName) -> Stepper | StepperName:
+        """The requested stepper."""
+        return asked
+
+    def on_grid(self, grid: Grid, threads: int | None) -> Flow:
+        """The engine for samples of a grid."""
+        return GridFlow(grid, self.variant, threads)
+
+    def on_surface(self, surface: Surface, clamped: bool) -> Flow:
+        """The engine for channels of a mesh.
+
+        :param clamped: whether negative weights are set to zero.
+        """
+        return MeshFlow(surface, self.variant, Clamped() if clamped else None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SchemeMethod(HeightMethod):
+    """A method by finite differences between samples of a grid, with explicit steps."""
+
+    @property
+    def searches(self) -> bool:
+        """The engines of the family do not have it."""
+        return False
+
+    @property
+    def ruled(self) -> bool:
+        """Nothing is searched for."""
+        return True
+
+    def on_surface(self, surface: Surface, clamped: bool) -> Flow:
+        """None.
+
+        :raises InputError: always; meshes have no differences between samples.
+        """
+        raise InputError(f"method={self.word!r}: of height fields and images, whose samples lie on a grid; got a mesh")
 
 
 @named_fields
@@ -130,36 +192,6 @@ class MeanCurvatureDiffusion(HeightMethod):
     def exponents(self) -> dict[str, float]:
         """gamma -1."""
         return {"gamma": -1.0}
-
-
-@named_fields
-@dataclass(frozen=True, kw_only=True)
-class TotalVariation(HeightMethod):
-    """Mean curvature diffusion at high contrast, close to the flow of total variation [ROF92]."""
-
-    word: ClassVar[str] = "total-variation"
-    contrasts: ClassVar[tuple[float, ...]] = (8.0, 16.0)
-
-    @property
-    def exponents(self) -> dict[str, float]:
-        """gamma -1."""
-        return {"gamma": -1.0}
-
-
-@named_fields
-@dataclass(frozen=True, kw_only=True)
-class PeronaMalik(HeightMethod):
-    """The diffusion of Perona and Malik on triangles (1): flux grad / W^q, gamma = -1."""
-
-    word: ClassVar[str] = "perona-malik"
-    contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0)
-
-    sharpness: float = option(2.0, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
-
-    @property
-    def exponents(self) -> dict[str, float]:
-        """gamma -1, and the sharpness."""
-        return {"gamma": -1.0, "sharpness": self.sharpness}
 
 
 @named_fields

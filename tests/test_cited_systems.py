@@ -1,0 +1,249 @@
+"""Each system that the paper cites, by name: it is what its equation says, literally, and does what it is for."""
+
+import naive
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import Delaunay
+
+import meshflow
+from meshflow.errors import InputError
+from meshflow.flow.blend import euler
+from meshflow.flow.compute import Compute
+from meshflow.flow.conductances import CONDUCTANCES
+from meshflow.flow.engines.conducting import Conducting
+from meshflow.flow.engines.mesh import MeshFlow
+from meshflow.flow.engines.samples import SampleFlow
+from meshflow.flow.methods import HEIGHT_METHODS
+from meshflow.flow.methods.lcis import LowCurvatureScheme
+from meshflow.flow.methods.min_max import MinMaxScheme
+from meshflow.flow.methods.ring import RingScheme
+from meshflow.flow.methods.selective import SelectiveScheme
+from meshflow.flow.methods.shared_edges import SharedEdgesScheme
+from meshflow.flow.methods.shock import ShockScheme
+from meshflow.flow.stops import Steps
+from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+
+
+def rms(a):
+    return float(np.sqrt(np.mean(np.square(a))))
+
+
+def rough(seed=0, shape=(9, 11)):
+    draw = np.random.default_rng(seed)
+    return draw.normal(size=shape) + 3.0 * (np.arange(shape[1]) > shape[1] // 2)
+
+
+def cliff(size=40, height=10.0):
+    truth = np.add.outer(0.05 * np.arange(size), height * (np.arange(size) > size // 2))
+    return truth, truth + np.random.default_rng(1).normal(size=(size, size))
+
+
+def rate_of(scheme, values):
+    """The rate of a scheme as the engine has it, (h, w) or (h, w, k)."""
+    flow = SampleFlow(Image(values).gridded(Lift()), scheme, "tested")
+    return np.moveaxis(flow.rate(flow.start()).T.reshape(-1, *values.shape[:2]), 0, -1).reshape(values.shape)
+
+
+def close(ours, literal, digits=1e-12):
+    assert np.abs(ours - literal).max() <= digits * np.abs(literal).max()
+
+
+# --- each scheme is its literal form ------------------------------------------------------------------------------------
+
+
+def test_selective_smoothing_is_its_equation():
+    u = rough()
+    smooth = gaussian_filter(u, 1.0, mode="nearest")
+    close(rate_of(SelectiveScheme(0.7, 1.0), u), naive.selective_smoothing(u, smooth, 0.7))
+
+
+@pytest.mark.parametrize("shock", [0.0, 0.3])
+def test_the_shock_filter_is_its_equation(shock):
+    u = rough()
+    smooth = gaussian_filter(u, 1.0, mode="nearest")
+    close(rate_of(ShockScheme(0.7, 0.2, shock, 1.0), u), naive.shock_filter(u, u, smooth, 0.7, 0.2, shock))
+
+
+@pytest.mark.parametrize("radius", [1.0, 2.5])
+def test_min_max_flow_is_its_equation(radius):
+    u = rough()
+    close(rate_of(MinMaxScheme(radius), u), naive.min_max(u, radius))
+
+
+def test_the_low_curvature_simplifier_is_its_equation():
+    u = rough()
+    close(rate_of(LowCurvatureScheme(0.5), u), naive.low_curvature(u, 0.5))
+
+
+@pytest.mark.parametrize("power", [1, 2])
+def test_shared_edges_are_their_equation(power):
+    u = rough()
+    field = naive.edge_field(u, 0.5, 2.0, power)
+    close(rate_of(SharedEdgesScheme(0.5, 0.0, 2.0, power), u), naive.over_links(u, field**2), 1e-10)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_the_ring_of_the_paper_is_equation_14_as_printed(channels):
+    values = np.random.default_rng(3).normal(size=(7, 8, channels))
+    y, x = np.mgrid[0:7, 0:8].astype(float)
+    points = np.column_stack([x.ravel(), y.ravel(), 1.5 * values.reshape(-1, channels)])
+    literal = naive.ring(points, (7, 8))[1:-1, 1:-1, 2:] / 1.5
+    close(rate_of(RingScheme(1.5), values)[1:-1, 1:-1], literal)
+
+
+@pytest.mark.parametrize("word", CONDUCTANCES)
+def test_a_conductance_per_triangle_is_its_equation_and_lowers_its_energy(word):
+    draw, g = np.random.default_rng(4), CONDUCTANCES[word].of
+    flat, values = draw.random((30, 2)), draw.normal(size=(30, 2))
+    faces = Delaunay(flat).simplices
+    surface = Mesh(np.column_stack([flat]), faces, values).lifted(Lift(contrast=0.3, boundary="neumann"))
+    flow = MeshFlow(surface, metric=Conducting(CONDUCTANCES[word]))
+    literal = naive.conducting(flat, values, faces, lambda s2: g(0.09 * s2))
+    close(flow.rate(values), literal, 1e-10)
+    # The energy of the contrast's lengths is descended: its derivative is -contrast^2 M rate.
+    mass = flow.system(values).mass[:, None]
+    step = 1e-6 * draw.normal(size=values.shape)
+    change = (flow.area(values + step) - flow.area(values - step)) / 2
+    assert change == pytest.approx(-(0.09 * mass * literal * step).sum(), rel=1e-5)
+    u, energy, dt = values, flow.area(values), 2.0 / flow.bound(values)
+    for _ in range(30):
+        u = flow.rate(u, 0, euler(dt))
+        assert flow.area(u) <= energy * (1 + 1e-12)
+        energy = flow.area(u)
+
+
+# --- what they are for ----------------------------------------------------------------------------------------------------
+
+OWN = [kind for kind in HEIGHT_METHODS if not kind().searches]
+
+
+@pytest.mark.parametrize("kind", HEIGHT_METHODS, ids=lambda kind: kind.word)
+def test_each_name_runs_on_a_small_input_and_lowers_the_error_of_a_cliff(kind):
+    truth, noisy = cliff()
+    found = meshflow.smooth(noisy, method=kind.word, result=True)
+    assert found.parameters["method"].value == kind.word
+    left = rms(found.data - truth) / rms(noisy - truth)
+    assert left < 0.75, f"{left:.2f} of the error is left"
+
+
+@pytest.mark.parametrize("kind", HEIGHT_METHODS, ids=lambda kind: kind.word)
+def test_each_name_leaves_constants_and_missing_samples(kind):
+    z = np.full((16, 18), 7.0)
+    z[4:6, 7:11] = np.nan
+    found = meshflow.smooth(z, method=kind.word, time=2.0, noise=1.0)
+    assert np.array_equal(np.isnan(found), np.isnan(z))
+    assert np.nanmax(np.abs(found - 7.0)) < 1e-12
+
+
+@pytest.mark.parametrize("kind", OWN, ids=lambda kind: kind.word)
+@pytest.mark.parametrize("channels", [0, 2])
+def test_each_scheme_is_turned_transposed_and_mirrored_with_its_data(kind, channels):
+    draw = np.random.default_rng(5)
+    z = draw.normal(size=(14, 17, channels) if channels else (14, 17)) + 2.0
+    run = {"method": kind(contrast=0.5), "time": 1.0, "boundary": "neumann", "compute": Compute(diagonals="both")}
+    here = meshflow.smooth(z, kind="image", **run)
+    for way in (np.rot90, lambda a: np.swapaxes(a, 0, 1), lambda a: a[::-1], lambda a: a[:, ::-1]):
+        there = meshflow.smooth(np.ascontiguousarray(way(z)), kind="image", **run)
+        assert np.abs(there - way(here)).max() < 1e-9 * np.abs(here).max()
+
+
+@pytest.mark.parametrize("kind", OWN, ids=lambda kind: kind.word)
+def test_each_scheme_refuses_rays_and_what_it_has_not_in_words(kind):
+    depth = 2.0 + 0.01 * rough(0, (16, 16))
+    with pytest.raises(InputError, match=r"range image|values above a base"):
+        meshflow.smooth(depth, method=kind.word, time=1.0, camera=meshflow.Pinhole(20.0, 20.0, 8.0, 8.0))
+
+
+def test_the_papers_three_hundred_steps_of_dt_one_run_as_printed_and_never_leave_the_range():
+    truth, noisy = cliff(24)
+    words = {"stop": Steps(300), "compute": Compute(stepper="explicit", dt=1.0)}
+    found = meshflow.smooth(noisy, method=meshflow.PaperScheme(contrast=1.0), **words)
+    assert noisy.min() <= found.min() <= found.max() <= noisy.max()
+    colours = np.random.default_rng(6).normal(size=(16, 16, 3))
+    end = meshflow.smooth(colours, method=meshflow.PaperScheme(contrast=1.0), **words)
+    assert np.isfinite(end).all()
+    assert end.std() < colours.std()
+    for contrast in (0.01, 100.0):  # every step is a weighted mean for one channel, whatever the slopes
+        flow = SampleFlow(Image(noisy).gridded(Lift()), RingScheme(contrast), "paper")
+        u = flow.start()
+        stepped = flow.rate(u, 0, euler(1.0))
+        assert u.min() - 1e-12 <= stepped.min() <= stepped.max() <= u.max() + 1e-12
+
+
+@pytest.mark.parametrize("method", ["half-quadratic", "rof"])
+def test_the_fidelity_of_a_restoration_follows_from_the_noise(method):
+    truth, noisy = cliff()
+    found = meshflow.smooth(noisy, method=method, noise=1.0)
+    assert rms(found - noisy) == pytest.approx(1.0, rel=0.03)
+
+
+def test_total_variation_at_rest_is_the_minimum_of_its_functional():
+    from scipy.optimize import minimize
+
+    truth, noisy = cliff(12)
+    contrast, time = 8.0, 4.0
+    found = meshflow.smooth(
+        noisy, method=meshflow.RudinOsherFatemi(contrast=contrast), time=time, boundary="neumann",
+        compute=Compute(diagonals="forward"),
+    )  # fmt: skip
+    surface = Image(noisy).lifted(Lift(contrast=contrast, diagonals="forward", boundary="neumann"))
+    flow = MeshFlow(surface, metric=Conducting(CONDUCTANCES["hypersurface"]))
+    mass = flow.system(surface.start).mass
+
+    def energy(u):
+        u = u[:, None]
+        gradient = -mass[:, None] * flow.rate(u) + mass[:, None] * (u - surface.start) / time
+        fidelity = 0.5 * (mass * (u - surface.start)[:, 0] ** 2).sum() / time
+        return flow.area(u) / contrast**2 + fidelity, gradient[:, 0]
+
+    least = minimize(energy, noisy.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": 3000, "ftol": 1e-14})
+    assert energy(found.ravel())[0] <= least.fun * 1.001
+
+
+def test_the_regularization_of_total_variation_is_the_slope_below_which_it_diffuses():
+    truth, noisy = cliff(24)
+    named = meshflow.smooth(noisy, method=meshflow.TotalVariation(regularization=0.25), time=3.0)
+    same = meshflow.smooth(noisy, method=meshflow.MeanCurvatureDiffusion(contrast=4.0), time=3.0)
+    assert np.array_equal(named, same)
+    with pytest.raises(InputError, match="one of them expected"):
+        meshflow.TotalVariation(regularization=0.25, contrast=2.0)
+
+
+def test_min_max_flow_removes_speckles_smaller_than_its_window():
+    y, x = np.mgrid[0:40, 0:40]
+    shape = 1.0 * ((x - 20) ** 2 + (y - 20) ** 2 < 120)
+    noisy = shape.copy()
+    speckles = np.random.default_rng(7).random(shape.shape) < 0.03
+    noisy[speckles] = 1 - noisy[speckles]
+    noisy += 0.01 * np.random.default_rng(8).normal(
+        size=shape.shape
+    )  # without it, zeros and ones are steps of rounding
+
+    found = meshflow.smooth(noisy, method=meshflow.MinMax(radius=2.0), time=5.0, noise=0.1, outliers="include")
+    assert rms(found - shape) < 0.7 * rms(noisy - shape)
+    flow = SampleFlow(Image(noisy).gridded(Lift()), MinMaxScheme(2.0), "min-max")
+    rate, peak = flow.rate(flow.start())[:, 0], noisy.argmax()
+    assert rate[peak] <= 0 <= rate[noisy.argmin()]
+
+
+def test_shared_edges_stop_all_channels_where_one_has_an_edge():
+    draw = np.random.default_rng(8)
+    image = 0.3 * draw.normal(size=(24, 24, 2))
+    image[:, 12:, 0] += 10.0  # the edge of the first channel holds the faint one of the second
+    image[:, 12:, 1] += 1.0
+    both = meshflow.smooth(image, method="shared-edges", time=10.0, noise=0.3)
+    alone = meshflow.smooth(image[..., 1:], method="shared-edges", time=10.0, noise=0.3)
+
+    def jump(z):
+        return (z[:, 12] - z[:, 11]).mean()
+
+    assert jump(both[..., 1]) > 1.2 * jump(alone[..., 0])
+
+
+def test_a_shock_filter_makes_ramps_steeper():
+    ramp = np.tile(np.clip(np.arange(40) - 15.0, 0, 8), (20, 1))
+    found = meshflow.smooth(ramp, method=meshflow.ShockFilter(shock=0.5, contrast=10.0), time=3.0, noise=0.1)
+    assert np.abs(np.diff(found[10])).max() > 1.5
