@@ -42,6 +42,17 @@ def test_a_polynomial_and_factorizations_are_one_filter(order, weights):
     assert np.abs(one - other).max() < 1e-5
 
 
+def test_filters_of_several_times_and_orders_are_those_one_by_one_to_the_bit():
+    engine = flow(noisy(BALL), FACES, fixed=np.arange(len(BALL)) < 5)
+    generator, u = engine.generator(engine.start(), "uniform"), engine.start()
+    asked = [(0.03, 2), (0.001, 10), (0.0, 3), (0.1, 1)]
+    for (time, order), found in zip(asked, low_pass.filtered_by_all(generator, u, asked), strict=True):
+        assert found is not None
+        assert np.array_equal(found, low_pass.filtered(generator, u, time, order))
+    long = 3e3 / float(np.abs(generator).sum(axis=1).max())
+    assert low_pass.filtered_by_all(generator, u, [(long, 10)])[0] is None
+
+
 @pytest.mark.parametrize("order", [2, 10])
 def test_a_response_is_what_is_said(order):
     # A pure frequency of the operator leaves as 1 / (1 + (t lambda)^p) of itself.

@@ -196,7 +196,9 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         return plan.with_({"time": Decided("default", "nothing to remove")}, idle=no_noise(noise))
     settled = len(methods) == 1 and timed is not None  # nothing to choose
     if noise.sigma > 0 and request.searching and request.steps is None and not request.stops and not settled:
-        candidates = searched(data, lift, Tried(methods, setting, _of_points(noise), timed, mobility))
+        candidates = searched(
+            data, lift, Tried(methods, setting, _of_points(noise), timed, mobility, request.compute.workers)
+        )
         if candidates:
             if timed is None:
                 time = candidates[0].least[0] * request.strength**2

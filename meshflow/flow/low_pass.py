@@ -1,6 +1,7 @@
 """A low-pass filter on a mesh: fairing of any order in one step."""
 
 import cmath
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -13,7 +14,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.workspace import Workspace
 from meshflow.geometry.validation import Array, whole
 
-__all__ = ["LowPass", "Weights", "filtered", "generator_of", "is_short"]
+__all__ = ["LowPass", "Weights", "filtered", "filtered_by_all", "generator_of"]
 
 Weights = Literal["cotangent", "uniform"]
 # The error of the polynomial, as a share of the deviation of a coordinate from its mean.
@@ -86,34 +87,53 @@ def filtered(generator: Any, u: Array, time: float, order: int) -> Array:
     :param time: squared length.
     :raises NotConverged: where a factorization fails.
     """
-    fastest = np.asarray(np.abs(generator).sum(axis=1)).reshape(-1, 1)
-    top = float(fastest.max())
-    if top == 0 or time == 0:
-        return u.copy()
-    return np.where(fastest > 0, _filtered(generator, u, time, order, top), u)  # fixed vertices keep their bits
+    found = filtered_by_all(generator, u, [(time, order)])[0]
+    if found is not None:
+        return found
+    home = u.mean(axis=0)
+    return np.where(_fastest(generator) > 0, home + _solved(generator, u - home, time, order), u)
 
 
-def _filtered(generator: Any, u: Array, time: float, order: int, top: float) -> Array:
-    """:func:`filtered`, with fixed vertices up to rounding.
+def filtered_by_all(generator: Any, u: Array, asked: Sequence[tuple[float, int]]) -> list[Array | None]:
+    """f(time A) u (n, k) for each time and order; None where a polynomial would be too long.
+
+    The Chebyshev polynomials of A, which take most of the time, are common to all of them.
+
+    :param generator: as for :func:`filtered`.
+    :param asked: times, squared length, and orders.
+    """
+    fastest = _fastest(generator)
+    top = float(fastest.max(initial=0.0))
+    series = [_terms(time * top, order) if time * top > 0 else np.zeros(0) for time, order in asked]
+    changes = _summed(generator, u, [np.zeros(0) if terms is None else terms for terms in series], top)
+    # fixed vertices keep their bits
+    filters = [np.where(fastest > 0, u + change, u) for change in changes]
+    return [None if terms is None else one for terms, one in zip(series, filters, strict=True)]
+
+
+def _fastest(generator: Any) -> Array:
+    """Upper bounds (n, 1) of the eigenvalues, from each row; 0 for fixed vertices."""
+    return np.asarray(np.abs(generator).sum(axis=1)).reshape(-1, 1)
+
+
+def _summed(generator: Any, u: Array, series: Sequence[Array], top: float) -> list[Array]:
+    """The sums (n, k) of Chebyshev polynomials of A, applied to u (n, k), with each series of terms.
 
     :param top: an upper bound of the eigenvalues.
     """
-    home = u.mean(axis=0)
-    terms = _terms(time * top, order)
-    if terms is None:
-        return home + _solved(generator, u - home, time, order)
-    a = u - home
+    found = [np.zeros(u.shape) for _ in series]
+    longest = max(map(len, series), default=0)
+    if longest == 0:
+        return found
+    a, term = u - u.mean(axis=0), np.empty(u.shape)
     b = (2.0 / top) * (generator @ a) - a
-    change = terms[0] * a + terms[1] * b
-    for term in terms[2:]:
-        a, b = b, (4.0 / top) * (generator @ b) - 2.0 * b - a
-        change += term * b
-    return u + change
-
-
-def is_short(generator: Any, time: float, order: int) -> bool:
-    """Whether a polynomial suffices, so that a filter costs a hundred products with A instead of factorizations."""
-    return _terms(time * float(np.abs(generator).sum(axis=1).max()), order) is not None
+    for count in range(longest):
+        for change, terms in zip(found, series, strict=True):
+            if count < len(terms):
+                change += np.multiply(terms[count], a, out=term)
+        if count + 1 < longest:
+            a, b = b, (4.0 / top) * (generator @ b) - 2.0 * b - a
+    return found
 
 
 def _terms(reach: float, order: int) -> Array | None:

@@ -59,17 +59,19 @@ def neighbour_means(faces: Array, n: int, border: Border) -> Any:
     :param faces: (m, 3).
     :param border: the neighbours of a border vertex: those along the border (``curve``), all (``free``), or none (``fixed``).
     """
-    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    edges, count = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0, return_counts=True)
-    single = count == 1
+    ends = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    edges, count = np.unique((low * n + high)[low != high], return_counts=True)
+    low, high, single = edges // max(n, 1), edges % max(n, 1), count == 1
     on_border = np.zeros(n, bool)
-    on_border[edges[single]] = True
-    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
+    on_border[low[single]] = on_border[high[single]] = True
+    pairs = np.concatenate([low * n + high, high * n + low])
     if border != "free":
         along = np.concatenate([single, single]) & (border == "curve")
-        keep = ~on_border[rows] | along
-        rows, columns = rows[keep], columns[keep]
-    alone = np.flatnonzero(np.bincount(rows, minlength=n) == 0)
-    rows, columns = np.concatenate([rows, alone]), np.concatenate([columns, alone])
-    share = 1.0 / np.bincount(rows, minlength=n)
-    return sparse.csr_matrix((share[rows], (rows, columns)), shape=(n, n))
+        pairs = pairs[~on_border[pairs // max(n, 1)] | along]
+    alone = np.flatnonzero(np.bincount(pairs // max(n, 1), minlength=n) == 0)
+    pairs = np.sort(np.concatenate([pairs, alone * (n + 1)]))
+    rows, columns = pairs // max(n, 1), pairs % max(n, 1)
+    many = np.bincount(rows, minlength=n)
+    first = np.concatenate([[0], np.cumsum(many)])
+    return sparse.csr_matrix((1.0 / many[rows], columns, first), shape=(n, n))
