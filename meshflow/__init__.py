@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from meshflow.io.export import to_mesh, to_normals, to_open3d, to_points, to_pyvista
     from meshflow.io.files import Document, read, write
     from meshflow.io.formats.cameras import read_camera, write_camera
+    from meshflow.large.outcome import Outcome
     from meshflow.results.multipart import Results
     from meshflow.results.result import Result
     from meshflow.smoothing import estimate_noise, smooth
@@ -161,6 +162,7 @@ _HOMES = {
         "read_camera",
         "write_camera",
     ),
+    "large.outcome": ("Outcome",),
     "results.multipart": ("Results",),
     "results.result": ("Result",),
     "smoothing": (

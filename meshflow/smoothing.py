@@ -25,6 +25,7 @@ from meshflow.io.adapters.multipart import multipart
 from meshflow.io.document import Document
 from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.io.objects import Imported, from_object, opened, taken_in
+from meshflow.large.chunks import is_chunked, smooth_chunked
 from meshflow.results.keywords import must_be_keywords, must_be_metadata
 from meshflow.results.multipart import Results, every_warning, one_by_one
 from meshflow.results.result import Result
@@ -109,8 +110,8 @@ def smooth(
 
     :param data: a numpy array of shape (h, w), a height field, or (h, w, k), an image of k channels; NaN and masked samples are
         missing. ``(points, faces)`` is a mesh. Also ``trimesh.Trimesh``; ``pyvista`` PolyData, ImageData and StructuredGrid;
-        ``open3d`` meshes and depth images; ``meshio.Mesh``; ``xarray.DataArray``; ``trimesh.Scene`` and ``pyvista.MultiBlock``,
-        whose parts are smoothed one by one; a data object of meshflow; a document of :func:`meshflow.read`; a path.
+        ``open3d`` meshes and depth images; ``meshio.Mesh``; ``xarray.DataArray``, and arrays of ``dask``, which come back lazy;
+        ``trimesh.Scene`` and ``pyvista.MultiBlock``, smoothed part by part; a data object of meshflow; a document; a path.
     :param method: a method such as ``PeronaMalik(sharpness=2)``, or its name, which stands for the class with its defaults.
         ``"quick"`` is one fixed choice for all data. None: a method is searched for.
     :param time: how long the flow runs, squared length; or ``scale``, of the equal Gaussian on flat data: time = scale² / 2.
@@ -127,8 +128,8 @@ def smooth(
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
-    :param result: return a :class:`Result`; for data of several parts, :class:`Results`. Its warnings are issued as
-        :class:`MeshflowWarning` where it is not returned.
+    :param result: return a :class:`Result`; of several parts, :class:`Results`; of lazy data, :class:`Outcome`. Its warnings are
+        issued as :class:`MeshflowWarning` where it is not returned.
     :param metadata: what the data does not contain itself: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
         ``camera``, ``missing``, ``unit``, ``channels``, ``moves``, ``jump``, ``measure``, ``time_unit``, ``depth_scale``.
     :returns: the same kind of data, smoothed. Integers are returned as floating point, because rounding would undo the smoothing.
@@ -140,8 +141,18 @@ def smooth(
     asked = Request.of(
         method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary, domain=domain,
         outliers=outliers, level=level, compute=compute)  # fmt: skip
-    back, found = smooth_object(data, asked, progress, record=result or None, metadata=metadata)
-    warn(() if result else every_warning(found))
+    return _answered(data, asked, progress, result, metadata)
+
+
+def _answered(data: Any, asked: Request, progress: Progress, result: bool, metadata: Mapping[str, Any]) -> Any:
+    """The result, or the data that it holds; the warnings of the latter are issued."""
+    if is_chunked(data):
+        back, found = smooth_chunked(data, asked, ReadOptions.of(metadata))
+        said = found.warnings
+    else:
+        back, found = smooth_object(data, asked, progress, record=result or None, metadata=metadata)
+        said = every_warning(found)
+    warn(() if result else said)
     return found if result else back
 
 

@@ -12,7 +12,7 @@ from meshflow import Beltrami, Compute, Fixed, Heat, Mask, MaxChange, Mobility
 from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.large.census import census_of, counted_in, joined
-from meshflow.large.sample import sample_of
+from meshflow.large.sample import part_of, sample_of
 from meshflow.large.source import Held, grown, tiled
 from meshflow.large.windows import windowed
 from meshflow.results.run import run
@@ -39,11 +39,13 @@ def terrain(h=H, w=W, dtype=np.float32, seed=0, holes=0.03, rows=False, level=0.
 def by_windows(data, request, sides, enough=1 << 22, side=16):
     """All windows of a grid, one after the other."""
     source = Held(data)
-    found = windowed(census_of(source, at_once=700), sample_of(source, enough, side), request)
+    found = windowed(source.form, sample_of(source, enough, side), request)
+    bound = found.local.over(census_of(source, at_once=700))
     done = np.full_like(array_of(data), np.nan)
     for window in tiled(source.form.shape, sides):
         outer = grown(window, found.halo, source.form.shape)
-        done[window] = found.moved(window, outer, *source.read(outer))
+        part = part_of(request.constraints, source.form.shape, outer)
+        done[window] = bound.moved((window, outer), *source.read(outer), part)
     return done, found
 
 
@@ -113,7 +115,7 @@ def test_what_is_chosen_by_default_runs_by_windows_as_it_does_on_the_whole(metho
         same(done, array_of(chosen.after))
     once, _ = by_windows(data, request, (H, W))
     same(done, once)
-    assert found.plan.idle is None
+    assert found.found.idle is None
     assert not np.array_equal(done, array_of(data))
 
 
@@ -147,7 +149,7 @@ def test_noise_free_data_comes_back_as_it_is():
     data = replace(terrain(), z=np.ones((H, W), np.float32))
     done, found = by_windows(data, Request.of(), (20, 20))
     same(done, array_of(data))
-    assert found.plan.idle is not None
+    assert found.found.idle is not None
 
 
 @pytest.mark.parametrize(

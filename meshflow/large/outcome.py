@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, value_unit
 from meshflow.estimate.reported import parameters_of
+from meshflow.estimate.risk import Candidate
 from meshflow.geometry.validation import Array
 from meshflow.large.windows import Windowed
 from meshflow.results.result import release
@@ -45,23 +47,35 @@ class Removed:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A run by windows. ``print`` shows all parameters.
+    """A run by windows, of a file or of chunks that are computed later. ``print`` shows all parameters.
 
     :ivar run: the plan.
     :ivar windows: their number.
-    :ivar removed: from the whole.
+    :ivar removed: from the whole; None: that is known once the data is computed.
     :ivar notes: sentences on the files.
+    :ivar data: the smoothed data, of the kind that was given, not computed yet; None: it is in a file.
     """
 
     run: Windowed
     windows: int
-    removed: Removed
-    notes: tuple[str, ...] = field(default=())
+    removed: Removed | None = None
+    notes: tuple[str, ...] = ()
+    data: Any = field(default=None, repr=False)
 
     @property
     def parameters(self) -> dict[str, Parameter]:
         """By name, each with its value, unit, origin and reason."""
         return parameters_of(self.run.found)
+
+    @property
+    def noise(self) -> Noise:
+        """The noise that was found or given."""
+        return self.run.found.noise
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Those of the search, the chosen one first; empty where nothing was searched for."""
+        return self.run.found.candidates
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -83,9 +97,11 @@ class Outcome:
         """One line: why the run ended, what was chosen, what was removed."""
         if self.run.found.idle is not None:
             return self.stopped_because
-        unit, noise = self._unit, self.run.found.noise.sigma
-        chosen = chosen_in(self.parameters)
-        return f"{self.stopped_because}; {chosen}removed rms {self.removed.rms:.4g}{unit} of noise {noise:.4g}{unit}"
+        unit, noise = self._unit, self.noise.sigma
+        removed = "what is removed is known once it is computed,"
+        if self.removed is not None:
+            removed = f"removed rms {self.removed.rms:.4g}{unit}"
+        return f"{self.stopped_because}; {chosen_in(self.parameters)}{removed} of noise {noise:.4g}{unit}"
 
     @property
     def tags(self) -> dict[str, str]:
@@ -101,20 +117,20 @@ class Outcome:
             "windows": self.windows,
             "halo": self.run.halo,
             "parameters": as_numbers(self.parameters),
-            "noise": self.run.found.noise.to_dict(),
-            "removed": {"rms": self.removed.rms, "largest": self.removed.largest},
-            "candidates": candidates_in_numbers(self.run.found.candidates),
+            "noise": self.noise.to_dict(),
+            "removed": None if self.removed is None else {"rms": self.removed.rms, "largest": self.removed.largest},
+            "candidates": candidates_in_numbers(self.candidates),
             "warnings": list(self.warnings),
         }
 
     def __str__(self) -> str:
         lines = [self.stopped_because]
         lines += [f"  {name:<12} {parameter}" for name, parameter in self.parameters.items()]
-        lines.append(
-            f"  removed      rms {self.removed.rms:.6g}{self._unit}, largest {self.removed.largest:.6g}{self._unit}"
-        )
-        lines += searched_lines(self.run.found.candidates)
-        lines += [f"  noise        {sentence}" for sentence in self.run.found.noise.sentences()]
+        if self.removed is not None:
+            sizes = f"rms {self.removed.rms:.6g}{self._unit}, largest {self.removed.largest:.6g}{self._unit}"
+            lines.append(f"  removed      {sizes}")
+        lines += searched_lines(self.candidates)
+        lines += [f"  noise        {sentence}" for sentence in self.noise.sentences()]
         return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
 
     @property

@@ -21,9 +21,9 @@ from meshflow.large.census import Census, census_of
 from meshflow.large.marks import marked
 from meshflow.large.memory import Budget
 from meshflow.large.outcome import Outcome, Removed
-from meshflow.large.sample import ENOUGH, Sample, sample_of
+from meshflow.large.sample import ENOUGH, Sample, part_of, sample_of
 from meshflow.large.source import Form, Window, grown, tiled, within
-from meshflow.large.windows import Windowed, windowed
+from meshflow.large.windows import Bound, Windowed, windowed
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
@@ -88,8 +88,8 @@ def smooth_raster(
         source, census, more = _counted(source, writing.budget, progress)
         sample = sample_of(source, writing.budget.sample(source.form, ENOUGH))
         _must_be_alike(source, sample, options)
-        run = windowed(census, sample, request)
-        outcome = _written(source, run, target, writing, progress)
+        run = windowed(source.form, sample, request)
+        outcome = _written(source, _Run(run, run.local.over(census), census, request), target, writing, progress)
     return replace(outcome, notes=(*notes, *more, *outcome.notes))
 
 
@@ -173,13 +173,24 @@ def _must_be_alike(source: Gridded, sample: Sample, options: ReadOptions) -> Non
         )
 
 
-def _written(source: Gridded, run: Windowed, target: Path, writing: Output, progress: Progress) -> Outcome:
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """What is run on the windows of a raster."""
+
+    found: Windowed
+    bound: Bound
+    census: Census
+    request: Request
+
+
+def _written(source: Gridded, run: _Run, target: Path, writing: Output, progress: Progress) -> Outcome:
     """Run and write all windows."""
     form, reader = source.form, source.reader
     frame, kind, nodata, notes = _stored_as(source, run.census, writing.dtype)
-    windows = list(tiled(form.shape, writing.budget.sides(form, run.halo)))
-    outcome = Outcome(run, len(windows), Removed())
-    encoding = Encoding("GTiff", nodata, {**geotiff(kind, form.shape), "num_threads": run.plan.request.compute.workers})
+    windows = list(tiled(form.shape, writing.budget.sides(form, run.found.halo)))
+    removed = Removed()
+    outcome = Outcome(run.found, len(windows), removed)
+    encoding = Encoding("GTiff", nodata, {**geotiff(kind, form.shape), "num_threads": run.request.compute.workers})
     tags = {f"meshflow:{name}": word for name, word in outcome.tags.items()}
     clipped: dict[str, int] = {}
     with (
@@ -187,7 +198,7 @@ def _written(source: Gridded, run: Windowed, target: Path, writing: Output, prog
         reporting(progress, f"smoothing by {len(windows)} windows") as report,
     ):
         for i, window in enumerate(windows):
-            samples, said = _one(source, run, window, outcome.removed, _Stored(frame, kind, nodata))
+            samples, said = _one(source, run, window, removed, _Stored(frame, kind, nodata))
             clipped |= dict.fromkeys(said, 0)
             writer.write(window, samples, reader.alpha_of(window))
             report((i + 1) / len(windows))
@@ -204,14 +215,15 @@ class _Stored:
 
 
 def _one(
-    source: Gridded, run: Windowed, window: Window, removed: Removed, stored: _Stored
+    source: Gridded, run: _Run, window: Window, removed: Removed, stored: _Stored
 ) -> tuple[Array, tuple[str, ...]]:
     """The samples (k, r, c) of a window as they are stored, and notes."""
-    outer = grown(window, run.halo, source.form.shape)
+    outer = grown(window, run.found.halo, source.form.shape)
     at = within(window, outer)
     bands, gone = source.reader.values(outer)
     values, missing = source.laid(bands), np.logical_or.reduce(gone)
-    done = run.moved(window, outer, values, missing)
+    constraints = part_of(run.request.constraints, source.form.shape, outer)
+    done = run.bound.moved((window, outer), values, missing, constraints)
     removed.add(values[at], done, missing[at])
     gone = gone[:, *at]
     samples, clipped = rounded(stored.frame.stored(source.bands(done)), gone, stored.kind)

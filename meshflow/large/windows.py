@@ -16,17 +16,87 @@ from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.methods.beltrami import Patches
 from meshflow.geometry.validation import Array
 from meshflow.large.census import Census
-from meshflow.large.sample import Sample, part_of
-from meshflow.large.source import OnGrid, Window, within
+from meshflow.large.sample import Sample
+from meshflow.large.source import Form, OnGrid, Window, within
 from meshflow.results.run import end_of, engine_of, with_given_steps
 from meshflow.surfaces.data import array_of
+from meshflow.surfaces.grid import Whole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["Windowed", "must_be_local", "windowed"]
+__all__ = ["Bound", "Local", "Windowed", "must_be_local", "windowed"]
 
 # The values along a side of the data that a plan keeps for its windows, which bring their own.
 FEW = 2
+FREE = Constraints()
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """What every window of a grid runs, whatever the samples of the whole are; small, for other processes.
+
+    :ivar form: of the whole grid.
+    :ivar plan: its data is replaced by that of a window.
+    :ivar halo: how many samples around a window decide what it becomes.
+    :ivar based: whether it is smoothed above a base.
+    """
+
+    form: Form
+    plan: Plan
+    halo: int
+    based: bool = False
+
+    def over(self, census: Census) -> "Bound":
+        """The same with what a window must know of the samples of the whole."""
+        way, whole = census.orientation(self.plan.request.compute), census.whole
+        turned = replace(whole, spacing=way.of_spacing(whole.spacing))
+        return Bound(self, replace(self.plan, orientation=way, whole=turned), census.datum)
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """What every window of a grid runs.
+
+    :ivar plan: with the orientation and the ends of the whole.
+    :ivar datum: of the whole, () or (k,).
+    """
+
+    local: Local
+    plan: Plan
+    datum: Array
+
+    def moved(
+        self, windows: tuple[Window, Window], values: Array, missing: Array, constraints: Constraints = FREE
+    ) -> Array:
+        """The smoothed values of a window: the same bits as those of the whole.
+
+        :param windows: the one whose values are returned, and it with its halo (:func:`.source.grown`).
+        :param values: (r, c) or (r, c, k), of the window with its halo; ``missing``: (r, c).
+        :param constraints: likewise.
+        """
+        inner, outer = windows
+        at = within(inner, outer)
+        if self.plan.idle is not None or missing[at].all():
+            return values[at]
+        plan = self._plan(self.local.form.data(values, missing, outer[0]), constraints)
+        done = plan.result(end_of(plan).u)
+        return array_of(done)[at]
+
+    def _plan(self, data: OnGrid, constraints: Constraints) -> Plan:
+        """The plan of a window."""
+        request = replace(self.plan.request, constraints=constraints)
+        held, request, mobility = constrained(data, request, staying(data, request))
+        lowered, how = lowered_by(on_grid(held), self.datum)
+        turned, request, mobility = oriented(lowered, request, mobility, self.plan.orientation)
+        most = limit_of(turned, request, self.plan.noise)[0]
+        plan = replace(
+            self.plan, data=turned, request=request, mobility=mobility, preparation=how, max_change=most, base=None
+        )
+        if not self.local.based:
+            return plan
+        grid = replace(turned.gridded(plan.lift), whole=plan.whole)
+        sigma = plan.noise.sigma * request.strength
+        return replace(plan, base=base_of(grid, sigma, request.compute.threads))
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,57 +104,18 @@ class Windowed:
     """A plan for the windows of a grid.
 
     :ivar found: the plan of the sample, for reports.
-    :ivar plan: what each window runs; its data is replaced by the window's.
-    :ivar census: of the whole grid.
-    :ivar constraints: of the whole grid, in its order.
-    :ivar halo: how many samples around a window decide what it becomes.
+    :ivar local: what each window runs.
     :ivar warnings: sentences on what was left out, beside those of the plan.
     """
 
     found: Plan
-    plan: Plan
-    census: Census
-    constraints: Constraints
-    halo: int
+    local: Local
     warnings: tuple[str, ...] = ()
 
-    def moved(self, inner: Window, outer: Window, values: Array, missing: Array) -> Array:
-        """The smoothed values of a window: the same bits as those of the whole.
-
-        :param inner: the window whose values are returned.
-        :param outer: it and its halo (:func:`.source.grown`), as far as the grid reaches.
-        :param values: (r, c) or (r, c, k), of the outer window; ``missing``: (r, c).
-        """
-        at = within(inner, outer)
-        if self.plan.idle is not None or missing[at].all():
-            return values[at]
-        data = self.census.form.data(values, missing, outer[0])
-        plan = self._plan(data, outer)
-        done = plan.result(end_of(plan).u)
-        return array_of(done)[at]
-
-    def _plan(self, data: OnGrid, window: Window) -> Plan:
-        """The plan of a window."""
-        constraints = part_of(self.constraints, self.census.form.shape, window)
-        request = replace(self.plan.request, constraints=constraints)
-        held, request, mobility = constrained(data, request, staying(data, request))
-        lowered, how = lowered_by(on_grid(held), self.census.datum)
-        way = self.plan.orientation
-        turned, request, mobility = oriented(lowered, request, mobility, way)
-        plan = replace(
-            self.plan,
-            data=turned,
-            request=request,
-            mobility=mobility,
-            preparation=how,
-            max_change=limit_of(turned, request, self.plan.noise)[0],
-            base=None,
-        )
-        if self.found.base is None:
-            return plan
-        grid = replace(turned.gridded(plan.lift), whole=plan.whole)
-        sigma = plan.noise.sigma * request.strength
-        return replace(plan, base=base_of(grid, sigma, request.compute.threads))
+    @property
+    def halo(self) -> int:
+        """How many samples around a window decide what it becomes."""
+        return self.local.halo
 
 
 def on_grid(data: object) -> OnGrid:
@@ -123,39 +154,37 @@ def must_be_local(request: Request) -> None:
             raise InputError(f"{word}: not by windows, {why}")
 
 
-def windowed(census: Census, sample: Sample, request: Request) -> Windowed:
+def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     """The plan for the windows of a grid, found on a sample of it.
 
     :param request: of the caller, with constraints of the whole grid.
     :raises InputError: for what cannot be done by windows.
     """
     must_be_local(request)
-    constraints = request.constraints
-    asked = replace(request, constraints=sample.of(constraints, census.form.shape))
-    found, warnings = _found(sample.data, asked)
+    found, warnings = _found(sample.data, replace(request, constraints=sample.of(request.constraints, form.shape)))
     if not sample.is_whole:
-        share = sample.data.missing.size / (census.form.shape[0] * census.form.shape[1])
+        share = sample.data.missing.size / (form.shape[0] * form.shape[1])
         warnings += (f"noise and choice are from tiles spread over the whole, {share:.1%} of it",)
-    whole = census.whole
-    there = replace(whole, spacing=found.orientation.of_spacing(whole.spacing))
-    fixed, rates = with_given_steps(replace(found, whole=there, preparation=None))
-    way = census.orientation(request.compute)
+    way, values = found.orientation, array_of(found.data)
+    known = values[~on_grid(found.data).missing]
+    whole = Whole(way.of_spacing(form.spacing), (float(known.min()), float(known.max())))
+    fixed, rates = with_given_steps(replace(found, whole=whole, preparation=None))
+    found = replace(found, noise=found.noise.oriented(way.inverse))
     plan = replace(
         fixed,
-        orientation=way,
-        whole=replace(whole, spacing=way.of_spacing(whole.spacing)),
-        noise=found.noise.oriented(found.orientation.inverse),
+        noise=found.noise,
         data=_few(sample.data),
         candidates=(),
         mobility=None,
         stays=None,
-        request=replace(fixed.request, constraints=Constraints()),
+        max_change=None,
+        base=None,
+        request=replace(fixed.request, constraints=FREE),
     )
     runs = [fixed, *(fixed.only(part) for part in fixed.blend[1:])]
     halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
-    if found.base is not None:
-        halo += base_reach(there)
-    return Windowed(replace(found, noise=plan.noise), plan, census, constraints, halo, warnings)
+    halo += 0 if found.base is None else base_reach(whole)
+    return Windowed(found, Local(form, plan, halo, found.base is not None), warnings)
 
 
 def _few(data: OnGrid) -> OnGrid:

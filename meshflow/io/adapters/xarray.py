@@ -3,7 +3,7 @@
 from collections.abc import Hashable
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from meshflow.geometry.validation import Array, Spacing, mask_of, real, spacing_
 from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.spacing import between_samples, height_unit, on_ellipsoid, units_disagree
+from meshflow.surfaces.data import array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from rasterio.crs import CRS
     from xarray import DataArray
 
-__all__ = ["from_object"]
+__all__ = ["Described", "described", "from_object"]
 
 _CHANNELS = ("band", "bands", "channel", "channels", "rgb")
 _NAMES = (("y", "x"), ("lat", "lon"), ("latitude", "longitude"))
@@ -66,27 +67,92 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``, ``nodata``.
     :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or other options.
     """
+    said = described(data, options)
+    values = said.values()
+    gone = _gone(said.array, values)
+    missing = gone | mask_of(options.missing_in(values), gone.shape, "missing")
+    if said.kind is Image:
+        found: HeightField | Image = Image(values, said.spacing, missing)
+    else:
+        found = HeightField(values, said.spacing, missing, unit=said.unit)
+    return Imported(found, lambda smoothed: said.holding(np.array(array_of(smoothed)), bool(gone.any())), said.notes)
+
+
+class Shaped(Protocol):
+    """An array of numpy or of dask."""
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Its number type."""
+        ...
+
+    def reshape(self, shape: tuple[int, ...], /) -> object:
+        """It in another shape."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """What a DataArray says of its samples; none of them is read.
+
+    :ivar array: as it came.
+    :ivar ordered: its dimensions in the order in which samples are read.
+    :ivar shape: (h, w) or (h, w, k).
+    :ivar spacing: (dx, dy).
+    :ivar kind: the class of its data.
+    :ivar unit: of heights.
+    :ivar notes: sentences for the user.
+    """
+
+    array: "DataArray"
+    ordered: "DataArray"
+    shape: tuple[int, ...]
+    spacing: Spacing
+    kind: type[HeightField | Image]
+    unit: str
+    notes: tuple[str, ...]
+
+    def values(self) -> Array:
+        """The samples (h, w) or (h, w, k), as float32 or float64."""
+        return real(self.ordered.to_numpy(), str(self.array.name or "DataArray")).reshape(self.shape)
+
+    @property
+    def nodata(self) -> object:
+        """The declared value of missing samples of an array that was opened without masking; None: there is none."""
+        return self.array.attrs.get("_FillValue", self.array.attrs.get("nodata"))
+
+    def holding(self, values: Shaped, anything_missing: bool) -> "DataArray":
+        """The DataArray with other values (h, w) or (h, w, k), of numpy or of dask."""
+        array = self.array
+        smoothed = self.ordered.copy(data=values.reshape(self.ordered.shape)).transpose(*array.dims)
+        smoothed.encoding = {key: value for key, value in array.encoding.items() if key not in _PACKING}
+        declared = array.encoding.get("_FillValue", _NODATA if anything_missing else None)
+        if declared is not None and "_FillValue" not in array.attrs:
+            fits = np.isnan(declared) or abs(float(declared)) <= np.finfo(values.dtype).max
+            smoothed.encoding["_FillValue"] = values.dtype.type(declared if fits else _NODATA)
+        return smoothed
+
+
+def described(data: object, options: ReadOptions) -> Described:
+    """What a DataArray says of its samples.
+
+    :raises InputError: as :func:`from_object`.
+    """
     array = _data_array(data)
     options.must_belong("a DataArray", ("kind", "spacing", "missing", "nodata"))
     layout = _layout(array)
     _check_kind(options.kind, array, layout)
     ordered = array.transpose(*layout.order)
-    values = real(ordered.to_numpy(), str(array.name or "DataArray")).reshape(ordered.shape[len(layout.leading) :])
-    gone = _gone(array, values)
-    notes = _unscaled(array)
+    shape, notes = ordered.shape[len(layout.leading) :], _unscaled(array)
     if options.spacing is None:
         spacing, more = _spacing(array, layout)
         notes += more
     else:
-        spacing = spacing_of(options.spacing, len(values))
-    missing = gone | mask_of(options.missing_in(values), gone.shape, "missing")
+        spacing = spacing_of(options.spacing, shape[0])
     if layout.channel or options.kind == "image":
-        found: HeightField | Image = Image(values, spacing, missing)
-    else:
-        unit = height_unit(_crs(array), array.attrs.get("units"))
-        notes += units_disagree(_crs(array), unit)
-        found = HeightField(values, spacing, missing, unit=unit)
-    return Imported(found, lambda smoothed: _to_object(array, ordered, smoothed, bool(gone.any())), notes)
+        return Described(array, ordered, shape, spacing, Image, "", notes)
+    unit = height_unit(_crs(array), array.attrs.get("units"))
+    return Described(array, ordered, shape, spacing, HeightField, unit, notes + units_disagree(_crs(array), unit))
 
 
 def _data_array(data: object) -> "DataArray":
@@ -212,16 +278,3 @@ def _gone(array: "DataArray", values: Array) -> Array:
     if declared is not None:
         gone |= values == values.dtype.type(declared)
     return gone if gone.ndim == 2 else np.any(gone, axis=2)
-
-
-def _to_object(
-    array: "DataArray", ordered: "DataArray", data: HeightField | Image, anything_missing: bool
-) -> "DataArray":
-    values = data.z if isinstance(data, HeightField) else data.values
-    smoothed = ordered.copy(data=np.array(values).reshape(ordered.shape)).transpose(*array.dims)
-    smoothed.encoding = {key: value for key, value in array.encoding.items() if key not in _PACKING}
-    declared = array.encoding.get("_FillValue", _NODATA if anything_missing else None)
-    if declared is not None and "_FillValue" not in array.attrs:
-        fits = np.isnan(declared) or abs(float(declared)) <= np.finfo(values.dtype).max
-        smoothed.encoding["_FillValue"] = values.dtype.type(declared if fits else _NODATA)
-    return smoothed
