@@ -8,6 +8,7 @@ import meshflow
 from meshflow.estimate.mesh_noise import noise_on
 from meshflow.estimate.noise import Lines, noise_of
 from meshflow.estimate.noise_growth import noise_growth
+from meshflow.estimate.patch_noise import patch_noise
 from meshflow.estimate.planner import noise_in
 from meshflow.smoothing import noise_facts
 from meshflow.surfaces.mesh import Mesh
@@ -276,3 +277,26 @@ def test_the_noise_that_is_told_lies_as_the_data_lies():
         middle = len(found.correlation) // 2
         beside, below = found.correlation[middle, middle + 1], found.correlation[middle + 1, middle]
         assert (beside > below) != swapped
+
+
+@pytest.mark.parametrize("exponent", [1.3, 1.6])
+def test_the_roughness_of_a_fractal_surface_is_not_its_noise(exponent):
+    rng, n = np.random.default_rng(4), 128
+    radius = np.hypot(*np.meshgrid(np.fft.fftfreq(2 * n), np.fft.fftfreq(2 * n)))
+    radius[0, 0] = 1.0
+    rough = np.real(np.fft.ifft2(np.fft.fft2(rng.normal(size=(2 * n, 2 * n))) * radius**-exponent))[:n, :n]
+    rough *= 100.0 / rough.std()
+    missing = np.zeros((n, n), bool)
+    assert noise_of(rough, missing).sigma < 0.6 * patch_noise([(rough, ~missing)])
+    noisy = rough + 10.0 * rng.normal(size=(n, n))
+    assert noise_of(noisy, missing).sigma == pytest.approx(10.0, rel=0.3)
+
+
+def test_terraces_of_a_rounded_surface_are_no_correlated_noise():
+    rows, columns = np.mgrid[0:128, 0:128] / 128
+    for waves in (20.0, 30.0):
+        dunes = 3 * np.sin(waves * columns + 4 * np.sin(6 * rows)) + 5 * rows
+        for quantum in np.ptp(dunes) * np.array([0.03, 0.04, 0.05, 0.06, 0.08, 0.12]):
+            found = noise_of(np.round(dunes / quantum) * quantum, np.zeros(dunes.shape, bool))
+            assert found.sigma < 0.4 * quantum
+            assert found.correlation is None

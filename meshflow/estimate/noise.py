@@ -28,6 +28,10 @@ FAINT, ROUNDING = 1e-5, 1.25
 # The largest difference of two estimates (log), the number of tiles below which they are few, and the squared relative error
 # above which a spectrum fits badly.
 APART, FEW, ROUGH = 0.15, 12, 0.1
+# Noise larger than the quantum makes the rounding errors white; their deviation is then at least this share of it.
+DITHERED = 0.1
+# Below this share of the noise in patches, that on a rough surface is taken.
+LOWER = 0.85
 
 Part = tuple[Array, Array]
 
@@ -52,7 +56,8 @@ class Noise:
     :ivar quantum: smallest step between values of quantized data; 0 for continuous values.
     :ivar channels: sigma of each channel.
     :ivar share: of the samples whose differences are multiples of the quantum; 0 without a quantum.
-    :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise), ``differences``, or ``nothing`` for too few samples.
+    :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise, and rough surfaces), ``differences``, or ``nothing``
+        for too few samples.
     :ivar correlation: (2 r + 1, 2 r + 1), correlation of samples by lag in rows and columns, 1 in the middle; None: the noise
         is white.
     :ivar length: standard deviation, in samples, of the Gaussian filter that gives white noise the same correlation of
@@ -139,7 +144,8 @@ def noise_of(values: Array, missing: Array) -> Noise:
     """Estimate the noise of a grid, robustly.
 
     White noise is estimated from the weakly textured patches of some hundred thousand samples (:func:`.patch_noise.patch_noise`),
-    correlated noise from the spectrum of the flattest tiles (:func:`.noise_spectrum.spectral_noise`). For grids with too few of
+    correlated noise, and white noise on a rough surface, from the spectrum of the flattest tiles
+    (:func:`.noise_spectrum.spectral_noise`). For grids with too few of
     them it is the median absolute deviation of second differences (Immerkaer 1996). It is at least quantum / sqrt 12, the
     rounding error. A strong texture in all places counts as noise in part; it cannot be distinguished in one image.
 
@@ -190,9 +196,15 @@ def _channel(seen: _Measured, spectrum: Found | None, together: bool) -> _Channe
     least, most = _range(parts)
     faint = max(FAINT * (most - least), ROUNDING * quantum / np.sqrt(12.0))
     covariance, doubt = _correlated(spectrum, faint, together)
+    if covariance is not None and quantum > 0 and _white(parts)[0] < DITHERED * quantum:
+        covariance = (
+            None  # these are the terraces of a smooth surface: noise would have made white noise of the rounding
+        )
     sigma, how = _white(parts) if covariance is None else (float(np.sqrt(covariance[0, 0])), "spectrum")
     if how == "patches" and spectrum is not None and sigma > 0:
         doubt = _doubt(sigma, float(np.sqrt(spectrum.plain.white)))
+        if spectrum.floor is not None and np.sqrt(spectrum.floor) < LOWER * sigma:
+            sigma, how = max(float(np.sqrt(spectrum.floor)), quantum / np.sqrt(12.0)), "spectrum"
     if sigma <= 2.0 * np.finfo(seen.precision).eps * max(abs(least), abs(most)):
         sigma, covariance, lines, doubt = 0.0, None, Lines(), ""  # rounding of floating-point numbers is no noise
     if sigma > 0 or (quantum > 0 and terraced(parts, quantum)):
