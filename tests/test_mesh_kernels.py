@@ -15,6 +15,7 @@ from helpers import shapes
 from meshflow.flow.conjugate_gradients import conjugate_gradients, packed_matrix
 from meshflow.geometry import blocks, curvature, delaunay, normals, operator
 from meshflow.geometry.connectivity import connect
+from meshflow.geometry.crossings import crossing_pairs
 from meshflow.kernels import conjugate_gradients as cg_kernels
 from meshflow.kernels import mesh_blocks, mesh_connectivity, mesh_delaunay, mesh_normals, mesh_operator
 from meshflow.kernels.library import environment
@@ -59,6 +60,7 @@ def everything(seed=0):
     for q in (2.0, 4.0, 8.0, 3.0):
         found[f"spread {q}"] = normals.spread(at, normals.NormalDiffusion(areas, weights, across, 2.0, q), 1e-4, 3)
     found["followed"] = normals.followed(points, c, at, held, 3)
+    found["crossings"] = crossing_pairs(ball.noisy("iso", 0.5, 3), faces)
     found["directed"] = curvature.directed(points, faces, 2.0)
     found["flipped"], lengths = delaunay.delaunay(faces, delaunay.side_lengths(points, faces))
     found["of lengths"], _ = delaunay.length_cotangents(lengths)

@@ -26,7 +26,7 @@ from meshflow.flow.mobility import slowed
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
-from meshflow.geometry.folds import moved_without_folds
+from meshflow.geometry.crossings import moved_without_harm
 from meshflow.geometry.validation import whole
 from meshflow.results.result import History, Result, release
 from meshflow.surfaces.data import Data
@@ -68,7 +68,7 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
         warnings += _of_area(done, start, end)
-        done, held = _without_folds(done, plan)
+        done, held = _without_harm(done, plan)
         warnings += held
     if isinstance(engine, GridFlow):
         warnings += _alone(engine, plan)
@@ -227,12 +227,12 @@ def _steered(engine: Flow, plan: Plan) -> Flow:
     return flow if plan.pull is None else Faithful(flow, plan.pull)
 
 
-def _without_folds(done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
-    """The result of a search on a mesh without new folds, and a sentence if points move less for that."""
+def _without_harm(done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
+    """The result of a search on a mesh without new folds and crossings, and a sentence if points move less for that."""
     if not isinstance(done, Mesh) or not isinstance(plan.data, Mesh) or not plan.candidates or done.moves != "points":
         return done, ()
-    points, less = moved_without_folds(plan.data.points, done.points, done.faces, plan.data.fixed)
-    said = f"{less} of {len(points)} points were moved otherwise than by the method alone, which would fold the surface"
+    points, less = moved_without_harm(plan.data.points, done.points, done.faces, plan.data.fixed)
+    said = f"{less} of {len(points)} points were moved otherwise than by the method alone, which would fold or cross the surface"
     return replace(done, points=points), (said,) if less else ()
 
 

@@ -1,0 +1,74 @@
+"""Triangles of a mesh that cross each other, and how far points may move without new crossings."""
+
+import numpy as np
+
+from meshflow.geometry.folds import moved_without_folds, new_folds
+from meshflow.geometry.validation import Array, indices_of
+from meshflow.kernels import mesh_crossings as kernels
+
+__all__ = ["crossing_pairs", "moved_without_harm", "new_crossings"]
+
+# The number of pairs for which memory is taken at first.
+SOME = 1024
+# Rounds in which what crosses or folds moves half as far, and then not at all, each time with one more ring around it.
+HALVED, STAYED = 3, 5
+
+
+def crossing_pairs(points: Array, faces: Array) -> Array:
+    """The pairs (k, 2) of triangles that cross each other; those that share an edge, or only touch, do not.
+
+    :param points: (n, 3).
+    :param faces: (m, 3).
+    """
+    x, faces = np.ascontiguousarray(points, dtype=np.float64), indices_of(faces)
+    pairs = np.empty((SOME, 2), np.int32)
+    count = kernels.crossing_pairs(x, faces, pairs)
+    if count > len(pairs):
+        pairs = np.empty((count, 2), np.int32)
+        kernels.crossing_pairs(x, faces, pairs)
+    return pairs[:count]
+
+
+def new_crossings(before: Array, after: Array, faces: Array) -> Array:
+    """The pairs (k, 2) of triangles that cross each other, unless both crossed something before.
+
+    :param before: points (n, 3), as ``after``.
+    """
+    pairs = crossing_pairs(after, faces)
+    return pairs[~_crossed(before, faces)[pairs].all(axis=1)] if len(pairs) else pairs
+
+
+def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -> tuple[Array, int]:
+    """The points (n, 3) after a motion, those that would fold the surface or let it cross itself moved otherwise.
+
+    Folds are mended first (:func:`moved_without_folds`). Then the corners of what still folds or crosses move half as far, again
+    and again, and at last not at all, together with their neighbours. If there is harm after all this, nothing moves.
+
+    :param before: points (n, 3), as ``after``.
+    :param held: (n,), points that stay.
+    :returns: the points, and how many of them are moved otherwise.
+    """
+    points, bad = moved_without_folds(before, after, faces, held)[0], np.zeros(len(after), bool)
+    for turn in range(HALVED + STAYED + 1):
+        pairs = new_crossings(before, points, faces)
+        if turn > 0:
+            pairs = np.concatenate([pairs, new_folds(before, points, faces)])
+        if not len(pairs):
+            break
+        if turn == HALVED + STAYED:
+            points = before
+            break
+        if turn > HALVED:
+            bad[faces[bad[faces].any(axis=1)]] = True
+        bad[faces[pairs]] = True
+        less = bad & ~held
+        points = points.copy()
+        points[less] = 0.5 * (before[less] + points[less]) if turn < HALVED else before[less]
+    return points, int((points != after).any(axis=1).sum())
+
+
+def _crossed(points: Array, faces: Array) -> Array:
+    """Mask (m,) of the triangles that cross another one."""
+    found = np.zeros(len(faces), bool)
+    found[crossing_pairs(points, faces)] = True
+    return found

@@ -1,0 +1,3 @@
+#include "mesh_crossings.h"
+
+MESHFLOW_KERNEL_OF_ONE(crossing_pairs)

@@ -1,0 +1,150 @@
+// Triangles of a mesh that cross each other.
+#pragma once
+#include "memory.h"
+#include "mesh_corners.h"
+#include "mesh_normals.h"
+
+namespace meshflow {
+
+inline double least_of(double a, double b) { return a < b ? a : b; }
+inline double most_of(double a, double b) { return a > b ? a : b; }
+
+// Whether the segment from p to q crosses the triangle a, b, c. Touching is no crossing, nor is a segment in its plane.
+inline bool crosses(Point p, Point q, Point a, Point b, Point c) {
+    const Point normal = cross(minus(b, a), minus(c, a));
+    const double here = dot(normal, minus(p, a)), there = dot(normal, minus(q, a));
+    if (!((here > 0.0 && there < 0.0) || (here < 0.0 && there > 0.0))) return false;
+    const Point way = minus(q, p), to_a = minus(a, p), to_b = minus(b, p), to_c = minus(c, p);
+    const double one = dot(way, cross(to_a, to_b)), two = dot(way, cross(to_b, to_c)), three = dot(way, cross(to_c, to_a));
+    return (one > 0.0 && two > 0.0 && three > 0.0) || (one < 0.0 && two < 0.0 && three < 0.0);
+}
+
+// The box of a triangle, and the cells of a regular grid that it touches.
+struct Box {
+    double low[3], high[3];
+    Box(const double* points, const i32* face) {
+        for (int k = 0; k < 3; ++k) {
+            const double a = points[3 * face[0] + k], b = points[3 * face[1] + k], c = points[3 * face[2] + k];
+            low[k] = least_of(a, least_of(b, c)), high[k] = most_of(a, most_of(b, c));
+        }
+    }
+};
+
+struct CellGrid {
+    double start[3], edge;
+    i64 count[3];
+    i64 cells() const { return count[0] * count[1] * count[2]; }
+    i64 along(double x, int k) const {
+        const double at = (x - start[k]) / edge;
+        return !(at > 0.0) ? 0 : at >= static_cast<double>(count[k]) ? count[k] - 1 : static_cast<i64>(at);
+    }
+    template <class F> void for_cells(const Box& box, const F& visit) const {
+        const i64 low[3] = {along(box.low[0], 0), along(box.low[1], 1), along(box.low[2], 2)};
+        const i64 high[3] = {along(box.high[0], 0), along(box.high[1], 1), along(box.high[2], 2)};
+        for (i64 i = low[0]; i <= high[0]; ++i)
+            for (i64 j = low[1]; j <= high[1]; ++j)
+                for (i64 k = low[2]; k <= high[2]; ++k) visit((i * count[1] + j) * count[2] + k);
+    }
+};
+
+// Whether two triangles that share no edge cross. Those with a common corner do if the opposite side of one crosses the other.
+inline bool are_crossing(const double* points, const i32* one, const i32* other) {
+    int shared = 0, mine = -1, its = -1;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            if (one[i] == other[j]) ++shared, mine = i, its = j;
+    if (shared > 1) return false;
+    const Point a[3] = {vector_at(points, one[0]), vector_at(points, one[1]), vector_at(points, one[2])};
+    const Point b[3] = {vector_at(points, other[0]), vector_at(points, other[1]), vector_at(points, other[2])};
+    for (int i = 0; i < 3; ++i) {
+        if ((shared == 0 || i == mine) && crosses(a[(i + 1) % 3], a[(i + 2) % 3], b[0], b[1], b[2])) return true;
+        if ((shared == 0 || i == its) && crosses(b[(i + 1) % 3], b[(i + 2) % 3], a[0], a[1], a[2])) return true;
+    }
+    return false;
+}
+
+// The smallest grid whose lists have at most 16 m entries, with cells of at least the mean size of the boxes.
+inline bool fit_grid(i64 m, const double* points, const i32* faces, CellGrid& grid) {
+    double high[3], size = 0.0;
+    for (i64 f = 0; f < m; ++f) {
+        const Box box(points, faces + 3 * f);
+        double widest = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            if (f == 0 || box.low[k] < grid.start[k]) grid.start[k] = box.low[k];
+            if (f == 0 || box.high[k] > high[k]) high[k] = box.high[k];
+            widest = most_of(widest, box.high[k] - box.low[k]);
+        }
+        size += widest;
+    }
+    grid.edge = size / static_cast<double>(m);
+    if (!(grid.edge > 0.0) || !(grid.edge < 1e300)) return false;
+    for (;; grid.edge *= 1.5) {
+        double cells = 1.0, entries = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            const double many = (high[k] - grid.start[k]) / grid.edge + 1.0;
+            cells *= many, grid.count[k] = many < 1e9 ? static_cast<i64>(many) : 1;
+        }
+        if (!(cells <= 64.0 * static_cast<double>(m) + 1e5)) continue;
+        for (i64 f = 0; f < m; ++f) {
+            const Box box(points, faces + 3 * f);
+            double touched = 1.0;
+            for (int k = 0; k < 3; ++k) touched *= static_cast<double>(grid.along(box.high[k], k) - grid.along(box.low[k], k) + 1);
+            entries += touched;
+        }
+        if (entries <= 16.0 * static_cast<double>(m) || cells <= 8.0) return true;
+    }
+}
+
+// The pairs of triangles that cross each other, in the order of the cells in which their boxes meet; those with a common edge are
+// left out. Returns how many there are; the first k of them are written to pairs (k, 2).
+inline i64 crossing_pairs(i64 n, i64 m, i64 k, const double* points, const i32* faces, i32* pairs, i32 threads) {
+    if (n < 0 || m == 0) return 0;
+    CellGrid grid;
+    if (!fit_grid(m, points, faces, grid)) return 0;
+    const i64 cells = grid.cells();
+    const Memory<i64> first(cells + 1), found(cells + 1);
+    if (!first || !found) return NO_MEMORY;
+    for (i64 c = 0; c <= cells; ++c) first[c] = 0, found[c] = 0;
+    for (i64 f = 0; f < m; ++f) grid.for_cells(Box(points, faces + 3 * f), [&](i64 c) { ++first[c + 1]; });
+    for (i64 c = 0; c < cells; ++c) first[c + 1] += first[c];
+    const Memory<i32> list(first[cells]);
+    if (!list) return NO_MEMORY;
+    for (i64 f = 0; f < m; ++f)
+        grid.for_cells(Box(points, faces + 3 * f), [&](i64 c) { list[first[c]++] = static_cast<i32>(f); });
+    for (i64 c = cells; c > 0; --c) first[c] = first[c - 1];
+    first[0] = 0;
+    const auto in_cell = [&](i64 c, const auto& visit) {
+        for (i64 s = first[c]; s < first[c + 1]; ++s) {
+            const Box one(points, faces + 3 * list[s]);
+            for (i64 t = s + 1; t < first[c + 1]; ++t) {
+                const Box other(points, faces + 3 * list[t]);
+                bool apart = false;
+                for (int d = 0; d < 3; ++d) apart |= one.low[d] > other.high[d] || other.low[d] > one.high[d];
+                if (apart) continue;
+                // Boxes meet in several cells; the pair belongs to the one with the low corner of the common part.
+                const double at[3] = {most_of(one.low[0], other.low[0]), most_of(one.low[1], other.low[1]),
+                                      most_of(one.low[2], other.low[2])};
+                if ((grid.along(at[0], 0) * grid.count[1] + grid.along(at[1], 1)) * grid.count[2] + grid.along(at[2], 2) != c)
+                    continue;
+                if (are_crossing(points, faces + 3 * list[s], faces + 3 * list[t])) visit(list[s], list[t]);
+            }
+        }
+    };
+    parallel_blocks(cells, 1 << 10, threads, [&](i64 begin, i64 end, i64, i32) {
+        for (i64 c = begin; c < end; ++c) in_cell(c, [&](i32, i32) { ++found[c + 1]; });
+    });
+    for (i64 c = 0; c < cells; ++c) found[c + 1] += found[c];
+    parallel_blocks(cells, 1 << 10, threads, [&](i64 begin, i64 end, i64, i32) {
+        for (i64 c = begin; c < end; ++c) {
+            if (found[c + 1] == found[c]) continue;
+            i64 at = found[c];
+            in_cell(c, [&](i32 one, i32 other) {
+                if (at < k) pairs[2 * at] = one, pairs[2 * at + 1] = other;
+                ++at;
+            });
+        }
+    });
+    return found[cells];
+}
+
+}  // namespace meshflow
