@@ -156,12 +156,15 @@ DEPTH = 2 + Z / 50
 ALONG = ["search", "quick", "beltrami", "graph", "mean-curvature", "total-variation"]
 
 
-@pytest.mark.parametrize("word", ["perona-malik", "geman-mcclure", "heat", "patches", "curvature", "fairing"])
+@pytest.mark.parametrize(
+    "word", ["perona-malik", "geman-mcclure", "heat", "patches", "shock", "rof", "curvature", "fairing"]
+)
 def test_a_method_that_is_not_defined_along_rays_is_refused_by_name_with_those_that_are(word):
     with pytest.raises(InputError) as told:
         smooth(DEPTH, camera=CAMERA, method=word)
     assert str(told.value).startswith(f"method={word!r}: ")
-    assert f"methods for this data are {', '.join(ALONG)}" in str(told.value)
+    listed = str(told.value).partition("methods for this data are ")[2].partition(";")[0]
+    assert listed.split(", ") == ALONG
     if word not in ("curvature", "fairing"):
         assert "domain='disparity'" in str(told.value)
         smooth(DEPTH, camera=CAMERA, method=word, domain="disparity", time=1)
@@ -175,7 +178,7 @@ def test_a_method_that_is_offered_along_rays_runs(word):
 def test_a_boundary_is_refused_with_the_nearest_one():
     refused(
         lambda: smooth(Z, boundary="neuman"),
-        "for meshes also border-curve, expected, got 'neuman'; did you mean neumann",
+        r"border-curve \(of meshes\) expected, got 'neuman'; did you mean neumann",
     )
 
 
@@ -199,3 +202,45 @@ def test_depths_in_millimetres_are_metres_for_the_flow_and_millimetres_afterward
 @pytest.mark.parametrize("how", [{"depth_scale": 1000}, {"measure": "range"}, {"jump": None}])
 def test_an_option_of_depths_without_a_camera_is_refused_with_what_lacks(how):
     refused(lambda: smooth(DEPTH, **how), "of depths, which need their camera; give camera=")
+
+
+@pytest.mark.parametrize(
+    ("made", "plain"),
+    [
+        (lambda: smooth(Z, method="Perona_Malik"), lambda: smooth(Z, method="perona-malik")),
+        (lambda: smooth(Z, method="PeronaMalik"), lambda: smooth(Z, method="perona-malik")),
+        (lambda: smooth(Z, time=1, boundary="Neumann"), lambda: smooth(Z, time=1, boundary="neumann")),
+        (lambda: smooth(Z, time=1, kind="Terrain"), lambda: smooth(Z, time=1)),
+        (
+            lambda: smooth(Z, time=1, compute=Compute(stepper="Semi_Implicit", diagonals="BOTH")),
+            lambda: smooth(Z, time=1, compute=Compute(stepper="semi-implicit", diagonals="both")),
+        ),
+        (
+            lambda: smooth(Z, time=1, method=meshflow.Beltrami(mass="Ring")),
+            lambda: smooth(Z, time=1, method=meshflow.Beltrami(mass="ring")),
+        ),
+    ],
+)
+def test_a_word_is_taken_in_any_case_and_with_any_hyphen(made, plain):
+    np.testing.assert_array_equal(made(), plain())
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: smooth(Z, kind="dem"),
+            "kind: terrain, image, depth or mesh expected, got 'dem'; did you mean terrain",
+        ),
+        (lambda: smooth(Z, method="tv"), "tv: no such method; use total-variation"),
+        (lambda: smooth(Z, method="Taubin"), "no such method; use fairing"),
+        (lambda: smooth(Z, method=""), "an empty word: no such method"),
+        (lambda: meshflow.Beltrami(mass="rings"), "got 'rings'; did you mean ring"),
+        (lambda: meshflow.Fairing(along="normal"), "did you mean normals"),
+        (lambda: Compute(stepper="implicit"), "did you mean semi-implicit"),
+        (lambda: smooth(Z, outliers="kep"), "did you mean keep"),
+        (lambda: SemiImplicit(solver="directly"), "did you mean direct"),
+    ],
+)
+def test_an_unknown_word_is_refused_with_the_nearest_one_and_with_those_that_there_are(call, words):
+    refused(call, words)

@@ -30,7 +30,8 @@ def test_every_option_that_a_format_names_exists():
 
 @pytest.mark.parametrize("name", [field.name for field in fields(ReadOptions)])
 def test_what_was_not_said_is_not_given_and_what_was_said_is(name):
-    said = ReadOptions.of({name: "m" if name == "unit" else 0.5})
+    words = {"unit": "m", "kind": "mesh", "moves": "all", "measure": "range", "time_unit": "noise"}
+    said = ReadOptions.of({name: words.get(name, 0.5)})
     assert said.given == (name,)
     assert said.without(name).given == ()
     with pytest.raises(InputError, match=f"{name}: no option of a stone, which takes none"):

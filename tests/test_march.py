@@ -162,7 +162,7 @@ def test_progress_true_writes_nothing_where_nobody_looks(capfd):
         (lambda: AreaChange(target=0), "target: a positive"),
         (lambda: SemiImplicit("qr"), "solver: auto, direct, cg or multigrid expected, got 'qr'"),
         (lambda: SemiImplicit(tolerance=-1), "tolerance: a positive"),
-        (lambda: stepper_for("midpoint", noisy(), 1.0), "semi-implicit, super-time expected, got 'midpoint'"),
+        (lambda: stepper_for("midpoint", noisy(), 1.0), "semi-implicit or super-time expected, got 'midpoint'"),
         (lambda: list(march(noisy(), Until(steps=1), progress="yes")), "progress: None, True or a callable"),
         (lambda: list(march(noisy(), Until(steps=1), SemiImplicit())), "give dt beside steps"),
     ],

@@ -210,5 +210,5 @@ def test_a_curve_is_refused_where_there_is_none():
     for method in (NormalFilter(), PrincipalFlow(), NormalChannels()):
         with pytest.raises(InputError, match=f"got method='{method.word}'"):
             method.engine(flat, PointSetting(curve=True))
-    with pytest.raises(InputError, match="plane-preserving, .*border-curve, expected"):
+    with pytest.raises(InputError, match="neumann, .*border-curve .of meshes. expected"):
         smooth((points, faces), boundary="round")

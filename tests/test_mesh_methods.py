@@ -143,7 +143,7 @@ def test_a_method_has_no_options_of_another_and_a_constraint_no_other_words():
     for made in (Fairing, CurvatureFlow, ConformalFlow):
         with pytest.raises(InputError, match="regularize"):
             made(regularize=1.0)
-    with pytest.raises(InputError, match="PreserveVolume: by normals or scaling expected, got 'length'"):
+    with pytest.raises(InputError, match="by: normals or scaling expected, got 'length'"):
         PreserveVolume(by="length")
 
 

@@ -242,7 +242,7 @@ def test_what_lies_outside_of_only_and_inside_of_fixed_keeps_its_bits():
         ({"patch": -1}, "patch: a width between 0 and 6"),
         (
             {"boundary": "Linear"},
-            "boundary: plane-preserving, .*border-curve, expected, got 'Linear'",
+            "boundary: neumann, .*expected, got 'Linear'; did you mean plane-preserving",
         ),
         ({"control": "x"}, "control: FixedStep, AreaChange or Embedded expected"),
         ({"time": "5"}, "time: a finite number expected, got '5'"),

@@ -208,7 +208,10 @@ BAD = [
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), boundary="free"), "neumann, plane-preserving or fixed expected"),
     (lambda: Surface(np.eye(3), (TRIANGLE[1],), time_factor=np.ones(2)), r"time factor: shape \(3,\)"),
     (lambda: Lift(contrast=np.inf), "contrast: a positive finite number"),
-    (lambda: HeightField(np.ones((3, 3))).lifted(Lift(diagonals="cross")), "diagonals: one of forward, backward"),
+    (
+        lambda: HeightField(np.ones((3, 3))).lifted(Lift(diagonals="cross")),
+        "diagonals: forward, backward, both or alternate",
+    ),
     (lambda: Variant(gamma=np.nan), "gamma: a finite number"),
     (lambda: Variant(indicator="slope"), "metric or projection expected"),
     (lambda: Variant(mass="lumped"), "barycentric, voronoi or ring expected"),

@@ -5,7 +5,6 @@ from dataclasses import fields
 from typing import Any
 
 from meshflow.cli.flags import FLOW, Given
-from meshflow.cli.hints import method_hint
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import (
     Constraint,
@@ -20,11 +19,11 @@ from meshflow.estimate.constraints import (
 )
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import METHODS, Method
+from meshflow.flow.methods import METHODS, Method, Search, no_method
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
-from meshflow.geometry.options import options_of, refused
+from meshflow.geometry.options import options_of, spelled
 
-__all__ = ["asked"]
+__all__ = ["asked", "narrowed"]
 
 STOPS: dict[str, Callable[[Any], Any]] = {
     "steps": Steps, "residual": Residual, "area_loss": AreaLoss, "displacement": Displacement,
@@ -61,6 +60,27 @@ def asked(given: Given, per_sample: Callable[[str, str], Any], suiting: tuple[st
     return Request.of(_method(flags, suiting), stops, constraints, compute=compute, **numbers)
 
 
+def narrowed(request: Request, word: str | None, suiting: tuple[str, ...]) -> tuple[str, ...]:
+    """A note where options alone, without a method, have decided the method: no other is searched for.
+
+    :param word: the method that was named; ``suiting``: the words of the methods that suit the data.
+    """
+    method = request.method
+    if word is not None or method is None or isinstance(method, Search):
+        return ()
+    given = [o.name for o in options_of(type(method)) if getattr(method, o.name) != o.default]
+    having = [
+        word
+        for word, kind in METHODS.items()
+        if isinstance(kind, type) and _has(kind, given) and word in suiting and word != method.word
+    ]
+    others = f" (--method names another one that has it: {', '.join(having)})" if having else ""
+    return (
+        f"{', '.join(map(_flag, given))}: an option of method {method.word}, which was taken{others}; no other method "
+        "was searched for",
+    )
+
+
 def _of(kind: type, flags: Given) -> Given:
     """The options of a class that were given."""
     return {o.name: flags[o.name] for o in options_of(kind) if flags.get(o.name) is not None}
@@ -87,10 +107,9 @@ def _method(flags: Given, suiting: tuple[str, ...]) -> Method | None:
         if having:
             raise InputError(f"{given}: belongs to {', '.join(having)}; methods for this data are {', '.join(suiting)}")
         raise InputError(f"{given}: no method has all of these options")
+    word = spelled(word, METHODS) or word
     if word not in METHODS:
-        if meant := method_hint(word):
-            raise InputError(f"--method {word}: no such method; use {meant}")
-        raise refused(word, tuple(METHODS), "method")
+        raise no_method(word)
     kind = METHODS[word]
     known = {f.name for f in fields(kind)} if isinstance(kind, type) else set()  # type: ignore[arg-type]
     for name in options:

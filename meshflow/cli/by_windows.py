@@ -2,7 +2,7 @@
 
 import json as notation
 
-from meshflow.cli.asking import asked
+from meshflow.cli.asking import asked, narrowed
 from meshflow.cli.console import out, said
 from meshflow.cli.flags import Given
 from meshflow.cli.inputs import plain_sample
@@ -58,10 +58,15 @@ def smooth_by_windows(given: Given, memory: float) -> None:
             )
     options = _reading(given)
     options.must_belong(f"a raster ({source.name})", format_of(source, options).READS)
-    request = asked(given, plain_sample, words_for(points=False))
+    word, suiting = given["method"], words_for(points=False)
+    request = asked(given, plain_sample, suiting)
     writing = Output(Budget(memory), given["dtype"], given["overwrite"])
     result = smooth_raster(source, target, request, options, writing, None if quiet else True)
-    notes = (*result.notes, *(word for word in result.warnings if word not in result.notes))
+    notes = (
+        *narrowed(request, word, suiting),
+        *result.notes,
+        *(word for word in result.warnings if word not in result.notes),
+    )
     if not quiet:
         said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
     if given["json"]:

@@ -16,15 +16,16 @@ from typing import Any
 import typer
 
 from meshflow.cli import looking
-from meshflow.cli.asking import asked
+from meshflow.cli.asking import asked, narrowed
 from meshflow.cli.by_windows import memory_for, smooth_by_windows
 from meshflow.cli.console import err, out, said, table
 from meshflow.cli.environment import environment
 from meshflow.cli.flags import FLOW, Given, command, only
-from meshflow.cli.hints import hint_for
+from meshflow.cli.hints import usage
 from meshflow.cli.inputs import frame, opened, per_sample, plain_sample
 from meshflow.cli.looking import must_be_drawable, pictured
 from meshflow.cli.options import READING, flags
+from meshflow.cli.spoken import spoken
 from meshflow.cli.tables import methods_table, options_table
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.estimate.planner import words_on
@@ -94,14 +95,19 @@ def smooth(given: Given) -> None:
         if given["json"]:
             raise InputError("smooth: OUT or --json goes to stdout, not both; name a file for OUT")
         target = temporary(os.getpid()) / f"stdout{document.path.suffix}"
-    request = asked(given, partial(per_sample, document), words_on(document.data))
+    word, suiting = given["method"], words_on(document.data)
+    request = asked(given, partial(per_sample, document), suiting)
     dtype: Writing = {"dtype": given["dtype"]} if given["dtype"] else {}
     _must_be_writable(document, target, given["picture"], given["report"], overwrite, dtype)
     record = given["json"] or given["report"] is not None
     done, result = smooth_object(document, request, None if quiet else True, record=record)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
     options: Writing = {**dtype, **_left(document, target, result, dtype)}
-    notes = document.notes + write(done, target, overwrite=overwrite, tags=tags, **options)
+    notes = (
+        document.notes
+        + narrowed(request, word, suiting)
+        + write(done, target, overwrite=overwrite, tags=tags, **options)
+    )
     notes += tuple(word for word in every_warning(result) if word not in (*notes, result.stopped_because))
     if not quiet:
         said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
@@ -241,12 +247,11 @@ def main() -> None:
     except UsageError as refusal:
         about = "" if refusal.ctx is None else f"; see {refusal.ctx.command_path} --help"
         dashed = [word for word in sys.argv[1:] if word.startswith("-") and word != "-" and Path(word).exists()]
-        about = hint_for(refusal.format_message()) + about
         about += "".join(f"; the file is given as ./{word}" for word in dashed)
-        said(f"meshflow: {' '.join(refusal.format_message().split()).rstrip('.')}{about}", (), style="red")
+        said(f"meshflow: {usage(refusal, sys.argv[1:])}{about}", (), style="red")
         sys.exit(refusal.exit_code)
     except (InputError, MissingPackage, NotConverged, OSError) as refusal:
-        err.print(f"meshflow: {refusal}", markup=False, soft_wrap=True, style="red")
+        err.print(f"meshflow: {spoken(str(refusal))}", markup=False, soft_wrap=True, style="red")
         sys.exit(1)
     except MemoryError as refusal:
         why = " ".join(str(refusal).split()) or "no more is given to this process"

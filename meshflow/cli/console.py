@@ -7,6 +7,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from meshflow.cli.spoken import spoken
+
 __all__ = ["err", "out", "said", "table"]
 
 out, err = Console(), Console(stderr=True, highlight=False)
@@ -27,6 +29,6 @@ def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
 
 def said(line: str, notes: tuple[str, ...], style: str | None = None) -> None:
     """Print a line and its notes to stderr, leaving out empty ones."""
-    for sentence in (line, *notes):
+    for sentence in (line, *(spoken(note, refusal=False) for note in notes)):
         if sentence:
             err.print(sentence, markup=False, soft_wrap=True, style=style)

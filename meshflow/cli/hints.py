@@ -1,16 +1,22 @@
-"""Hints for names of other tools that have different names in our commands."""
+"""What is said of bad usage: in our words, with the nearest option or word, and hints for names of other tools."""
 
 import re
+from collections.abc import Sequence
+from typing import Any
 
-__all__ = ["hint_for", "method_hint"]
+from meshflow.geometry.options import expected, nearest
 
+__all__ = ["usage"]
+
+_AMOUNT = "the amount of smoothing is set by --time (or --scale, a length); --steps is a number of steps"
+_TAUBIN = "the flow has --time; --method fairing --order N keeps the volume, as lambda and mu of Taubin do"
 _FLAGS = {
-    "iterations": "the amount of smoothing is set by --time (or --scale, a length); --steps is a number of steps",
-    "iter": "the amount of smoothing is set by --time (or --scale, a length); --steps is a number of steps",
-    "n-iter": "the amount of smoothing is set by --time (or --scale, a length); --steps is a number of steps",
-    "niter": "the amount of smoothing is set by --time (or --scale, a length); --steps is a number of steps",
-    "lambda": "the flow has --time; --method fairing --order N keeps the volume, as lambda and mu of Taubin do",
-    "lamb": "the flow has --time; --method fairing --order N keeps the volume, as lambda and mu of Taubin do",
+    "iterations": _AMOUNT,
+    "iter": _AMOUNT,
+    "n-iter": _AMOUNT,
+    "niter": _AMOUNT,
+    "lambda": _TAUBIN,
+    "lamb": _TAUBIN,
     "mu": "for lambda and mu of Taubin use --method fairing --order N",
     "pass-band": "for a low-pass filter of a mesh use --method fairing --order N",
     "sigma": "the noise is set by --noise; the width of a Gaussian by --scale",
@@ -22,34 +28,42 @@ _FLAGS = {
     "force": "use --overwrite to replace a file",
     "bands": "use --band to choose a band",
 }
-_METHODS = {
-    "taubin": "fairing (--order N), which keeps the volume as it does",
-    "laplacian": "curvature (meshes) or heat (grids)",
-    "laplace": "curvature (meshes) or heat (grids)",
-    "mean-curvature-flow": "curvature (meshes) or graph (grids)",
-    "humphrey": "curvature with --preserve volume",
-    "gaussian": "heat with --scale",
-    "bilateral": "normal-filter (meshes) or patches (grids)",
-    "nlm": "patches",
-    "nl-means": "patches",
-    "median": "total-variation",
-    "tv": "total-variation",
-    "rof": "total-variation",
-    "pm": "perona-malik",
-    "anisotropic": "perona-malik or beltrami",
-    "anisotropic-diffusion": "perona-malik or beltrami",
-    "windowed-sinc": "fairing (--order N)",
-    "two-step": "normal-filter",
-}
+_ONE_OF = re.compile(r"(?:Value error, )?'([^']*)' is not one of ((?:'[^']*'(?:, )?)+)")
+_NUMBER = re.compile(r"Input should be a valid (number|integer), .*")
 
 
-def hint_for(message: str) -> str:
-    """A hint for an option of other tools in an error message; empty if it has none."""
-    found = re.search(r"[Nn]o such option:? '?--?([\w-]+)", message)
-    word = _FLAGS.get(found.group(1).lower().replace("_", "-"), "") if found else ""
-    return f"; {word}" if word else ""
+def usage(refusal: Any, arguments: Sequence[str]) -> str:
+    """One sentence on bad usage.
+
+    :param refusal: what typer raises, a ``UsageError``.
+    :param arguments: those of the command line.
+    """
+    message = " ".join(refusal.format_message().split()).rstrip(".")
+    unknown = re.match(r"No such option:? '?(--?[\w-]+)", message)
+    if unknown:
+        return _unknown(unknown[1], refusal.ctx)
+    message = _ONE_OF.sub(lambda found: expected(found[1], re.findall(r"'([^']*)'", found[2])), message)
+    flag = re.search(r"'(--?[\w-]+)'", message)
+    given = _given(flag[1], arguments) if flag else ""
+    got = f", got {given!r}" if given else ""
+    return _NUMBER.sub(lambda found: f"a {'whole ' * (found[1] == 'integer')}number expected{got}", message)
 
 
-def method_hint(word: str) -> str:
-    """The method that corresponds to a method name of other tools; empty if there is none."""
-    return _METHODS.get(word.lower().replace("_", "-").replace(" ", "-"), "")
+def _unknown(flag: str, context: Any) -> str:
+    """An option that does not exist, with the hint for those of other tools, or the nearest one."""
+    hint = _FLAGS.get(flag.lstrip("-").lower().replace("_", "-"), "")
+    if not hint and context is not None:
+        there = [word for parameter in context.command.params for word in parameter.opts if word.startswith("--")]
+        near = nearest(flag.replace("_", "-"), there)
+        hint = f"did you mean {near}?" if near else ""
+    return f"No such option: {flag}{'; ' if hint else ''}{hint}"
+
+
+def _given(flag: str, arguments: Sequence[str]) -> str:
+    """What was given for a flag; empty where it is not found."""
+    for one, following in zip(arguments, [*arguments[1:], ""], strict=True):
+        if one == flag:
+            return following
+        if one.startswith(f"{flag}="):
+            return one.partition("=")[2]
+    return ""

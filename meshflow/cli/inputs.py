@@ -69,22 +69,33 @@ def per_sample(document: Document, word: str, given: str) -> Any:
 
     :raises InputError: for text that names neither.
     """
-    if (word in NUMBERS and _is_number(given)) or (word == "max_change" and given == "step") or Path(given).is_file():
+    if document.kind != "mesh" or _is_plain(word, given) or Path(given).is_file():
         return plain_sample(word, given)
     try:
         document.samples(given, word)
     except InputError as cause:
-        raise InputError(f"{cause}; nor is there a file {given}") from cause
+        raise InputError(f"{cause}; nor is there a file of that name") from cause
     return given
 
 
 def plain_sample(word: str, given: str) -> Any:
-    """The numbers per sample of an option for data without named arrays: a number, ``step``, or the numbers of a file."""
+    """The numbers per sample of an option for data without named arrays: a number, ``step``, or the numbers of a file.
+
+    :raises InputError: for anything else.
+    """
     if word == "max_change" and given == "step":
         return given
-    if word in NUMBERS and _is_number(given):
+    if _is_plain(word, given):
         return float(given)
+    if not Path(given).is_file():
+        others = {"max_change": "a number, step, or ", "fixed": "", "mask": ""}.get(word, "a number or ")
+        raise InputError(f"{word}: {others}a file expected, and there is no file {given}")
     return (mask if word in ("mask", "fixed") else samples)(Path(given))
+
+
+def _is_plain(word: str, given: str) -> bool:
+    """Whether what is given is no file: a number, or ``step``."""
+    return (word in NUMBERS and _is_number(given)) or (word == "max_change" and given == "step")
 
 
 def _is_number(word: str) -> bool:

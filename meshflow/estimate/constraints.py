@@ -105,10 +105,6 @@ class PreserveVolume:
 
     by: Literal["normals", "scaling"] = "normals"
 
-    def __post_init__(self) -> None:
-        if self.by not in ("normals", "scaling"):
-            raise InputError(f"PreserveVolume: by normals or scaling expected, got {self.by!r}")
-
 
 @named_fields
 @dataclass(frozen=True)

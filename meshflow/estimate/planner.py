@@ -279,8 +279,11 @@ def _must_be_defined(data: Data, request: Request) -> None:
     :raises InputError: with its name, and the methods that are.
     """
     method, rays = request.method, isinstance(data, RangeImage)
-    on_grid = not isinstance(data, Mesh)
-    if not isinstance(method, HeightMethod) or (why := method.variant.misfit(rays, on_grid)) == "":
+    if not isinstance(method, HeightMethod):
+        return
+    moving = isinstance(data, Mesh) and data.moves != "channels"  # all but patches stand for mean curvature flow there
+    why = (method.variant if moving else method).misfit(rays, not isinstance(data, Mesh))
+    if not why:
         return
     inverse = "; domain='disparity' takes all methods of height fields" if rays else ""
     raise InputError(f"method={method.word!r}: {why}; {_methods_on(data)}{inverse}")

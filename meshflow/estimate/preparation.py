@@ -183,7 +183,7 @@ def _said(values: Array, found: Outliers, repaired: Array) -> list[str]:
             say = "nodata" if found.value is None else f"nodata={found.value:.9g}"
             words.append(
                 f"{count} sample{'s' * (count > 1)}{value} far outside of all others ({low:.6g} to {high:.6g}): {done}; declare "
-                f"what is missing ({say}, --nodata, or missing=), or give outliers='repair', 'keep' or 'include'"
+                f"what is missing ({say}, or missing=), or give outliers='repair', 'keep' or 'include'"
             )
         else:
             share = 100.0 * count / mask.size

@@ -14,7 +14,7 @@ from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.searched import Quick, Search
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps, Stop, When
-from meshflow.geometry.options import must_be_object, nearest, option
+from meshflow.geometry.options import must_be_object, named_fields, option
 from meshflow.geometry.validation import Array, number, positive
 from meshflow.surfaces.surface import Boundary
 
@@ -25,10 +25,9 @@ BoundaryWord = Boundary | Literal["border-curve"]
 Stopping = Steps | Residual | AreaLoss | Displacement | When | Callable[[Array, float], object]
 # The largest scale: its square must be a number.
 WIDEST = 1e150
-OUTLIERS, LEVELS = ("keep", "repair", "include"), ("rows", "columns")
-BOUNDARIES, DOMAINS = ("plane-preserving", "neumann", "fixed", "border-curve"), ("length", "disparity")
 
 
+@named_fields
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Request:
     """The options of a run that the caller gives.
@@ -71,7 +70,9 @@ class Request:
 
     def __post_init__(self) -> None:
         if self.time is not None and self.scale is not None:
-            raise InputError(f"time {self.time} and scale {self.scale}: one of them expected; time is scale^2 / 2")
+            raise InputError(
+                f"time={self.time} and scale={self.scale}: they say the same, time = scale² / 2; give one of them"
+            )
         for name in ("time", "scale"):
             value = getattr(self, name)
             if value is not None and (isinstance(value, bool) or number(value, name) < 0):
@@ -81,18 +82,6 @@ class Request:
         positive(self.strength, "strength")
         if self.noise is not None:
             positive(self.noise, "noise")
-        if self.boundary not in (None, *BOUNDARIES):
-            near = nearest(str(self.boundary), BOUNDARIES)
-            meant = f"; did you mean {near}?" if near else ""
-            raise InputError(
-                f"boundary: {', '.join(BOUNDARIES[:-1])}, or for meshes also {BOUNDARIES[-1]}, expected, got "
-                f"{self.boundary!r}{meant}"
-            )
-        if self.domain not in DOMAINS:
-            raise InputError(f"domain: {' or '.join(DOMAINS)} expected, got {self.domain!r}")
-        for name, known in (("outliers", OUTLIERS), ("level", LEVELS)):
-            if getattr(self, name) not in (None, *known):
-                raise InputError(f"{name}: {', '.join(known)} expected, got {getattr(self, name)!r}")
         must_be_object(self.compute, "compute: a Compute")
         if not isinstance(self.compute, Compute):
             raise InputError(f"compute: a Compute expected, got {self.compute!r}")

@@ -10,11 +10,9 @@ from meshflow.geometry.delaunay import Triangles
 from meshflow.geometry.options import must_be_object, named_fields, option
 from meshflow.geometry.validation import must_be_truth, positive, whole
 from meshflow.kernels.library import default_threads, using_threads
-from meshflow.surfaces.triangles import Diagonals, triangulations
+from meshflow.surfaces.triangles import Diagonals
 
 __all__ = ["Compute"]
-
-TRIANGLES = ("auto", "given", "delaunay", "clamped")
 
 
 @named_fields
@@ -51,11 +49,8 @@ class Compute:
         must_be_object(self.control, "control: FixedStep, AreaChange or Embedded")
         if self.control is not None and not isinstance(self.control, (FixedStep, AreaChange, Embedded, GivenSteps)):
             raise InputError(f"control: FixedStep, AreaChange or Embedded expected, got {self.control!r}")
-        if self.triangles not in TRIANGLES:
-            raise InputError(f"triangles: {', '.join(TRIANGLES)} expected, got {self.triangles!r}")
         if self.search is not None:
             must_be_truth(self.search, "search")
-        triangulations(self.diagonals)
         stepper_word(self.stepper)
         if self.triangles == "clamped" and self.stepper == "super-time":
             raise InputError(

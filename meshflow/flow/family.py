@@ -56,10 +56,6 @@ class Variant:
     def __post_init__(self) -> None:
         number(self.gamma, "gamma")
         positive(self.sharpness, "sharpness")
-        if self.indicator not in ("metric", "projection"):
-            raise InputError(f"indicator: metric or projection expected, got {self.indicator!r}")
-        if self.mass not in ("barycentric", "voronoi", "ring"):
-            raise InputError(f"mass: barycentric, voronoi or ring expected, got {self.mass!r}")
         if positive(self.floor, "floor") > 1:
             raise InputError(f"floor: a number in (0, 1] expected, got {self.floor}")
 

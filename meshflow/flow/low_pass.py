@@ -12,6 +12,7 @@ from scipy.fft import dct
 from meshflow.errors import InputError, NotConverged
 from meshflow.flow.contract import Flow
 from meshflow.flow.workspace import Workspace
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, whole
 
 __all__ = ["LowPass", "Weights", "filtered", "filtered_by_all", "generator_of"]
@@ -32,6 +33,7 @@ class Generated(Protocol):
         ...
 
 
+@named_fields
 @dataclass(frozen=True)
 class LowPass:
     """f(dt A) u with f(x) = 1 / (1 + x^order), A = M^-1 L: what is smoother than the square root of dt passes.
@@ -55,8 +57,6 @@ class LowPass:
     def __post_init__(self) -> None:
         if whole(self.order, "order", 1) > 20:
             raise InputError(f"order: a whole number from 1 to 20 expected, got {self.order}")
-        if self.weights not in ("cotangent", "uniform"):
-            raise InputError(f"weights: cotangent or uniform expected, got {self.weights!r}")
 
     def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after a filter of time dt.

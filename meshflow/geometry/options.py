@@ -1,16 +1,37 @@
 """Options: each is declared once with default, unit and meaning, from which flags, help and tables are made."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
-from typing import Any, TypeVar, get_type_hints
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from meshflow.errors import InputError
 
-__all__ = ["Option", "must_be_object", "named_fields", "nearest", "option", "options_of", "refused"]
+__all__ = [
+    "Option",
+    "expected",
+    "must_be_object",
+    "named_fields",
+    "nearest",
+    "option",
+    "options_of",
+    "refused",
+    "spelled",
+]
 
 Made = TypeVar("Made")
+# Words that others have for the words of an option.
+SYNONYMS = {
+    "dem": "terrain", "dtm": "terrain", "dsm": "terrain", "heights": "terrain", "height": "terrain", "elevation": "terrain",
+    "picture": "image", "photo": "image", "photograph": "image", "range": "depth", "depths": "depth", "surface": "mesh",
+    "natural": "neumann", "linear": "plane-preserving", "dirichlet": "fixed", "implicit": "semi-implicit", "euler": "explicit",
+}  # fmt: skip
+
+
+# Words that suit some data only.
+NOTED = {"border-curve": "border-curve (of meshes)"}
 
 
 def option(default: Any, meaning: str, unit: str = "", flag: str = "") -> Any:
@@ -80,16 +101,41 @@ def refused(word: str, known: "list[str] | tuple[str, ...]", what: str) -> Input
     return InputError(f"{word}: no such {what}{meant} are {', '.join(known) or 'none'}")
 
 
+def spelled(given: str, known: Collection[str]) -> str:
+    """The known word that is given, whichever its case and whether with spaces, hyphens or underscores; else empty."""
+    if given in known:
+        return given
+    letters = "".join(filter(str.isalnum, given)).lower()
+    return next((word for word in known if "".join(filter(str.isalnum, word)) == letters), "")
+
+
+def expected(given: object, known: Sequence[str]) -> str:
+    """What was expected instead of an unknown word, with the nearest one, as the end of a sentence."""
+    near = "" if not isinstance(given, str) else SYNONYMS.get(given.lower(), "") or nearest(given, tuple(known))
+    meant = f"; did you mean {near}?" if near and near in known else ""
+    known = [NOTED.get(word, word) for word in known]
+    listed = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
+    return f"{listed} expected, got {given!r}{meant}"
+
+
 def named_fields(kind: type[Made]) -> type[Made]:
     """Decorator: a call of a dataclass that does not fit its fields is refused in words, with the field that was meant.
 
+    Words of fields that are one of several (``Literal``) are taken in any spelling of :func:`spelled`, and others refused.
     Type checkers and :func:`inspect.signature` see the class as it is.
     """
-    make = kind.__init__
+    make, choices = kind.__init__, _choices(kind)
+    placed = [f.name for f in fields(kind) if f.init and not f.kw_only] if choices else []
 
     @wraps(make)
     def made(self: Made, *given: object, **named: object) -> None:
         """Make the object; what does not fit its fields is refused."""
+        if choices:
+            given = (
+                tuple(_chosen(choices, name, one) for name, one in zip(placed, given, strict=False))
+                + given[len(placed) :]
+            )
+            named = {name: _chosen(choices, name, one) for name, one in named.items()}
         try:
             make(self, *given, **named)
         except TypeError:
@@ -102,6 +148,34 @@ def named_fields(kind: type[Made]) -> type[Made]:
 
     setattr(kind, "__init__", made)  # noqa: B010 - a type checker goes on seeing the fields
     return kind
+
+
+def _choices(kind: type) -> dict[str, tuple[tuple[str, ...], bool]]:
+    """The fields that are one of several words: the words, and whether anything but a word may be given, too."""
+    found = {}
+    for one in fields(kind):  # type: ignore[arg-type]
+        parts = get_args(one.type) if get_origin(one.type) in (Union, UnionType) else (one.type,)
+        parts = [part for part in parts if part is not NoneType]
+        words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
+        if words and str not in parts and all(isinstance(word, str) for word in words):
+            found[one.name] = tuple(words), any(get_origin(part) is not Literal for part in parts)
+    return found
+
+
+def _chosen(choices: Mapping[str, tuple[tuple[str, ...], bool]], name: str, given: object) -> object:
+    """The word that is meant by what is given for a field; anything but words unchanged.
+
+    :raises InputError: for an unknown word.
+    """
+    if name not in choices or given is None:
+        return given
+    words, others = choices[name]
+    if not isinstance(given, str) and others:
+        return given
+    word = spelled(given, words) if isinstance(given, str) else ""
+    if not word:
+        raise InputError(f"{name}: {expected(given, words)}")
+    return word
 
 
 def _misfit(kind: type, shown: Signature, given: tuple[object, ...], named: Mapping[str, object]) -> InputError:

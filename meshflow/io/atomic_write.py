@@ -26,7 +26,7 @@ def must_be_free(path: Path, overwrite: bool) -> None:
             f"{path} is a device or a pipe, and no file that can be replaced; the command writes to stdout as -"
         )
     if path.exists() and not overwrite:
-        raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (--overwrite, overwrite=True)")
+        raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (overwrite=True)")
 
 
 @contextmanager

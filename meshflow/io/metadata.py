@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from difflib import get_close_matches
 from os import PathLike
 from typing import Literal, Protocol, TypedDict, runtime_checkable
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
+from meshflow.geometry.options import named_fields, refused
 from meshflow.geometry.validation import Array, mask_of, truth_of
 from meshflow.surfaces.camera import Camera, Measure
 from meshflow.surfaces.mesh import Moves
@@ -83,6 +83,7 @@ class Metadata(TypedDict, total=False):
     allow_remote: bool
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class ReadOptions:
     """Metadata that the caller gives for a file or an object; None: not given.
@@ -139,9 +140,7 @@ class ReadOptions:
                     f"{name}: a constraint, no option of a reader; give constraints={constraint}(...) to smooth"
                 )
             if name not in names:
-                near = get_close_matches(name, names, 1)
-                meant = f"did you mean {near[0]}? There are" if near else "there are"
-                raise InputError(f"{name}: no such option; {meant} {', '.join(names)}")
+                raise refused(name, names, "option")
         return replace(cls(), **dict(metadata))
 
     @property
@@ -206,8 +205,9 @@ def as_given(given: ArrayLike | None, word: str) -> ArrayLike | None:
     :raises InputError: for a name.
     """
     if isinstance(given, str):
+        others = "" if word in MASKS else "a number, 'step' or " if word == "max_change" else "a number or "
         raise InputError(
-            f"{word}: {'' if word in MASKS else 'a number or '}an array expected, got {given!r}; names are "
+            f"{word}: {others}an array expected, got {given!r}; names are "
             "those of arrays in the object or the file itself (a mesh of trimesh, pyvista, open3d or meshio, an ImageData); "
             "of a file, give its samples: meshflow.read(path), or numpy.load"
         )

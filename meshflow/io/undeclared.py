@@ -37,7 +37,7 @@ class Mark:
         low, high = self.others
         return (
             f"{self.count} samples are {self.value:.9g}, far from all others ({low:.6g} to {high:.6g}), and nothing declares it: "
-            f"taken as missing (--nodata={self.value:.9g} declares it; --nodata nan takes it as data)"
+            f"taken as missing (nodata={self.value:.9g} declares it; nodata=nan takes it as data)"
         )
 
 

@@ -169,7 +169,7 @@ def _must_be_alike(source: Gridded, sample: Sample, options: ReadOptions) -> Non
     if unlike:
         raise InputError(
             f"{source.reader.path.name}: {len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}); by windows choose "
-            "one (band=1, --band), or smooth them together (--kind image)"
+            "one (band=1), or smooth them together (kind='image')"
         )
 
 

@@ -54,8 +54,6 @@ class Mesh:
         object.__setattr__(self, "channels", self._checked(self.channels))
         if self.moves is None:
             object.__setattr__(self, "moves", "points" if self.channels is None else "channels")
-        if self.moves not in ("points", "channels", "all"):
-            raise InputError(f"moves: points, channels or all expected, got {self.moves!r}")
         if self.moves != "points" and self.channels is None:
             raise InputError(f"moves={self.moves!r}: the mesh has no channels; give channels (n, k)")
 

@@ -87,8 +87,6 @@ class RangeImage:
             positive(self.jump, "jump")
         if self.sigma is not None:
             object.__setattr__(self, "sigma", _noise(self.sigma, depth.shape, missing))
-        if self.time_unit not in ("footprint", "length", "noise"):
-            raise InputError(f"time_unit: footprint, length or noise expected, got {self.time_unit!r}")
         self.camera.check((depth.shape[0], depth.shape[1]), self.counted, missing)
         object.__setattr__(self, "measure", self.counted)
         object.__setattr__(self, "depth", depth)

@@ -28,9 +28,9 @@ from meshflow.flow.methods.selective import SelectiveSmoothing
 from meshflow.flow.methods.shared_edges import SharedEdges
 from meshflow.flow.methods.shock import ShockFilter
 from meshflow.flow.methods.total_variation import TotalVariation
-from meshflow.geometry.options import must_be_object, refused
+from meshflow.geometry.options import must_be_object, refused, spelled
 
-__all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", "words_for"]
+__all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", "no_method", "words_for"]
 
 Method = HeightMethod | PointMethod
 # Methods for values above a base (heights, channels, depths), and methods for the points of a mesh.
@@ -46,6 +46,27 @@ METHODS: dict[str, Callable[[], Method]] = {
     found.word: found for found in (Search, Quick, *HEIGHT_METHODS, *POINT_METHODS)
 }
 
+# Methods of other tools, and what corresponds to them here.
+ELSEWHERE = {
+    "taubin": "fairing (with an order), which keeps the volume as it does",
+    "laplacian": "curvature (meshes) or heat (grids)",
+    "laplace": "curvature (meshes) or heat (grids)",
+    "mean-curvature-flow": "curvature (meshes) or graph (grids)",
+    "humphrey": "curvature, and preserve the volume",
+    "gaussian": "heat, with a scale",
+    "gauss": "heat, with a scale",
+    "bilateral": "normal-filter (meshes) or patches (grids)",
+    "nlm": "patches",
+    "nl-means": "patches",
+    "median": "total-variation",
+    "tv": "total-variation",
+    "pm": "perona-malik",
+    "anisotropic": "perona-malik or beltrami",
+    "anisotropic-diffusion": "perona-malik or beltrami",
+    "windowed-sinc": "fairing (with an order)",
+    "two-step": "normal-filter",
+}
+
 
 def method_of(given: "str | Method") -> Method:
     """The method itself, or the class of a name with its defaults.
@@ -55,11 +76,18 @@ def method_of(given: "str | Method") -> Method:
     if isinstance(given, (HeightMethod, PointMethod)):
         return given
     if isinstance(given, str):
-        if given in METHODS:
-            return METHODS[given]()
-        raise refused(given, tuple(METHODS), "method")
+        if word := spelled(given, METHODS):
+            return METHODS[word]()
+        raise no_method(given)
     must_be_object(given, "method: a method")
     raise InputError(f"method: a name or a method such as PeronaMalik(sharpness=2) expected, got {given!r}")
+
+
+def no_method(word: str) -> InputError:
+    """The error for an unknown method; its message names the one that other tools call so, or the nearest one."""
+    if meant := ELSEWHERE.get(word.lower().replace("_", "-").replace(" ", "-"), ""):
+        return InputError(f"{word or 'an empty word'}: no such method; use {meant}")
+    return refused(word or "an empty word", tuple(METHODS), "method")
 
 
 def words_for(points: bool, *, along_rays: bool = False, on_grid: bool = True) -> tuple[str, ...]:
@@ -69,5 +97,5 @@ def words_for(points: bool, *, along_rays: bool = False, on_grid: bool = True) -
     """
     if points:
         return ("search", "quick", *(found.word for found in POINT_METHODS))
-    suiting = (found.word for found in HEIGHT_METHODS if not found().variant.misfit(along_rays, on_grid))
+    suiting = (found.word for found in HEIGHT_METHODS if not found().misfit(along_rays, on_grid))
     return ("search", "quick", *suiting)

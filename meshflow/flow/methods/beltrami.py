@@ -115,10 +115,19 @@ class HeightMethod:
         """
         return MeshFlow(surface, self.variant, Clamped() if clamped else None)
 
+    def misfit(self, along_rays: bool, on_grid: bool) -> str:
+        """Why the method is not defined along rays, or off a grid; empty where it is."""
+        return self.variant.misfit(along_rays, on_grid)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SchemeMethod(HeightMethod):
     """A method by finite differences between samples of a grid, with explicit steps."""
+
+    def misfit(self, along_rays: bool, on_grid: bool) -> str:
+        """Why the method is not defined along rays, or off a grid; empty where it is."""
+        got = "a range image" if along_rays else "" if on_grid else "a mesh"
+        return f"of height fields and images, whose samples lie on a grid above a plane; got {got}" if got else ""
 
     @property
     def searches(self) -> bool:

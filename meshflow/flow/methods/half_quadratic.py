@@ -27,6 +27,10 @@ class _AtRest(HeightMethod):
 
     once: ClassVar[bool] = True
 
+    def misfit(self, along_rays: bool, on_grid: bool) -> str:
+        """Why the method is not defined along rays; empty elsewhere."""
+        return "of values above a base (heights, channels), got depths along rays" if along_rays else ""
+
     @property
     def searches(self) -> bool:
         """Its time follows from the noise."""

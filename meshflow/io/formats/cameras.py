@@ -71,8 +71,8 @@ def calibration_for(camera: CameraLike | None, shape: tuple[int, int], name: str
         return Calibration(camera)
     if camera is None:
         raise InputError(
-            f"{name}: a depth image needs its camera; give a Pinhole, a name ({', '.join(CONVENTIONS)}) or a JSON file such as "
-            f"{_example(shape)}"
+            f"{name}: a depth image needs its camera; give camera=: a Pinhole, a name ({', '.join(CONVENTIONS)}) or a JSON file "
+            f"such as {_example(shape)}"
         )
     found = _calibration(camera, shape)
     if found.shape is not None and found.shape != tuple(shape):

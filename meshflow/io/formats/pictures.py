@@ -64,7 +64,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         notes = ("the palette was expanded to colours",)
     missing: Array = np.any(frame.gone, axis=0)
     if kind is None and len(values) == 1 and frame.dtype in ("uint16", "int16"):
-        notes += ("grey of 16 bit is taken as an image; if these are depths, name their camera (--camera, camera=)",)
+        notes += ("grey of 16 bit is taken as an image; if these are depths, name their camera (camera=)",)
     if kind == "terrain":
         if len(values) > 1:
             raise InputError(f"{path.name}: a grey picture expected as a terrain, got {len(values)} colours")

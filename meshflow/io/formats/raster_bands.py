@@ -103,7 +103,7 @@ def load(
             if search and bands is None and alpha is None and _ends_in_mask(raw, colours[-1]):
                 found = (
                     f"band {len(raw)} holds 0 and {raw[-1].max():g} alone, and is 0 where all others are: it is taken as the "
-                    "mask, and comes back as it is (--band takes one as data)",
+                    "mask, and comes back as it is (band= takes one as data)",
                 )
                 raw, gone, alpha, chosen = raw[:-1], gone[:-1], raw[-1], chosen[:-1]
             frame = frame_of(source, str(raw.dtype), chosen, nodata)
@@ -220,7 +220,7 @@ def must_have_bands(path: Path, source: DatasetReader, chosen: list[int]) -> Non
             )
     if len(chosen) > _MOST_BANDS:
         raise FormatError(
-            f"{path.name}: {len(chosen)} bands, and {_MOST_BANDS} smoothed as one image is the limit; choose one (band, --band), "
+            f"{path.name}: {len(chosen)} bands, and {_MOST_BANDS} smoothed as one image is the limit; choose one (band=), "
             "or take some out: gdal_translate -b"
         )
 

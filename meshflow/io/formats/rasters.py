@@ -83,7 +83,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if unlike:
         notes += (
             f"{len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}): each is smoothed by itself, by its own noise "
-            "(--kind image smooths them together)",
+            "(kind='image' smooths them together)",
         )
     return Document(Image(channels, spacing, missing), path, Raster(frame, unlike), notes)
 

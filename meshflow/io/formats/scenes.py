@@ -130,7 +130,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     notes = list(lost(path)) if suffix in (".glb", ".gltf") else []
     is_ascii = suffix == ".stl" and _is_ascii_stl(path)
     if suffix in (".gltf", ".glb") and not options.allow_remote:
-        advice = "move it there, or --allow-remote (allow_remote=True)"
+        advice = "move it there, or allow_remote=True"
         must_stay_inside(path, named(path), f"a {suffix[1:].upper()}", advice)
     if suffix == ".3mf":
         if not is_zipfile(path):

@@ -12,7 +12,7 @@ __all__ = ["must_be_local"]
 _FILES = ("sourcefilename", "sourcedataset", "filename", "key", "path")
 # Metadata that is a file name.
 _MAPS = ("X_DATASET", "Y_DATASET", "RPC_DEM")
-_ADVICE = "--allow-remote (allow_remote=True) if you trust it, or gdal_translate it to .tif"
+_ADVICE = "allow_remote=True if you trust it, or gdal_translate it to .tif"
 # The greatest depth of VRTs that refer to VRTs.
 _DEEPEST = 16
 

@@ -118,7 +118,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises InputError: for channels that a block does not have, or whatever a data object refuses.
     """
     if not options.allow_remote:
-        must_stay_inside(path, _named(path), "a VTM", "move its blocks there, or --allow-remote (allow_remote=True)")
+        must_stay_inside(path, _named(path), "a VTM", "move its blocks there, or allow_remote=True")
     blocks = read_apart(path, "are the files beside it that it names?")
     import pyvista
 
