@@ -125,7 +125,7 @@ def named_fields(kind: type[Made]) -> type[Made]:
     Type checkers and :func:`inspect.signature` see the class as it is.
     """
     make, choices = kind.__init__, _choices(kind)
-    placed = [f.name for f in fields(kind) if f.init and not f.kw_only] if choices else []
+    placed = [f.name for f in _fields(kind) if f.init and not f.kw_only]
 
     @wraps(make)
     def made(self: Made, *given: object, **named: object) -> None:
@@ -150,10 +150,15 @@ def named_fields(kind: type[Made]) -> type[Made]:
     return kind
 
 
+def _fields(kind: type) -> tuple["Field[Any]", ...]:
+    """The fields of a dataclass; of another class none."""
+    return fields(kind) if is_dataclass(kind) else ()
+
+
 def _choices(kind: type) -> dict[str, tuple[tuple[str, ...], bool]]:
     """The fields that are one of several words: the words, and whether anything but a word may be given, too."""
     found = {}
-    for one in fields(kind):  # type: ignore[arg-type]
+    for one in _fields(kind):
         parts = get_args(one.type) if get_origin(one.type) in (Union, UnionType) else (one.type,)
         parts = [part for part in parts if part is not NoneType]
         words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]

@@ -9,6 +9,7 @@ from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, value_unit
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.risk import Candidate
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.large.windows import Windowed
 from meshflow.results.result import release
@@ -45,6 +46,7 @@ class Removed:
         return float(np.sqrt(self.squares / max(self.count, 1)))
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """A run by windows, of a file or of chunks that are computed later. ``print`` shows all parameters.
