@@ -243,10 +243,10 @@ def stepper_word(word: Stepper | StepperName) -> Stepper | StepperName:
     """
     must_be_object(word, "stepper: a stepper")
     if isinstance(word, str):
-        meant = next((name for name in STEPPERS if spelled(word, (name,))), None)
-        if meant is None:
-            raise InputError(f"stepper: {expected(word, STEPPERS)}")
-        return meant
+        for name in STEPPERS:
+            if spelled(word, (name,)):
+                return name
+        raise InputError(f"stepper: {expected(word, STEPPERS)}")
     if not isinstance(word, (Explicit, SuperTime, SemiImplicit)) and not hasattr(word, "step"):
         raise InputError(f"stepper: {expected(word, STEPPERS)}")
     return word
