@@ -1,11 +1,9 @@
 """``meshflow smooth`` of a raster that does not fit into the memory that it may take."""
 
-import json as notation
-
 from meshflow.cli.asking import asked, narrowed
-from meshflow.cli.console import out, said
 from meshflow.cli.flags import Given
 from meshflow.cli.inputs import plain_sample
+from meshflow.cli.many import Told
 from meshflow.cli.options import READING
 from meshflow.errors import InputError
 from meshflow.flow.methods import words_for
@@ -40,11 +38,12 @@ def memory_for(given: Given) -> float | None:
     from meshflow.large.rasters import form_of
 
     memory = SHARE * free_memory() if memory is None else memory
+    memory /= given["jobs"]
     return memory if needed(form_of(source, options)) > memory else None
 
 
-def smooth_by_windows(given: Given, memory: float) -> None:
-    """Smooth IN by windows, and say what was done.
+def smooth_by_windows(given: Given, memory: float) -> Told:
+    """Smooth IN by windows.
 
     :raises InputError: for options that need the whole.
     """
@@ -62,16 +61,8 @@ def smooth_by_windows(given: Given, memory: float) -> None:
     request = asked(given, plain_sample, suiting)
     writing = Output(Budget(memory), given["dtype"], given["overwrite"])
     result = smooth_raster(source, target, request, options, writing, None if quiet else True)
-    notes = (
-        *narrowed(request, word, suiting),
-        *result.notes,
-        *(word for word in result.warnings if word not in result.notes),
-    )
-    if not quiet:
-        said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
-    if given["json"]:
-        summary = {"in": str(source), "out": str(target), **result.to_dict(), "notes": list(notes)}
-        out.print_json(notation.dumps(summary))
+    more = (word for word in result.warnings if word not in result.notes)
+    return Told(result, (*narrowed(request, word, suiting), *result.notes, *more))
 
 
 def _reading(given: Given) -> ReadOptions:

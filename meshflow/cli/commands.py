@@ -24,6 +24,7 @@ from meshflow.cli.flags import FLOW, Given, command, only
 from meshflow.cli.hints import usage
 from meshflow.cli.inputs import frame, opened, per_sample, plain_sample
 from meshflow.cli.looking import must_be_drawable, pictured
+from meshflow.cli.many import Told, smooth_many
 from meshflow.cli.options import READING, flags
 from meshflow.cli.spoken import spoken
 from meshflow.cli.tables import methods_table, options_table
@@ -34,6 +35,7 @@ from meshflow.fusing import fuse_frames as fused
 from meshflow.io.document import Document, Writing
 from meshflow.io.files import writable, write
 from meshflow.io.incoming import STDIN, temporary
+from meshflow.large.outcome import Outcome
 from meshflow.results.multipart import Results, every_warning
 from meshflow.results.result import Result, release
 from meshflow.smoothing import noise_facts, smooth_object
@@ -74,33 +76,62 @@ def about(
     app,
     "smooth",
     (
-        *flags("source", "target"),
+        *flags("source", "target", "more", target=None),
         *only(FLOW, *TEN),
         *flags("kind", "camera", "picture", "report", "overwrite"),
         *(flag for flag in FLOW if flag.name not in TEN),
-        *flags(*READING[2:], "moves", "time_unit", "dtype", "most_memory", *SAYING[3:]),
+        *flags(*READING[2:], "moves", "time_unit", "dtype", "most_memory", "output", "resume", "jobs", *SAYING[3:]),
     ),
+    context=True,
 )
 def smooth(given: Given) -> None:
     """Smooth IN and write the same kind of data to OUT. Options that are not given are estimated from the data."""
-    source, target = given["source"], given["target"]
-    quiet, overwrite = given["quiet"], given["overwrite"]
+    context, named = given.pop("context"), [given["source"], *_also(given)]
+    if given["output"] is not None:
+        smooth_many(given, named, _one)
+        return
+    source, target, quiet = given["source"], given["target"], given["quiet"]
+    if target is None:
+        raise UsageError("Missing argument 'OUT'", context)
+    if len(named) > 2:
+        raise InputError(f"smooth: IN and OUT expected, got {len(named)} names; --output FOLDER takes several inputs")
+    piped = target == STDIN
+    if piped and given["json"]:
+        raise InputError("smooth: OUT or --json goes to stdout, not both; name a file for OUT")
+    told = _one(given)
+    result, notes = told.result, told.notes
+    if not quiet:
+        said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
+    if piped:
+        sys.stdout.buffer.write(given["target"].read_bytes())
+    if told.pictured is not None and not isinstance(result, Outcome):
+        title = f"{source.name}, {result.stopped_because}"
+        notes += _shown(given, result, pictured_as=(*told.pictured, title), name=source.name)
+    if given["json"]:
+        summary = {"in": str(source), "out": str(target), **result.to_dict(), "notes": list(notes)}
+        out.print_json(notation.dumps(summary))
+
+
+def _also(given: Given) -> list[Path]:
+    """What is named beside IN."""
+    return [path for path in (given["target"], *(given["more"] or ())) if path is not None]
+
+
+def _one(given: Given) -> Told:
+    """Smooth one file; where it goes to stdout, the target that is given becomes the file that holds it."""
+    source, target, overwrite = given["source"], given["target"], given["overwrite"]
     memory = memory_for(given)
     if memory is not None:
-        smooth_by_windows(given, memory)
-        return
+        return smooth_by_windows(given, memory)
     document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
-    piped = target == STDIN
-    if piped:
-        if given["json"]:
-            raise InputError("smooth: OUT or --json goes to stdout, not both; name a file for OUT")
-        target = temporary(os.getpid()) / f"stdout{document.path.suffix}"
+    if target == STDIN:
+        target = given["target"] = temporary(os.getpid()) / f"stdout{document.path.suffix}"
     word, suiting = given["method"], words_on(document.data)
     request = asked(given, partial(per_sample, document), suiting)
     dtype: Writing = {"dtype": given["dtype"]} if given["dtype"] else {}
     _must_be_writable(document, target, given["picture"], given["report"], overwrite, dtype)
     record = given["json"] or given["report"] is not None
-    done, result = smooth_object(document, request, None if quiet else True, record=record)
+    done, result = smooth_object(document, request, None if given["quiet"] else True, record=record)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
     options: Writing = {**dtype, **_left(document, target, result, dtype)}
     notes = (
@@ -109,15 +140,7 @@ def smooth(given: Given) -> None:
         + write(done, target, overwrite=overwrite, tags=tags, **options)
     )
     notes += tuple(word for word in every_warning(result) if word not in (*notes, result.stopped_because))
-    if not quiet:
-        said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
-    if piped:
-        sys.stdout.buffer.write(target.read_bytes())
-    title = f"{source.name}, {result.stopped_because}"
-    notes += _shown(given, result, pictured_as=(document, done, title), name=source.name)
-    if given["json"]:
-        summary = {"in": str(source), "out": str(target), **result.to_dict(), "notes": list(notes)}
-        out.print_json(notation.dumps(summary))
+    return Told(result, notes, (document, done))
 
 
 def _shown(

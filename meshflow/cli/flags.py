@@ -65,14 +65,17 @@ class Flag:
 
 
 def command(
-    app: typer.Typer, name: str, flags: Iterable[Flag]
+    app: typer.Typer, name: str, flags: Iterable[Flag], context: bool = False
 ) -> Callable[[Callable[[Given], None]], Callable[[Given], None]]:
     """Decorator: make a command of a function that takes the given values.
 
     :param name: of the command.
     :param flags: in the order of the help; arguments first.
+    :param context: give the context of typer under that name, too.
     """
     parameters = [flag.parameter() for flag in flags]
+    if context:
+        parameters.append(inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context))
 
     def made(work: Callable[[Given], None]) -> Callable[[Given], None]:
         """Make the command of a function."""
