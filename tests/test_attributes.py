@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from meshflow.flow.methods.searched import Search
 from meshflow.flow.stops import Steps
 from meshflow.io.files import read, write
 from meshflow.smoothing import smooth
+from meshflow.synthetic.shapes import dome
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data" / "meshes" / "attributes"
 FILES = sorted(p for p in FOLDER.glob("*") if p.suffix in (".ply", ".glb", ".obj"))
@@ -75,3 +77,26 @@ def test_attributes_of_real_files_come_back_as_they_were(path, tmp_path):
             if where[1] not in MOVED:
                 assert kept[where].dtype == values.dtype
                 assert np.array_equal(kept[where], values), where
+
+
+def test_a_smooth_field_on_an_irregular_mesh_loses_its_noise_by_the_heat_equation_and_steps_by_another():
+    mesh, rng = dome(1500), np.random.default_rng(0)
+    x, y, z = mesh.points.T
+    for field, method, most in (
+        (np.sin(2 * x + y)[:, None], "heat", 0.3),
+        (np.stack([np.sin(2 * x + y), np.cos(2 * y), z * x], axis=1), "heat", 0.3),
+        ((np.sin(5 * x) > 0)[:, None] * 1.0, "beltrami", 0.8),
+    ):
+        noisy = field + 0.05 * rng.normal(size=field.shape)
+        result = smooth((mesh.points, mesh.faces), channels=noisy, result=True)
+        left = np.sqrt(np.mean((result.data[2] - field) ** 2)) / 0.05
+        assert result.parameters["method"].value == method
+        assert left < most, f"{left:.3f} of the noise"
+
+
+def test_a_given_contrast_excludes_the_heat_equation_which_has_none():
+    mesh, rng = dome(600), np.random.default_rng(0)
+    noisy = mesh.points[:, :1] + 0.05 * rng.normal(size=(len(mesh.points), 1))
+    result = smooth((mesh.points, mesh.faces), channels=noisy, method=Search(contrast=2.0), result=True)
+    assert result.parameters["method"].value == "beltrami"
+    assert result.parameters["contrast"].value == 2.0

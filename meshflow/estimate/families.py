@@ -26,8 +26,9 @@ CHANNEL_FAMILY: Family = (
     ({"patch": 1.5}, (0.4, 3.0)),
     ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (1.0, 2.0)),
 )
-# The same for meshes.
+# The same for meshes; the first one is the heat equation, which has no contrast.
 MESH_FAMILY: Family = (
+    ({"linear": True}, (1.0,)),
     ({}, (2.0,)),
     ({"gamma": -1.0, "sharpness": 1.5}, (2.0, 5.0)),
     ({"gamma": -1.0, "sharpness": 2.0}, (1.5,)),
@@ -41,11 +42,12 @@ def configurations(family: Family, unit: float, like: Variant, contrast: float |
 
     :param unit: h / sigma, the unit of contrasts.
     :param like: gives indicator, mass and floor.
-    :param contrast: given; None: those of the family.
+    :param contrast: given, of the configurations that have one; None: those of the family.
     """
     made = [
         Configuration(replace(like, **exponents), contrast or edge * unit)
         for exponents, edges in family
         for edge in edges
+        if contrast is None or not exponents.get("linear")
     ]
     return tuple(dict.fromkeys(made))

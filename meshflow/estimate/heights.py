@@ -17,7 +17,7 @@ from meshflow.estimate.risk import TWICE, Configuration
 from meshflow.estimate.variational import time_of_noise
 from meshflow.flow.constraints import Limit
 from meshflow.flow.family import Variant
-from meshflow.flow.methods.beltrami import Beltrami, HeightMethod
+from meshflow.flow.methods.beltrami import Beltrami, Heat, HeightMethod
 from meshflow.flow.methods.searched import Search
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
@@ -144,6 +144,8 @@ def _filled(request: Request, variant: Variant, contrast: float, twicing: float)
     asked = request.heights
     if request.named:
         return replace(asked, contrast=None if variant.linear else contrast, twicing=twicing)
+    if variant.linear:
+        return Heat(twicing=twicing, mass=asked.mass)
     return Beltrami(
         gamma=variant.gamma,
         sharpness=variant.sharpness,

@@ -81,6 +81,8 @@ def searched_on_mesh(data: Mesh, lift: Lift, search: MeshSearch) -> tuple[Candid
     factors = [FINER, 1.0 / FINER]
     for _ in range(FINE if search.free and found else 0):
         best = found[0]
+        if best.configuration.variant.linear:
+            break
         contrast = best.configuration.contrast
         steps = [replace(best.configuration, contrast=contrast * factor, twice=0.0) for factor in factors]
         found = ranked((*found, *(one for step in steps for one in search.tried(probed, step))))

@@ -37,6 +37,8 @@ class Configuration:
     def words(self) -> dict[str, Any]:
         """The options by name, in reading order."""
         m = self.variant
+        if m.linear:
+            return {"method": "heat", "twicing": self.twice, **({"boundary": self.boundary} if self.boundary else {})}
         named = {"gamma": m.gamma, "sharpness": m.sharpness, "patch": m.patch, "contrast": self.contrast}
         return {**named, "twicing": self.twice, **({"boundary": self.boundary} if self.boundary else {})}
 
