@@ -14,6 +14,7 @@ import numpy as np
 from meshflow import classics
 from meshflow.errors import MissingPackage, need
 from meshflow.geometry.validation import Array
+from peers.normal_filters import bilateral_normals, guided_normals
 from peers.search import Peer, Value
 
 __all__ = ["OnFaces", "mesh_peers"]
@@ -284,6 +285,20 @@ _PEERS: tuple[tuple[str, str, Callable[..., Array], _Grid, frozenset[tuple[str, 
             "fits": (1, 2, 5, 10, 20),
         },
         frozenset({("rounds", 1), ("normals", 1), ("fits", 1)}),
+    ),
+    (
+        "bilateral normals",
+        "meshflow",
+        bilateral_normals,
+        {"width": (0.2, 0.3, 0.4, 0.55, 0.75), "rounds": (2, 5, 10, 20, 40, 80), "fits": (10, 20, 40)},
+        frozenset({("rounds", 2), ("fits", 10)}),
+    ),
+    (
+        "guided normals",
+        "meshflow",
+        guided_normals,
+        {"width": (0.2, 0.3, 0.4, 0.5, 0.6), "rounds": (1, 2, 4, 8), "normal_rounds": (2, 5, 10, 20)},
+        frozenset({("rounds", 1), ("normal_rounds", 2)}),
     ),
     (
         "MeshLab Laplacian",
