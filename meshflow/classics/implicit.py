@@ -8,7 +8,7 @@ from scipy.sparse.linalg import bicgstab
 
 from meshflow.classics.inputs import ready
 from meshflow.errors import InputError, NotConverged
-from meshflow.geometry.laplacians import Border
+from meshflow.geometry.laplacians import Border, scale_dependent_generator
 from meshflow.geometry.validation import Array
 
 if TYPE_CHECKING:
@@ -36,22 +36,14 @@ def scale_dependent(points: Array, faces: Array, time: float = 1.0, steps: int =
     x, mean = ready(points, faces, steps, border)
     if not 0 < time < np.inf:
         raise InputError(f"scale_dependent: a time above 0 expected, got {time}")
-    # The pattern of the mean; a fixed vertex is its only neighbour, at distance 0.
-    rows, columns = mean.nonzero()
-    away = rows != columns
-    rows, columns = rows[away], columns[away]
+    moves, dt = np.ones(len(x), bool), 0.0
     for turn in range(steps):
-        length = np.linalg.norm(x[rows] - x[columns], axis=1)
-        if not length.all():
-            raise InputError(f"scale_dependent: edges with length expected, got {int((length == 0).sum())} without")
+        operator = scale_dependent_generator(mean, x, moves)
         if turn == 0:
+            rows, columns = mean.nonzero()
+            length = np.linalg.norm(x[rows] - x[columns], axis=1)[rows != columns]
             dt = time / steps * float(length.mean()) ** 2
-        total = np.bincount(rows, weights=length, minlength=len(x))
-        pull = 2.0 * dt / (length * total[rows])  # pyright: ignore[reportPossiblyUnboundVariable]
-        entries = (np.concatenate([1.0 + np.bincount(rows, weights=pull, minlength=len(x)), -pull]),)
-        own = np.arange(len(x))
-        where = (np.concatenate([own, rows]), np.concatenate([own, columns]))
-        x = _solved(sparse.csr_matrix((*entries, where), shape=(len(x), len(x))), x)
+        x = _solved(sparse.csr_matrix(sparse.identity(len(x)) + 0.5 * dt * operator), x)
     return x
 
 

@@ -2,6 +2,7 @@
 
 from meshflow.classics.inputs import ready
 from meshflow.errors import InputError
+from meshflow.flow.methods.lambda_mu import mu
 from meshflow.geometry.laplacians import Border
 from meshflow.geometry.validation import Array
 
@@ -38,8 +39,3 @@ def taubin(
         x += weight * (mean @ x - x)
         x += back * (mean @ x - x)
     return x
-
-
-def mu(weight: float, passband: float) -> float:
-    """The weight of Taubin's second step, from 1 / lambda + 1 / mu = passband."""
-    return weight / (passband * weight - 1.0)

@@ -75,7 +75,7 @@ def _jumps(planes: Array, missing: Array, axis: int, most: float) -> Array:
     whole &= ~missing.take(range(missing.shape[axis - 1] - 1), axis - 1)
     beside = [_shifted(differences, whole, axis, by) for by in (-2, -1, 1, 2)]
     departure = differences - _median(differences, *beside)
-    return whole & (np.square(departure).sum(axis=0) > most**2 * len(planes))
+    return whole & (np.square(departure).sum(axis=0) > most * most * len(planes))
 
 
 def _shifted(differences: Array, whole: Array, axis: int, by: int) -> Array:

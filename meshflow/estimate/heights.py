@@ -11,7 +11,7 @@ from meshflow.estimate.grid_search import Found, GridSearch, searched_on_grid
 from meshflow.estimate.mesh_search import LOOKED_AT, MESH_ENOUGH, TIMES, MeshSearch, searched_on_mesh
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
-from meshflow.estimate.plan import GIVEN, Decided, Part, Plan
+from meshflow.estimate.plan import GIVEN, Decided, Part, Plan, size_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE, Configuration
 from meshflow.estimate.variational import time_of_noise
@@ -118,12 +118,18 @@ def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = N
     # A method given by exponents has a contrast by rule; a named method has a list of contrasts to choose from.
     ruled = request.named and asked.ruled
     known = timed is not None and (ruled or timed == 0)
-    open_ = request.searching and sigma > 0 and request.steps is None and asked.searches
+    open_ = request.searching and sigma > 0 and request.steps is None and asked.searches_for(_channels(data))
     if open_ and not (large or known or is_rounded(noise)):
         found = _searched(_begun(data, request, noise, mobility), sigma)
         if found is not None:
             return found
     return by_rule(data, request, noise, mobility)
+
+
+def _channels(data: Data) -> int:
+    """The number of values of a sample."""
+    (shape, n) = size_of(data)
+    return int(np.prod(shape)) // n
 
 
 def _begun(data: Data, request: Request, noise: Noise, mobility: Array | None) -> Plan:

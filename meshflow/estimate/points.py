@@ -310,5 +310,6 @@ def _fairing(method: Fairing, asked: Fairing, ranged: bool) -> Fairing:
     """The method with the given options; ``ranged``: the one that keeps every value in its range."""
     if ranged:
         return replace(method, order=RANGED, weights="cotangent", along=asked.along)
-    order, weights = asked.order or method.order, asked.weights or method.weights
+    # Order 1 is implicit fairing by its definition, whose weights are cotangents unless others are named.
+    order, weights = asked.order or method.order, asked.weights or (FAIRED if asked.order == 1 else method).weights
     return replace(method, order=order, weights=weights, along=asked.along)

@@ -15,9 +15,10 @@ from meshflow.flow.workspace import Workspace
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, whole
 
-__all__ = ["LowPass", "Weights", "filtered", "filtered_by_all", "generator_of"]
+__all__ = ["LowPass", "Operator", "Weights", "filtered", "filtered_by_all", "generator_of"]
 
 Weights = Literal["cotangent", "uniform"]
+Operator = Literal["cotangent", "uniform", "scale-dependent"]
 # The error of the polynomial, as a share of the deviation of a coordinate from its mean.
 CLOSE = 1e-6
 # The longest polynomial; where slivers would need a longer one, factorizations are used.
@@ -28,7 +29,7 @@ LONGEST = 1024
 class Generated(Protocol):
     """A flow whose operator is available as a matrix."""
 
-    def generator(self, u: Array, weights: Weights) -> Any:
+    def generator(self, u: Array, weights: Operator) -> Any:
         """A (n, n) with du/dt = -A u in the metric of u, eigenvalues zero or positive; rows of fixed vertices are zero."""
         ...
 
@@ -70,7 +71,7 @@ class LowPass:
         return np.inf
 
 
-def generator_of(flow: Flow, u: Array, weights: Weights) -> Any:
+def generator_of(flow: Flow, u: Array, weights: Operator) -> Any:
     """The operator of a flow at u as a matrix (n, n).
 
     :raises InputError: for a flow that has none.

@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import Flow, System
-from meshflow.flow.low_pass import Weights, generator_of
+from meshflow.flow.low_pass import Operator, generator_of
 from meshflow.flow.wrapper import Around
 from meshflow.geometry.validation import Array
 
@@ -95,7 +95,7 @@ class Slowed(Scaled):
         """s (n, 1), independent of u."""
         return self.speed
 
-    def generator(self, u: Array, weights: Weights) -> Any:
+    def generator(self, u: Array, weights: Operator) -> Any:
         """s A (n, n).
 
         :raises InputError: for a flow without one.

@@ -5,11 +5,19 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sparse
 
+from meshflow.errors import InputError
 from meshflow.geometry.connectivity import Connectivity
 from meshflow.geometry.operator import fill_stiffness
 from meshflow.geometry.validation import Array
 
-__all__ = ["Border", "border_pull", "cotangent_generator", "neighbour_means", "umbrella_generator"]
+__all__ = [
+    "Border",
+    "border_pull",
+    "cotangent_generator",
+    "neighbour_means",
+    "scale_dependent_generator",
+    "umbrella_generator",
+]
 
 Border = Literal["curve", "free", "fixed"]
 
@@ -51,6 +59,30 @@ def umbrella_generator(connectivity: Connectivity, step: float, moves: Array, cu
     mean = neighbour_means(connectivity.faces.astype(np.int64), connectivity.size, "curve" if curve else "free")
     factor = np.where(connectivity.rim & curve, 2.0, 4.0) / step**2
     return sparse.csr_matrix(sparse.diags(np.where(moves, factor, 0.0)) @ (sparse.identity(connectivity.size) - mean))
+
+
+def scale_dependent_generator(mean: Any, x: Array, moves: Array) -> Any:
+    """4 / E sum (x_i - x_j) / |e_ij|, E = sum |e_ij| [DMSB99], equal to M^-1 L on an equilateral mesh; zero for fixed vertices.
+
+    It is twice the operator of the paper, which is half the Laplacian there.
+
+    :param mean: (n, n), whose pattern says which vertices are neighbours (:func:`neighbour_means`).
+    :param x: (n, d), the lengths of the edges.
+    :param moves: (n,).
+    :raises InputError: for an edge of length zero.
+    """
+    rows, columns = mean.nonzero()
+    away = rows != columns
+    rows, columns = rows[away], columns[away]
+    length = np.linalg.norm(x[rows] - x[columns], axis=1)
+    if not length.all():
+        raise InputError(f"scale-dependent: edges with length expected, got {int((length == 0).sum())} without")
+    total = np.bincount(rows, weights=length, minlength=len(x))
+    pull = np.where(moves, 4.0, 0.0)[rows] / (length * total[rows])
+    entries = np.concatenate([np.bincount(rows, weights=pull, minlength=len(x)), -pull])
+    own = np.arange(len(x))
+    where = (np.concatenate([own, rows]), np.concatenate([own, columns]))
+    return sparse.csr_matrix((entries, where), shape=(len(x), len(x)))
 
 
 def neighbour_means(faces: Array, n: int, border: Border) -> Any:

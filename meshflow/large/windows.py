@@ -161,6 +161,7 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     :raises InputError: for what cannot be done by windows.
     """
     must_be_local(request)
+    _must_be_of_the_family(request, array_of(sample.data))
     found, warnings = _found(sample.data, replace(request, constraints=sample.of(request.constraints, form.shape)))
     if not sample.is_whole:
         share = sample.data.missing.size / (form.shape[0] * form.shape[1])
@@ -185,6 +186,23 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
     halo += 0 if found.base is None else base_reach(whole)
     return Windowed(found, Local(form, plan, halo, found.base is not None), warnings)
+
+
+def _must_be_of_the_family(request: Request, values: Array) -> None:
+    """Refuse methods whose rates or steps no window can have as the whole has them.
+
+    :raises InputError: it names the method.
+    """
+    asked = request.heights
+    if request.named and not asked.searches_for(1 if values.ndim == 2 else values.shape[2]):
+        raise InputError(
+            f"method={asked.word!r}: not by windows, it is a scheme of its own; take a method of the family, such as beltrami or "
+            "perona-malik"
+        )
+    if asked.control(None) is not None:
+        raise InputError(
+            f"method={asked.word!r}: not by windows, its steps follow the area of the whole; leave area_steps out"
+        )
 
 
 def _few(data: OnGrid) -> OnGrid:

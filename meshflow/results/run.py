@@ -315,7 +315,7 @@ def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | 
         stepper = plan.points.stepper(stepper, flow, time, plan.data.faces)
         control = FixedStep(time) if plan.points.once and control is None and time else control
     if isinstance(plan.method, HeightMethod):
-        stepper = plan.method.stepper(stepper)
+        stepper, control = plan.method.stepper(stepper), plan.method.control(control)
         control = FixedStep(plan.time) if plan.method.once and control is None and plan.time else control
     return stepper, control
 

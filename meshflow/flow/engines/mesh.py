@@ -16,7 +16,12 @@ from meshflow.geometry import operator
 from meshflow.geometry.blocks import Blocks, blocked, march_blocks
 from meshflow.geometry.border import border_operator
 from meshflow.geometry.connectivity import Connectivity
-from meshflow.geometry.laplacians import cotangent_generator, umbrella_generator
+from meshflow.geometry.laplacians import (
+    cotangent_generator,
+    neighbour_means,
+    scale_dependent_generator,
+    umbrella_generator,
+)
 from meshflow.geometry.normals import mean_edge
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.surface import Surface
@@ -250,17 +255,19 @@ class MeshFlow(Dense):
             return None
         return self._blocks.order
 
-    def generator(self, u: Array, weights: Literal["cotangent", "uniform"]) -> Any:
+    def generator(self, u: Array, weights: Literal["cotangent", "uniform", "scale-dependent"]) -> Any:
         """A (n, n) with du/dt = -A u in the metric of u; rows of what stays are zero. Along axes, one set of triangles.
 
-        With uniform weights the border moves as a curve, but for a ``neumann`` one, which its neighbours inside draw in.
+        But for ``cotangent`` the border moves as a curve, or, if it is ``neumann``, its neighbours inside draw it in.
         """
-        if weights == "uniform":
+        if weights != "cotangent":
             connectivity = self._triangulations[0].connectivity
-            isolated = np.diff(connectivity.first) == 0
-            step = mean_edge(self.surface.points, connectivity.faces)
+            moves = ~self.held & (np.diff(connectivity.first) > 0)
             curve = self.surface.boundary != "neumann"
-            return umbrella_generator(connectivity, step, ~(self.held | isolated), curve)
+            if weights == "scale-dependent":
+                mean = neighbour_means(connectivity.faces.astype(np.int64), len(u), "curve" if curve else "free")
+                return scale_dependent_generator(mean, u, moves)
+            return umbrella_generator(connectivity, mean_edge(self.surface.points, connectivity.faces), moves, curve)
         snapshot = self._at(u, 0)
         inertia, m = self._inertia(snapshot, None), snapshot.measured
         whole = cotangent_generator(m.connectivity, m.cot, inertia, self._moves(inertia), self._linear)

@@ -6,7 +6,6 @@ from meshflow.errors import InputError
 from meshflow.flow.methods.beltrami import (
     Beltrami,
     GemanMcClure,
-    GraphFlow,
     Heat,
     HeightMethod,
     MeanCurvatureDiffusion,
@@ -14,7 +13,10 @@ from meshflow.flow.methods.beltrami import (
 )
 from meshflow.flow.methods.curvature import ConformalFlow, CurvatureFlow
 from meshflow.flow.methods.fairing import Fairing
+from meshflow.flow.methods.graph import GraphFlow
 from meshflow.flow.methods.half_quadratic import HalfQuadratic, RudinOsherFatemi
+from meshflow.flow.methods.implicit_fairing import ImplicitFairing
+from meshflow.flow.methods.lambda_mu import LambdaMu
 from meshflow.flow.methods.lcis import LowCurvature
 from meshflow.flow.methods.min_max import MinMax
 from meshflow.flow.methods.normal_channels import NormalChannels
@@ -40,7 +42,7 @@ HEIGHT_METHODS: tuple[type[HeightMethod], ...] = (
     HalfQuadratic, RudinOsherFatemi,
 )  # fmt: skip
 POINT_METHODS: tuple[type[PointMethod], ...] = (
-    CurvatureFlow, ConformalFlow, Fairing, NormalFilter, PrincipalFlow, NormalChannels,
+    CurvatureFlow, ConformalFlow, Fairing, ImplicitFairing, LambdaMu, NormalFilter, PrincipalFlow, NormalChannels,
 )  # fmt: skip
 METHODS: dict[str, Callable[[], Method]] = {
     found.word: found for found in (Search, Quick, *HEIGHT_METHODS, *POINT_METHODS)

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
+from meshflow.flow.controls import AreaChange, Control
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
@@ -18,7 +19,6 @@ from meshflow.surfaces.surface import Surface
 __all__ = [
     "Beltrami",
     "GemanMcClure",
-    "GraphFlow",
     "Heat",
     "HeightMethod",
     "MeanCurvatureDiffusion",
@@ -84,6 +84,10 @@ class HeightMethod:
         """Whether contrast and time may be searched by the estimated risk of the family; else they are by rule."""
         return True
 
+    def searches_for(self, channels: int) -> bool:
+        """Likewise, for so many channels."""
+        return self.searches
+
     @property
     def variant(self) -> Variant:
         """The exponents, the edge indicator and the mass, for the engines."""
@@ -102,6 +106,10 @@ class HeightMethod:
 
     def stepper(self, asked: Stepper | StepperName) -> Stepper | StepperName:
         """The requested stepper."""
+        return asked
+
+    def control(self, asked: Control | None) -> Control | None:
+        """The requested control of the steps."""
         return asked
 
     def on_grid(self, grid: Grid, threads: int | None) -> Flow:
@@ -178,29 +186,31 @@ class Beltrami(HeightMethod):
 
 @named_fields
 @dataclass(frozen=True, kw_only=True)
-class GraphFlow(HeightMethod):
-    """The motion of the graph under mean curvature flow, in which only the values move (8), (9): gamma = -2."""
-
-    word: ClassVar[str] = "graph"
-    contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0)
-
-    @property
-    def exponents(self) -> dict[str, float]:
-        """gamma -2."""
-        return {"gamma": -2.0}
-
-
-@named_fields
-@dataclass(frozen=True, kw_only=True)
 class MeanCurvatureDiffusion(HeightMethod):
-    """Mean curvature diffusion [FEF98]: gamma = -1. The mean of the values is conserved."""
+    """Mean curvature diffusion, du/dt = div(grad u / sqrt(1 + |grad u|^2)) [FEF98]: gamma = -1. It keeps edges somewhat.
+
+    With ``neumann`` borders the mean of the values is conserved: to rounding with one triangulation (``forward``, ``backward``)
+    or ``both``, each sample weighted by its area on the plane; with ``alternate`` the weights of samples on the border alternate,
+    too, and it is conserved up to them. G. Ford, A. El-Fallah, Pattern Recognition Letters 19 (1998), 433-437. Their explicit
+    steps that follow the loss of area (section 5.6) are ``area_steps``. Take it as a gentle flow that needs no exponent.
+    """
 
     word: ClassVar[str] = "mean-curvature"
+
+    area_steps: bool = option(False, "Explicit steps whose length follows the loss of area, as the authors have it.")
 
     @property
     def exponents(self) -> dict[str, float]:
         """gamma -1."""
         return {"gamma": -1.0}
+
+    def stepper(self, asked: Stepper | StepperName) -> Stepper | StepperName:
+        """The requested stepper; explicit where steps follow the area."""
+        return "explicit" if self.area_steps and asked == "auto" else asked
+
+    def control(self, asked: Control | None) -> Control | None:
+        """The requested control, or that by area."""
+        return AreaChange() if self.area_steps and asked is None else asked
 
 
 @named_fields

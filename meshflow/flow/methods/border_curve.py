@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import Flow, System
-from meshflow.flow.low_pass import Weights, generator_of
+from meshflow.flow.low_pass import Operator, generator_of
 from meshflow.flow.wrapper import Around
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.validation import Array
@@ -79,7 +79,7 @@ class Bordered(Around):
         keep = sparse.diags(self._moves.astype(np.float64))
         return _BorderedSystem(self.flow.system(u, diagonal), self._at, mass[self._at], keep @ stiffness @ keep)
 
-    def generator(self, u: Array, weights: Weights) -> Any:
+    def generator(self, u: Array, weights: Operator) -> Any:
         """A (n, n) of both; the border is always weighted by lengths."""
         stiffness, mass = self._curve(u)
         scale = np.divide(1.0, mass, out=np.zeros_like(mass), where=self._moves)

@@ -61,6 +61,8 @@ _BROKEN = (
 )
 # The most channels of a picture, and fewer samples than a picture has along its sides.
 FEW = 8
+# Rows of three numbers, above which an array is taken for points.
+LONE = 8
 _KEYS = ("z", "values", "depth", "data")
 # The options of each kind of array, and its name.
 _TAKES: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
@@ -193,6 +195,8 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         raise InputError(
             f"an array expected, got {type(data).__name__} {str(data)[:40]!r}; make it one: numpy.array(...)"
         )
+    if options.kind is None and options.camera is None:
+        _must_be_meant(data.shape)
     kind = options.kind or ("depth" if options.camera is not None else "image" if data.ndim == 3 else "terrain")
     if kind not in _TAKES:
         raise InputError(f"kind: {', '.join(_TAKES)} expected for an array, got {kind!r}; a mesh is (points, faces)")
@@ -254,6 +258,28 @@ def _depths(data: Array, options: ReadOptions) -> Imported:
         return _like(data, np.where(still, np.ma.getdata(data), smoothed.depth * smoothed.depth.dtype.type(units)))
 
     return Imported(image, to_object, notes)
+
+
+def _must_be_meant(shape: tuple[int, ...]) -> None:
+    """Refuse an array whose shape is that of something else, unless its kind is said.
+
+    :raises InputError: for points (n, 3), volumes, and channels that come first.
+    """
+    if len(shape) == 2 and shape[1] == 3 and shape[0] > LONE:
+        raise InputError(
+            f"an array of shape {shape} looks like points: a mesh is (points, faces), and a cloud has no surface; for heights on "
+            f"a grid of {shape[0]} x 3 give kind='terrain'"
+        )
+    if len(shape) == 3 and shape[2] > 4 and 2 * shape[2] >= min(shape[:2]):
+        if shape[0] <= 4:
+            raise InputError(
+                f"an array of shape {shape} looks like {shape[0]} channels that come first; they come last: "
+                "numpy.moveaxis(array, 0, -1); or give kind='image'"
+            )
+        raise InputError(
+            f"an array of shape {shape} looks like a volume, which is no surface; smooth its slices one by one, or an isosurface "
+            f"as a mesh; for an image of {shape[2]} channels give kind='image'"
+        )
 
 
 def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Imported:
