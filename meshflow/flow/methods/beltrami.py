@@ -10,7 +10,7 @@ from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.family import Indicator, Mass, Variant
-from meshflow.flow.steppers import Stepper, StepperName
+from meshflow.flow.steppers import Explicit, Stepper, StepperName
 from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import number, positive
 from meshflow.surfaces.grid import Grid
@@ -206,7 +206,9 @@ class MeanCurvatureDiffusion(HeightMethod):
 
     def stepper(self, asked: Stepper | StepperName) -> Stepper | StepperName:
         """The requested stepper; explicit where steps follow the area."""
-        return "explicit" if self.area_steps and asked == "auto" else asked
+        if self.area_steps and asked == "auto":
+            return Explicit()
+        return asked
 
     def control(self, asked: Control | None) -> Control | None:
         """The requested control, or that by area."""
