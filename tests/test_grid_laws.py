@@ -244,21 +244,28 @@ def test_the_memory_of_a_run_is_at_most_seven_more_of_the_array():
 # --- beside the machine -----------------------------------------------------------------------------------------------
 
 
-def test_ctrl_c_stops_a_long_run_within_a_second_and_leaves_the_array_as_it_was():
+LONG_RUNS = {
+    "flow": "time=1e5, method=meshflow.Beltrami(gamma=0), compute=meshflow.Compute(stepper='explicit')",
+    "groups of patches": "time=0.2, method=meshflow.Beltrami(second_stage=True), noise=1.0, outliers='include'",
+}
+
+
+@pytest.mark.parametrize("run", LONG_RUNS.values(), ids=LONG_RUNS)
+def test_ctrl_c_stops_a_long_run_within_a_second_and_leaves_the_array_as_it_was(run):
     code = """
         import signal, sys, time
         import numpy as np, meshflow
         signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background of a shell ignores it
-        flow = meshflow.Beltrami(gamma=0)
-        meshflow.smooth(np.random.default_rng(0).normal(size=(64, 64)), method=flow, time=1.0)  # compiled
+        small = np.random.default_rng(0).normal(size=(64, 64))
+        meshflow.smooth(small, time=1.0, method=meshflow.Beltrami(second_stage=True))  # imports what is used
         z = np.random.default_rng(0).normal(size=(3000, 3000))
         copy = z.copy()
         print("begun", flush=True)
         try:
-            meshflow.smooth(z, time=1e5, method=flow, compute=meshflow.Compute(stepper="explicit"))
+            meshflow.smooth(z, RUN)
         except KeyboardInterrupt:
             print("stopped", (z == copy).all(), flush=True)
-    """
+    """.replace("RUN", run)
     process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout.readline().strip() == "begun"

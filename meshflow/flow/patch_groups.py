@@ -10,10 +10,12 @@ because the result of a flow lacks details that the first pass restores.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from meshflow.geometry.validation import Array
+from meshflow.kernels.interruption import interruptible
 from meshflow.kernels.patch_groups import GroupOptions, patch_groups
 
 __all__ = ["PatchGroups"]
@@ -83,7 +85,8 @@ class PatchGroups:
         covariance = self._of_patch()
         for loss, stride in PASSES if len(noisy) == 1 else PASSES_OF_CHANNELS:
             options = GroupOptions(SIDE, stride, REACH, MEMBERS, NEAR, loss)
-            patch_groups(turned, first, whole, covariance, options, first, None, threads)
+            run = partial(patch_groups, turned, first, whole, covariance, options, first, threads=threads)
+            interruptible(lambda flag, run=run: run(stop=flag))
         out = pilot.copy()
         out[noisy] = np.where(gone[noisy], pilot[noisy], np.tensordot(back.astype(number), first, 1) + offset)
         return out

@@ -1,0 +1,36 @@
+"""Kernels that run for seconds: Python hears of Ctrl-C between its own instructions only, so they run beside the caller."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from meshflow.kernels.parameters import Stop
+
+__all__ = ["interruptible"]
+
+R = TypeVar("R")
+# Seconds between two looks; where waiting for a lock cannot be interrupted (Windows), Ctrl-C is heard in between.
+LOOK = 0.1
+
+
+def interruptible(call: Callable[[Stop], R]) -> R:
+    """The result of a call, which runs in a thread of its own.
+
+    An exception of the waiting thread, as KeyboardInterrupt, sets the flag that the call was given, and is raised when the call
+    has ended.
+
+    :param call: takes the flag, and hands it to its kernel.
+    """
+    flag = Stop()
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(call, flag)
+        try:
+            while True:
+                try:
+                    return running.result(LOOK)
+                except TimeoutError:
+                    if running.done():  # it is the call's own
+                        raise
+        except BaseException:
+            flag.set()
+            raise
