@@ -1,4 +1,4 @@
-"""The commands: ``meshflow smooth | info | fuse | methods | options | compare | show | film | view | compare-flows``."""
+"""Commands: ``meshflow smooth | convert | info | fuse | methods | options | compare | show | film | view | compare-flows``."""
 
 import io
 import json as notation
@@ -34,6 +34,7 @@ from meshflow.evaluate.facts import describe
 from meshflow.fusing import fuse_frames as fused
 from meshflow.io.document import Document, Writing
 from meshflow.io.files import writable, write
+from meshflow.io.grid_mesh import as_mesh_document
 from meshflow.io.incoming import STDIN, temporary
 from meshflow.large.outcome import Outcome
 from meshflow.results.multipart import Results, every_warning
@@ -172,6 +173,16 @@ def info(given: Given) -> None:
     if "spacing" in facts and document.source.ground_unit:
         facts["spacing"] = f"{facts['spacing']} {document.source.ground_unit}"
     table(facts, given["json"], document.notes)
+
+
+@command(app, "convert", flags("source", "target", "every", *READING, "overwrite", "quiet"))
+def convert(given: Given) -> None:
+    """Write IN, a terrain or an image, to OUT as a triangle mesh: positions x, y, z, and channels as vertex attributes."""
+    source, target = given["source"], given["target"]
+    document = as_mesh_document(opened(source, {name: given[name] for name in READING}), given["every"])
+    notes = document.notes + write(document, target, overwrite=given["overwrite"])
+    if not given["quiet"]:
+        said(f"{source} → {target}: {document.data}", notes)
 
 
 @command(app, "methods", flags("json", "markdown"))

@@ -41,6 +41,7 @@ ALL: tuple[Flag, ...] = (
     Flag("output", Path | None, "Folder to write to, for several inputs, each under its own name.", OUTPUT),
     _yes("resume", "With --output: leave out what is there already.", OUTPUT),
     Flag("jobs", int, "With --output: how many files at a time, each with its share of the threads.", OUTPUT, 1),
+    Flag("every", int, "Coarsening: every so manieth sample of each direction.", OUTPUT, 1),
     Flag("other", Path, "Data of the same kind on the same samples.", default=..., metavar="OTHER"),
     Flag("frames_in", list[Path], "Depth images of the same view, two or more.", default=..., metavar="IN..."),
     Flag("kind", Kind | None, "What the file holds, where the guess would be wrong.", FIRST),

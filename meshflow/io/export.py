@@ -10,7 +10,10 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError, need
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.validation import Array
+from meshflow.io.grid_mesh import mesh_of_grid
 from meshflow.surfaces.grid import Lift
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 from meshflow.surfaces.range_image import RangeImage
 
 if TYPE_CHECKING:
@@ -69,15 +72,29 @@ def to_normals(image: RangeImage) -> Array:
     return shell.normals[shell.there]
 
 
-def to_mesh(image: RangeImage, colours: ArrayLike | None = None) -> "trimesh.Trimesh":
+def to_mesh(
+    image: RangeImage | HeightField | Image, colours: ArrayLike | None = None, *, every: int = 1
+) -> "trimesh.Trimesh":
     """The triangles between samples that do not cross a jump, oriented towards the camera; isolated points are left out.
 
-    :param colours: the picture of the same pixels, (h, w, 3) or (h, w, 4): whole numbers of 8 or 16 bit, or floating point from
-        0 to 1.
+    Of a height field or an image they are those of :func:`meshflow.io.grid_mesh.mesh_of_grid`; the channels of an image are the
+    vertex attribute ``channels``.
+
+    :param every: of a height field or an image, every so manieth sample of each direction.
+    :param colours: of a range image, the picture of the same pixels, (h, w, 3) or (h, w, 4): whole numbers of 8 or 16 bit, or
+        floating point from 0 to 1.
     :raises InputError: for colours of another size or type, or where there is no triangle.
     """
     import trimesh
 
+    if not isinstance(image, RangeImage):
+        if colours is not None:
+            raise InputError(f"colours: of range images only, got {type(image).__name__}")
+        mesh = mesh_of_grid(image, every)
+        attributes: Any = {} if mesh.channels is None else {"channels": mesh.channels}
+        return trimesh.Trimesh(mesh.points, mesh.faces, process=False, vertex_attributes=attributes)
+    if every != 1:
+        raise InputError(f"every: of height fields and images only, got {every} for a range image")
     points, faces, paint = _parts(image, colours)
     return trimesh.Trimesh(points, faces, vertex_colors=paint, process=False)
 
