@@ -51,13 +51,13 @@ def smooth(
     scale: float | None = None,
     strength: float = 1.0,
     noise: float | None = None,
-    stop: Stopping | Iterable[Stopping] = (),
-    constraints: Constraint | Iterable[Constraint] = (),
+    stop: Stopping | Iterable[Stopping] | None = (),
+    constraints: Constraint | Iterable[Constraint] | None = (),
     boundary: BoundaryWord | None = None,
     domain: Domain = "length",
     outliers: OutlierWord | None = None,
     level: Level | None = None,
-    compute: Compute = Compute(),  # noqa: B008 - frozen
+    compute: Compute | None = Compute(),  # noqa: B008 - frozen
     progress: Progress = None,
     result: Literal[False] = False,
     **metadata: Unpack[Metadata],
@@ -71,13 +71,13 @@ def smooth(
     scale: float | None = None,
     strength: float = 1.0,
     noise: float | None = None,
-    stop: Stopping | Iterable[Stopping] = (),
-    constraints: Constraint | Iterable[Constraint] = (),
+    stop: Stopping | Iterable[Stopping] | None = (),
+    constraints: Constraint | Iterable[Constraint] | None = (),
     boundary: BoundaryWord | None = None,
     domain: Domain = "length",
     outliers: OutlierWord | None = None,
     level: Level | None = None,
-    compute: Compute = Compute(),  # noqa: B008 - frozen
+    compute: Compute | None = Compute(),  # noqa: B008 - frozen
     progress: Progress = None,
     result: Literal[True],
     **metadata: Unpack[Metadata],
@@ -92,13 +92,13 @@ def smooth(
     scale: float | None = None,
     strength: float = 1.0,
     noise: float | None = None,
-    stop: Stopping | Iterable[Stopping] = (),
-    constraints: Constraint | Iterable[Constraint] = (),
+    stop: Stopping | Iterable[Stopping] | None = (),
+    constraints: Constraint | Iterable[Constraint] | None = (),
     boundary: BoundaryWord | None = None,
     domain: Domain = "length",
     outliers: OutlierWord | None = None,
     level: Level | None = None,
-    compute: Compute = Compute(),  # noqa: B008 - frozen
+    compute: Compute | None = Compute(),  # noqa: B008 - frozen
     progress: Progress = None,
     result: bool = False,
     **metadata: Unpack[Metadata],
@@ -140,7 +140,7 @@ def smooth(
     must_be_truth(result, "result")
     asked = Request.of(
         method, stop, constraints, time=time, scale=scale, strength=strength, noise=noise, boundary=boundary, domain=domain,
-        outliers=outliers, level=level, compute=compute)  # fmt: skip
+        outliers=outliers, level=level, compute=compute or Compute())  # fmt: skip
     return _answered(data, asked, progress, result, metadata)
 
 

@@ -134,7 +134,7 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
         (lambda: Request.of(constraints=Fixed()), "Fixed: a value expected"),
         (lambda: Request.of(method=PeronaMalik), r"give PeronaMalik\(\)"),  # type: ignore[arg-type]
         (lambda: Request.of(constraints=PreserveVolume), r"give PreserveVolume"),  # type: ignore[arg-type]
-        (lambda: Request.of(constraints="volume"), "got 'volume'"),  # type: ignore[arg-type]
+        (lambda: Request.of(constraints="volume"), "got the text 'volume'"),  # type: ignore[arg-type]
         (
             lambda: Request.of(constraints=[PreserveVolume(), meshflow.PreserveArea()]),
             "one of PreserveVolume and PreserveArea",

@@ -244,3 +244,104 @@ def test_a_word_is_taken_in_any_case_and_with_any_hyphen(made, plain):
 )
 def test_an_unknown_word_is_refused_with_the_nearest_one_and_with_those_that_there_are(call, words):
     refused(call, words)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: smooth(Z, constraints=Z > 0), r"got an array \(36, 40\); give Mask\(array\)"),
+        (
+            lambda: smooth(Z, noise=np.ones_like(Z)),
+            r"noise: a positive finite number expected, got an array \(36, 40\)$",
+        ),
+        (lambda: smooth(Z, time=Z), r"got an array \(36, 40\)$"),
+        (lambda: smooth(Z, stop=Z), r"got an array \(36, 40\)$"),
+        (lambda: smooth(Z, level=Z), r"got an array \(36, 40\)$"),
+        (lambda: smooth(Z, method=Z), r"got an array \(36, 40\)$"),
+        (lambda: smooth(Z, noise="1.0"), "got the text '1.0'"),
+        (lambda: smooth(Z, spacing=0), "spacing: a positive finite number expected, got 0"),
+        (lambda: smooth(Z.astype(str)), "got dtype <U32; convert it first"),
+        (lambda: smooth(Z * 1j), "take the real part"),
+        (lambda: smooth((POINTS, FACES), channels="colors"), "channels: a number or an array expected, got 'colors'"),
+        (lambda: smooth(None), "data: an array expected, got nothing"),
+        (lambda: smooth(Z[0], camera=CAMERA), "an array of 2 dimensions expected, got shape"),
+        (lambda: smooth(DEPTH, camera="kinnect"), "kinnect: no such camera; did you mean kinect"),
+        (lambda: smooth(Z, method=meshflow.Beltrami(gamma=1e6)), "gamma: an exponent from -100 to 100"),
+        (lambda: meshflow.film(Z, "f.avi"), r"a film ends in .mp4, .gif; got .avi"),
+        (lambda: meshflow.film(Z, "f.gif", frames=4), "frames: no such option of a film; did you mean count"),
+    ],
+)
+def test_what_came_is_named_in_a_few_words_with_the_way_out(call, words):
+    with pytest.raises(InputError, match=words) as told:
+        call()
+    assert len(str(told.value)) < 500
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: meshflow.Steps(True),
+        lambda: meshflow.Residual(True),
+        lambda: meshflow.Beltrami(twicing=True),
+        lambda: meshflow.Beltrami(gamma=False),
+        lambda: Compute(threads=True),
+        lambda: FixedStep(True),
+        lambda: meshflow.MaxChange(True),
+        lambda: meshflow.MinComponent(True),
+        lambda: smooth(Z, noise=True),
+        lambda: smooth(Z, strength=np.bool_(True)),
+        lambda: HeightField(Z, spacing=True),
+    ],
+)
+def test_a_truth_value_is_no_number(make):
+    refused(make, "expected, got (np.)?(True|False)")
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: meshflow.MaxChange(-1), "max_change: a number, zero or more, or an array expected, got -1"),
+        (lambda: meshflow.Mobility(2), "mobility: a number, zero to 1"),
+        (lambda: meshflow.DataWeights(np.nan), "data_weights: a number, zero or more"),
+        (lambda: meshflow.Fixed(None), "Fixed: a value expected, got nothing"),
+        (lambda: smooth(Z, constraints=meshflow.MaxChange("stp")), "max_change: a number, 'step' or an array expected"),
+    ],
+)
+def test_a_constraint_refuses_a_number_that_cannot_be_when_it_is_made(make, words):
+    refused(make, words)
+
+
+def test_none_is_what_is_not_given():
+    np.testing.assert_array_equal(smooth(Z, stop=None, constraints=None, compute=None), smooth(Z))
+
+
+def test_a_parameter_is_a_number_for_numpy_and_for_python_and_an_unknown_one_is_refused_with_the_nearest():
+    found = smooth(Z, method="perona-malik", time=2.5, result=True).parameters
+    time = found["time"]
+    assert (np.sqrt(time), round(time), -time, abs(time), time**2) == (np.sqrt(2.5), 2, -2.5, 2.5, 6.25)
+    assert np.array([time, time]).dtype == np.float64
+    with pytest.raises(KeyError, match="contrst: no such parameter; did you mean contrast"):
+        _ = found["contrst"]
+    assert found.get("contrst") is None
+
+
+@pytest.mark.parametrize(
+    ("data", "name"),
+    [
+        (Z, "a.npy"),
+        (np.dstack([Z, Z, Z]).astype(np.float32), "a.npy"),
+        (Z.astype(np.float32), "a.tif"),
+        (HeightField(Z), "a.npz"),
+        ((POINTS, FACES), "a.ply"),
+        (Mesh(POINTS, FACES), "a.obj"),
+    ],
+)
+def test_an_array_or_a_data_object_is_written_and_read_again(data, name, tmp_path):
+    meshflow.write(data, tmp_path / name)
+    back = meshflow.read(tmp_path / name).data
+    before = meshflow.smooth(data, time=0, result=True).before
+    one, other = (
+        x.points if isinstance(x, Mesh) else getattr(x, "z", getattr(x, "values", None)) for x in (back, before)
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-7)
+    refused(lambda: meshflow.write(BALL, tmp_path / "b.ply"), "objects of other libraries have their own writers")

@@ -195,7 +195,7 @@ BAD = [
     (np.ones(5), r"mobility: a number, or one per sample, shape \(400,\), expected, got \(5,\)"),
     (np.full(400, 1.5), "between 0 .stays. and 1 .* got 1.5"),
     (np.full(400, np.nan), "got nan"),
-    (1.5, "between 0 .stays. and 1 .* got 1.5"),
+    (1.5, "a number, zero to 1, or an array expected, got 1.5"),
     (np.array([object()] * 400), "a number or an array of numbers expected"),
 ]
 
@@ -327,7 +327,7 @@ def test_the_command_takes_the_name_of_an_attribute_in_the_file(tmp_path):
     for word in ("--mobility", "--data-weights"):
         assert run(word, "0.5", "--time", "0.01").returncode == 0
     refusal = run("--fixed", "marc").stderr
-    assert "fixed='marc': no such array; there are mark, how; nor is there a file marc" in refusal
+    assert "--fixed marc: no such array; there are mark, how; nor is there a file of that name" in refusal
     assert refusal.count("\n") == 1
 
 

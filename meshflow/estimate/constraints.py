@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.flow.conservation import Keep
 from meshflow.geometry.options import must_be_object, named_fields, option
-from meshflow.geometry.validation import whole
+from meshflow.geometry.validation import shown, whole
 from meshflow.surfaces.orientation import Orientation
 
 __all__ = [
@@ -22,6 +22,29 @@ __all__ = [
 PerSample = ArrayLike | str
 
 
+def _must_be_given(value: PerSample | None, name: str) -> None:
+    """Refuse None in the place of numbers or a name.
+
+    :raises InputError: for None.
+    """
+    if value is None:
+        raise InputError(f"{name}: a value expected, got nothing")
+
+
+def _must_be_within(value: PerSample | None, name: str, most: float) -> None:
+    """Refuse None, and one number for all samples that is negative or too large; arrays are checked with their data.
+
+    :raises InputError: for None, text that is a number, and a number outside of 0 to ``most``.
+    """
+    _must_be_given(value, name)
+    if np.ndim(value) != 0 or isinstance(value, str):  # type: ignore[arg-type]
+        return
+    finite = not isinstance(value, (bool, np.bool_)) and isinstance(value, (int, float, np.number))
+    if not (finite and 0 <= float(value) <= most):  # type: ignore[arg-type]
+        upper = "or more" if np.isinf(most) else f"to {most:g}"
+        raise InputError(f"{name}: a number, zero {upper}, or an array expected, got {shown(value)}")
+
+
 @named_fields
 @dataclass(frozen=True, eq=False)
 class Fixed:
@@ -30,6 +53,9 @@ class Fixed:
     mask: PerSample = option(
         MISSING, "Mask, not zero where samples do not move: a raster, picture, .npy, or vertex attribute.", flag="fixed"
     )
+
+    def __post_init__(self) -> None:
+        _must_be_given(self.mask, "Fixed")
 
 
 @named_fields
@@ -40,6 +66,9 @@ class Mask:
     mask: PerSample = option(
         MISSING, "Mask, not zero where samples may move: a raster, picture, .npy, or vertex attribute.", flag="mask"
     )
+
+    def __post_init__(self) -> None:
+        _must_be_given(self.mask, "Mask")
 
 
 @named_fields
@@ -58,6 +87,9 @@ class MaxChange:
         "unit of the values",
         "max-change",
     )
+
+    def __post_init__(self) -> None:
+        _must_be_within(self.most, "max_change", np.inf)
 
 
 @named_fields
@@ -78,6 +110,9 @@ class DataWeights:
         "data-weights",
     )
 
+    def __post_init__(self) -> None:
+        _must_be_within(self.weights, "data_weights", np.inf)
+
 
 @named_fields
 @dataclass(frozen=True, eq=False)
@@ -92,6 +127,9 @@ class Mobility:
         "Factor on the rate of samples, 0 (fixed) to 1 (free): a number, a raster or .npy, or a vertex attribute.",
         flag="mobility",
     )
+
+    def __post_init__(self) -> None:
+        _must_be_within(self.mobility, "mobility", 1.0)
 
 
 @named_fields
@@ -155,6 +193,11 @@ class Constraints:
 
         :raises InputError: for an object that is no constraint, and two of one kind.
         """
+        if isinstance(given, np.ndarray):
+            raise InputError(
+                f"constraints: a constraint expected, got {shown(given)}; give Mask(array) for the samples that may move, "
+                "or Fixed(array) for those that stay"
+            )
         several: list[Any] = [given]
         if isinstance(given, Iterable) and not isinstance(given, (str, type)):
             several = list(given)
@@ -163,7 +206,7 @@ class Constraints:
             must_be_object(one, "constraints: a constraint")
             if not isinstance(one, KINDS):
                 names = ", ".join(kind.__name__ for kind in KINDS)
-                raise InputError(f"constraints: one of {names} expected, got {one!r}")
+                raise InputError(f"constraints: one of {names} expected, got {shown(one)}")
             name, value = _said(one)
             if name == "preserve" and name in found:
                 raise InputError(
@@ -171,8 +214,6 @@ class Constraints:
                 )
             if name in found:
                 raise InputError(f"constraints: {type(one).__name__} is given twice; combine them")
-            if value is None:
-                raise InputError(f"{type(one).__name__}: a value expected, got nothing")
             found[name] = value
         return cls(**found)
 

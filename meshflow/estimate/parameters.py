@@ -4,14 +4,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import DTypeLike
 
+from meshflow.geometry.options import nearest
+from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Origin", "Parameter", "contrast_unit", "squared_unit", "value_unit"]
+__all__ = ["Origin", "Parameter", "Parameters", "contrast_unit", "squared_unit", "value_unit"]
 
 Origin = Literal["given", "estimated", "default"]
 
@@ -77,6 +80,22 @@ class Parameter:
     def __truediv__(self, other: "float | Parameter") -> float:
         return float(self) / float(other)
 
+    def __pow__(self, other: "float | Parameter") -> float:
+        return float(self) ** float(other)
+
+    def __neg__(self) -> float:
+        return -float(self)
+
+    def __abs__(self) -> float:
+        return abs(float(self))
+
+    def __round__(self, digits: int | None = None) -> float:
+        return round(float(self), digits)
+
+    def __array__(self, dtype: DTypeLike = None, copy: bool | None = None) -> Array:
+        """The value for numpy: a number, or text."""
+        return np.asarray(self.value, dtype=dtype)
+
     __radd__, __rmul__ = __add__, __mul__
 
     def __rsub__(self, other: float) -> float:
@@ -84,6 +103,15 @@ class Parameter:
 
     def __rtruediv__(self, other: float) -> float:
         return float(other) / float(self)
+
+
+class Parameters(dict[str, Parameter]):
+    """The parameters of a run by name; an unknown name is refused with the nearest one."""
+
+    def __missing__(self, name: str) -> Parameter:
+        near = nearest(str(name), tuple(self))
+        meant = f"did you mean {near}? There" if near else "there"
+        raise KeyError(f"{name}: no such parameter; {meant} are {', '.join(self)}")
 
 
 def value_unit(data: Data) -> str:

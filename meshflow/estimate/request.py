@@ -15,7 +15,7 @@ from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.searched import Quick, Search
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps, Stop, When
 from meshflow.geometry.options import must_be_object, named_fields, option
-from meshflow.geometry.validation import Array, number, positive
+from meshflow.geometry.validation import Array, number, positive, shown
 from meshflow.surfaces.surface import Boundary
 
 __all__ = ["BoundaryWord", "Domain", "Request", "Stopping"]
@@ -84,7 +84,7 @@ class Request:
             positive(self.noise, "noise")
         must_be_object(self.compute, "compute: a Compute")
         if not isinstance(self.compute, Compute):
-            raise InputError(f"compute: a Compute expected, got {self.compute!r}")
+            raise InputError(f"compute: a Compute expected, got {shown(self.compute)}")
         if isinstance(self.method, Search) and self.compute.search is isinstance(self.method, Quick):
             raise InputError(
                 f"method={self.method.word!r} and search={self.compute.search}: they contradict each other; leave one of them out"
@@ -100,8 +100,8 @@ class Request:
     def of(
         cls,
         method: Method | str | None = None,
-        stop: "Stopping | Iterable[Stopping]" = (),
-        constraints: "Constraint | Iterable[Constraint]" = (),
+        stop: "Stopping | Iterable[Stopping] | None" = (),
+        constraints: "Constraint | Iterable[Constraint] | None" = (),
         **numbers: object,
     ) -> "Request":
         """A request from the keywords of :func:`meshflow.smooth`.
@@ -109,9 +109,15 @@ class Request:
         :param numbers: the other fields, by name.
         :raises InputError: for unknown words and invalid values.
         """
-        steps, stops = _stops(stop)
+        steps, stops = _stops(() if stop is None else stop)
         chosen = None if method is None else method_of(method)
-        return cls(method=chosen, steps=steps, stops=stops, constraints=Constraints.of(constraints), **numbers)  # type: ignore[arg-type]
+        return cls(
+            method=chosen,
+            steps=steps,
+            stops=stops,
+            constraints=Constraints.of(() if constraints is None else constraints),
+            **numbers,
+        )  # type: ignore[arg-type]
 
     @property
     def until_time(self) -> float | None:
@@ -203,6 +209,6 @@ def _stops(given: object) -> tuple[int | None, tuple[Stop, ...]]:
             found.append(When(one))
         else:
             raise InputError(
-                f"stop: Steps, Residual, AreaLoss, Displacement, or a callable (values, time) expected, got {one!r}"
+                f"stop: Steps, Residual, AreaLoss, Displacement, or a callable (values, time) expected, got {shown(one)}"
             )
     return steps, tuple(found)

@@ -14,6 +14,8 @@ __all__ = ["Indicator", "Mass", "Variant"]
 Indicator = Literal["metric", "projection"]
 Mass = Literal["barycentric", "voronoi", "ring"]
 # The widest patch; the filter taps must fit beside the rows of a grid.
+# The largest exponents: beyond, no slope of any data keeps within double precision.
+STEEPEST = 100.0
 WIDEST = 6.0
 
 
@@ -54,8 +56,10 @@ class Variant:
     linear: bool = False
 
     def __post_init__(self) -> None:
-        number(self.gamma, "gamma")
-        positive(self.sharpness, "sharpness")
+        if abs(number(self.gamma, "gamma")) > STEEPEST:
+            raise InputError(f"gamma: an exponent from {-STEEPEST:g} to {STEEPEST:g} expected, got {self.gamma:g}")
+        if positive(self.sharpness, "sharpness") > STEEPEST:
+            raise InputError(f"sharpness: an exponent up to {STEEPEST:g} expected, got {self.sharpness:g}")
         if positive(self.floor, "floor") > 1:
             raise InputError(f"floor: a number in (0, 1] expected, got {self.floor}")
 

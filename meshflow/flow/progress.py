@@ -6,6 +6,7 @@ from time import monotonic
 from typing import Literal
 
 from meshflow.errors import InputError
+from meshflow.geometry.validation import shown
 
 __all__ = ["Progress", "reporting"]
 
@@ -47,4 +48,4 @@ def reporting(progress: Progress, words: str) -> Iterator[Callable[[float], obje
     elif callable(progress):
         yield lambda share: progress(share, 1.0)
     else:
-        raise InputError(f"progress: None, True or a callable (done, total) expected, got {progress!r}")
+        raise InputError(f"progress: None, True or a callable (done, total) expected, got {shown(progress)}")

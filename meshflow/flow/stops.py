@@ -9,7 +9,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.geometry.options import named_fields, option
-from meshflow.geometry.validation import Array, positive, whole
+from meshflow.geometry.validation import Array, positive, shown, whole
 
 __all__ = ["AreaLoss", "Course", "Displacement", "Residual", "Scale", "Steps", "Stop", "When", "crossing", "unmet"]
 
@@ -166,7 +166,7 @@ class When:
 
     def __post_init__(self) -> None:
         if not callable(self.asked):
-            raise InputError(f"stop: a callable (values, time) expected, got {self.asked!r}")
+            raise InputError(f"stop: a callable (values, time) expected, got {shown(self.asked)}")
 
     def excess(self, course: Course, u: Array, time: float) -> float:
         """The number, or 1 and -1 for true and false."""

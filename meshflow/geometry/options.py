@@ -8,6 +8,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from meshflow.errors import InputError
+from meshflow.geometry.validation import shown
 
 __all__ = [
     "Option",
@@ -27,6 +28,7 @@ SYNONYMS = {
     "dem": "terrain", "dtm": "terrain", "dsm": "terrain", "heights": "terrain", "height": "terrain", "elevation": "terrain",
     "picture": "image", "photo": "image", "photograph": "image", "range": "depth", "depths": "depth", "surface": "mesh",
     "natural": "neumann", "linear": "plane-preserving", "dirichlet": "fixed", "implicit": "semi-implicit", "euler": "explicit",
+    "frames": "count", "fps": "rate", "colormap": "colours", "cmap": "colours",
 }  # fmt: skip
 
 
@@ -90,6 +92,8 @@ def nearest(word: str, known: "list[str] | tuple[str, ...]") -> str:
     """The known word that an unknown one probably means; empty where none is similar."""
     from difflib import get_close_matches
 
+    if SYNONYMS.get(word.lower()) in known:
+        return SYNONYMS[word.lower()]
     found = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
     return found[0] if found else ""
 
@@ -111,11 +115,12 @@ def spelled(given: str, known: Collection[str]) -> str:
 
 def expected(given: object, known: Sequence[str]) -> str:
     """What was expected instead of an unknown word, with the nearest one, as the end of a sentence."""
-    near = "" if not isinstance(given, str) else SYNONYMS.get(given.lower(), "") or nearest(given, tuple(known))
-    meant = f"; did you mean {near}?" if near and near in known else ""
+    near = nearest(given, tuple(known)) if isinstance(given, str) else ""
+    meant = f"; did you mean {near}?" if near else ""
+    got = repr(given) if isinstance(given, str) else shown(given)
     known = [NOTED.get(word, word) for word in known]
     listed = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
-    return f"{listed} expected, got {given!r}{meant}"
+    return f"{listed} expected, got {got}{meant}"
 
 
 def named_fields(kind: type[Made]) -> type[Made]:

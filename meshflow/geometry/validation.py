@@ -27,11 +27,23 @@ __all__ = [
     "positive",
     "real",
     "samples",
+    "shown",
     "spacing_of",
     "triangles_of",
     "truth_of",
     "whole",
 ]
+
+
+def shown(value: object) -> str:
+    """A value that came, for a message: text as text, an array by its shape, and no long lists of numbers."""
+    if isinstance(value, str):
+        return f"the text {value!r:.60}"
+    shape = getattr(value, "shape", None)
+    if isinstance(shape, tuple) and shape:
+        return f"an array {shape}"
+    words = " ".join(repr(value).split())
+    return words if len(words) <= 80 else f"{words[:77]}..."
 
 
 def real(values: ArrayLike, name: str) -> Array:
@@ -43,7 +55,8 @@ def real(values: ArrayLike, name: str) -> Array:
     """
     array = np.asarray(values)
     if array.dtype.kind not in "fiub":
-        raise InputError(f"{name}: real numbers expected, got dtype {array.dtype}; take a real part or convert first")
+        way = "; take the real part" if array.dtype.kind == "c" else "; convert it first: array.astype(float)"
+        raise InputError(f"{name}: real numbers expected, got dtype {array.dtype}{way}")
     if array.size == 0:
         raise InputError(f"{name}: nothing to smooth or to draw, the array of shape {array.shape} is empty")
     if array.dtype.kind == "f":
@@ -127,7 +140,7 @@ def must_be_truth(value: object, name: str) -> None:
     :raises InputError: with the value.
     """
     if not isinstance(value, (bool, np.bool_)):
-        raise InputError(f"{name}: True or False expected, got {value!r}")
+        raise InputError(f"{name}: True or False expected, got {shown(value)}")
 
 
 def triangles_of(faces: ArrayLike) -> Array:
@@ -195,45 +208,46 @@ def truth_of(values: Array) -> Array:
 def positive(value: float, name: str, unit: str = "") -> float:
     """A positive finite number.
 
-    :raises InputError: otherwise.
+    :raises InputError: otherwise, and for text, truth values and arrays.
     """
-    try:
-        found = float(value)
-    except (TypeError, ValueError) as cause:
-        raise InputError(f"{name}: a positive number expected, got {value!r}") from cause
-    if isinstance(value, (str, bytes)) or not (np.isfinite(found) and found > 0):
-        raise InputError(f"{name}: a positive finite number{' of ' + unit if unit else ''} expected, got {value!r}")
+    found = _plain(value)
+    if found is None or not (np.isfinite(found) and found > 0):
+        raise InputError(
+            f"{name}: a positive finite number{' of ' + unit if unit else ''} expected, got {shown(value)}"
+        )
     return found
 
 
 def number(value: Any, name: str) -> float:
     """A finite number.
 
-    :raises InputError: otherwise, and for text.
+    :raises InputError: otherwise, and for text, truth values and arrays.
     """
-    if isinstance(value, (str, bytes)) or np.ndim(value) != 0:
-        raise InputError(f"{name}: a finite number expected, got {value!r}")
-    try:
-        found = float(value)
-    except (TypeError, ValueError) as cause:
-        raise InputError(f"{name}: a finite number expected, got {value!r}") from cause
-    if not np.isfinite(found):
-        raise InputError(f"{name}: a finite number expected, got {value}")
+    found = _plain(value)
+    if found is None or not np.isfinite(found):
+        raise InputError(f"{name}: a finite number expected, got {shown(value)}")
     return found
 
 
 def whole(value: Any, name: str, least: int) -> int:
     """A whole number of at least ``least``.
 
-    :raises InputError: otherwise.
+    :raises InputError: otherwise, and for text, truth values and arrays.
     """
+    found = _plain(value)
+    if found is None or not np.isfinite(found) or found != int(found) or found < least:
+        raise InputError(f"{name}: a whole number, {least} or more, expected, got {shown(value)}")
+    return int(value)
+
+
+def _plain(value: Any) -> float | None:
+    """One number as a float; None for text, a truth value, an array, and anything else that is no number."""
+    if isinstance(value, (str, bytes, bool, np.bool_)) or np.ndim(value) != 0:
+        return None
     try:
-        found = int(value)
-    except (TypeError, ValueError, OverflowError) as cause:
-        raise InputError(f"{name}: a whole number, {least} or more, expected, got {value!r}") from cause
-    if found != value or found < least:
-        raise InputError(f"{name}: a whole number, {least} or more, expected, got {value!r}")
-    return found
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
 
 
 def spacing_of(spacing: Any, rows: int) -> Spacing:
@@ -243,7 +257,7 @@ def spacing_of(spacing: Any, rows: int) -> Spacing:
     """
     pair = spacing if isinstance(spacing, (tuple, list)) else (spacing, spacing)
     if len(pair) != 2:
-        raise InputError(f"spacing: one number or a pair (dx, dy) expected, got {spacing!r}")
+        raise InputError(f"spacing: one number or a pair (dx, dy) expected, got {shown(spacing)}")
     one = not isinstance(spacing, (tuple, list))
     dy = _length(pair[1], "spacing" if one else "spacing dy")
     if np.ndim(pair[0]) == 0:

@@ -6,13 +6,22 @@ from os import PathLike
 from pathlib import Path
 from typing import Protocol, Unpack, runtime_checkable
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import must_be_free
 from meshflow.io.document import Document, Format, WriteOptions, Writing
 from meshflow.io.formats.elsewhere import must_be_known
 from meshflow.io.formats.ply_layout import has_grid
 from meshflow.io.incoming import set_down
 from meshflow.io.metadata import Metadata, ReadOptions
+from meshflow.surfaces.data import Data
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Document", "format_of", "read", "read_with", "writable", "write"]
 
@@ -176,7 +185,7 @@ def format_of(path: Path, options: ReadOptions) -> Format:
 
 
 def write(
-    document: Document,
+    data: Document | Data | Array | tuple[ArrayLike, ArrayLike],
     path: str | Path,
     *,
     overwrite: bool = False,
@@ -185,6 +194,8 @@ def write(
 ) -> tuple[str, ...]:
     """Write a document in the format of the extension; an existing file is replaced only when the new one is complete.
 
+    :param data: a document, with all that its file held; or a data object, an array (h, w) or (h, w, k), or ``(points, faces)``,
+        which have no CRS, no tags and no texture.
     :param overwrite: replace a file that is there.
     :param tags: text about the run, kept in the file where the format supports it.
     :param options: for the writer (:class:`WriteOptions`): ``dtype`` (rasters, pictures), ``depth_scale`` and ``left`` (depth
@@ -193,11 +204,7 @@ def write(
     :raises FormatError: when the format cannot hold the data, or the file exists and ``overwrite`` is false.
     :raises InputError: for an option that does not apply to the format.
     """
-    if not isinstance(document, Document):
-        raise InputError(
-            f"write: a Document expected, got {type(document).__name__}; meshflow.read gives one, document.holding(data) puts a "
-            "smoothed data object into it; arrays are written by numpy.save, meshes of trimesh by mesh.export"
-        )
+    document = _documented(data, Path(path))
     path = Path(path)
     found = writable(document, path, overwrite=overwrite, **options)
     names = path.stat().st_nlink if path.exists() else 1
@@ -207,6 +214,26 @@ def write(
             f"{path.name} was one of {names} names (hard links) of a file: the others still name what was there before",
         )
     return notes
+
+
+def _documented(data: object, path: Path) -> Document:
+    """A document of what shall be written.
+
+    :raises InputError: for an object of another library, which has its own writer and more than its samples.
+    """
+    if isinstance(data, Document):
+        return data
+    if isinstance(data, (HeightField, Image, RangeImage, Mesh)):
+        return Document(data, path)
+    if type(data) in (np.ndarray, tuple):
+        from meshflow.io.formats.arrays import from_object
+
+        return Document(from_object(data, ReadOptions()).data, path)
+    raise InputError(
+        f"write: a Document, a data object, an array or (points, faces) expected, got {type(data).__name__}; meshflow.read gives "
+        "a Document, document.holding(data) puts a smoothed data object into it; objects of other libraries have their own "
+        "writers, as mesh.export of trimesh"
+    )
 
 
 def writable(document: Document, path: str | Path, *, overwrite: bool = False, **options: Unpack[Writing]) -> Format:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import i0e
 
 from meshflow.estimate.noise import Noise
-from meshflow.estimate.parameters import Parameter, value_unit
+from meshflow.estimate.parameters import Parameter, Parameters, value_unit
 from meshflow.estimate.risk import Candidate
 from meshflow.flow.march import State
 from meshflow.geometry.options import named_fields
@@ -87,6 +87,9 @@ class Result:
     stopped_because: str
     warnings: tuple[str, ...]
     version: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", Parameters(self.parameters))
 
     @property
     def parts(self) -> dict[str, "Result"]:

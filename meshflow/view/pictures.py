@@ -169,7 +169,8 @@ def writable(path: str | Path, formats: tuple[str, ...] = _FORMATS, overwrite: b
     target = Path(path)
     if target.suffix.lower() not in formats:
         got = target.suffix or "no extension"
-        raise FormatError(f"{target.name}: a picture ends in {', '.join(formats)}; got {got}")
+        what = "film" if ".mp4" in formats else "picture"
+        raise FormatError(f"{target.name}: a {what} ends in {', '.join(formats)}; got {got}")
     if target.is_dir():
         raise FormatError(f"{target}: is a folder; name a file in it")
     if not target.parent.is_dir():

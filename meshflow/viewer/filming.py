@@ -6,6 +6,7 @@ from typing import Unpack
 from meshflow.estimate.parameters import squared_unit
 from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress
+from meshflow.geometry.options import refused
 from meshflow.results.run import states as flowing
 from meshflow.view.appearance import flowing_together, taken
 from meshflow.view.film import Reel, filmable, filmed
@@ -58,6 +59,9 @@ def film(
         and must not be replaced.
     :raises MissingPackage: for ``.mp4`` without ffmpeg, and where VTK is needed and cannot draw.
     """
+    for name in options:
+        if name not in Films.__annotations__:
+            raise refused(name, tuple(Films.__annotations__), "option of a film")
     count, quantity = options.pop("count", COUNT), options.pop("quantity", None)
     rate, turn = options.pop("rate", Reel.rate), options.pop("turn", Reel.turn)
     looks: Looks = {"size": SIZE, **options}

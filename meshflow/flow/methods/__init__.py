@@ -31,6 +31,7 @@ from meshflow.flow.methods.shared_edges import SharedEdges
 from meshflow.flow.methods.shock import ShockFilter
 from meshflow.flow.methods.total_variation import TotalVariation
 from meshflow.geometry.options import must_be_object, refused, spelled
+from meshflow.geometry.validation import shown
 
 __all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", "no_method", "words_for"]
 
@@ -82,7 +83,7 @@ def method_of(given: "str | Method") -> Method:
             return METHODS[word]()
         raise no_method(given)
     must_be_object(given, "method: a method")
-    raise InputError(f"method: a name or a method such as PeronaMalik(sharpness=2) expected, got {given!r}")
+    raise InputError(f"method: a name or a method such as PeronaMalik(sharpness=2) expected, got {shown(given)}")
 
 
 def no_method(word: str) -> InputError:

@@ -12,7 +12,7 @@ from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.family import Indicator, Mass, Variant
 from meshflow.flow.steppers import Explicit, Stepper, StepperName
 from meshflow.geometry.options import named_fields, option
-from meshflow.geometry.validation import number, positive
+from meshflow.geometry.validation import number, positive, shown
 from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.surface import Surface
 
@@ -66,7 +66,7 @@ class HeightMethod:
         if self.twicing is not None and not 0 <= number(self.twicing, "twicing") <= 1:
             raise InputError(f"twicing: a weight between 0 and 1 expected, got {self.twicing}")
         if self.second_stage not in (None, True, False):
-            raise InputError(f"second_stage: True, False or None expected, got {self.second_stage!r}")
+            raise InputError(f"second_stage: True, False or None expected, got {shown(self.second_stage)}")
         _ = self.variant
 
     @property

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array, nowhere, real, spacing_of, triangles_of
+from meshflow.geometry.validation import Array, nowhere, real, shown, spacing_of, triangles_of
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, doubtful_depths, in_metres
 from meshflow.io.document import Document, Imported, Source, WriteOptions, samples_of
 from meshflow.io.formats.cameras import calibration_for
-from meshflow.io.metadata import Found, Kind, ReadOptions
+from meshflow.io.metadata import Found, Kind, ReadOptions, as_given
 from meshflow.io.vertex_merging import Skin, is_soup
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -193,7 +193,8 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         return _mesh(data[0], data[1], options)
     if not isinstance(data, np.ndarray):
         raise InputError(
-            f"an array expected, got {type(data).__name__} {str(data)[:40]!r}; make it one: numpy.array(...)"
+            f"data: an array expected, got {'nothing (None)' if data is None else f'{type(data).__name__} {shown(data):.40}'}"
+            f"{'' if data is None else '; make it one: numpy.array(...)'}"
         )
     if options.kind is None and options.camera is None:
         _must_be_meant(data.shape)
@@ -229,6 +230,8 @@ def _of_channels(data: Array) -> tuple[str, ...]:
 
 def _depths(data: Array, options: ReadOptions) -> Imported:
     """Import depths; with ``depth_scale`` they are metres for the flow, and again in the units of the array afterwards."""
+    if data.ndim != 2:
+        raise InputError(f"depths: an array of 2 dimensions expected, got shape {data.shape}")
     calibration = calibration_for(options.camera, (data.shape[0], data.shape[1]), "the array")
     missing, depth, units, notes = options.missing_in(data), data, 1.0, ()
     if options.depth_scale is not None:
@@ -283,7 +286,8 @@ def _must_be_meant(shape: tuple[int, ...]) -> None:
 
 
 def _mesh(points: ArrayLike, faces: ArrayLike, options: ReadOptions) -> Imported:
-    channels = None if options.channels is None else np.asarray(options.channels)
+    given = as_given(options.channels, "channels")
+    channels = None if given is None else np.asarray(given)
     first, second = np.asarray(points), np.asarray(faces)
     if first.dtype.kind in "iu" and second.dtype.kind == "f" and (second != np.rint(second)).any():
         raise InputError(

@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.options import must_be_object
+from meshflow.geometry.options import must_be_object, refused
 from meshflow.io.atomic_write import beside
 from meshflow.io.formats.camera_info import said_in, words_for
 from meshflow.io.metadata import CameraLike, Intrinsics
@@ -153,6 +153,8 @@ def _calibration(source: object, shape: tuple[int, int]) -> Calibration:
     if str(source).lower() in CONVENTIONS:
         return CONVENTIONS[str(source).lower()]
     path = Path(source)
+    if not path.suffix and not path.exists():
+        raise FormatError(f"camera: {refused(str(source), tuple(CONVENTIONS), 'camera')}, or give the path of a file")
     try:
         if path.suffix.lower() == ".npz":
             with np.load(path, allow_pickle=False) as arrays:
