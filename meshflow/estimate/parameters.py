@@ -92,7 +92,7 @@ class Parameter:
     def __round__(self, digits: int | None = None) -> float:
         return round(float(self), digits)
 
-    def __array__(self, dtype: DTypeLike = None, copy: bool | None = None) -> Array:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> Array:
         """The value for numpy: a number, or text."""
         return np.asarray(self.value, dtype=dtype)
 

@@ -111,13 +111,8 @@ class Request:
         """
         steps, stops = _stops(() if stop is None else stop)
         chosen = None if method is None else method_of(method)
-        return cls(
-            method=chosen,
-            steps=steps,
-            stops=stops,
-            constraints=Constraints.of(() if constraints is None else constraints),
-            **numbers,
-        )  # type: ignore[arg-type]
+        held = Constraints.of(() if constraints is None else constraints)
+        return cls(method=chosen, steps=steps, stops=stops, constraints=held, **numbers)  # type: ignore[arg-type]
 
     @property
     def until_time(self) -> float | None:
