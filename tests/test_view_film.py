@@ -202,7 +202,7 @@ def test_without_ffmpeg_the_install_line_is_named(tmp_path, monkeypatch):
         ({"turn": 90.0, "renderer": "hillshade"}, "turn: degrees"),
         ({"colours": "virids"}, "viridis"),
         ({"request": Request.of(domain="disparity")}, "states can be shown for domain=.length. only"),
-        ({"fps": 3}, "fps: no such option of a picture"),
+        ({"fps": 3}, "fps: no such option of a film; did you mean rate"),
     ],
 )
 def test_a_film_that_makes_no_sense_is_refused(options, says, tmp_path):

@@ -153,7 +153,7 @@ def _calibration(source: object, shape: tuple[int, int]) -> Calibration:
     if str(source).lower() in CONVENTIONS:
         return CONVENTIONS[str(source).lower()]
     path = Path(source)
-    if not path.suffix and not path.exists():
+    if not path.suffix and path.name == str(source) and not path.exists():
         raise FormatError(f"camera: {refused(str(source), tuple(CONVENTIONS), 'camera')}, or give the path of a file")
     try:
         if path.suffix.lower() == ".npz":
