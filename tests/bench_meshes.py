@@ -7,6 +7,7 @@ best that has not (VTK's features leave flat sides on the cube, a fifth of an ed
 
 - ``BENCH_SHAPES=cube,torus``: these alone (also ``irregular cube``, ``plate`` and ``dome``, which the table leaves out);
 - ``BENCH_NOISE=iso,nrm``: this noise alone;
+- ``BENCH_SMALL=1``: shapes of 2 to 4 thousand vertices, in minutes instead of hours for a few peers;
 - ``BENCH_PEERS=VTK,Taubin``: peers whose names begin so alone; ``BENCH_PEERS=none``: ours alone;
 - ``BENCH_OURS=defaults`` (not at its best) or ``BENCH_OURS=none`` (the peers alone);
 - ``BENCH_CACHE=peers.json``: what was found for the peers is kept there, and asked again only where a version of a package, a
@@ -19,6 +20,7 @@ import hashlib
 import json
 import os
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
@@ -35,6 +37,7 @@ from meshflow.evaluate.meshes import MeshQuality, mesh_quality
 from meshflow.evaluate.metrics import is_closed, normal_angle, volume
 from meshflow.geometry.normals import mean_edge
 from meshflow.kernels.library import default_threads
+from meshflow.synthetic import shapes
 from meshflow.synthetic.shapes import SHAPES, Shape
 
 SEED = 7
@@ -47,6 +50,17 @@ NOISE = {
     "sphere": (("iso", 0.2),),
     "torus": (("iso", 0.2),),
     "blob": (("iso", 0.2),),
+}
+# The same shapes with fewer vertices.
+SMALL = {
+    "cube": partial(shapes.cube, 20),
+    "irregular cube": partial(shapes.cube, 20, True),
+    "CAD part": partial(shapes.part, 0.026),
+    "sphere": partial(shapes.sphere, 4),
+    "torus": partial(shapes.ring, 100, 40),
+    "blob": partial(shapes.blob, 32),
+    "plate": partial(shapes.plate, 45),
+    "dome": partial(shapes.dome, 3000),
 }
 # A volume that has changed by less is kept, and what rows are called where that was asked for.
 KEPT, KEEPING = 0.01, ", volume kept"
@@ -140,12 +154,13 @@ def _asked(variable, every):
 
 def cases():
     """The shapes and noises that the environment asks for."""
-    shapes = _asked("BENCH_SHAPES", NOISE)
-    unknown = set(shapes) - set(SHAPES)
-    assert not unknown, f"BENCH_SHAPES: {', '.join(SHAPES)} expected, got {unknown}"
+    made = SMALL if os.environ.get("BENCH_SMALL") else SHAPES
+    names = _asked("BENCH_SHAPES", NOISE)
+    unknown = set(names) - set(made)
+    assert not unknown, f"BENCH_SHAPES: {', '.join(made)} expected, got {unknown}"
     kinds = _asked("BENCH_NOISE", ("iso", "nrm"))
-    for name in shapes:
-        shape = SHAPES[name]()
+    for name in names:
+        shape = made[name]()
         for kind, level in NOISE.get(name, NOISE["cube"]):
             if kind in kinds:
                 yield Case(shape, kind, level, shape.noisy(kind, level, SEED))
