@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from meshflow.lazy import lazily
 
 if TYPE_CHECKING:
+    from meshflow.comparing import MethodRun, compare_methods
     from meshflow.errors import FormatError, InputError, MeshflowWarning, MissingPackage, NotConverged
     from meshflow.estimate.constraints import (
         DataWeights,
@@ -77,6 +78,7 @@ if TYPE_CHECKING:
     from meshflow.viewer.filming import film
 
 _HOMES = {
+    "comparing": ("MethodRun", "compare_methods"),
     "errors": (
         "FormatError",
         "InputError",

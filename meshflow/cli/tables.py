@@ -17,7 +17,7 @@ __all__ = ["methods_table", "options_table"]
 
 
 def methods_table(json: bool, markdown: bool) -> None:
-    """Print the methods: name, what they move, options, and the first sentence of their docstring."""
+    """Print the methods: name, what they move, options, the first lines of their docstring, and when to take them."""
     rows = []
     for word, kind in METHODS.items():
         if not isinstance(kind, type):
@@ -29,9 +29,11 @@ def methods_table(json: bool, markdown: bool) -> None:
             if issubclass(kind, Search)
             else "values above a base"
         )
-        names = ", ".join(f"--{o.flag.replace('_', '-')}" for o in options_of(kind))
-        rows.append((word, moves, names, _plain((inspect.getdoc(kind) or "").split("\n\n")[0])))
-    _printed(("method", "moves", "options", "what it is"), rows, json, markdown)
+        names = ", ".join(f"--{o.flag.replace('_', '-')}" for o in options_of(kind) if o.has_flag)
+        text = inspect.getdoc(kind) or ""
+        taken = re.search(r"Take\s+it .*?(?=\n\n|\Z)", text, re.DOTALL)
+        rows.append((word, moves, names, _plain(text.split("\n\n")[0]), _plain(taken.group() if taken else "")))
+    _printed(("method", "moves", "options", "what it is", "when"), rows, json, markdown)
 
 
 def options_table(json: bool, markdown: bool) -> None:

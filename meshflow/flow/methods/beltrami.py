@@ -158,7 +158,10 @@ class SchemeMethod(HeightMethod):
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class Beltrami(HeightMethod):
-    """The family dX/dt = -(edge indicator)^gamma P B by its exponents; Beltrami flow (14) by default."""
+    """The family dX/dt = -(edge indicator)^gamma P B by its exponents; Beltrami flow (14) by default.
+
+    Take it as the flow of the paper, or with exponents of your own.
+    """
 
     word: ClassVar[str] = "beltrami"
     contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
@@ -218,7 +221,10 @@ class MeanCurvatureDiffusion(HeightMethod):
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class GemanMcClure(HeightMethod):
-    """Diffusion with the flux grad / W^4, after Geman and McClure: gamma = -1, sharpness 4."""
+    """Diffusion with the flux grad / W^4, after Geman and McClure: gamma = -1, sharpness 4.
+
+    Take it for plateaus with sharp edges.
+    """
 
     word: ClassVar[str] = "geman-mcclure"
     contrasts: ClassVar[tuple[float, ...]] = (0.4, 0.7, 1.0)
@@ -235,6 +241,8 @@ class Heat(HeightMethod):
     """The heat equation du/dt = div grad u, linear for any data: time t is a Gaussian of variance 2 t. It blurs edges.
 
     On a mesh it is the equation of the surface, with the Laplace-Beltrami operator of its points. It has no contrast.
+
+    Take it where a Gaussian is meant.
     """
 
     word: ClassVar[str] = "heat"
@@ -259,7 +267,10 @@ class Heat(HeightMethod):
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class Patches(HeightMethod):
-    """Beltrami flow with lengths measured between patches, the neighbourhoods of the samples. Grids only."""
+    """Beltrami flow with lengths measured between patches, the neighbourhoods of the samples. Grids only.
+
+    Take it for textures and slopes.
+    """
 
     word: ClassVar[str] = "patches"
 

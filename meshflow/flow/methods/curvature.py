@@ -21,7 +21,10 @@ __all__ = ["ConformalFlow", "CurvatureFlow", "bordered"]
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class CurvatureFlow(PointMethod):
-    """Mean curvature flow [DMSB99], dx/dt = -M^-1 L x. It shrinks the mesh."""
+    """Mean curvature flow [DMSB99], dx/dt = -M^-1 L x. It shrinks the mesh.
+
+    Take it for short times, and where a geometric motion is meant.
+    """
 
     word: ClassVar[str] = "curvature"
 
@@ -51,7 +54,10 @@ class CurvatureFlow(PointMethod):
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class ConformalFlow(CurvatureFlow):
-    """Conformalized mean curvature flow (Kazhdan, Solomon, Ben-Chen 2012), with the stiffness of the start; for large times."""
+    """Conformalized mean curvature flow (Kazhdan, Solomon, Ben-Chen 2012), with the stiffness of the start; for large times.
+
+    Take it for large times, towards a sphere.
+    """
 
     word: ClassVar[str] = "conformal"
 

@@ -22,7 +22,10 @@ __all__ = ["Fairing"]
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class Fairing(PointMethod):
-    """The filter 1 / (1 + (t A)^order), A = M^-1 L (:class:`LowPass`): order 1 is implicit fairing [DMSB99]."""
+    """The filter 1 / (1 + (t A)^order), A = M^-1 L (:class:`LowPass`): order 1 is implicit fairing [DMSB99].
+
+    Take it for smooth shapes with noise, where there are no creases.
+    """
 
     word: ClassVar[str] = "fairing"
     once: ClassVar[bool] = True

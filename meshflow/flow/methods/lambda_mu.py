@@ -58,7 +58,7 @@ class LambdaMu(CurvatureFlow):
     x += lambda K x, x += mu K x, with K x the mean of the neighbours minus x, so that a frequency k of the umbrella (0 to 2) is
     multiplied by (1 - lambda k)(1 - mu k) per pair, and k = passband is kept. G. Taubin, SIGGRAPH 1995, 351-358. A pair lasts
     lambda h^2 / 4, h the mean edge; ``stop=Steps(n)`` makes n pairs. Borders move as curves, at half the speed. Points drift
-    along the surface where the sampling is uneven; take it to compare, or for even meshes.
+    along the surface where the sampling is uneven. Take it to compare, or for even meshes.
     """
 
     word: ClassVar[str] = "taubin"

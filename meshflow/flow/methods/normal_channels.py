@@ -19,7 +19,10 @@ __all__ = ["NormalChannels"]
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class NormalChannels(PointMethod):
-    """Mean curvature flow of the surface (x, normal_weight n), in which only the points x move. It keeps creases."""
+    """Mean curvature flow of the surface (x, normal_weight n), in which only the points x move. It keeps creases.
+
+    Take it for faces and creases, with more smoothing than curvature.
+    """
 
     word: ClassVar[str] = "normal-channels"
 

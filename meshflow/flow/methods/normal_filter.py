@@ -33,7 +33,10 @@ ALMOST = 1e-9
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class NormalFilter(PointMethod):
-    """The normals of the triangles diffuse but for creases, and the points follow. Options that are None are estimated."""
+    """The normals of the triangles diffuse but for creases, and the points follow. Options that are None are estimated.
+
+    Take it for scans and machine parts: creases stay.
+    """
 
     word: ClassVar[str] = "normal-filter"
 

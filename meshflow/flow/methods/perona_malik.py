@@ -26,6 +26,8 @@ class PeronaMalik(HeightMethod):
     contrast^2), exp(-s^2) (``exponential``, the paper's first), or (1 - s^2)^2 up to s = 1 and 0 beyond (``tukey``, of Black et
     al. 1998, scaled to g(0) = 1). With another ``sharpness`` q the rational one is 1 / (1 + s^2)^(q/2). The four-neighbour
     scheme of the paper is :func:`meshflow.classics.perona_malik`.
+
+    Take it for plateaus and cliffs.
     """
 
     word: ClassVar[str] = "perona-malik"

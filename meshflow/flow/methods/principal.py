@@ -89,7 +89,10 @@ class Principal(Around):
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class PrincipalFlow(PointMethod):
-    """Mean curvature flow along the directions of small curvature; it keeps edges and corners (:class:`Principal`)."""
+    """Mean curvature flow along the directions of small curvature; it keeps edges and corners (:class:`Principal`).
+
+    Take it for edges and cylinders.
+    """
 
     word: ClassVar[str] = "principal"
 

@@ -19,6 +19,8 @@ class TotalVariation(HeightMethod):
     It is mean curvature diffusion at the contrast 1 / e, and its limit for small e: slopes far above e lose height at one rate,
     whatever their steepness, and slopes below e diffuse. Times are those of mean curvature diffusion, 1 / e of those of the
     equation. The model of Rudin, Osher and Fatemi at rest, with a fidelity by the noise, is ``rof``.
+
+    Take it for flat parts between sharp edges.
     """
 
     word: ClassVar[str] = "total-variation"

@@ -1,0 +1,110 @@
+"""``compare_methods``: several methods side by side on the same data, at equal noise removed."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshflow.errors import InputError
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import Method, method_of
+from meshflow.flow.stops import Residual
+from meshflow.geometry.validation import Array, positive
+from meshflow.io.metadata import Metadata
+from meshflow.io.objects import from_object
+from meshflow.results.result import Result
+from meshflow.smoothing import smooth
+from meshflow.surfaces.data import array_of
+
+__all__ = ["MethodRun", "compare_methods"]
+
+
+@dataclass(frozen=True, eq=False)
+class MethodRun:
+    """A method on the data of a comparison.
+
+    :ivar name: of the method.
+    :ivar removed: root mean square of what was removed, over the noise.
+    :ivar error: root mean square error against the truth, unit of the values; None without a truth.
+    :ivar largest: the largest change of a value.
+    :ivar time: of the flow, squared length; ``steps``: their number; ``seconds``: the whole call.
+    :ivar result: of the run.
+    """
+
+    name: str
+    removed: float
+    error: float | None
+    largest: float
+    time: float
+    steps: int
+    seconds: float
+    result: Result = field(repr=False)
+
+    def as_dict(self) -> dict[str, str | float | int | None]:
+        """The numbers by name."""
+        names = ("name", "removed", "error", "largest", "time", "steps", "seconds")
+        return {name: getattr(self, name) for name in names}
+
+
+def compare_methods(
+    data: Any,
+    methods: Iterable[Method | str],
+    truth: ArrayLike | None = None,
+    *,
+    noise: float | None = None,
+    removed: float = 0.9,
+    **metadata: Unpack[Metadata],
+) -> tuple[MethodRun, ...]:
+    """Run methods on the same data until each has removed equally much, and measure them; with a truth the best one first.
+
+    Each runs until the root mean square of what it removed is ``removed`` times the noise, with its contrast by rule. A method
+    that does not get there (a scheme that stops; restorations at rest, whose noise is multiplied instead) is measured where
+    it ends; ``removed`` of the run says so.
+
+    :param data: as in :func:`meshflow.smooth`; not of several parts.
+    :param methods: names, or methods with options.
+    :param truth: values of the shape of the data; points (n, d) of a mesh.
+    :param noise: as in :func:`meshflow.smooth`.
+    :param removed: share of the noise, above 0, at most 1.
+    :param metadata: as in :func:`meshflow.smooth`.
+    :raises InputError: for no method, a truth of another shape, or where :func:`meshflow.smooth` refuses.
+    """
+    asked = [method_of(one) for one in methods]
+    if not asked:
+        raise InputError("methods: one or more expected, got none")
+    if positive(removed, "removed") > 1:
+        raise InputError(f"removed: a share of the noise up to 1 expected, got {removed}")
+    before = array_of(from_object(data, metadata).data)
+    true = None if truth is None else np.asarray(truth, dtype=np.float64)
+    if true is not None and true.shape != before.shape:
+        raise InputError(f"truth: the shape of the data, {before.shape}, expected, got {true.shape}")
+    runs = [_run(data, one, before, true, (noise, removed), metadata) for one in asked]
+    return tuple(sorted(runs, key=lambda run: run.error or 0.0))
+
+
+def _run(
+    data: Any, method: Method, before: Array, truth: Array | None, asked: tuple[float | None, float], metadata: Metadata
+) -> MethodRun:
+    """One method.
+
+    :param asked: the noise or None, and the share of it to be removed.
+    """
+    (noise, removed), began = asked, perf_counter()
+    once = bool(getattr(method, "fits_noise", False))
+    result: Result = smooth(
+        data, method=method, noise=noise, stop=() if once else Residual(removed), strength=removed if once else 1.0,
+        compute=Compute(search=False), result=True, **metadata,
+    )  # fmt: skip
+    seconds, after = perf_counter() - began, array_of(result.after)
+    there = np.isfinite(before) & np.isfinite(after)
+    change, sigma = (after - before)[there], float(result.parameters["noise"].value)
+    error = None
+    if truth is not None:
+        known = there & np.isfinite(truth)
+        error = float(np.sqrt(np.mean(np.square((after - truth)[known]))))
+    share = float(np.sqrt(np.mean(np.square(change)))) / sigma if sigma > 0 else 0.0
+    largest = float(np.abs(change).max(initial=0.0))
+    return MethodRun(method.word, share, error, largest, result.end.time, result.end.step, seconds, result)
