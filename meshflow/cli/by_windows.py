@@ -1,5 +1,8 @@
 """``meshflow smooth`` of a raster that does not fit into the memory that it may take."""
 
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
 from meshflow.cli.asking import asked, narrowed
 from meshflow.cli.flags import Given
 from meshflow.cli.inputs import plain_sample
@@ -12,7 +15,7 @@ from meshflow.io.incoming import STDIN
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.memory import SHARE, Budget, bytes_in, free_memory, needed
 
-__all__ = ["memory_for", "smooth_by_windows"]
+__all__ = ["memory_for", "smooth_by_windows", "tiles_together"]
 
 # Bytes of a file below which it is not asked whether its samples fit.
 SMALL = 1 << 20
@@ -63,6 +66,29 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
     result = smooth_raster(source, target, request, options, writing, None if quiet else True)
     more = (word for word in result.warnings if word not in result.notes)
     return Told(result, (*narrowed(request, word, suiting), *result.notes, *more))
+
+
+def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path]]) -> Iterator[tuple[Path, Told | Exception]]:
+    """Smooth the tiles of a survey with one choice; each with what is said of it, or its refusal.
+
+    :raises InputError: for options that need the whole.
+    """
+    from meshflow.large.rasters import Output
+    from meshflow.large.survey import smooth_together
+
+    if given["jobs"] != 1 or given["resume"]:
+        raise InputError("--together: the tiles are one run; leave out --jobs and --resume")
+    options, word, suiting = _reading(given), given["method"], words_for(points=False)
+    options.must_belong("a raster", ("kind", "band", "nodata", "spacing", "allow_remote"))
+    request = asked(given, plain_sample, suiting)
+    memory = SHARE * free_memory() if given["most_memory"] is None else bytes_in(given["most_memory"])
+    writing = Output(Budget(memory), given["dtype"], given["overwrite"])
+    said = narrowed(request, word, suiting)
+    for path, found in smooth_together(pairs, request, options, writing):
+        if isinstance(found, Exception):
+            yield path, found
+        else:
+            yield path, Told(found, (*said, *found.notes, *(one for one in found.warnings if one not in found.notes)))
 
 
 def _reading(given: Given) -> ReadOptions:

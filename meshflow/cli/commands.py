@@ -17,7 +17,7 @@ import typer
 
 from meshflow.cli import looking
 from meshflow.cli.asking import asked, narrowed
-from meshflow.cli.by_windows import memory_for, smooth_by_windows
+from meshflow.cli.by_windows import memory_for, smooth_by_windows, tiles_together
 from meshflow.cli.console import err, out, said, table
 from meshflow.cli.environment import environment
 from meshflow.cli.flags import FLOW, Given, command, only
@@ -81,7 +81,18 @@ def about(
         *only(FLOW, *TEN),
         *flags("kind", "camera", "picture", "report", "overwrite"),
         *(flag for flag in FLOW if flag.name not in TEN),
-        *flags(*READING[2:], "moves", "time_unit", "dtype", "most_memory", "output", "resume", "jobs", *SAYING[3:]),
+        *flags(
+            *READING[2:],
+            "moves",
+            "time_unit",
+            "dtype",
+            "most_memory",
+            "output",
+            "together",
+            "resume",
+            "jobs",
+            *SAYING[3:],
+        ),
     ),
     context=True,
 )
@@ -89,7 +100,7 @@ def smooth(given: Given) -> None:
     """Smooth IN and write the same kind of data to OUT. Options that are not given are estimated from the data."""
     context, named = given.pop("context"), [given["source"], *_also(given)]
     if given["output"] is not None:
-        smooth_many(given, named, _one)
+        smooth_many(given, named, _one, tiles_together)
         return
     source, target, quiet = given["source"], given["target"], given["quiet"]
     if target is None:

@@ -50,6 +50,10 @@ class Told:
     pictured: tuple[Any, Any] | None = None
 
 
+# Smooths tiles, pairs of paths, and tells each or refuses it.
+Together = Callable[[Given, Sequence[tuple[Path, Path]]], Iterator[tuple[Path, Told | Exception]]]
+
+
 @dataclass(frozen=True, eq=False)
 class Line:
     """One line of the table.
@@ -106,10 +110,10 @@ def inputs_of(paths: Sequence[Path]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def smooth_many(given: Given, paths: Sequence[Path], one: Callable[[Given], Told]) -> None:
+def smooth_many(given: Given, paths: Sequence[Path], one: Callable[[Given], Told], together: Together) -> None:
     """Smooth several files into a folder; what fails does not keep the others from being done.
 
-    :param one: smooths one file.
+    :param one: smooths one file; ``together``: the tiles of a survey.
     :raises InputError: for options of one file.
     :raises typer.Exit: with the code 1, where a file was refused.
     """
@@ -123,7 +127,7 @@ def smooth_many(given: Given, paths: Sequence[Path], one: Callable[[Given], Told
     many = f"{len(sources)} file{'s' * (len(sources) != 1)}"
     lines: list[Line] = []
     with reporting(None if given["quiet"] else True, many) as report, _pool(jobs) as pool:
-        for line in pool.map(_Work.line, work):
+        for line in _tiles(given, work, together) if given["together"] else pool.map(_Work.line, work):
             lines.append(line)
             report(len(lines) / len(work))
             _tell(line, given)
@@ -160,7 +164,25 @@ class _Work:
         try:
             return Line(self.source, self.target, self.one(own), seconds=monotonic() - begun)
         except REFUSALS as refusal:
-            return Line(self.source, self.target, why=" ".join(str(refusal).split()) or type(refusal).__name__)
+            return Line(self.source, self.target, why=_reason(refusal))
+
+
+def _tiles(given: Given, work: Sequence[_Work], together: Together) -> Iterator[Line]:
+    """The lines of the tiles of a survey."""
+    targets = {one.source: one.target for one in work if isinstance(one.target, Path)}
+    yield from (Line(one.source, None, why=one.target) for one in work if isinstance(one.target, str))
+    begun = monotonic()
+    for source, found in together(given, list(targets.items())):
+        if isinstance(found, Told):
+            yield Line(source, targets[source], found, seconds=monotonic() - begun)
+        else:
+            yield Line(source, targets[source], why=_reason(found))
+        begun = monotonic()
+
+
+def _reason(refusal: BaseException) -> str:
+    """A refusal in one line."""
+    return " ".join(str(refusal).split()) or type(refusal).__name__
 
 
 def _must_be_of_many(given: Given, paths: Sequence[Path]) -> None:

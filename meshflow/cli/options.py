@@ -39,6 +39,11 @@ ALL: tuple[Flag, ...] = (
         metavar="MORE",
     ),
     Flag("output", Path | None, "Folder to write to, for several inputs, each under its own name.", OUTPUT),
+    _yes(
+        "together",
+        "With --output: rasters are tiles of one survey, by their georeference: one choice for all, no seams.",
+        OUTPUT,
+    ),
     _yes("resume", "With --output: leave out what is there already.", OUTPUT),
     Flag("jobs", int, "With --output: how many files at a time, each with its share of the threads.", OUTPUT, 1),
     Flag("every", int, "Coarsening: every so manieth sample of each direction.", OUTPUT, 1),

@@ -22,12 +22,14 @@ from meshflow.large.marks import marked
 from meshflow.large.memory import Budget
 from meshflow.large.outcome import Outcome, Removed
 from meshflow.large.sample import ENOUGH, Sample, part_of, sample_of
-from meshflow.large.source import Form, Window, grown, tiled, within
+from meshflow.large.source import Form, Source, Window, grown, moved_by, tiled, within
 from meshflow.large.windows import Bound, Windowed, windowed
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["form_of", "smooth_raster"]
+__all__ = [
+    "Gridded", "Output", "Run", "Sheet", "counted", "form_of", "gridded", "must_be_writable", "smooth_raster", "written",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,7 @@ def form_of(path: Path, options: ReadOptions) -> Form:
     :raises FormatError: for a file that is not read by windows.
     """
     with raster_read(path, options) as reader:
-        return _gridded(reader, options)[0].form
+        return gridded(reader, options)[0].form
 
 
 def smooth_raster(
@@ -77,19 +79,16 @@ def smooth_raster(
     :raises FormatError: for files that cannot be read or written so.
     :raises InputError: for what cannot be done by windows, and a memory that is too small.
     """
-    must_be_free(target, writing.overwrite)
-    if target.suffix.lower() not in (".tif", ".tiff"):
-        raise FormatError(f"{target.name}: a .tif is written by windows, got {target.suffix or 'no extension'}")
-    if not target.parent.is_dir():
-        raise FormatError(f"{target.parent} is no folder; make it first")
+    must_be_writable(target, writing)
     with raster_read(path, options) as opened, request.compute.running():
-        source, notes = _gridded(opened, options)
+        source, notes = gridded(opened, options)
         type_for(writing.dtype, opened.frame, source.form.dtype)
-        source, census, more = _counted(source, writing.budget, progress)
+        source, census, more = counted(source, writing.budget, progress)
         sample = sample_of(source, writing.budget.sample(source.form, ENOUGH))
         _must_be_alike(source, sample, options)
         run = windowed(source.form, sample, request)
-        outcome = _written(source, _Run(run, run.local.over(census), census, request), target, writing, progress)
+        sheet = Sheet(source, source, (slice(0, source.form.shape[0]), slice(0, source.form.shape[1])))
+        outcome = written(sheet, Run(run, run.local.over(census), census, request), target, writing, progress)
     return replace(outcome, notes=(*notes, *more, *outcome.notes))
 
 
@@ -107,8 +106,23 @@ class Output:
     overwrite: bool = False
 
 
-def _gridded(reader: RasterReader, options: ReadOptions) -> tuple[Gridded, tuple[str, ...]]:
-    """A raster as a grid, and notes."""
+def must_be_writable(target: Path, writing: Output) -> None:
+    """Refuse a file that is there, no folder, and a format that is not written by windows.
+
+    :raises FormatError: it says which.
+    """
+    must_be_free(target, writing.overwrite)
+    if target.suffix.lower() not in (".tif", ".tiff"):
+        raise FormatError(f"{target.name}: a .tif is written by windows, got {target.suffix or 'no extension'}")
+    if not target.parent.is_dir():
+        raise FormatError(f"{target.parent} is no folder; make it first")
+
+
+def gridded(reader: RasterReader, options: ReadOptions) -> tuple[Gridded, tuple[str, ...]]:
+    """A raster as a grid, and notes.
+
+    :raises InputError: for several bands as one terrain, and a grid that is sheared.
+    """
     frame, kind, count = reader.frame, options.kind, len(reader.chosen)
     if kind not in (None, "terrain", "image"):
         raise InputError(f"{reader.path.name}: a raster is a terrain or an image, got kind={kind!r}")
@@ -129,8 +143,11 @@ def _form(reader: RasterReader, spacing: Spacing, unit: str, terrain: bool) -> F
     return Form(reader.shape, channels, reader.dtype, spacing, HeightField if terrain else Image, unit)
 
 
-def _counted(source: Gridded, budget: Budget, progress: Progress) -> tuple[Gridded, Census, tuple[str, ...]]:
-    """The source with undeclared marks of missing samples, its count, and notes."""
+def counted(source: Gridded, budget: Budget, progress: Progress) -> tuple[Gridded, Census, tuple[str, ...]]:
+    """The source with undeclared marks of missing samples, its count, and notes.
+
+    :raises NothingThere: where no sample is present.
+    """
     notes: tuple[str, ...] = ()
     at_once = budget.counted(source.form)
     windows = list(tiled(source.form.shape, (max(1, at_once // source.form.shape[1]), source.form.shape[1])))
@@ -174,8 +191,11 @@ def _must_be_alike(source: Gridded, sample: Sample, options: ReadOptions) -> Non
 
 
 @dataclass(frozen=True, eq=False)
-class _Run:
-    """What is run on the windows of a raster."""
+class Run:
+    """What is run on the windows of a raster.
+
+    :ivar census: of the raster; ``bound``: knows that of the grid in which it lies.
+    """
 
     found: Windowed
     bound: Bound
@@ -183,10 +203,26 @@ class _Run:
     request: Request
 
 
-def _written(source: Gridded, run: _Run, target: Path, writing: Output, progress: Progress) -> Outcome:
-    """Run and write all windows."""
-    form, reader = source.form, source.reader
-    frame, kind, nodata, notes = _stored_as(source, run.census, writing.dtype)
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A raster file, and its place in a grid.
+
+    :ivar grid: the file itself, or all files of a survey.
+    :ivar place: of the file in the grid.
+    """
+
+    file: Gridded
+    grid: Source
+    place: Window
+
+
+def written(sheet: Sheet, run: Run, target: Path, writing: "Output", progress: Progress) -> Outcome:
+    """Run all windows of a file, and write them.
+
+    :raises FormatError: when the file cannot be written whole.
+    """
+    form, reader = sheet.file.form, sheet.file.reader
+    frame, kind, nodata, notes = _stored_as(sheet.file, run.census, writing.dtype)
     windows = list(tiled(form.shape, writing.budget.sides(form, run.found.halo)))
     removed = Removed()
     outcome = Outcome(run.found, len(windows), removed)
@@ -198,7 +234,7 @@ def _written(source: Gridded, run: _Run, target: Path, writing: Output, progress
         reporting(progress, f"smoothing by {len(windows)} windows") as report,
     ):
         for i, window in enumerate(windows):
-            samples, said = _one(source, run, window, removed, _Stored(frame, kind, nodata))
+            samples, said = _one(sheet, run, window, removed, _Stored(frame, kind, nodata))
             clipped |= dict.fromkeys(said, 0)
             writer.write(window, samples, reader.alpha_of(window))
             report((i + 1) / len(windows))
@@ -214,18 +250,18 @@ class _Stored:
     nodata: float | None
 
 
-def _one(
-    source: Gridded, run: _Run, window: Window, removed: Removed, stored: _Stored
-) -> tuple[Array, tuple[str, ...]]:
-    """The samples (k, r, c) of a window as they are stored, and notes."""
-    outer = grown(window, run.found.halo, source.form.shape)
-    at = within(window, outer)
-    bands, gone = source.reader.values(outer)
-    values, missing = source.laid(bands), np.logical_or.reduce(gone)
-    constraints = part_of(run.request.constraints, source.form.shape, outer)
-    done = run.bound.moved((window, outer), values, missing, constraints)
+def _one(sheet: Sheet, run: Run, window: Window, removed: Removed, stored: _Stored) -> tuple[Array, tuple[str, ...]]:
+    """The samples (k, r, c) of a window of the file as they are stored, and notes."""
+    source, shape = sheet.file, sheet.grid.form.shape
+    inner = moved_by(window, sheet.place)
+    outer = grown(inner, run.found.halo, shape)
+    at = within(inner, outer)
+    values, missing = sheet.grid.read(outer)
+    constraints = part_of(run.request.constraints, shape, outer)
+    done = run.bound.moved((inner, outer), values, missing, constraints)
     removed.add(values[at], done, missing[at])
-    gone = gone[:, *at]
+    # A band may be missing where others are there.
+    gone = missing[at][None] if source.form.channels is None else source.reader.values(window)[1]
     samples, clipped = rounded(stored.frame.stored(source.bands(done)), gone, stored.kind)
     if stored.nodata is not None:
         taken = int((samples == stored.nodata)[~gone].sum())

@@ -11,7 +11,7 @@ from meshflow.surfaces.data import array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["Form", "Held", "OnGrid", "Source", "Window", "grown", "rows_of", "tiled", "within"]
+__all__ = ["Form", "Held", "OnGrid", "Source", "Window", "grown", "moved_by", "rows_of", "tiled", "within"]
 
 OnGrid = HeightField | Image
 Window = tuple[slice, slice]
@@ -108,6 +108,17 @@ def grown(window: Window, by: int, shape: tuple[int, int]) -> Window:
     """A window with a halo of ``by`` samples, as far as the grid reaches."""
     rows, columns = (
         slice(max(part.start - by, 0), min(part.stop + by, size)) for part, size in zip(window, shape, strict=True)
+    )
+    return rows, columns
+
+
+def moved_by(window: Window, place: Window) -> Window:
+    """A window of a part of a grid as a window of the grid.
+
+    :param place: of the part.
+    """
+    rows, columns = (
+        slice(part.start + origin.start, part.stop + origin.start) for part, origin in zip(window, place, strict=True)
     )
     return rows, columns
 

@@ -1,0 +1,142 @@
+"""Tiles of a survey, put together by their georeference, equal their mosaic bit for bit."""
+
+import re
+
+import numpy as np
+import pytest
+import rasterio
+from helpers.raster_files import make
+from rasterio.transform import from_origin
+from typer.testing import CliRunner
+
+from meshflow import Beltrami
+from meshflow.cli.commands import app
+from meshflow.estimate.request import Request
+from meshflow.io.metadata import ReadOptions
+from meshflow.large.memory import Budget
+from meshflow.large.outcome import Outcome
+from meshflow.large.rasters import Output, smooth_raster
+from meshflow.large.survey import smooth_together
+
+H, W, SIDE = 90, 120, 30
+FIXED = Request.of(Beltrami(contrast=5.0), time=900.0, noise=2.0, outliers="include")
+OUTPUT = Output(Budget(1e9))
+
+
+def heights(seed=0):
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[0:H, 0:W]
+    z = (200 + 30 * np.sin(y / 9) * np.cos(x / 7) + 20 * (x > 50) + 2 * rng.normal(size=(H, W))).astype("float32")
+    z[40:50, 20:45] = -9999
+    return z
+
+
+def placed(top, left, step, west=5e5, north=5e6):
+    return from_origin(west + left * step, north - top * step, step, step)
+
+
+def tiled(folder, z, step=30, **profile):
+    """Tiles of 30 x 30, and of what is left at the end."""
+    folder.mkdir(exist_ok=True)
+    for top in range(0, H, SIDE):
+        for left in range(0, W, SIDE):
+            make(
+                folder / f"t{top}_{left}.tif", z[top : top + SIDE, left : left + SIDE], nodata=-9999,
+                **{"transform": placed(top, left, step), **profile},
+            )  # fmt: skip
+    return sorted(folder.glob("*.tif"))
+
+
+def together(paths, folder, request=FIXED, **options):
+    folder.mkdir(exist_ok=True)
+    pairs = [(path, folder / path.name) for path in paths]
+    return dict(smooth_together(pairs, request, ReadOptions.of(options), OUTPUT))
+
+
+def mosaic_of(folder):
+    """The smoothed tiles in their places."""
+    found = np.full((H, W), -9999, "float32")
+    for path in folder.glob("*.tif"):
+        top, left = map(int, path.stem[1:].split("_"))
+        with rasterio.open(path) as tile:
+            found[top : top + SIDE, left : left + SIDE] = tile.read(1)
+    return found
+
+
+@pytest.mark.parametrize("request_", [FIXED, Request.of(outliers="include")], ids=["given", "found"])
+def test_tiles_equal_the_mosaic_bit_for_bit(request_, tmp_path):
+    z = heights()
+    whole = make(tmp_path / "whole.tif", z, nodata=-9999, transform=placed(0, 0, 30))
+    smooth_raster(whole, tmp_path / "smoothed.tif", request_, ReadOptions(), OUTPUT)
+    outcomes = together(tiled(tmp_path / "in", z), tmp_path / "out", request_)
+    assert all(isinstance(one, Outcome) for one in outcomes.values()), outcomes
+    with rasterio.open(tmp_path / "smoothed.tif") as expected:
+        assert mosaic_of(tmp_path / "out").tobytes() == expected.read(1).tobytes()
+    assert len({str(one.parameters["contrast"].value) for one in outcomes.values()}) == 1
+
+
+def test_in_degrees_rows_have_the_spacing_of_their_latitude(tmp_path):
+    z, degrees = heights(), {"crs": "EPSG:4326"}
+    step = 0.0003
+    request = Request.of(Beltrami(contrast=5.0), time=400.0, noise=2.0, outliers="include")
+    at = {"transform": placed(0, 0, step, 7, 46)}
+    whole = make(tmp_path / "whole.tif", z, nodata=-9999, **degrees, **at)
+    smooth_raster(whole, tmp_path / "smoothed.tif", request, ReadOptions(), OUTPUT)
+    (tmp_path / "in").mkdir()
+    for top in range(0, H, SIDE):
+        make(
+            tmp_path / "in" / f"t{top}_0.tif",
+            z[top : top + SIDE],
+            nodata=-9999,
+            transform=placed(top, 0, step, 7, 46),
+            **degrees,
+        )
+    outcomes = together(sorted((tmp_path / "in").glob("*.tif"))[::-1], tmp_path / "out", request)
+    assert all(isinstance(one, Outcome) for one in outcomes.values()), outcomes
+    with rasterio.open(tmp_path / "smoothed.tif") as expected:
+        for top in range(0, H, SIDE):
+            with rasterio.open(tmp_path / "out" / f"t{top}_0.tif") as tile:
+                assert np.allclose(tile.read(1), expected.read(1)[top : top + SIDE], atol=1e-4)
+
+
+def test_where_a_tile_is_missing_there_is_a_border(tmp_path):
+    z = heights()
+    paths = [path for path in tiled(tmp_path / "in", z) if path.name != "t30_30.tif"]
+    outcomes = together(paths, tmp_path / "out")
+    assert all(isinstance(one, Outcome) for one in outcomes.values())
+    z[30:60, 30:60] = -9999
+    whole = make(tmp_path / "whole.tif", z, nodata=-9999, transform=placed(0, 0, 30))
+    smooth_raster(whole, tmp_path / "smoothed.tif", FIXED, ReadOptions(), OUTPUT)
+    with rasterio.open(tmp_path / "smoothed.tif") as expected:
+        assert mosaic_of(tmp_path / "out").tobytes() == expected.read(1).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("odd", "why"),
+    [
+        ({"crs": "EPSG:32633"}, "the CRS of t0_0.tif, .* expected, got EPSG:32633"),
+        ({"transform": from_origin(5e5 + 3600, 5e6, 10, 10)}, "samples .30.0, -30.0. apart, as in the first tile"),
+        ({"transform": from_origin(5e5 + 3610, 5e6, 30, 30)}, "0.000 rows and 0.333 columns beside the lattice"),
+        ({"transform": from_origin(5e5 + 3570, 5e6, 30, 30)}, "odd.tif overlaps t0_90.tif by 30 x 1 samples"),
+        ({"transform": rasterio.Affine.identity(), "crs": None}, "tiles are put together by their georeference"),
+    ],
+)
+def test_a_tile_that_does_not_suit_is_refused_and_the_others_are_done(odd, why, tmp_path):
+    z = heights()
+    paths = tiled(tmp_path / "in", z)
+    make(tmp_path / "in" / "odd.tif", z[:SIDE, :SIDE], nodata=-9999, **{"transform": placed(0, W, 30), **odd})
+    outcomes = together([*paths, tmp_path / "in" / "odd.tif"], tmp_path / "out")
+    refused = {path.name: one for path, one in outcomes.items() if isinstance(one, Exception)}
+    assert list(refused) == ["odd.tif"]
+    assert re.search(why, str(refused["odd.tif"])), refused["odd.tif"]
+    assert len(list((tmp_path / "out").iterdir())) == len(paths)
+
+
+def test_the_command_smooths_a_folder_of_tiles_together(tmp_path):
+    tiled(tmp_path / "in", heights())
+    words = ["smooth", str(tmp_path / "in"), "--output", str(tmp_path / "out"), "--together", "--outliers", "include"]
+    done = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    assert done.exit_code == 0, done.output
+    assert len(list((tmp_path / "out").iterdir())) == 12
+    columns = [line.split() for line in done.stdout.splitlines()[1:]]
+    assert len({(noise, time) for _, noise, time, *_ in columns}) == 1  # one choice for all
