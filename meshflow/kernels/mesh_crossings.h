@@ -65,7 +65,7 @@ inline bool are_crossing(const double* points, const i32* one, const i32* other)
 
 // The smallest grid whose lists have at most 16 m entries, with cells of at least the mean size of the boxes.
 inline bool fit_grid(i64 m, const double* points, const i32* faces, CellGrid& grid) {
-    double high[3], size = 0.0;
+    double high[3] = {}, size = 0.0;
     for (i64 f = 0; f < m; ++f) {
         const Box box(points, faces + 3 * f);
         double widest = 0.0;
