@@ -130,8 +130,9 @@ def smooth(
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param result: return a :class:`Result`; of several parts, :class:`Results`; of lazy data, :class:`Outcome`. Its warnings are
         issued as :class:`MeshflowWarning` where it is not returned.
-    :param metadata: what the data does not contain itself: ``kind`` (``terrain | image | depth | mesh``), ``spacing``,
-        ``camera``, ``missing``, ``unit``, ``channels``, ``moves``, ``jump``, ``measure``, ``time_unit``, ``depth_scale``.
+    :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh``); of grids ``spacing``, ``missing``,
+        ``nodata``; of heights and depths ``unit``; of depths ``camera``, ``depth_scale`` (units per metre), ``measure``,
+        ``jump``, ``time_unit``; of meshes ``channels``, ``moves``.
     :returns: the same kind of data, smoothed. Integers are returned as floating point, because rounding would undo the smoothing.
     :raises InputError: for data that cannot be smoothed, or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.

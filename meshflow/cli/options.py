@@ -87,7 +87,8 @@ ALL: tuple[Flag, ...] = (
     Flag(
         "time_unit",
         Literal["footprint", "length", "noise"] | None,
-        "Unit of time of a range image: squared pixel footprints, squared length (metres²), or footprints by noise.",
+        "Unit of time of a range image: squared pixel footprints, squared length (metres²), or "
+        "footprints in proportion to the noise of each sample.",
         INPUT,
     ),
     Flag(
@@ -151,7 +152,13 @@ ALL: tuple[Flag, ...] = (
     ),
     _yes("overwrite", "Replace OUT if it is there.", FIRST),
     _yes("quiet", "Print errors only.", OUTPUT, "--quiet", "-q"),
-    _yes("verbose", "Print every parameter with its unit and origin.", OUTPUT, "--verbose", "-v"),
+    _yes(
+        "verbose",
+        "Print every parameter with its origin, and its unit where the data defines one.",
+        OUTPUT,
+        "--verbose",
+        "-v",
+    ),
     _yes("json", "Print JSON to stdout.", OUTPUT),
     _yes("markdown", "Print a table in Markdown.", OUTPUT),
     _yes("environment", "Print versions, threads and instruction set, for bug reports; without IN.", OUTPUT),

@@ -27,7 +27,7 @@ def methods_table(json: bool, markdown: bool) -> None:
             if kind in POINT_METHODS
             else "both"
             if issubclass(kind, Search)
-            else "values above a base"
+            else "heights, channels, depths"
         )
         names = ", ".join(f"--{o.flag.replace('_', '-')}" for o in options_of(kind) if o.has_flag)
         text = inspect.getdoc(kind) or ""

@@ -72,9 +72,9 @@ class Steps:
 @named_fields
 @dataclass(frozen=True)
 class Residual:
-    """Stop when the root mean square change reaches a share of the noise; a share of 1 smooths too much.
+    """Stop when the root mean square change reaches a share of the noise; a share of 1 smooths a little too much.
 
-    :param share: of sigma, above 0.
+    :param share: of sigma, above 0, up to 1; a larger one is refused, since it removes signal.
     """
 
     share: float = option(

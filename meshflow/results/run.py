@@ -275,7 +275,7 @@ def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tup
     if kept is not None and time is not None:
         u = kept + kept.dtype.type(twicing) * (kept - end.u)
         u = u if limit is None else limit.hold(u)
-        words = f"reached time {time:.6g}, and twice that for twicing, in {end.step} step{'' if end.step == 1 else 's'}"
+        words = f"reached time {time:.6g} (and {2.0 * time:.6g} for twicing) in {end.step} step{'' if end.step == 1 else 's'}"
         end = State(flow, u, time, 0.0, end.step, words, end.stepper)
     if end.step > 0 and record is not None and (kept is not None or not record):
         measured.append(_measured(end, plan))

@@ -49,15 +49,19 @@ class HeightMethod:
         "length per unit",
     )
     twicing: float | None = option(
-        None, "Weight w of twicing, 0 to 1: u(t) + w (u(t) - u(2 t)) restores signal that the method removed."
+        None,
+        "Weight w of twicing, 0 (none) to 1: the flow goes on to twice the time, and w times what it removes there is "
+        "added to the result, u(t) + w (u(t) - u(2 t)), which restores signal.",
     )
     second_stage: bool | None = option(
         None,
-        "Filter groups of similar patches after the flow; height fields and images only. Default: if no method is named, the "
-        "expected error is lower with it, and there are at most 2^20 values.",
+        "Filter groups of similar patches after the flow; height fields and images only. Default: yes where no method is "
+        "named, it lowers the expected error, and the data has at most 2^20 values.",
         flag="second-stage",
     )
-    indicator: Indicator = option("metric", "How edges are recognized where gamma is not 0.")
+    indicator: Indicator = option(
+        "metric", "How steep places are recognized as edges; without effect where gamma is 0."
+    )
     mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
 
     def __post_init__(self) -> None:
@@ -158,7 +162,7 @@ class SchemeMethod(HeightMethod):
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class Beltrami(HeightMethod):
-    """The family dX/dt = -(edge indicator)^gamma P B by its exponents; Beltrami flow (14) by default.
+    """Beltrami flow, equation (14) of the paper; the exponents gamma, sharpness and patch give the other flows of its family.
 
     Take it as the flow of the paper, or with exponents of your own.
     """

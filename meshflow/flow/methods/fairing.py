@@ -22,7 +22,7 @@ __all__ = ["Fairing"]
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class Fairing(PointMethod):
-    """The filter 1 / (1 + (t A)^order), A = M^-1 L (:class:`LowPass`): order 1 is implicit fairing [DMSB99].
+    """A low-pass filter, 1 / (1 + (t A)^order) of the Laplacian A (:class:`LowPass`); order 1 is implicit fairing [DMSB99].
 
     Take it for smooth shapes with noise, where there are no creases.
     """
@@ -31,10 +31,10 @@ class Fairing(PointMethod):
     once: ClassVar[bool] = True
 
     order: int | None = option(
-        None, "1 is implicit fairing, 2 the bi-Laplacian, 20 nearly an ideal low-pass. Fixed choice: 2."
+        None, "1 is implicit fairing, 2 the bi-Laplacian, 20 nearly an ideal low-pass. Without a search: 2."
     )
     weights: Weights | None = option(
-        None, "cotangent keeps the sampling, uniform also makes it even. Fixed choice: cotangent."
+        None, "cotangent keeps the sampling, uniform also makes it even. Without a search: cotangent."
     )
 
     def __post_init__(self) -> None:

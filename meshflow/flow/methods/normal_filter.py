@@ -33,7 +33,7 @@ ALMOST = 1e-9
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class NormalFilter(PointMethod):
-    """The normals of the triangles diffuse but for creases, and the points follow. Options that are None are estimated.
+    """The normals of the triangles are smoothed, except across creases, and the points are fitted to them.
 
     Take it for scans and machine parts: creases stay.
     """
@@ -41,16 +41,17 @@ class NormalFilter(PointMethod):
     word: ClassVar[str] = "normal-filter"
 
     crease_contrast: float | None = option(
-        None, "Neighbouring unit normals whose difference times this is above 1 form a crease. Fixed choice: 2."
+        None, "Neighbouring unit normals whose difference times this is above 1 form a crease. Without a search: 2."
     )
     crease_sharpness: float | None = option(
         None,
-        "q of the flux of normals, (1 + |contrast dn|²)^(-q/2) dn: 2 is Perona and Malik, 8 nearly a cutoff. Fixed choice: 8.",
+        "How sharply creases are cut off: exponent q of the flux of normals, "
+        "(1 + |contrast dn|²)^(-q/2) dn: 2 is Perona and Malik, 8 nearly a cutoff. Without a search: 8.",
     )
     regularize: float | None = option(
         None,
         "Time of a bi-Laplacian filter with uniform weights that makes the sampling even at the start. For noise in all "
-        "directions; it moves points along the surface. Fixed choice: 0.",
+        "directions; it moves points along the surface. Without a search: 0.",
         "squared length",
     )
 
