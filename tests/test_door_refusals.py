@@ -263,6 +263,7 @@ def test_an_unknown_word_is_refused_with_the_nearest_one_and_with_those_that_the
         (lambda: smooth(Z.astype(str)), "got dtype <U32; convert it first"),
         (lambda: smooth(Z * 1j), "take the real part"),
         (lambda: smooth((POINTS, FACES), channels="colors"), "channels: a number or an array expected, got 'colors'"),
+        (lambda: smooth(np.stack([Z, Z, Z])), "looks like 3 channels that come first"),
         (lambda: smooth(None), "data: an array expected, got nothing"),
         (lambda: smooth(Z[0], camera=CAMERA), "an array of 2 dimensions expected, got shape"),
         (lambda: smooth(DEPTH, camera="kinnect"), "kinnect: no such camera; did you mean kinect"),

@@ -82,7 +82,6 @@ CAMERA = meshflow.Pinhole(60, 60, 24, 20)
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: meshflow.smooth(np.stack([Z, Z, Z])), "read as 3 x 40 samples of 48 channels"),
         (lambda: meshflow.smooth((2 + Z / 50) * 1000, camera=CAMERA), "give depth_scale"),
         (lambda: meshflow.smooth(Z, noise=1e6), "noise 1e.06: more than the largest difference of the values"),
         (lambda: meshflow.smooth(Z, noise=1.0, strength=1e6), "more than the largest difference of the values"),

@@ -59,8 +59,6 @@ _BROKEN = (
     struct.error,
     zlib.error,
 )
-# The most channels of a picture, and fewer samples than a picture has along its sides.
-FEW = 8
 # Rows of three numbers, above which an array is taken for points.
 LONE = 8
 _KEYS = ("z", "values", "depth", "data")
@@ -214,18 +212,7 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         found: HeightField | Image = Image(data, spacing, missing)
     else:
         found = HeightField(data, spacing, missing, unit=options.unit or "")
-    return Imported(found, lambda smoothed: _like(data, _values(smoothed)), _of_channels(data))
-
-
-def _of_channels(data: Array) -> tuple[str, ...]:
-    """A note where the channels seem to come first, as rasterio and PyTorch have them."""
-    if data.ndim != 3 or not data.shape[0] <= FEW < min(data.shape[1:]):
-        return ()
-    h, w, k = data.shape
-    return (
-        f"read as {h} x {w} samples of {k} channels: channels come last. If they come first here, give "
-        "numpy.moveaxis(data, 0, -1)",
-    )
+    return Imported(found, lambda smoothed: _like(data, _values(smoothed)))
 
 
 def _depths(data: Array, options: ReadOptions) -> Imported:
