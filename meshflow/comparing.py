@@ -12,6 +12,7 @@ from meshflow.errors import InputError
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Method, method_of
 from meshflow.flow.stops import Residual
+from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, positive
 from meshflow.io.metadata import Metadata
 from meshflow.io.objects import from_object
@@ -22,6 +23,7 @@ from meshflow.surfaces.data import array_of
 __all__ = ["MethodRun", "compare_methods"]
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class MethodRun:
     """A method on the data of a comparison.

@@ -233,7 +233,7 @@ def test_a_word_is_taken_in_any_case_and_with_any_hyphen(made, plain):
             "kind: terrain, image, depth or mesh expected, got 'dem'; did you mean terrain",
         ),
         (lambda: smooth(Z, method="tv"), "tv: no such method; use total-variation"),
-        (lambda: smooth(Z, method="Taubin"), "no such method; use fairing"),
+        (lambda: smooth(Z, method="Gaussian"), "no such method; use heat"),
         (lambda: smooth(Z, method=""), "an empty word: no such method"),
         (lambda: meshflow.Beltrami(mass="rings"), "got 'rings'; did you mean ring"),
         (lambda: meshflow.Fairing(along="normal"), "did you mean normals"),

@@ -51,7 +51,6 @@ METHODS: dict[str, Callable[[], Method]] = {
 
 # Methods of other tools, and what corresponds to them here.
 ELSEWHERE = {
-    "taubin": "fairing (with an order), which keeps the volume as it does",
     "laplacian": "curvature (meshes) or heat (grids)",
     "laplace": "curvature (meshes) or heat (grids)",
     "mean-curvature-flow": "curvature (meshes) or graph (grids)",
