@@ -218,7 +218,7 @@ BAD = [
     (lambda: Pinhole(1, 1, 1, 1, (0.1, 0.2)), "distortion: 0, 4, 5 or 8 numbers .* got 2; undistort the image first"),
     (lambda: Pinhole(1, 1, 1, 1, (0.1, 0.2, 0, np.nan)), "distortion: a finite number expected, got nan"),
     (lambda: Pinhole(50, 50, 20, 15, (-3.0, 0, 0, 0)).rays((H, W)), r"no ray is found for \d+ of 1200 pixels"),
-    (lambda: RangeImage(IMAGE, PLAIN, measure="z"), "measure: depth .* or range .* expected, got 'z'"),
+    (lambda: RangeImage(IMAGE, PLAIN, measure="z"), "measure: depth or range expected, got 'z'"),
     (
         lambda: RangeImage(IMAGE, PLAIN, time_unit="metres"),
         "time_unit: footprint, length or noise expected, got 'metres'",
