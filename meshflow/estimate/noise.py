@@ -22,8 +22,8 @@ __all__ = ["Lines", "Noise", "noise_of"]
 
 # The largest number of samples used, on tiles spread over the grid.
 ENOUGH = 300_000
-# Correlated noise is at least this share of the range of the values, and this multiple of the rounding error, because the
-# rounding errors of a smooth surface are also correlated.
+# Correlated noise and offsets of lines are at least this share of the range of the values; correlated noise is at least this
+# multiple of the rounding error, because the rounding errors of a smooth surface are also correlated.
 FAINT, ROUNDING = 1e-5, 1.25
 # The largest difference of two estimates (log), the number of tiles below which they are few, and the squared relative error
 # above which a spectrum fits badly.
@@ -184,7 +184,9 @@ def _measured(channel: Array, missing: Array, windows: list[tuple[slice, slice]]
     """Measurements of one channel (h, w), from windows of it."""
     quantum, share = quantum_of(np.concatenate([channel[window][~missing[window]] for window in windows]))
     parts = [_patched(channel[window], ~missing[window]) for window in windows]
-    return _Measured(parts, channel.dtype, quantum, share, Lines(*line_offsets(parts)))
+    least, most = _range(parts)
+    rows, columns = (size if size > FAINT * (most - least) else 0.0 for size in line_offsets(parts))
+    return _Measured(parts, channel.dtype, quantum, share, Lines(rows, columns))
 
 
 def _channel(seen: _Measured, spectrum: Found | None, together: bool) -> _Channel:
