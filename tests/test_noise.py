@@ -292,11 +292,13 @@ def test_the_roughness_of_a_fractal_surface_is_not_its_noise(exponent):
     assert noise_of(noisy, missing).sigma == pytest.approx(10.0, rel=0.3)
 
 
-def test_whole_numbers_whose_lines_are_the_same_have_no_offsets_of_lines():
+def test_whole_numbers_have_no_offsets_of_lines_as_small_as_rounding():
+    rng = np.random.default_rng(0)
     rows, columns = np.mgrid[0:96, 0:96].astype(float)
-    for bowl in (((rows - 48) ** 2 + (columns - 48) ** 2) / 1200, columns / 7, rows / 3 + columns):
+    for surface in (((rows - 48) ** 2 + (columns - 48) ** 2) / 1200, columns / 7, rows / 3 + columns):
         for quantum in (0.1, 0.3, 1.0):
-            assert noise_of(np.round(bowl / quantum) * quantum, np.zeros(rows.shape, bool)).lines == Lines()
+            values = np.round(surface / quantum + 0.3 * rng.normal(size=rows.shape)) * quantum
+            assert noise_of(values, np.zeros(rows.shape, bool)).lines == Lines()
 
 
 def test_terraces_of_a_rounded_surface_are_no_correlated_noise():
