@@ -204,9 +204,9 @@ def test_a_stop_of_the_callers_sees_values_with_their_datum():
 
 def test_words_for_outliers_and_levels_are_refused_where_they_mean_nothing():
     _, z = terrain()
-    with pytest.raises(InputError, match="outliers: keep, repair, include expected, got 'drop'"):
+    with pytest.raises(InputError, match="outliers: keep, repair or include expected, got 'drop'"):
         meshflow.smooth(z, outliers="drop")
-    with pytest.raises(InputError, match="level: rows, columns expected, got 'all'"):
+    with pytest.raises(InputError, match="level: rows or columns expected, got 'all'"):
         meshflow.smooth(z, level="all")
     points, faces = np.eye(3), np.array([[0, 1, 2]])
     for word in ({"outliers": "keep"}, {"level": "rows"}):
