@@ -128,6 +128,23 @@ def test_integers_and_graphs_with_other_chunks_come_back_as_the_whole():
     same(done.compute(), meshflow.smooth(z + np.int16(1), **FIXED))
 
 
+TAKEN = {
+    "a band": lambda z: da.from_array(z[None], (1, 30, 40))[0],
+    "a stack": lambda z: da.stack([da.from_array(z, (30, 40))])[0],
+    "squeezed": lambda z: da.from_array(z[None], (1, 30, 40)).squeeze(),
+    "reshaped": lambda z: da.from_array(z[None], (1, 30, 40)).reshape(z.shape),
+    "joined": lambda z: da.concatenate([da.from_array(part, 30) for part in (z[:40], z[40:])]),
+    "optimized": lambda z: dask.optimize(da.from_array(z[None], (1, 30, 40))[0])[0],
+    "held": lambda z: da.from_array(z[None], (1, 30, 40))[0].persist(),
+}
+
+
+@pytest.mark.parametrize("made", TAKEN.values(), ids=TAKEN)
+def test_whatever_the_array_was_made_of_it_is_computed(made):
+    z = heights()
+    same(meshflow.smooth(made(z), **FIXED).compute(), meshflow.smooth(z, **FIXED))
+
+
 def test_a_value_marks_missing_samples():
     z = np.where(np.isnan(heights()), np.float32(-7777), heights())
     for word in ("nodata", "missing"):

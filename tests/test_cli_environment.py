@@ -257,7 +257,7 @@ def test_other_names_of_a_file_that_is_replaced_are_told(heights):
         (("--iterations", "5"), "--time"),
         (("--lambda", "0.5"), "--method fairing"),
         (("--sigma=2",), "--noise"),
-        (("--method", "taubin"), "fairing"),
+        (("--method", "taubin"), "only for a mesh whose points move"),
         (("--method", "Bilateral"), "normal-filter"),
     ],
 )

@@ -137,5 +137,5 @@ def test_a_second_stage_that_cannot_be_had_is_refused():
     z = noisy(stripes())
     with pytest.raises(InputError, match="second_stage: not possible with mobility or data weights"):
         meshflow.smooth(z, kind="image", method=Search(second_stage=True), constraints=Mobility(np.full(z.shape, 0.5)))
-    with pytest.raises(InputError, match="second_stage: True, False or None expected, got 'yes'"):
+    with pytest.raises(InputError, match="second_stage: True, False or None expected, got the text 'yes'"):
         Search(second_stage="yes")

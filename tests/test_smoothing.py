@@ -150,7 +150,7 @@ def test_the_quantum_of_quantised_data_is_found_and_its_rounding_counts_as_noise
             lambda z: meshflow.smooth(z, compute=Compute(stepper="leapfrog")),
             "auto, explicit, semi-implicit or super-time expected",
         ),
-        (lambda z: meshflow.smooth(z, compute=Compute(dt=0.1, control=meshflow.AreaChange())), "give one of them"),
+        (lambda z: meshflow.smooth(z, compute=Compute(dt=0.1, control=meshflow.AreaChange())), "one of them expected"),
         (lambda z: meshflow.smooth(z[0]), "2 or 3 dimensions|2 dimensions"),
         (lambda z: meshflow.smooth(z * 1j), "real numbers expected"),
         (lambda z: meshflow.smooth(object()), "expected a numpy array"),

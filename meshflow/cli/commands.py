@@ -304,7 +304,7 @@ def main() -> None:
         sys.exit(1)
     except SystemExit as end:
         if end.code in (INTERRUPTED, *ENDED):
-            err.print("meshflow: interrupted; OUT is whole, or as it was before", markup=False)
+            err.print("meshflow: interrupted; OUT is whole, or as it was before", markup=False, soft_wrap=True)
         raise
 
 

@@ -9,8 +9,10 @@ from rich.text import Text
 
 from meshflow.cli.spoken import spoken
 
-__all__ = ["err", "out", "said", "table"]
+__all__ = ["err", "out", "rows_printed", "said", "table"]
 
+# The width of what is not shown on a terminal: no line of a table is broken, and no name is cut.
+WIDE = 100_000
 out, err = Console(), Console(stderr=True, highlight=False)
 
 
@@ -23,8 +25,13 @@ def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
     for name, value in facts.items():
         # Text, not markup: brackets in a name or a path are not styles.
         rows.add_row(Text(name, style="bold"), Text(f"{value:.6g}" if isinstance(value, float) else str(value)))
-    out.print(rows)
+    rows_printed(rows)
     said("", notes)
+
+
+def rows_printed(rows: Table) -> None:
+    """Print a table to stdout, one line for each row where it is a file or a program that reads it."""
+    (out if out.is_terminal else Console(file=out.file, width=WIDE)).print(rows)
 
 
 def said(line: str, notes: tuple[str, ...], style: str | None = None) -> None:

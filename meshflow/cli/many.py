@@ -14,7 +14,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from meshflow.cli.console import err, out, said
+from meshflow.cli.console import err, out, rows_printed, said
 from meshflow.cli.flags import Given
 from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
 from meshflow.flow.progress import reporting
@@ -238,4 +238,4 @@ def _table(lines: Sequence[Line]) -> None:
         rows.add_column(name, overflow="fold")
     for line in lines:
         rows.add_row(*(Text(cell) for cell in line.cells))
-    out.print(rows)
+    rows_printed(rows)

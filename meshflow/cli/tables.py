@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from meshflow.cli.console import out
+from meshflow.cli.console import out, rows_printed
 from meshflow.cli.flags import FLOW
 from meshflow.flow.methods import METHODS, POINT_METHODS, Search
 from meshflow.geometry.options import options_of
@@ -72,4 +72,4 @@ def _printed(heads: tuple[str, ...], rows: list[tuple[str, ...]], json: bool, ma
     table = Table(*heads, box=None, padding=(0, 2, 0, 0))
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
-    out.print(table)
+    rows_printed(table)

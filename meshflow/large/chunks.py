@@ -230,12 +230,19 @@ def _in_chunks_of(grid: Lazy, sides: dict[str, Chunked], halo: int) -> tuple[Laz
 def _again(values: Chunked, census: object) -> Chunked:
     """The values once more, read after the count, so that they need not all be held until it is done.
 
-    dask (2026.8) loses tasks when it copies a graph that changes chunks: such values are held.
+    dask (2026.8) loses tasks when it copies graphs that slice, reshape or change chunks. Values are copied only where all they
+    are made of is read, or computed chunk by chunk; others are held.
     """
+    from dask.blockwise import Blockwise
     from dask.graph_manipulation import bind
 
-    layers = getattr(values.__dask_graph__(), "layers", {})
-    return values if any(name.startswith("rechunk") for name in layers) else bind(values, census)
+    graph = values.__dask_graph__()
+    layers, needed = getattr(graph, "layers", {}), getattr(graph, "dependencies", {})
+    few = values.npartitions + 1  # a task for each chunk, and what they are read from
+    simple = all(
+        isinstance(layer, Blockwise) or (not needed.get(name) and len(layer) <= few) for name, layer in layers.items()
+    )
+    return bind(values, census) if layers and simple else values
 
 
 def _moved(grid: Lazy, local: Local, free: Constraints, sides: dict[str, Chunked], census: object) -> Chunked:
