@@ -53,7 +53,7 @@ class MethodRun:
 
 def compare_methods(
     data: Any,
-    methods: Iterable[Method | str],
+    methods: Iterable[Method | str] | str,
     truth: ArrayLike | None = None,
     *,
     noise: float | None = None,
@@ -67,14 +67,14 @@ def compare_methods(
     it ends; ``removed`` of the run says so.
 
     :param data: as in :func:`meshflow.smooth`; not of several parts.
-    :param methods: names, or methods with options.
+    :param methods: names, or methods with options; one name stands for itself.
     :param truth: values of the shape of the data; points (n, d) of a mesh.
     :param noise: as in :func:`meshflow.smooth`.
     :param removed: share of the noise, above 0, at most 1.
     :param metadata: as in :func:`meshflow.smooth`.
     :raises InputError: for no method, a truth of another shape, or where :func:`meshflow.smooth` refuses.
     """
-    asked = [method_of(one) for one in methods]
+    asked = [method_of(one) for one in ((methods,) if isinstance(methods, str) else methods)]
     if not asked:
         raise InputError("methods: one or more expected, got none")
     if positive(removed, "removed") > 1:

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from meshflow.cli.console import err, out, rows_printed, said
 from meshflow.cli.flags import Given
+from meshflow.cli.spoken import spoken
 from meshflow.errors import FormatError, InputError, MissingPackage, NotConverged
 from meshflow.flow.progress import reporting
 from meshflow.geometry.validation import whole
@@ -119,11 +120,10 @@ def smooth_many(given: Given, paths: Sequence[Path], one: Callable[[Given], Told
     """
     _must_be_of_many(given, paths)
     folder, jobs = given["output"], given["jobs"]
-    folder.mkdir(parents=True, exist_ok=True)
     sources = inputs_of(paths)
-    work = [
-        _Work(given, source, target, one) for source, target in zip(sources, _targets(sources, folder), strict=True)
-    ]
+    targets = _targets(sources, folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    work = [_Work(given, source, target, one) for source, target in zip(sources, targets, strict=True)]
     many = f"{len(sources)} file{'s' * (len(sources) != 1)}"
     lines: list[Line] = []
     with reporting(None if given["quiet"] else True, many) as report, _pool(jobs) as pool:
@@ -224,7 +224,7 @@ def _pool(jobs: int) -> Iterator[ThreadPoolExecutor]:
 def _tell(line: Line, given: Given) -> None:
     """Say how one file went."""
     if line.told is None and not line.skipped:
-        err.print(f"{line.source}: {line.why}", markup=False, soft_wrap=True, style="red")
+        err.print(f"{line.source}: {spoken(line.why)}", markup=False, soft_wrap=True, style="red")
     elif line.told is not None and not given["quiet"]:
         result = line.told.result
         words = f"{chr(10)}{result}" if given["verbose"] else result.summary

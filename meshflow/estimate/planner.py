@@ -307,7 +307,7 @@ def _excessive(data: Data, request: Request) -> tuple[str, ...]:
     values = data.points if isinstance(data, Mesh) and data.moves == "points" else values[there]
     most = float((values.max(axis=0) - values.min(axis=0)).max()) if values.size else 0.0
     sigma = request.noise * request.strength
-    if sigma <= most:
+    if sigma <= most or most == 0:  # of equal values, and where none is known yet, nothing can be said
         return ()
     return (f"noise {sigma:.4g}: more than the largest difference of the values, {most:.4g}; is it in their unit?",)
 

@@ -196,7 +196,8 @@ def _walk(probed: Probed, configuration: Configuration, times: Sequence[float]) 
     start = probed.counted(states)[0]
     for count, time in enumerate(times):
         longest = min(Explicit().largest(flow, u) for flow, u in zip(flows, states, strict=True))
-        spent += stages(1, (time - since) / max(longest, np.finfo(float).tiny))
+        steps = (time - since) / max(longest, np.finfo(float).tiny)
+        spent += stages(1, min(steps, float(RATES**2)))
         if spent > RATES:
             return
         before, moved = states, zip(flows, states, spaces, strict=True)

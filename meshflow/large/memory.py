@@ -22,6 +22,8 @@ MULTIPLE, LARGEST = 256, 1 << 25
 # A band of whole rows is taken where its halo is a smaller share of it.
 BANDS = 4
 _SIZE = re.compile(r"\s*([0-9.]+)\s*([kmgt]?)i?b?\s*", re.IGNORECASE)
+# Bytes below which a number was meant in another unit.
+LEAST = 1e6
 _FACTORS = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 
 
@@ -37,6 +39,8 @@ def bytes_in(words: str) -> float:
         size = 0.0
     if size <= 0:
         raise InputError(f"memory: a size such as 2GB or 500MB expected, got {words!r}")
+    if size < LEAST:
+        raise InputError(f"memory: {size:g} bytes are too little for anything; a size such as 2GB or 500MB expected")
     return size
 
 
