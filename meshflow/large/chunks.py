@@ -238,7 +238,7 @@ def _again(values: Chunked, census: object) -> Chunked:
 
     graph = values.__dask_graph__()
     layers, needed = getattr(graph, "layers", {}), getattr(graph, "dependencies", {})
-    few = values.npartitions + 1  # a task for each chunk, and what they are read from
+    few = int(np.prod(values.numblocks)) + 1  # a task for each chunk, and what they are read from
     simple = all(
         isinstance(layer, Blockwise) or (not needed.get(name) and len(layer) <= few) for name, layer in layers.items()
     )
