@@ -10,12 +10,12 @@ import sys
 import textwrap
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
+from peers.defaults import by_their_defaults
 from scipy.ndimage import gaussian_filter
 
 import meshflow
@@ -201,77 +201,8 @@ def mesas(n):
     return truth, truth + noise(n, n)
 
 
-def peers(z):
-    """Calls of the tools that a user would take, by name; those that do not import here are left out, and named."""
-    found = {}
-    for package, of in (
-        ("cv2", _opencv),
-        ("SimpleITK", _itk),
-        ("diplib", _diplib),
-        ("medpy", _medpy),
-        ("skimage", _skimage),
-    ):
-        try:
-            found |= of(z)
-        except (ImportError, OSError) as cause:
-            print(f"  {package} is left out: {cause}")
-    return found
-
-
-def _opencv(z):
-    import cv2
-
-    cv2.setNumThreads(THREADS)
-    eight = np.clip(np.round(z - z.min()), 0, 255).astype(np.uint8)
-    colour = np.ascontiguousarray(np.repeat(eight[..., None], 3, axis=2))
-    return {
-        "OpenCV bilateralFilter d = 7": lambda: cv2.bilateralFilter(z, 7, 6, 3),
-        "OpenCV fastGlobalSmoother": lambda: cv2.ximgproc.fastGlobalSmootherFilter(eight, z, 100, 6),
-        "OpenCV anisotropicDiffusion, 20, 8 bit x 3": lambda: cv2.ximgproc.anisotropicDiffusion(colour, 0.15, 0.1, 20),
-    }
-
-
-def _itk(z):
-    import SimpleITK as sitk
-
-    sitk.ProcessObject.SetGlobalDefaultNumberOfThreads(THREADS)
-    image = sitk.GetImageFromArray(z)
-    return {
-        "SimpleITK gradient diffusion, 20": lambda: sitk.GradientAnisotropicDiffusion(image, 0.125, 1.0, 1, 20),
-        "SimpleITK curvature diffusion, 20": lambda: sitk.CurvatureAnisotropicDiffusion(image, 0.0625, 3.0, 1, 20),
-        "SimpleITK curvature flow, 20": lambda: sitk.CurvatureFlow(image, 0.0625, 20),
-    }
-
-
-def _diplib(z):
-    with suppress(ImportError):
-        import IPython.terminal.pt_inputhooks  # noqa: F401 - diplib's viewer takes it for granted where IPython is
-    import diplib
-
-    diplib.SetNumberOfThreads(THREADS)
-    return {"diplib Perona-Malik, 20": lambda: diplib.PeronaMalikDiffusion(z, 20, 4.0, 0.25)}
-
-
-def _medpy(z):
-    from medpy.filter.smoothing import anisotropic_diffusion
-
-    return {"medpy Perona-Malik, 20": lambda: anisotropic_diffusion(z, 20, 4, 0.1)}
-
-
-def _skimage(z):
-    from skimage.restoration import denoise_bilateral, denoise_nl_means, denoise_tv_chambolle
-
-    calls = {
-        "skimage TV, its defaults": lambda: denoise_tv_chambolle(z),
-        "skimage NLM, its defaults, sigma given": lambda: denoise_nl_means(z, sigma=2.0, h=1.6, fast_mode=True),
-    }
-    if z.size <= 512**2:  # on a larger grid it takes minutes
-        calls["skimage bilateral, its defaults"] = lambda: denoise_bilateral(z, sigma_color=6, sigma_spatial=3)
-    return calls
-
-
 def ours(z):
-    """The fixed member for 7.5 h², nothing given but that: the noise is found as well."""
+    """One method for 7.5 h², nothing given but that: the noise is found as well."""
     return meshflow.smooth(z, method=Beltrami(gamma=-1.0, sharpness=1.5), time=7.5)
 
 
@@ -288,7 +219,7 @@ def test_the_whole_job_beside_what_a_user_would_take():
     print(f"  {'meshflow, gamma -1, sharpness 1.5, 7.5 h²':45s} {found:7.2f} s, rms error {error:.3f}")
     left = np.sqrt(np.mean((tuned - truth) ** 2))
     print(f"  {'meshflow, nothing given':45s} {took:7.2f} s, rms error {left:.3f}")
-    for name, call in peers(z).items():
+    for name, call in by_their_defaults(z, THREADS).items():
         fast = name.startswith("OpenCV")
         theirs, again = [], []
         for _ in range(3 if fast else 1):
