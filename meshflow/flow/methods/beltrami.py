@@ -24,6 +24,7 @@ __all__ = [
     "MeanCurvatureDiffusion",
     "Patches",
     "SchemeMethod",
+    "UnsearchedMethod",
 ]
 
 
@@ -133,23 +134,28 @@ class HeightMethod:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SchemeMethod(HeightMethod):
+class UnsearchedMethod(HeightMethod):
+    """A method that the engines of the family do not have: contrast and time are given, or by rule."""
+
+    @property
+    def searches(self) -> bool:
+        """Nothing is searched for."""
+        return False
+
+    @property
+    def ruled(self) -> bool:
+        """Likewise."""
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class SchemeMethod(UnsearchedMethod):
     """A method by finite differences between samples of a grid, with explicit steps."""
 
     def misfit(self, along_rays: bool, on_grid: bool) -> str:
         """Why the method is not defined along rays, or off a grid; empty where it is."""
         got = "a range image" if along_rays else "" if on_grid else "a mesh"
         return f"of height fields and images, whose samples lie on a grid above a plane; got {got}" if got else ""
-
-    @property
-    def searches(self) -> bool:
-        """The engines of the family do not have it."""
-        return False
-
-    @property
-    def ruled(self) -> bool:
-        """Nothing is searched for."""
-        return True
 
     def on_surface(self, surface: Surface, clamped: bool) -> Flow:
         """None.

@@ -9,7 +9,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.engines.conducting import Conducting
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.family import Variant
-from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.beltrami import UnsearchedMethod
 from meshflow.flow.proximal import Proximal
 from meshflow.flow.steppers import Stepper, StepperName
 from meshflow.geometry.options import named_fields, option
@@ -22,7 +22,7 @@ POTENTIALS = {"hypersurface": "hypersurface", "lorentz": "rational", "geman-mccl
 
 
 @dataclass(frozen=True, kw_only=True)
-class _AtRest(HeightMethod):
+class _AtRest(UnsearchedMethod):
     """One fully implicit step of a diffusion: its time is the weight of the potential against the data."""
 
     once: ClassVar[bool] = True
@@ -30,16 +30,6 @@ class _AtRest(HeightMethod):
     def misfit(self, along_rays: bool, on_grid: bool) -> str:
         """Why the method is not defined along rays; empty elsewhere."""
         return "of values above a base (heights, channels), got depths along rays" if along_rays else ""
-
-    @property
-    def searches(self) -> bool:
-        """Its time follows from the noise."""
-        return False
-
-    @property
-    def ruled(self) -> bool:
-        """Nothing is searched for."""
-        return True
 
     @property
     def fits_noise(self) -> bool:
