@@ -13,7 +13,7 @@ from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.large.windows import Windowed
 from meshflow.results.result import release
-from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, searched_lines
+from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, described
 
 __all__ = ["Outcome", "Removed"]
 
@@ -126,14 +126,11 @@ class Outcome:
         }
 
     def __str__(self) -> str:
-        lines = [self.stopped_because]
-        lines += [f"  {name:<12} {parameter}" for name, parameter in self.parameters.items()]
-        if self.removed is not None:
-            sizes = f"rms {self.removed.rms:.6g}{self._unit}, largest {self.removed.largest:.6g}{self._unit}"
-            lines.append(f"  removed      {sizes}")
-        lines += searched_lines(self.candidates)
-        lines += [f"  noise        {sentence}" for sentence in self.noise.sentences()]
-        return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
+        if self.removed is None:
+            return described(self, "")
+        return described(
+            self, f"rms {self.removed.rms:.6g}{self._unit}, largest {self.removed.largest:.6g}{self._unit}"
+        )
 
     @property
     def _unit(self) -> str:

@@ -17,7 +17,7 @@ from meshflow.estimate.risk import Candidate
 from meshflow.flow.march import State
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
-from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, searched_lines
+from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, described
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
@@ -216,14 +216,9 @@ class Result:
         return Path(path)
 
     def __str__(self) -> str:
-        lines = [f"{self.stopped_because}"]
-        lines += [f"  {name:<12} {parameter}" for name, parameter in self.parameters.items()]
         correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
         sizes = f"{self._along}rms {self._rms:.6g}{self._unit}, largest {np.abs(self.counted).max():.6g}{self._unit}"
-        lines.append(f"  removed      {sizes}{correlation}")
-        lines += searched_lines(self.candidates)
-        lines += [f"  noise        {sentence}" for sentence in self.noise.sentences()]
-        return "\n".join(lines + [f"  warning      {warning}" for warning in self.warnings])
+        return described(self, sizes + correlation)
 
     @property
     def _unit(self) -> str:

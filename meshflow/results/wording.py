@@ -1,12 +1,13 @@
 """What results say of their parameters and candidates: as text, and as numbers."""
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
+from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.risk import Candidate, as_good
 
-__all__ = ["as_numbers", "as_text", "candidates_in_numbers", "chosen_in", "searched_lines"]
+__all__ = ["as_numbers", "as_text", "candidates_in_numbers", "chosen_in", "described"]
 
 # The parameters that a summary names, in this order.
 SUMMED = (
@@ -52,7 +53,49 @@ def candidates_in_numbers(candidates: Sequence[Candidate]) -> list[dict[str, Any
     ]
 
 
-def searched_lines(candidates: Sequence[Candidate]) -> list[str]:
+class Described(Protocol):
+    """A run whose reasons are known."""
+
+    @property
+    def stopped_because(self) -> str:
+        """A sentence."""
+        ...
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """By name."""
+        ...
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Those of the search."""
+        ...
+
+    @property
+    def noise(self) -> Noise:
+        """That was found or given."""
+        ...
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences."""
+        ...
+
+
+def described(run: Described, removed: str) -> str:
+    """A run as lines of text: why it ended, its parameters, what was removed, candidates, noise and warnings.
+
+    :param removed: in words; empty where it is not known.
+    """
+    lines = [run.stopped_because]
+    lines += [f"  {name:<12} {parameter}" for name, parameter in run.parameters.items()]
+    lines += [f"  removed      {removed}"] if removed else []
+    lines += _searched(run.candidates)
+    lines += [f"  noise        {sentence}" for sentence in run.noise.sentences()]
+    return "\n".join(lines + [f"  warning      {warning}" for warning in run.warnings])
+
+
+def _searched(candidates: Sequence[Candidate]) -> list[str]:
     """Lines on the best candidates of a search; none where nothing was searched for."""
     if not candidates:
         return []
