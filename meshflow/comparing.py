@@ -19,6 +19,7 @@ from meshflow.io.objects import from_object
 from meshflow.results.result import Result
 from meshflow.smoothing import smooth
 from meshflow.surfaces.data import array_of
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["MethodRun", "compare_methods"]
 
@@ -29,9 +30,9 @@ class MethodRun:
     """A method on the data of a comparison.
 
     :ivar name: of the method.
-    :ivar removed: root mean square of what was removed, over the noise.
-    :ivar error: root mean square error against the truth, unit of the values; None without a truth.
-    :ivar largest: the largest change of a value.
+    :ivar removed: root mean square of what was removed, over the noise; of points that move, of the distance that they moved.
+    :ivar error: root mean square error against the truth, unit of the values, or the distance of points; None without a truth.
+    :ivar largest: the largest change of a value, or of a point.
     :ivar time: of the flow, squared length; ``steps``: their number; ``seconds``: the whole call.
     :ivar result: of the run.
     """
@@ -71,7 +72,7 @@ def compare_methods(
     :param truth: values of the shape of the data; points (n, d) of a mesh.
     :param noise: as in :func:`meshflow.smooth`.
     :param removed: share of the noise, above 0, at most 1.
-    :param metadata: as in :func:`meshflow.smooth`.
+    :param metadata: what the data does not say of itself (``spacing``, ``kind``, ...), as in :func:`meshflow.smooth`.
     :raises InputError: for no method, a truth of another shape, or where :func:`meshflow.smooth` refuses.
     """
     asked = [method_of(one) for one in ((methods,) if isinstance(methods, str) else methods)]
@@ -102,11 +103,16 @@ def _run(
     )  # fmt: skip
     seconds, after = perf_counter() - began, array_of(result.after)
     there = np.isfinite(before) & np.isfinite(after)
-    change, sigma = (after - before)[there], float(result.parameters["noise"].value)
+    points = isinstance(result.after, Mesh) and result.after.moves == "points"
+    change, sigma = _sizes(after - before, there, points), float(result.parameters["noise"].value)
     error = None
     if truth is not None:
-        known = there & np.isfinite(truth)
-        error = float(np.sqrt(np.mean(np.square((after - truth)[known]))))
+        error = float(np.sqrt(np.mean(np.square(_sizes(after - truth, there & np.isfinite(truth), points)))))
     share = float(np.sqrt(np.mean(np.square(change)))) / sigma if sigma > 0 else 0.0
-    largest = float(np.abs(change).max(initial=0.0))
+    largest = float(change.max(initial=0.0))
     return MethodRun(method.word, share, error, largest, result.end.time, result.end.step, seconds, result)
+
+
+def _sizes(change: Array, known: Array, points: bool) -> Array:
+    """The sizes of changes, of each value (n,) that is known, or of each point (n, d)."""
+    return np.linalg.norm(change[known.all(axis=-1)], axis=-1) if points else np.abs(change[known])

@@ -37,9 +37,11 @@ def test_without_a_truth_they_stay_in_order_and_meshes_go_too():
 
     faces = ConvexHull(ball).simplices
     noisy = ball * (1 + 0.02 * np.random.default_rng(2).normal(size=(60, 1)))
-    (run,) = meshflow.compare_methods((noisy, faces), ["curvature"], ball, noise=0.02)
-    assert run.error is not None
-    assert run.removed <= 0.95
+    (run,) = meshflow.compare_methods((noisy, faces), "curvature", ball, noise=0.02)
+    assert run.removed == pytest.approx(0.9, abs=1e-3)
+    after = run.result.after.points
+    assert run.error == pytest.approx(np.sqrt(np.mean(np.sum((after - ball) ** 2, axis=1))))
+    assert run.largest == pytest.approx(np.linalg.norm(after - noisy, axis=1).max())
 
 
 def test_what_makes_no_sense_is_refused_in_words():
