@@ -145,6 +145,11 @@ def test_whatever_the_array_was_made_of_it_is_computed(made):
     same(meshflow.smooth(made(z), **FIXED).compute(), meshflow.smooth(z, **FIXED))
 
 
+def test_noise_that_is_given_with_values_that_nobody_has_read_is_not_doubted():
+    lazy, _ = counting(heights(), (30, 40))
+    assert not any("largest difference" in word for word in meshflow.smooth(lazy, **FIXED, result=True).warnings)
+
+
 def test_a_value_marks_missing_samples():
     z = np.where(np.isnan(heights()), np.float32(-7777), heights())
     for word in ("nodata", "missing"):

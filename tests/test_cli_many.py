@@ -134,3 +134,17 @@ def test_a_refusal_of_the_command_names_the_option(words, why, folder, tmp_path)
 def test_a_folder_without_files_is_refused(tmp_path):
     with pytest.raises(FormatError, match="no file in it that can be read"):
         inputs_of([tmp_path])
+
+
+def test_a_refused_run_leaves_no_folder(tmp_path):
+    (tmp_path / "in").mkdir()
+    done = CliRunner().invoke(app, ["smooth", str(tmp_path / "in"), "--output", str(tmp_path / "out")])
+    assert done.exit_code != 0
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_table_that_no_terminal_reads_has_a_line_for_each_file(folder, tmp_path):
+    done = CliRunner().invoke(
+        app, ["smooth", str(folder), "--output", str(tmp_path / "out"), *FIXED], env={"COLUMNS": "30"}
+    )
+    assert [line.split()[0] for line in done.stdout.splitlines()[1:]] == [str(folder / f"t{i}.tif") for i in range(3)]

@@ -118,3 +118,11 @@ def test_the_command_says_each_warning_once(tmp_path):
     assert done.exit_code == 0, done.output
     assert done.output.count("of its area") == 1
     assert not [one for one in found if issubclass(one.category, MeshflowWarning)]
+
+
+def test_a_noise_beyond_all_measure_is_doubted_and_still_gives_numbers():
+    for noise in (1e3, 1e12):
+        found = []
+        (one, *_) = warned(lambda noise=noise, found=found: found.append(meshflow.smooth(Z, noise=noise)))
+        assert "more than the largest difference of the values" in str(one.message)
+        assert np.isfinite(found[0]).all()

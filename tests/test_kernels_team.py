@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -14,6 +15,7 @@ import meshflow
 from meshflow.estimate.request import Request
 from meshflow.kernels.arrays import copied
 from meshflow.kernels.gate import Stopped
+from meshflow.kernels.interruption import interruptible
 from meshflow.kernels.library import default_threads, using_threads
 from meshflow.kernels.parameters import Stop
 from meshflow.kernels.trials import trial_census, trial_endless, trial_sum
@@ -112,6 +114,29 @@ def test_another_thread_stops_a_kernel(threads):
     assert time.perf_counter() - begin < 5
     assert stop.is_set()
     trial_endless(3, Stop(), threads)
+
+
+def test_a_call_beside_the_caller_gives_its_result_or_its_own_error():
+    assert interruptible(lambda flag: flag.is_set()) is False
+
+    def late(flag):
+        raise TimeoutError("its own")
+
+    with pytest.raises(TimeoutError, match="its own"):
+        interruptible(late)
+
+
+def test_an_exception_of_the_caller_stops_the_kernel_beside_him():
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with pytest.raises(KeyboardInterrupt):
+            interruptible(lambda flag: trial_endless(10**9, flag, 2))
+    finally:
+        signal.signal(signal.SIGALRM, before)
 
 
 def test_a_team_that_has_nothing_to_do_sleeps():
