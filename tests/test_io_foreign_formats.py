@@ -21,7 +21,6 @@ OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0.1\nf 1 2 3\nf 2 4 3\n"
 @pytest.mark.parametrize(
     ("name", "what", "way"),
     [
-        ("a.pcd", "a point cloud of PCL", "reconstruct"),
         ("a.las", "a lidar cloud", "reconstruct"),
         ("a.xyz", "a point cloud", "reconstruct"),
         ("a.dae", "a scene of COLLADA", "glb"),

@@ -11,8 +11,8 @@ __all__ = ["ALL", "DRAWING", "FILES", "READING", "flags"]
 
 INPUT, OUTPUT, LOOK = "Input file", "Output", "Appearance"
 FILES = (
-    "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM; PNG, JPEG; "
-    ".npy, .npz."
+    "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM; "
+    "organised PCD; PNG, JPEG; .npy, .npz."
 )
 QUANTITIES = Literal["curvature", "edges", "triangles", "samples"]
 COMPARED = Literal["removed", "curvature", "edges", "triangles", "samples"]

@@ -82,6 +82,12 @@ def _range_grids() -> Format:
     return range_grids
 
 
+def _pcd() -> Format:
+    from meshflow.io.formats import pcd
+
+    return pcd
+
+
 def _meshes() -> Format:
     from meshflow.io.formats import meshes
 
@@ -120,6 +126,10 @@ def _is_range_grid(path: Path, options: ReadOptions) -> bool:
     return options.kind == "depth" or (options.kind is None and has_grid(path))
 
 
+def _is_pcd(path: Path, options: ReadOptions) -> bool:
+    return path.suffix.lower() == ".pcd"
+
+
 def _is_mesh(path: Path, options: ReadOptions) -> bool:
     return options.kind == "mesh" or (options.kind is None and path.suffix.lower() in MESHES)
 
@@ -140,6 +150,7 @@ FORMATS = (
     Entry(_arrays, ARRAYS, _is_array),
     Entry(_exr, frozenset({".exr"}), _is_exr),
     Entry(_range_grids, frozenset({".ply"}), _is_range_grid),
+    Entry(_pcd, frozenset({".pcd"}), _is_pcd),
     Entry(_meshes, MESHES, _is_mesh),
     Entry(_depth_images, frozenset({".png"}) | TIFF, _is_depth_image),
     Entry(_pictures, PICTURES | TIFF, _is_picture),

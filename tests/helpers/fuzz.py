@@ -52,6 +52,12 @@ def seeds(folder):
     tile = (np.arange(1201 * 1201) % 500).astype(">i2").tobytes()
     with zipfile.ZipFile(folder / "N46E008.hgt.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("N46E008.hgt", tile)
+    rows = np.stack([*np.meshgrid(np.arange(24.0), np.arange(20.0)), z], axis=-1).astype("<f4")
+    header = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 24\nHEIGHT 20\nPOINTS 480\nDATA "
+    (folder / "a.pcd").write_bytes(f"{header}binary\n".encode() + rows.tobytes())
+    (folder / "text.pcd").write_text(
+        f"{header}ascii\n" + "\n".join(" ".join(map(str, p)) for p in rows.reshape(-1, 3).tolist()) + "\n"
+    )
     ball = trimesh.creation.icosphere(subdivisions=1)
     ball.visual.vertex_colors = rng.integers(0, 255, (42, 4), dtype=np.uint8)
     for suffix in (".ply", ".obj", ".stl", ".off", ".glb"):

@@ -4,21 +4,20 @@ from pathlib import Path
 
 from meshflow.errors import FormatError
 
-__all__ = ["must_be_known", "said_of"]
+__all__ = ["CLOUD", "must_be_known", "said_of"]
 
-_CLOUD = "a point cloud has no surface; reconstruct one first (open3d: create_from_point_cloud_poisson), or rasterize it (PDAL)"
+CLOUD = "a point cloud has no surface; reconstruct one first (open3d: create_from_point_cloud_poisson), or rasterize it (PDAL)"
 _SCENE = "export it as .glb first (Blender)"
 _CAD = "it contains curves and no triangles; mesh it first (FreeCAD, Gmsh), as .stl or .ply"
 _MESHIO = "read it with meshio: meshflow.smooth(meshio.read(path))"
 _PYVISTA = "read it with pyvista: meshflow.smooth(pyvista.read(path))"
 _ARCHIVE = "unpack it first"
 _KNOWN = {
-    ".pcd": ("a point cloud of PCL", _CLOUD),
-    ".las": ("a lidar cloud", _CLOUD),
-    ".laz": ("a lidar cloud", _CLOUD),
-    ".e57": ("scans in E57", _CLOUD),
-    ".pts": ("a point cloud", _CLOUD),
-    ".ptx": ("a point cloud", _CLOUD),
+    ".las": ("a lidar cloud", CLOUD),
+    ".laz": ("a lidar cloud", CLOUD),
+    ".e57": ("scans in E57", CLOUD),
+    ".pts": ("a point cloud", CLOUD),
+    ".ptx": ("a point cloud", CLOUD),
     ".dae": ("a scene of COLLADA", _SCENE),
     ".fbx": ("a scene of FBX", _SCENE),
     ".blend": ("a scene of Blender", _SCENE),
@@ -39,7 +38,7 @@ _KNOWN = {
     ".gz": ("an archive", _ARCHIVE),
 }
 # GDAL reads some of these: grids as lines of x, y, z.
-_PERHAPS = {".xyz": ("a point cloud, not a grid in rows", _CLOUD), ".zip": ("an archive", _ARCHIVE)}
+_PERHAPS = {".xyz": ("a point cloud, not a grid in rows", CLOUD), ".zip": ("an archive", _ARCHIVE)}
 
 
 def must_be_known(path: Path) -> None:

@@ -14,9 +14,9 @@ from meshflow.geometry.validation import Array, number
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Document, Source, WriteOptions, depths_of
 from meshflow.io.formats.ply_layout import PlyBytes, loaded
+from meshflow.io.formats.scan_points import range_image_of
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.range_image import RangeImage
-from meshflow.surfaces.scanner import Scanner
 
 __all__ = ["can_write", "read", "write"]
 
@@ -24,8 +24,6 @@ NAME: str = "a range grid"
 READS: tuple[str, ...] = ("kind", "viewpoint", "jump", "time_unit")
 WRITES: tuple[str, ...] = ()
 
-# A Cyberware scanner looks along -z.
-ALONG = (0.0, 0.0, -1.0)
 # The largest number of cells per vertex at which the pixels of a camera element can belong to the points.
 SPARSE = 64
 
@@ -63,18 +61,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         raise FormatError(f"{path.name}: none of the {index.size} cells of the grid has a point; is it whole?")
     eye, how = _viewpoint(path, file, options.viewpoint)
     points = np.where((index >= 0)[..., None], file.points[index], np.nan)
-    if eye is None:
-        along = np.broadcast_to(ALONG, points.shape)
-        values = points @ np.array(ALONG)
-        camera = Scanner(along, points - values[..., None] * along)
-    else:
-        values = np.linalg.norm(points - eye, axis=2)
-        if (values == 0).any():
-            raise InputError(
-                f"{path.name}: viewpoint {tuple(map(float, eye))} is a point of the scan; it is where the scanner stood"
-            )
-        camera = Scanner(np.where(np.isnan(points), np.nan, points - eye), eye)
-    data = RangeImage(values, camera, index < 0, jump=options.jump, time_unit=options.time_unit or "footprint")
+    data = range_image_of(points, eye, options, path.name)
     return Document(data, path, Scan(file, index, data.depth), (how,))
 
 

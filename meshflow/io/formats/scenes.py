@@ -45,7 +45,8 @@ class Part:
     @property
     def points(self) -> Array:
         """Positions (n, 3) in the coordinates of the scene."""
-        return np.asarray(self.mesh.vertices) @ self.frame[:3, :3].T + self.frame[:3, 3]
+        with np.errstate(invalid="ignore", over="ignore"):  # refused afterwards, with the name of the file
+            return np.asarray(self.mesh.vertices) @ self.frame[:3, :3].T + self.frame[:3, 3]
 
 
 @dataclass(frozen=True, eq=False)
