@@ -9,12 +9,14 @@ from pathlib import Path
 from types import ModuleType
 
 __all__ = [
+    "Fact",
     "FormatError",
     "InputError",
     "MeshflowWarning",
     "MissingPackage",
     "NotConverged",
     "NothingThere",
+    "attention",
     "need",
     "warn",
 ]
@@ -47,12 +49,21 @@ class MeshflowWarning(UserWarning):
     """What a caller should know of a run and might not expect. With ``result=True`` the same sentences are in the Result."""
 
 
+class Fact(str):
+    """A sentence on what was done that needs no attention: the command prints it, and it is no warning."""
+
+
+def attention(sentences: Iterable[str]) -> tuple[str, ...]:
+    """The sentences that need attention: all that are no :class:`Fact`."""
+    return tuple(sentence for sentence in sentences if not isinstance(sentence, Fact))
+
+
 def warn(sentences: Iterable[str]) -> None:
     """Issue sentences as :class:`MeshflowWarning`, for the line outside of this package that called it."""
     level, frame = 1, inspect.currentframe()
     while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         level, frame = level + 1, frame.f_back
-    for sentence in sentences:
+    for sentence in attention(sentences):
         warnings.warn(sentence, MeshflowWarning, stacklevel=level)
 
 

@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeVar, Unpack, overload
 
 import numpy as np
 
-from meshflow.errors import InputError, warn
+from meshflow.errors import InputError, attention, warn
 from meshflow.estimate.constraints import Constraint, Constraints
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import noise_growth
@@ -174,12 +174,14 @@ def smooth_object(
     if parts is not None:
         results = one_by_one(parts, request.constraints, lambda part: _smoothed(part, request, progress, record))
         if isinstance(data, Document):
-            results = replace(results, warnings=(*data.notes, *results.warnings))
+            results = replace(results, warnings=(*attention(data.notes), *results.warnings))
         return results.data, results
     imported = taken_in(data, options)
     found = _smoothed(imported, request, progress, record)
     back = imported.to_object(found.after)
-    return back, replace(found, data=back, warnings=(*imported.notes, *found.warnings))
+    worth = attention(imported.notes)
+    notes = tuple(note for note in imported.notes if note not in worth)
+    return back, replace(found, data=back, notes=notes, warnings=(*worth, *found.warnings))
 
 
 def _smoothed(imported: Imported, request: Request, progress: Progress, record: bool | None) -> Result:

@@ -126,3 +126,45 @@ def test_a_noise_beyond_all_measure_is_doubted_and_still_gives_numbers():
         (one, *_) = warned(lambda noise=noise, found=found: found.append(meshflow.smooth(Z, noise=noise)))
         assert "more than the largest difference of the values" in str(one.message)
         assert np.isfinite(found[0]).all()
+
+
+def test_notes_that_need_no_attention_are_no_warnings(tmp_path, recwarn):
+    box = trimesh.creation.box()
+    box = trimesh.Trimesh(box.triangles.reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False)
+    assert meshflow.smooth(box, result=True).warnings == ()
+    meshflow.smooth(box)
+    box.export(tmp_path / "a.stl")
+    document = meshflow.read(tmp_path / "a.stl")
+    assert len(document.notes) == 1, "one note says how corners became vertices"
+    assert "36 corners at bit-identical positions are 8 vertices" in document.notes[0]
+    meshflow.smooth(document)
+    assert not [one for one in recwarn if one.category is MeshflowWarning]
+
+
+def test_what_is_changed_where_nothing_is_smoothed_is_said():
+    y, x = np.mgrid[:64, :64]
+    z = (0.01 * (x - 20.0) ** 2 + 0.02 * y).astype(np.float32)
+    holed = z.copy()
+    holed[5, [7, 30, 44]] += 500
+    result = meshflow.smooth(holed, outliers="repair", result=True)
+    assert (
+        result.stopped_because
+        == "3 outliers were replaced; no noise was found: nothing to remove, nothing else was changed"
+    )
+    assert np.count_nonzero(result.data != holed) == 3
+    levelled = meshflow.smooth(z + (np.arange(64) % 3)[:, None].astype(np.float32), level="rows", result=True)
+    assert levelled.stopped_because.startswith("the lines were levelled; ")
+    picture = np.repeat(np.clip((2.0 * x + y) / 3, 0, 255)[..., None], 3, axis=2)
+    picture[5, [7, 30, 44]] = 255
+    result = meshflow.smooth(picture, result=True)
+    assert np.array_equal(result.data, picture)
+    assert "replaced from" not in " ".join(result.warnings), "nothing was replaced"
+    result = meshflow.smooth(z, method="beltrami", time=1.0, result=True)
+    assert "nothing was changed" not in " ".join(result.warnings)
+
+
+def test_a_strength_that_leaves_nothing_is_said():
+    noisy = np.random.default_rng(1).normal(size=(48, 48)) + 0.1 * np.arange(48)
+    with pytest.warns(MeshflowWarning, match=r"strength 1e\+09 times noise 1.*little but a mean is left"):
+        meshflow.smooth(noisy, strength=1e9)
+    assert meshflow.smooth(noisy, strength=2.0, result=True).warnings == ()

@@ -126,7 +126,7 @@ def test_a_mesh_of_meshio_comes_back_with_all_that_it_had():
     still = smooth(before, method="curvature", time=0.02, constraints=Fixed("heat"))
     assert (still.points != before.points).any(axis=1).tolist() == [True] + [False] * 7
     result = smooth(before, method="curvature", time=0.02, result=True)
-    assert any("1 quadrilaterals" in word for word in result.warnings)
+    assert any("1 quadrilaterals" in word for word in result.notes)
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
     else:
         contrast, how = 1.0, Decided("default", "no noise found")
     if sigma <= 0 and asked.contrast is None and not plan.variant.linear:
-        plan = replace(plan, warnings=(f"{no_noise(noise)}; contrast 1 is taken", *plan.warnings))
+        plan = replace(plan, warnings=(f"{_found(noise)}; contrast 1 is taken", *plan.warnings))
     if not request.named:
         plan = replace(plan, method=_filled(request, replace(plan.variant, **exponents), contrast, 0.0))
         if sigma > 0 and not rounded and isinstance(data, (HeightField, Image)):
@@ -376,9 +376,13 @@ def _searched_along(plan: Plan, data: RangeImage, sigma: np.ndarray) -> Plan:
 
 def no_noise(noise: Noise) -> str:
     """The reason why nothing is done where there is no noise."""
-    if noise.how == "nothing":
-        return "too few samples to tell noise from data: nothing was changed"
-    return "no noise was found: nothing to remove, nothing was changed"
+    nothing = "" if noise.how == "nothing" else "nothing to remove, "
+    return f"{_found(noise)}: {nothing}nothing was changed"
+
+
+def _found(noise: Noise) -> str:
+    """What is known of the noise where there is none."""
+    return "too few samples to tell noise from data" if noise.how == "nothing" else "no noise was found"
 
 
 def limit_of(data: Data, request: Request, noise: Noise) -> tuple[Any, Origin]:

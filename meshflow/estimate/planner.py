@@ -86,14 +86,14 @@ def plan(data: Data, request: Request) -> Plan:
     )
     data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
-    warnings = () if how is None else how.warnings
+    warnings: tuple[str, ...] = ()
     if isinstance(data, Mesh) and data.moves == "points" and data.points.shape[1] == 3:
         data, warnings = turned_alike(data)
         if request.is_open and request.outliers != "include":
             data, spikes = without_spikes(data)
             warnings += spikes
-    warnings += _excessive(data, request)
     data, noise, why = _with_noise(data, request, mask, (how, way))
+    warnings += _excessive(data, request, noise)
     if how is not None and request.level is None:
         warnings += _of_lines(noise.oriented(way.inverse))
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
@@ -110,6 +110,9 @@ def plan(data: Data, request: Request) -> Plan:
     else:
         found = None if isinstance(data, Mesh) else quantized(data, request, noise)
         found = found or tuned(data, request, noise, mobility)
+    if how is not None:
+        warnings = (*how.warnings(found.idle is not None), *warnings)
+        found = replace(found, idle=None if found.idle is None else how.beside(found.idle))
     found = replace(
         found, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=(*warnings, *found.warnings)
     )
@@ -299,17 +302,21 @@ def _methods_on(data: Data) -> str:
     return f"methods for this data are {', '.join(words_on(data))}"
 
 
-def _excessive(data: Data, request: Request) -> tuple[str, ...]:
+def _excessive(data: Data, request: Request, noise: Noise) -> tuple[str, ...]:
     """A warning about a given noise, or strength, with which the noise exceeds all variation of the data."""
-    if request.noise is None:
+    if request.noise is None and request.strength <= 1.0:
         return ()
     values, there = array_of(data), slice(None) if isinstance(data, Mesh) else ~data.missing
     values = data.points if isinstance(data, Mesh) and data.moves == "points" else values[there]
     most = float((values.max(axis=0) - values.min(axis=0)).max()) if values.size else 0.0
-    sigma = request.noise * request.strength
+    sigma = noise.sigma * request.strength
     if sigma <= most or most == 0:  # of equal values, and where none is known yet, nothing can be said
         return ()
-    return (f"noise {sigma:.4g}: more than the largest difference of the values, {most:.4g}; is it in their unit?",)
+    if request.noise is None:
+        given, doubt = f"strength {request.strength:g} times noise {noise.sigma:.4g}", "little but a mean is left"
+    else:
+        given, doubt = f"noise {sigma:.4g}", "is it in their unit?"
+    return (f"{given}: more than the largest difference of the values, {most:.4g}; {doubt}",)
 
 
 def _must_fit(data: Data, request: Request) -> None:

@@ -32,7 +32,6 @@ class Preparation:
     :ivar datum: subtracted from all values of a channel, () or (k,).
     :ivar levelled: whether offsets of lines were removed.
     :ivar insists: whether replaced samples stay replaced where no noise is found.
-    :ivar warnings: sentences.
     """
 
     source: OnGrid
@@ -41,7 +40,6 @@ class Preparation:
     datum: Array
     levelled: bool = False
     insists: bool = False
-    warnings: tuple[str, ...] = ()
 
     @property
     def unseen(self) -> Array:
@@ -61,6 +59,27 @@ class Preparation:
         """Values of the flow with their datum."""
         return (values + self.datum).astype(values.dtype) if self.datum.any() else values
 
+    def replaced(self, idle: bool) -> Array:
+        """The samples (h, w) that the result has from their neighbours.
+
+        :param idle: whether nothing was smoothed.
+        """
+        return self.repaired if self.insists or not idle else np.zeros_like(self.repaired)
+
+    def warnings(self, idle: bool) -> tuple[str, ...]:
+        """Sentences about the outliers, and what became of them."""
+        return () if self.outliers is None else tuple(_said(self.outliers, self.replaced(idle)))
+
+    def beside(self, idle: str) -> str:
+        """The reason why nothing was smoothed, with what was changed all the same."""
+        count = int(self.replaced(True).sum())
+        done = [f"{count} outlier{'s were' if count > 1 else ' was'} replaced"] * (count > 0)
+        done += ["the lines were levelled"] * self.levelled
+        if not done:
+            return idle
+        idle = idle.replace("nothing was changed", "nothing else was changed").replace("data left", "all else left")
+        return f"{' and '.join(done)}; {idle}"
+
     def restored(self, done: OnGrid, idle: bool) -> OnGrid:
         """The result for the caller: with the datum, and with samples that were left out unchanged to the bit.
 
@@ -71,7 +90,7 @@ class Preparation:
         source, values = array_of(self.source), array_of(done)
         if self.datum.any():
             values = (values.astype(np.float64) + self.datum).astype(source.dtype)
-        made = self.repaired if self.insists or not idle else np.zeros_like(self.repaired)
+        made = self.replaced(idle)
         out = self.source.missing if self.outliers is None else self.source.missing | self.outliers.mask & ~made
         values = np.where(out if values.ndim == 2 else out[..., None], source, values)
         return _with(done, values, self.source.missing)
@@ -92,7 +111,7 @@ def prepared(
     # Sums depend on the order of memory; the result must not.
     values, missing = np.ascontiguousarray(array_of(data)), data.missing
     found = None if outliers == "include" else outliers_of(values, missing)
-    repaired, warnings, insists = np.zeros(missing.shape, bool), [], False
+    repaired, insists = np.zeros(missing.shape, bool), False
     if found is not None:
         keep = _kept(data, found, outliers)
         wanted = found.mask & ~keep & ~data.fixed
@@ -101,12 +120,11 @@ def prepared(
         if missing.all():
             return prepared(data, "include", level)
         insists = outliers == "repair" or found.dense
-        warnings += _said(values, found, repaired)
     if level is not None:
         values = (values - offsets_to_level(values, missing, level)).astype(values.dtype)
     datum = _datum(values, missing)
     values = _above(values, missing, datum)
-    how = Preparation(data, found, repaired, datum, level is not None, insists, tuple(warnings))
+    how = Preparation(data, found, repaired, datum, level is not None, insists)
     if values is array_of(data):
         return data, how
     return _with(data, values, missing), how
@@ -161,7 +179,7 @@ def datum_between(least: Array, greatest: Array) -> Array:
     return np.where(np.abs(middle) > DISTANT * (high - low), middle, 0.0)
 
 
-def _said(values: Array, found: Outliers, repaired: Array) -> list[str]:
+def _said(found: Outliers, repaired: Array) -> list[str]:
     """Warnings about outliers: their kind, number and treatment, and the options that change it."""
     words = []
     low, high = found.span

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshflow.errors import InputError
+from meshflow.errors import Fact, InputError
 from meshflow.geometry.validation import Array, Spacing
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def on_ellipsoid(
         note += "; on a pole, where the samples of a row are one point, a quarter of a row away from it"
     if abs(dlon * columns * crs.units_factor[1] - 2 * np.pi) < 0.5 * dlon * crs.units_factor[1]:
         note += "; the two ends of each row meet, and are smoothed apart from each other"
-    return (widths, dy), (note,)
+    return (widths, dy), (Fact(note),)
 
 
 def height_unit(crs: "CRS | None", declared: str | None) -> str:
@@ -187,8 +187,10 @@ def units_disagree(crs: "CRS | None", unit: str) -> tuple[str, ...]:
     if not name or up is None or abs(up / across - 1) < 1e-3:
         return ()
     return (
-        f"heights in {unit} above a grid in {name}: nothing is to be set, the contrast is found from the noise; only areas and "
-        "slopes that are reported mix the two units",
+        Fact(
+            f"heights in {unit} above a grid in {name}: nothing is to be set, the contrast is found from the noise; only areas "
+            "and slopes that are reported mix the two units"
+        ),
     )
 
 

@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
-from meshflow.errors import InputError
+from meshflow.errors import Fact, InputError
 from meshflow.geometry.normals import mean_edge
 from meshflow.geometry.validation import Array, must_be_vertices, real, triangles_of, truth_of
 from meshflow.io.document import Section
@@ -85,10 +85,11 @@ class Skin:
             return ()
         apart = bool((self.points != self.points[self.first][self.home]).any())
         near = f" (to {WELDED:.1g} of the largest coordinate)" if apart else ""
-        return (
+        said = (
             f"{len(self.home)} stored vertices are {len(self.first)} of the surface: {copies} copies at the same position{near}, "
-            "which the format splits at seams, move together",
+            "which the format splits at seams, move together"
         )
+        return (said if apart else Fact(said),)
 
     def samples(self, given: ArrayLike | None, word: str, find: Callable[[str], Found]) -> ArrayLike | None:
         """One number per joined vertex, from one per stored vertex; the most restrictive one of its copies.
@@ -223,7 +224,7 @@ def said_of(sections: tuple[Section, ...]) -> tuple[str, ...]:
     """A note where there are several parts."""
     names = ", ".join(name for name, _ in sections[:LISTED])
     more = f" and {len(sections) - LISTED} more" if len(sections) > LISTED else ""
-    return (f"{len(sections)} parts: {names}{more}",) if sections else ()
+    return (Fact(f"{len(sections)} parts: {names}{more}"),) if sections else ()
 
 
 def fitted(values: Array, kind: np.dtype) -> Array:

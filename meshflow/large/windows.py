@@ -229,7 +229,7 @@ def _found(data: OnGrid, request: Request) -> tuple[Plan, tuple[str, ...]]:
             f"{count} of {data.missing.size} samples looked at are outliers; by windows they are taken as data: declare what is "
             "missing (nodata)",
         )
-        kept = tuple(word for word in found.warnings if word not in how.warnings)
+        kept = tuple(word for word in found.warnings if word not in how.warnings(found.idle is not None))
         found = replace(found, warnings=kept)
     return found, warnings
 

@@ -73,6 +73,7 @@ class Result:
     :ivar stopped_because: why the run ended, as a sentence.
     :ivar warnings: sentences.
     :ivar version: the version of meshflow.
+    :ivar notes: what was done when the data was taken in, where it needs no attention.
     """
 
     data: Any
@@ -87,6 +88,7 @@ class Result:
     stopped_because: str
     warnings: tuple[str, ...]
     version: str
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Parameters(self.parameters))
@@ -195,6 +197,7 @@ class Result:
             "history": self.history.to_list(),
             "candidates": candidates_in_numbers(self.candidates),
             "warnings": list(self.warnings),
+            "notes": list(self.notes),
         }
 
     def to_json(self, **options: Any) -> str:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from meshflow.errors import InputError, need
+from meshflow.errors import Fact, InputError, need
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Imported
 from meshflow.io.metadata import Found, ReadOptions
@@ -41,7 +41,7 @@ def from_object(data: object, options: ReadOptions) -> Imported:
             raise InputError(f"channels={name!r}: no such point data; there are {', '.join(there) or 'none'}")
     split = any(word in mesh.point_data for word in _NORMALS) or is_soup(faces, len(mesh.points))
     skin = Skin.of(mesh.points, faces, split=split, channels=values, moves=options.moves)
-    notes = (*skin.note, *((f"{quads} quadrilaterals are smoothed as two triangles each",) if quads else ()))
+    notes = (*skin.note, *((Fact(f"{quads} quadrilaterals are smoothed as two triangles each"),) if quads else ()))
     samples = partial(skin.samples, find=partial(_point_data, mesh))
     return Imported(skin.data, partial(_to_object, mesh, skin, name), notes, samples)
 

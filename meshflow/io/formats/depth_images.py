@@ -144,7 +144,7 @@ def _cost(counts: Array, scale: float, changed: float | None, left: float | None
             f"depths changed by {changed * 1000 / scale:.3g} mm (rms), less than the steps of {1000 / scale:g} mm that they are "
             "rounded to; .tif holds them, or a larger depth_scale",
         )
-    if scale <= 1000:
+    if scale <= 1000 and not notes:
         notes += (f"depths are rounded to {1000 / scale:g} mm, up to {500 / scale:g} mm off; .tif holds them exactly",)
     outside = int(((counts < 1) | (counts >= LARGEST)).sum())
     if outside:

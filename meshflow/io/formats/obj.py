@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from trimesh.geometry import triangulate_quads
 from trimesh.resolvers import FilePathResolver
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, MeshSource, Section
 from meshflow.io.metadata import ReadOptions
@@ -153,7 +153,9 @@ def read(path: Path, options: ReadOptions) -> Document:
     notes = (*skin.note, *said_of(sections))
     if len(polygons) != len(faces):
         notes += (
-            f"{len(polygons)} polygons are smoothed as {len(faces)} triangles; an OBJ written again keeps the polygons",
+            Fact(
+                f"{len(polygons)} polygons are smoothed as {len(faces)} triangles; an OBJ written again keeps the polygons"
+            ),
         )
     at = np.array(normal_rows, dtype=np.int64)
     return Document(skin.data, path, Obj(path, tuple(lines), np.array(rows), at, corners, skin, sections), notes)

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, MeshSource
 from meshflow.io.formats.obj import rewritten
@@ -109,7 +109,9 @@ def read(path: Path, options: ReadOptions) -> Document:
     notes = skin.note
     if faces != len(triangles):
         notes += (
-            f"{faces} polygons are smoothed as {len(triangles)} triangles; an OFF written again keeps the polygons",
+            Fact(
+                f"{faces} polygons are smoothed as {len(triangles)} triangles; an OFF written again keeps the polygons"
+            ),
         )
     rows = np.array(filled[first : first + vertices])
     return Document(skin.data, path, Off(tuple(lines), rows, skin), notes)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array, number
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Document, Source, WriteOptions, depths_of
@@ -57,7 +57,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if nowhere.all():
         raise FormatError(f"{path.name}: none of its {h * w} points is there (NaN, or 0 0 0)")
     data = range_image_of(np.where(nowhere[..., None], np.nan, points), eye, options, path.name)
-    note = "seen from ({:g}, {:g}, {:g}): points move along their rays".format(*eye)
+    note = Fact("seen from ({:g}, {:g}, {:g}): points move along their rays".format(*eye))
     return Document(data, path, Organised(file, data.depth), (note,))
 
 

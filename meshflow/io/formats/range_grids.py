@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array, number
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Document, Source, WriteOptions, depths_of
@@ -176,9 +176,8 @@ def _viewpoint(path: Path, file: PlyBytes, given: Sequence[float] | None) -> tup
         )
     if len(eye) != 3 or not np.isfinite(eye).all():
         raise InputError(f"{path.name}: viewpoint of three numbers x, y, z expected, got {tuple(eye.tolist())}")
-    return np.array(
-        eye, dtype=np.float64
-    ), f"seen from ({eye[0]:g}, {eye[1]:g}, {eye[2]:g}), {how}: points move along their rays"
+    said = f"seen from ({eye[0]:g}, {eye[1]:g}, {eye[2]:g}), {how}: points move along their rays"
+    return np.array(eye, dtype=np.float64), Fact(said)
 
 
 def _float(word: str) -> float:

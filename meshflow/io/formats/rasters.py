@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from rasterio.enums import ColorInterp
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array, Spacing, spacing_of
 from meshflow.io.document import Document, WriteOptions, samples_of
 from meshflow.io.formats.raster_bands import Encoding, load, merged, save
@@ -176,7 +176,7 @@ def notes_on(frame: Frame) -> tuple[str, ...]:
     """Notes on the samples of a raster."""
     notes = frame.notes
     if frame.scaled:
-        notes += (f"scale {frame.scales[0]:g} and offset {frame.offsets[0]:g} of the file were applied",)
+        notes += (Fact(f"scale {frame.scales[0]:g} and offset {frame.offsets[0]:g} of the file were applied"),)
     if frame.palette is not None:
         notes += ("the numbers of a colour table were taken as values, the table is not kept",)
     return notes

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from trimesh.exchange.stl import export_stl_ascii
 from trimesh.resolvers import FilePathResolver
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stored_normals, with_changes
 from meshflow.io.document import Document, Imported, MeshSource, Section
@@ -147,17 +147,15 @@ def read(path: Path, options: ReadOptions) -> Document:
     others = len(scene.geometry) - len(parts)
     if others:
         notes.append(f"{others} parts without triangles (points, lines) stay as they are")
-    stored = sum(3 * len(part.mesh.faces) for part in parts)
     points, faces, family, values = _one_after_the_other(parts, options.attribute)
     skin = Skin.of(points, faces, split=family, channels=values, moves=options.moves)
     if suffix == ".stl":
-        notes.append(
-            f"STL stores every corner apart: {stored} corners at bit-identical positions are {len(points)} vertices"
-        )
+        notes.append(_apart(3 * len(faces), skin))
         if any(np.any(part.mesh.face_attributes.get("stl", 0)) for part in parts):
             notes.append("the two bytes of every STL triangle, where some programs keep colours, are not written again")
     source = Parts(scene, parts, skin, options.attribute, suffix, is_ascii)
-    return Document(skin.data, path, source, (*skin.note, *notes, *said_of(source.sections)))
+    joined_here = () if suffix == ".stl" else skin.note
+    return Document(skin.data, path, source, (*joined_here, *notes, *said_of(source.sections)))
 
 
 def taken_apart(
@@ -198,6 +196,16 @@ def taken_apart(
         for one in made
     )
     return tuple(imported), to_object
+
+
+def _apart(corners: int, skin: Skin) -> str:
+    """A note on the vertices of an STL."""
+    said = (
+        f"STL stores every corner apart: {corners} corners at bit-identical positions are {len(skin.points)} vertices"
+    )
+    if not skin.note:
+        return Fact(said)
+    return type(skin.note[0])(f"{said}; {skin.note[0]}")
 
 
 def _parts_of(title: str, scene: trimesh.Scene, suffix: str) -> tuple[Part, ...]:

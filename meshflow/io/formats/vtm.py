@@ -131,7 +131,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if len(meshes) < len(parts):
         flat = [name for name, part in parts if not isinstance(part.data, Mesh)]
         raise InputError(f"block {flat[0]}: a surface of polygons expected, got a grid; smooth it in Python")
-    notes = [f"{name}: {note}" for name, part in parts for note in part.notes]
+    notes = [type(note)(f"{name}: {note}") for name, part in parts for note in part.notes]
     source = VtkBlocks(path, found, meshes)
     return Document(together(meshes), path, source, (*notes, *said_of(source.sections)))
 
