@@ -1,16 +1,16 @@
-"""What README says is so: its Python names exist, its flags exist."""
+"""What README and guides say is so: their Python names exist, their flags exist."""
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
+from helpers.guides import PAGES
 from typer.main import get_command
 
 import meshflow
 from meshflow.cli.commands import app
 
-README = (Path(__file__).parents[1] / "README.md").read_text()
+README = "\n".join(page.read_text() for page in PAGES)
 COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 
 
