@@ -4,21 +4,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypeVar, Unpack, overload
 
-import numpy as np
-
-from meshflow.errors import InputError, attention, warn
-from meshflow.estimate.constraints import Constraint, Constraints
+from meshflow.errors import attention, warn
+from meshflow.estimate.constraints import Constraint
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import noise_growth
-from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.planner import noise_in
-from meshflow.estimate.planner import plan as planned
 from meshflow.estimate.preparation import OutlierWord
 from meshflow.estimate.request import BoundaryWord, Domain, Request, Stopping
 from meshflow.estimate.stripes import Level
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Method
-from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import must_be_truth
 from meshflow.io.adapters.multipart import multipart
@@ -26,20 +21,15 @@ from meshflow.io.document import Document
 from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.io.objects import Imported, from_object, opened, taken_in
 from meshflow.large.chunks import is_chunked, smooth_chunked
+from meshflow.results.domains import run_in_domain
 from meshflow.results.keywords import must_be_keywords, must_be_metadata
 from meshflow.results.multipart import Results, every_warning, one_by_one
 from meshflow.results.result import Result
-from meshflow.results.run import run
-from meshflow.surfaces.disparity import from_disparity, in_disparity
-from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["Metadata", "estimate_noise", "noise_facts", "smooth", "smooth_object"]
 
 Data = TypeVar("Data")
-# Patch and time for inverse depths where depths are quantized: within 5 % of the best on the frames of a Kinect.
-STEPPED_PATCH, STEPPED_TIME = 1.0, 15.0
-STEPPED = "quantized depths: the risk cannot be estimated where rounding is the noise"
 
 
 @overload
@@ -122,7 +112,8 @@ def smooth(
         ``PreserveArea``, ``MinComponent``, or several of them. Their arrays hold one number per sample, as the data stores
         its samples, or are the name of an array that the data holds.
     :param boundary: the condition at borders and holes: ``plane-preserving | neumann | fixed``, for meshes also ``border-curve``.
-    :param domain: ``length``, or for range images ``disparity``: inverse depths are smoothed, and all numbers refer to them.
+    :param domain: ``length``; of range images ``disparity``: inverse depths are smoothed; of colours ``luv``, ``lab`` or
+        ``linear-rgb``: they are smoothed there. The parameters refer to it; ``noise`` is in the unit of the values.
     :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` (as they are, left out),
         ``repair`` (from their neighbours) or ``include`` (as data). None: repair single ones of images, else keep.
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
@@ -187,54 +178,7 @@ def smooth_object(
 def _smoothed(imported: Imported, request: Request, progress: Progress, record: bool | None) -> Result:
     """Smooth an imported object; the arrays of the constraints are brought into the order of its samples."""
     request = replace(request, constraints=request.constraints.sampled(imported.samples))
-    if request.domain == "disparity" and isinstance(imported.data, RangeImage):
-        return _in_disparity(imported.data, request, progress, record)
-    return run(imported.data, request, progress, record=record)
-
-
-def _in_disparity(data: RangeImage, request: Request, progress: Progress, record: bool | None) -> Result:
-    """Smooth the inverse depth as a height field over the pixels."""
-    held = request.constraints
-    small = Constraints(min_component=held.min_component, fixed=held.fixed)
-    plan = planned(data, Request(steps=0, constraints=small))
-    cleared, noise = plan.data, plan.noise
-    if not isinstance(cleared, RangeImage):
-        raise InputError(f"domain: of range images only, got {type(data).__name__}")
-    missing = cleared.missing
-    squares = np.square(cleared.depth[~missing].astype(np.float64))  # errors of depth / errors of its inverse
-    if request.noise is not None:
-        noise = replace(noise, sigma=request.noise * float(np.median(squares)), how="given")
-    elif data.sigma is not None:
-        typical = float(np.median(np.broadcast_to(data.sigma, missing.shape)[~missing] / squares))
-        request = replace(request, noise=typical)
-    inverse = in_disparity(cleared)
-    stepped = noise.quantum > noise.sigma and request.method is None and request.until_time is None
-    stepped = stepped and request.steps is None and request.compute.search is None
-    if stepped:
-        request = replace(request, method=Beltrami(patch=STEPPED_PATCH), time=STEPPED_TIME * request.strength)
-    found = run(
-        inverse,
-        replace(request, domain="length", outliers="include", constraints=replace(held, min_component=None)),
-        progress,
-        record=record,
-    )
-    if not isinstance(found.after, HeightField):
-        raise InputError(f"domain: a height field of inverse depths expected, got {type(found.after).__name__}")
-    done = replace(from_disparity(cleared, found.after), fixed=data.fixed, sigma=data.sigma)
-    # What was removed, and the noise, are reported in depths; the parameters are those of the inverse depth.
-    parameters = _of_inverses(found.parameters, inverse.unit, stepped)
-    return replace(found, data=done, after=done, before=data, parameters=parameters, noise=noise)
-
-
-def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: bool) -> dict[str, Parameter]:
-    """The parameters of a run on inverse depths, in their units."""
-    units = {"time": "pixels²", "dt": "pixels²", "contrast": f"pixels per {inverse}"}
-    reported = {name: replace(p, unit=units.get(name, p.unit)) for name, p in parameters.items()}
-    reported["domain"] = Parameter("disparity", "", "given")
-    if stepped:
-        reported |= {name: replace(reported[name], origin="default", why=STEPPED) for name in ("patch", "time")}
-        reported |= {name: replace(reported[name], origin="default") for name in ("method", "gamma", "sharpness")}
-    return reported
+    return run_in_domain(imported.data, request, progress, record=record)
 
 
 def estimate_noise(data: Any, **metadata: Unpack[Metadata]) -> Noise:

@@ -248,7 +248,7 @@ def _must_suit(data: Data, request: Request) -> None:
     kind = type(data).__name__
     for word, given in (
         ("MinComponent", request.constraints.min_component is not None),
-        ("domain", request.domain != "length"),
+        ("domain='disparity'", request.domain == "disparity"),
     ):
         if given and not isinstance(data, RangeImage):
             raise InputError(f"{word}: of range images only, got {kind}")

@@ -20,7 +20,7 @@ from meshflow.surfaces.surface import Boundary
 
 __all__ = ["BoundaryWord", "Domain", "Request", "Stopping"]
 
-Domain = Literal["length", "disparity"]
+Domain = Literal["length", "disparity", "luv", "lab", "linear-rgb"]
 BoundaryWord = Boundary | Literal["border-curve"]
 Stopping = Steps | Residual | AreaLoss | Displacement | When | Callable[[Array, float], object]
 # The largest scale: its square must be a number.
@@ -58,7 +58,9 @@ class Request:
         "borders of a mesh move by their own curvature. Default: neumann for images, else plane-preserving.",
     )
     domain: Domain = option(
-        "length", "disparity: inverse depths are smoothed, in which stereo and structured light have uniform noise."
+        "length",
+        "Where the values are smoothed. disparity: inverse depths, in which stereo and structured light have uniform noise; luv, "
+        "lab, linear-rgb: colours in CIE L*u*v* or L*a*b*, where distances are those of the eye, or in linear light.",
     )
     outliers: OutlierWord | None = option(
         None,

@@ -162,8 +162,8 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
     :raises InputError: as :func:`run`, and for a count below two or inverse depths.
     """
     whole(count, "count", 2)
-    if request.domain == "disparity":
-        raise InputError("domain='disparity': states can be shown for domain='length' only; leave it out")
+    if request.domain != "length":
+        raise InputError(f"domain={request.domain!r}: states can be shown for domain='length' only; leave it out")
     on_the_way = _states(data, request, count, progress)
     while True:
         with request.compute.running():  # not while the caller has a state
