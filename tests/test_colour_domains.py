@@ -57,7 +57,8 @@ def test_data_that_does_not_change_keeps_its_bits_and_its_type(word, white, dtyp
     values = (white * np.random.default_rng(2).random((8, 9, 3))).astype(dtype)
     values[2, 3] = np.nan
     found = meshflow.smooth(values, time=0.0, domain=word)
-    assert found.dtype == dtype and np.array_equal(found, values, equal_nan=True)
+    assert found.dtype == dtype
+    assert np.array_equal(found, values, equal_nan=True)
     every = np.ones((8, 9), bool)
     held = meshflow.smooth(values, time=2.0, method="beltrami", domain=word, constraints=meshflow.Fixed(every))
     assert np.array_equal(held, values, equal_nan=True)
@@ -71,7 +72,8 @@ def test_noise_goes_and_the_result_does_not_depend_on_the_value_of_white(word, w
     assert np.std(found - truth) < 0.35 * np.std(noisy - truth)
     scaled = meshflow.smooth(white * noisy, domain=word, result=True)
     assert np.abs(scaled.data / white - found).max() < 1e-9
-    assert scaled.parameters["white"].value == white and scaled.parameters["domain"].value == word
+    assert scaled.parameters["white"].value == white
+    assert scaled.parameters["domain"].value == word
 
 
 @pytest.mark.parametrize("word", WORDS)
@@ -117,7 +119,8 @@ def test_black_and_values_below_zero_are_told_and_stay_finite():
     _, noisy = colours(24)
     noisy[:8] = 0.02 * np.random.default_rng(5).normal(size=noisy[:8].shape)
     found = meshflow.smooth(noisy, domain="luv", result=True)
-    assert np.isfinite(found.data).all() and np.abs(found.data).max() < 1.5
+    assert np.isfinite(found.data).all()
+    assert np.abs(found.data).max() < 1.5
     assert any("below zero" in said for said in found.warnings)
 
 
@@ -148,7 +151,9 @@ def test_a_picture_with_alpha_by_the_command(tmp_path):
     Picture.fromarray(np.dstack([np.clip(255 * noisy, 0, 255).astype(np.uint8), alpha])).save(tmp_path / "in.png")
     words = ["smooth", str(tmp_path / "in.png"), str(tmp_path / "out.png"), "--domain", "luv", "--json"]
     told = json.loads(CliRunner().invoke(app, words).stdout)["parameters"]
-    assert told["domain"]["value"] == "luv" and told["white"]["value"] == 255
+    assert told["domain"]["value"] == "luv"
+    assert told["white"]["value"] == 255
     back = np.asarray(Picture.open(tmp_path / "out.png"))
-    assert back.dtype == np.uint8 and (back[..., 3] == 200).all()
+    assert back.dtype == np.uint8
+    assert (back[..., 3] == 200).all()
     assert np.std(back[..., :3] / 255.0 - truth) < 0.55 * np.std(noisy - truth)

@@ -8,6 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import Constraints
+from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.planner import noise_in
 from meshflow.estimate.planner import plan as planned
