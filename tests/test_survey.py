@@ -15,7 +15,8 @@ from meshflow.estimate.request import Request
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.memory import Budget
 from meshflow.large.outcome import Outcome
-from meshflow.large.rasters import Output, smooth_raster
+from meshflow.large.outputs import Output
+from meshflow.large.rasters import smooth_raster
 from meshflow.large.survey import smooth_together
 
 H, W, SIDE = 90, 120, 30

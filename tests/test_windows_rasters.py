@@ -21,7 +21,8 @@ from meshflow.io.files import read, write
 from meshflow.io.formats.raster_windows import RasterWriter
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.memory import Budget, bytes_in, needed
-from meshflow.large.rasters import Output, form_of, smooth_raster
+from meshflow.large.outputs import Output
+from meshflow.large.rasters import form_of, smooth_raster
 from meshflow.results.run import run
 from meshflow.smoothing import smooth_object
 from meshflow.surfaces.data import array_of

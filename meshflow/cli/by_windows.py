@@ -2,18 +2,23 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from meshflow.cli.asking import asked, narrowed
 from meshflow.cli.flags import Given
-from meshflow.cli.inputs import plain_sample
+from meshflow.cli.inputs import plain_sample, read_options
 from meshflow.cli.many import Told
-from meshflow.cli.options import READING
+from meshflow.cli.options import PLACING, READING
+from meshflow.cli.rasters import writing_of
 from meshflow.errors import InputError
 from meshflow.flow.methods import words_for
 from meshflow.io.files import format_of
 from meshflow.io.incoming import STDIN
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.memory import SHARE, Budget, bytes_in, free_memory, needed
+
+if TYPE_CHECKING:
+    from meshflow.large.outputs import Output
 
 __all__ = ["memory_for", "smooth_by_windows", "tiles_together"]
 
@@ -50,7 +55,7 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
 
     :raises InputError: for options that need the whole.
     """
-    from meshflow.large.rasters import Output, smooth_raster
+    from meshflow.large.rasters import smooth_raster
 
     source, target, quiet = given["source"], given["target"], given["quiet"]
     for name in ("picture", "report"):
@@ -62,7 +67,7 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
     options.must_belong(f"a raster ({source.name})", format_of(source, options).READS)
     word, suiting = given["method"], words_for(points=False)
     request = asked(given, plain_sample, suiting)
-    writing = Output(Budget(memory), given["dtype"], given["overwrite"])
+    writing = _output(given, memory)
     result = smooth_raster(source, target, request, options, writing, None if quiet else True)
     more = (word for word in result.warnings if word not in result.notes)
     return Told(result, (*narrowed(request, word, suiting), *result.notes, *more))
@@ -73,16 +78,15 @@ def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path]]) -> Iterator
 
     :raises InputError: for options that need the whole.
     """
-    from meshflow.large.rasters import Output
     from meshflow.large.survey import smooth_together
 
     if given["jobs"] != 1 or given["resume"]:
         raise InputError("--together: the tiles are one run; leave out --jobs and --resume")
     options, word, suiting = _reading(given), given["method"], words_for(points=False)
-    options.must_belong("a raster", ("kind", "band", "nodata", "spacing", "allow_remote"))
+    options.must_belong("a raster of several", ("kind", "band", "nodata", "spacing", "crs", "unit", "allow_remote"))
     request = asked(given, plain_sample, suiting)
     memory = SHARE * free_memory() if given["most_memory"] is None else bytes_in(given["most_memory"])
-    writing = Output(Budget(memory), given["dtype"], given["overwrite"])
+    writing = _output(given, memory)
     said = narrowed(request, word, suiting)
     for path, found in smooth_together(pairs, request, options, writing):
         if isinstance(found, Exception):
@@ -91,6 +95,21 @@ def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path]]) -> Iterator
             yield path, Told(found, (*said, *found.notes, *(one for one in found.warnings if one not in found.notes)))
 
 
+def _output(given: Given, memory: float) -> "Output":
+    """How the rasters are written."""
+    from meshflow.large.outputs import Output
+
+    stored = writing_of(given)
+    return Output(
+        Budget(memory),
+        stored.get("dtype"),
+        given["overwrite"],
+        stored.get("driver"),
+        stored.get("creation", {}),
+        given["removed"],
+    )
+
+
 def _reading(given: Given) -> ReadOptions:
-    names = (*READING, "moves", "time_unit")
-    return ReadOptions.of({name: given[name] for name in names if given.get(name) is not None})
+    names = (*READING, *PLACING, "moves", "time_unit")
+    return ReadOptions.of(read_options({name: given.get(name) for name in names}))

@@ -25,7 +25,8 @@ from meshflow.cli.hints import usage
 from meshflow.cli.inputs import frame, opened, per_sample, plain_sample
 from meshflow.cli.looking import must_be_drawable, pictured
 from meshflow.cli.many import Told, smooth_many
-from meshflow.cli.options import READING, flags
+from meshflow.cli.options import PLACING, READING, flags
+from meshflow.cli.rasters import Beside, without_type, writing_of
 from meshflow.cli.spoken import spoken
 from meshflow.cli.tables import methods_table, options_table
 from meshflow.errors import InputError, MissingPackage, NotConverged
@@ -83,9 +84,13 @@ def about(
         *(flag for flag in FLOW if flag.name not in TEN),
         *flags(
             *READING[2:],
+            *PLACING,
             "moves",
             "time_unit",
             "dtype",
+            "driver",
+            "creation",
+            "removed",
             "most_memory",
             "output",
             "together",
@@ -135,21 +140,24 @@ def _one(given: Given) -> Told:
     memory = memory_for(given)
     if memory is not None:
         return smooth_by_windows(given, memory)
-    document = opened(source, {name: given[name] for name in (*READING, "moves", "time_unit")})
+    document = opened(source, {name: given[name] for name in (*READING, *PLACING, "moves", "time_unit")})
     if target == STDIN:
         target = given["target"] = temporary(os.getpid()) / f"stdout{document.path.suffix}"
     word, suiting = given["method"], words_on(document.data)
     request = asked(given, partial(per_sample, document), suiting)
-    dtype: Writing = {"dtype": given["dtype"]} if given["dtype"] else {}
-    _must_be_writable(document, target, given["picture"], given["report"], overwrite, dtype)
+    stored = writing_of(given)
+    _must_be_writable(document, target, given["picture"], given["report"], overwrite, stored)
+    beside = Beside(given["removed"], overwrite, without_type(stored))
+    beside.must_be_writable(document, target)
     record = given["json"] or given["report"] is not None
     done, result = smooth_object(document, request, None if given["quiet"] else True, record=record)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
-    options: Writing = {**dtype, **_left(document, target, result, dtype)}
+    options: Writing = {**stored, **_left(document, target, result, stored)}
     notes = (
         document.notes
         + narrowed(request, word, suiting)
         + write(done, target, overwrite=overwrite, tags=tags, **options)
+        + beside.write(document, done, tags)
     )
     notes += tuple(word for word in every_warning(result) if word not in (*notes, result.stopped_because))
     return Told(result, notes, (document, done))
@@ -171,7 +179,7 @@ def _shown(
     return notes
 
 
-@command(app, "info", (*flags("source", source=None), *flags(*READING, "json", "environment")))
+@command(app, "info", (*flags("source", source=None), *flags(*READING, *PLACING, "json", "environment")))
 def info(given: Given) -> None:
     """Describe IN: size, spacing, missing samples, noise, area, quality of the triangles."""
     if given["environment"]:
@@ -179,18 +187,18 @@ def info(given: Given) -> None:
         return
     if given["source"] is None:
         raise InputError("info: a file expected, or --environment")
-    document = opened(given["source"], {name: given[name] for name in READING})
+    document = opened(given["source"], {name: given[name] for name in (*READING, *PLACING)})
     facts = {"file": str(given["source"]), **describe(document.data), **noise_facts(document.data)}
     if "spacing" in facts and document.source.ground_unit:
         facts["spacing"] = f"{facts['spacing']} {document.source.ground_unit}"
     table(facts, given["json"], document.notes)
 
 
-@command(app, "convert", flags("source", "target", "every", *READING, "overwrite", "quiet"))
+@command(app, "convert", flags("source", "target", "every", *READING, *PLACING, "overwrite", "quiet"))
 def convert(given: Given) -> None:
     """Write IN, a terrain or an image, to OUT as a triangle mesh: positions x, y, z, and channels as vertex attributes."""
     source, target = given["source"], given["target"]
-    document = as_mesh_document(opened(source, {name: given[name] for name in READING}), given["every"])
+    document = as_mesh_document(opened(source, {name: given[name] for name in (*READING, *PLACING)}), given["every"])
     notes = document.notes + write(document, target, overwrite=given["overwrite"])
     if not given["quiet"]:
         said(f"{source} → {target}: {document.data}", notes)

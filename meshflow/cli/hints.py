@@ -26,6 +26,11 @@ _FLAGS = {
     "radius": "the width of a Gaussian is set by --scale",
     "output": "the output is the second argument: smooth IN OUT",
     "force": "use --overwrite to replace a file",
+    "driver": "a driver of GDAL is named by --of; else the extension names the format",
+    "format": "a driver of GDAL is named by --of; else the extension names the format",
+    "profile": "creation options are --co NAME=VALUE",
+    "srcwin": "a part is read with --window COLUMN ROW WIDTH HEIGHT",
+    "projwin": "a part is read with --bounds LEFT BOTTOM RIGHT TOP",
     "bands": "use --band to choose a band",
 }
 _ONE_OF = re.compile(r"(?:Value error, )?'([^']*)' is not one of ((?:'[^']*'(?:, )?)+)")

@@ -12,12 +12,27 @@ from meshflow.io.files import Document, read
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
 
-__all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "samples"]
+__all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "read_options", "samples"]
 
 
 def opened(path: Path, given: Given) -> Document:
     """Read a file with the given options."""
-    return read(path, **{name: value for name, value in given.items() if value is not None})
+    return read(path, **read_options(given))
+
+
+def read_options(given: Given) -> Given:
+    """The options of a reader that were given; ``--spacing DX,DY`` as a pair.
+
+    :raises InputError: for a spacing that is no number, and no two.
+    """
+    found = {name: value for name, value in given.items() if value is not None}
+    if isinstance(found.get("spacing"), str):
+        word = found["spacing"]
+        parts = word.split(",")
+        if len(parts) > 2 or not all(map(_is_number, parts)):
+            raise InputError(f"spacing: a number, or two as DX,DY, expected, got {word!r}")
+        found["spacing"] = float(word) if len(parts) == 1 else tuple(map(float, parts))
+    return found
 
 
 def frame(path: Path, given: Given) -> Document | None:

@@ -13,7 +13,7 @@ from meshflow.cli.asking import asked
 from meshflow.cli.console import out, said, table
 from meshflow.cli.flags import FLOW, Given, command, only
 from meshflow.cli.inputs import opened, per_sample, plain_sample
-from meshflow.cli.options import COMPARED, DRAWING, READING, flags
+from meshflow.cli.options import COMPARED, DRAWING, PLACING, READING, flags
 from meshflow.errors import InputError
 from meshflow.evaluate.flows import compare_flows as compared
 from meshflow.evaluate.metrics import compare as measured
@@ -63,7 +63,7 @@ def compare(given: Given) -> None:
         notes += (attribute.reported,)
     look = {**_some(given, DRAWING), "title": _titled(given["title"], f"{one.name} and {other.name}")}
     how = {**_some(given, ("quantity", "arrange", "at")), "contrast": given["seen_contrast"]}
-    for path in (*((picture,) if picture is not None else ()), *((None,) if given["window"] else ())):
+    for path in (*((picture,) if picture is not None else ()), *((None,) if given["on_screen"] else ())):
         written = draw_pair(first, second, path, overwrite=overwrite, **how, **look).notes
         notes += (*(note for note in written if note not in notes), *(() if path is None else (f"picture: {path}",)))
     table(facts, given["json"], notes)
@@ -83,7 +83,7 @@ def show(given: Given) -> None:
     """Show IN, plain or in the colours of its curvature, edges, triangles or samples, as a picture or in a window."""
     source, picture, overwrite = given["source"], given["shown"], given["overwrite"]
     must_be_drawable(picture, overwrite)
-    document = opened(source, _some(given, READING))
+    document = opened(source, _some(given, (*READING, *PLACING)))
     if given["fixed"] is not None:
         fixed = document.samples(per_sample(document, "fixed", given["fixed"]), "fixed")
         document = document.holding(replace(document.data, fixed=fixed))
@@ -187,12 +187,12 @@ def add_to(app: typer.Typer) -> None:
         app,
         "compare",
         (
-            *flags("source", "other", *READING, "picture", "window"),
+            *flags("source", "other", *READING, "picture", "on_screen"),
             *(replace(flag, kind=COMPARED, default="removed", help=COMPARING) for flag in flags("quantity")),
             *flags("arrange", "at", "seen_contrast"), *drawn, *flags("json"),
         ),
     )(compare)  # fmt: skip
-    shown = (*flags("source", "shown", *READING), *only(FLOW, "fixed"), *flags("quantity", "seen_contrast"))
+    shown = (*flags("source", "shown", *READING, *PLACING), *only(FLOW, "fixed"), *flags("quantity", "seen_contrast"))
     command(app, "show", (*shown, *drawn, *flags("quiet")))(show)
     command(
         app,

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from meshflow.cli.flags import FIRST, Flag, only
 from meshflow.io.metadata import Kind
 
-__all__ = ["ALL", "DRAWING", "FILES", "READING", "flags"]
+__all__ = ["ALL", "DRAWING", "FILES", "PLACING", "READING", "flags"]
 
 INPUT, OUTPUT, LOOK = "Input file", "Output", "Appearance"
 FILES = (
@@ -73,9 +73,33 @@ ALL: tuple[Flag, ...] = (
     Flag("nodata", float | None, "Value that marks missing samples, where the file does not define it.", INPUT),
     Flag(
         "spacing",
-        float | None,
-        "Distance of neighbouring samples; the raster's own by default, metres where it is in degrees.",
+        str | None,
+        "Distance of neighbouring samples, DX or DX,DY; the raster's own by default, metres where it is in degrees.",
         INPUT,
+    ),
+    Flag(
+        "window",
+        tuple[int, int, int, int] | None,
+        "The part of a raster to read: COLUMN ROW WIDTH HEIGHT, in samples, as -srcwin of gdal_translate. What is left out does "
+        "not count.",
+        INPUT,
+    ),
+    Flag(
+        "bounds",
+        tuple[float, float, float, float] | None,
+        "The part of a raster to read: LEFT BOTTOM RIGHT TOP in its CRS.",
+        INPUT,
+    ),
+    Flag(
+        "crs", str | None, "The CRS of a raster, such as EPSG:25832, in place of its own; it is not reprojected.", INPUT
+    ),
+    Flag(
+        "unit",
+        str | None,
+        "The unit of heights, such as m or ft, in place of that of the file.",
+        INPUT,
+        None,
+        ("--z-unit",),
     ),
     Flag("channels", str | None, "Vertex attribute of a mesh to smooth: its name, or 'colors'.", INPUT),
     Flag(
@@ -142,6 +166,23 @@ ALL: tuple[Flag, ...] = (
     ),
     Flag("dtype", str | None, "Number type of a raster or picture; 'source' rounds back to whole numbers.", OUTPUT),
     Flag(
+        "driver",
+        str | None,
+        "Driver of GDAL that writes a raster, such as COG. Default: that of the extension: .tif .asc .img .nc .gpkg .bil.",
+        OUTPUT,
+        None,
+        ("--of",),
+    ),
+    Flag(
+        "creation",
+        list[str] | None,
+        "Creation option of that driver, NAME=VALUE, such as COMPRESS=ZSTD; may be given several times.",
+        OUTPUT,
+        None,
+        ("--co",),
+    ),
+    Flag("removed", Path | None, "Second raster to write: what was removed, IN minus OUT.", OUTPUT),
+    Flag(
         "most_memory",
         str | None,
         "Memory that the command may take, such as 2GB: a raster that does not fit is smoothed by windows, with the same result. "
@@ -165,7 +206,7 @@ ALL: tuple[Flag, ...] = (
     # Appearance.
     Flag("shown", Path | None, "Where to draw (.png, .jpg, .tif). Default: a window.", metavar="PICTURE"),
     Flag("filmed", Path, "Where to write: .mp4 (needs meshflow[film]) or .gif.", default=..., metavar="FILM"),
-    _yes("window", "Open a window; needs a display.", LOOK),
+    _yes("on_screen", "Open a window; needs a display.", LOOK, "--window"),
     Flag(
         "quantity",
         QUANTITIES | None,
@@ -224,6 +265,8 @@ ALL: tuple[Flag, ...] = (
 READING = (
     "kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "viewpoint", "allow_remote",
 )  # fmt: skip
+# What of a raster is read, and where it lies.
+PLACING = ("window", "bounds", "crs", "unit")
 DRAWING = ("azimuth", "altitude", "exaggeration", "up", "seen", "colours", "own_colours", "size", "title")
 
 

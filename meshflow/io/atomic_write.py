@@ -30,12 +30,13 @@ def must_be_free(path: Path, overwrite: bool) -> None:
 
 
 @contextmanager
-def beside(path: Path) -> Iterator[Path]:
+def beside(path: Path, *, several: bool = False) -> Iterator[Path]:
     """Give a temporary path in the folder of ``path``, with its extension; afterwards move the file written there to ``path``.
 
     On any failure, including an interruption by the user, the temporary file and its sidecars are removed and the old file is
     unchanged. A symbolic link stays a link: the file that it points to is replaced. Permissions are kept.
 
+    :param several: the format has more than one file (a header, metadata): they are moved, too.
     :raises FormatError: for an OSError (no space, no permission), or when nothing was written.
     """
     path = path.resolve()
@@ -48,6 +49,8 @@ def beside(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
         for sidecar in _SIDECARS:
             path.with_name(path.name + sidecar).unlink(missing_ok=True)
+        for other in path.parent.glob(f"{token}*") if several else ():
+            os.replace(other, path.with_name(path.stem + other.name.removeprefix(token)))
     except OSError as cause:
         reason = cause.strerror or cause.__cause__ or cause
         raise FormatError(

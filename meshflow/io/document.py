@@ -182,6 +182,8 @@ class Writing(TypedDict, total=False):
     """The fields of :class:`WriteOptions` as keywords, except for the tags."""
 
     dtype: str | None
+    driver: str | None
+    creation: Mapping[str, str]
     depth_scale: float | None
     left: float | None
 
@@ -192,12 +194,16 @@ class WriteOptions:
 
     :param tags: text about the run, kept in the file where the format supports it.
     :param dtype: number type of the samples of a raster or a picture; ``source``: that of the file.
+    :param driver: of GDAL, for a raster, such as ``COG``; None: that of the extension.
+    :param creation: its creation options, such as ``{"COMPRESS": "ZSTD"}``.
     :param depth_scale: units per metre of stored depths.
     :param left: standard deviation of the noise left in the depths, metres, with which rounding is compared.
     """
 
     tags: Mapping[str, str] = field(default_factory=dict)
     dtype: str | None = None
+    driver: str | None = None
+    creation: Mapping[str, str] = field(default_factory=dict)
     depth_scale: float | None = None
     left: float | None = None
 

@@ -154,7 +154,7 @@ FORMATS = (
     Entry(_meshes, MESHES, _is_mesh),
     Entry(_depth_images, frozenset({".png"}) | TIFF, _is_depth_image),
     Entry(_pictures, PICTURES | TIFF, _is_picture),
-    Entry(_rasters, TIFF | {".asc"}, _is_anything),
+    Entry(_rasters, TIFF | {".asc", ".img", ".nc", ".gpkg", ".bil"}, _is_anything),
 )
 
 
@@ -209,7 +209,8 @@ def write(
         which have no CRS, no tags and no texture.
     :param overwrite: replace a file that is there.
     :param tags: text about the run, kept in the file where the format supports it.
-    :param options: for the writer (:class:`WriteOptions`): ``dtype`` (rasters, pictures), ``depth_scale`` and ``left`` (depth
+    :param options: for the writer (:class:`WriteOptions`): ``dtype`` (rasters, pictures), ``driver`` and ``creation`` (rasters:
+        of GDAL), ``depth_scale`` and ``left`` (depth
         images).
     :returns: notes for the user (rounding, what the format does not hold).
     :raises FormatError: when the format cannot hold the data, or the file exists and ``overwrite`` is false.
@@ -258,8 +259,9 @@ def writable(document: Document, path: str | Path, *, overwrite: bool = False, *
     must_be_free(path, overwrite)
     if not path.parent.is_dir():
         raise FormatError(f"{path.parent} is no folder; make it first")
-    suffix = path.suffix.lower()
-    for entry in FORMATS:
+    named = options.get("driver") is not None
+    suffix = ".tif" if named else path.suffix.lower()
+    for entry in (FORMATS[-1],) if named or options.get("creation") else FORMATS:  # GDAL writes: it is a raster
         if suffix in entry.written and (found := entry.load()).can_write(document, suffix):
             strange = sorted(name for name in options if name not in found.WRITES)
             if strange:

@@ -80,6 +80,9 @@ class Metadata(TypedDict, total=False):
     viewpoint: Sequence[float] | None
     band: int | None
     nodata: float | None
+    window: Sequence[int] | None
+    bounds: Sequence[float] | None
+    crs: str | None
     allow_remote: bool
 
 
@@ -103,6 +106,9 @@ class ReadOptions:
     :param viewpoint: (x, y, z), the position of the scanner of a PLY range grid.
     :param band: for a raster: the one to read, from 1.
     :param nodata: for samples on a grid: the value that marks missing ones.
+    :param window: for a raster: the part to read, (column, row, width, height) in samples.
+    :param bounds: likewise, (left, bottom, right, top) in its CRS: the samples whose centres lie inside.
+    :param crs: for a raster: its CRS in place of that of the file, such as ``EPSG:25832``.
     :param allow_remote: a file may refer to files outside its folder and in a network; otherwise it is refused.
     """
 
@@ -120,6 +126,9 @@ class ReadOptions:
     viewpoint: Sequence[float] | None = None
     band: int | None = None
     nodata: float | None = None
+    window: Sequence[int] | None = None
+    bounds: Sequence[float] | None = None
+    crs: str | None = None
     allow_remote: bool = False
 
     def __post_init__(self) -> None:

@@ -1,35 +1,31 @@
 """Smooths a raster file by windows: it is read, run and written in a bounded memory."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress, reporting
 from meshflow.geometry.validation import Array, Spacing, spacing_of
-from meshflow.io.atomic_write import must_be_free
-from meshflow.io.formats.raster_bands import Encoding
-from meshflow.io.formats.raster_frame import Frame
-from meshflow.io.formats.raster_windows import RasterReader, raster_read, raster_written
-from meshflow.io.formats.rasters import geotiff, notes_on, spacing_in, type_for, unlike_bands
+from meshflow.io.formats.raster_windows import RasterReader, raster_read
+from meshflow.io.formats.rasters import notes_on, spacing_in, unlike_bands
 from meshflow.io.metadata import ReadOptions
-from meshflow.io.rounding import mark_outside, rounded
 from meshflow.io.spacing import height_unit
 from meshflow.large.census import Census, census_of
 from meshflow.large.marks import marked
 from meshflow.large.memory import Budget
 from meshflow.large.outcome import Outcome, Removed
+from meshflow.large.outputs import Output, Written, must_be_stored, must_be_writable, opened_beside, stored_as
 from meshflow.large.sample import ENOUGH, Sample, part_of, sample_of
 from meshflow.large.source import Form, Source, Window, grown, moved_by, tiled, within
 from meshflow.large.windows import Bound, Windowed, windowed
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = [
-    "Gridded", "Output", "Run", "Sheet", "counted", "form_of", "gridded", "must_be_writable", "smooth_raster", "written",
-]  # fmt: skip
+__all__ = ["Gridded", "Run", "Sheet", "counted", "form_of", "gridded", "smooth_raster", "written"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +63,14 @@ def smooth_raster(
     target: Path,
     request: Request,
     options: ReadOptions,
-    writing: "Output",
+    writing: Output,
     progress: Progress = None,
 ) -> Outcome:
     """Smooth a raster by windows; what is written equals, bit for bit, what the same plan makes of the whole.
 
     Noise, method and time are found on tiles spread over the whole.
 
-    :param path: of the raster; ``target``: of the GeoTIFF that is written, atomically.
+    :param path: of the raster; ``target``: of the raster that is written, atomically.
     :param options: of the reader: kind, band, nodata, spacing, allow_remote.
     :raises FormatError: for files that cannot be read or written so.
     :raises InputError: for what cannot be done by windows, and a memory that is too small.
@@ -82,7 +78,7 @@ def smooth_raster(
     must_be_writable(target, writing)
     with raster_read(path, options) as opened, request.compute.running():
         source, notes = gridded(opened, options)
-        type_for(writing.dtype, opened.frame, source.form.dtype)
+        must_be_stored(opened, target, writing)
         source, census, more = counted(source, writing.budget, progress)
         sample = sample_of(source, writing.budget.sample(source.form, ENOUGH))
         _must_be_alike(source, sample, options)
@@ -90,32 +86,6 @@ def smooth_raster(
         sheet = Sheet(source, source, (slice(0, source.form.shape[0]), slice(0, source.form.shape[1])))
         outcome = written(sheet, Run(run, run.local.over(census), census, request), target, writing, progress)
     return replace(outcome, notes=(*notes, *more, *outcome.notes))
-
-
-@dataclass(frozen=True)
-class Output:
-    """How a raster is written.
-
-    :ivar budget: the memory.
-    :ivar dtype: number type of the samples, or ``source``; None: floating point.
-    :ivar overwrite: replace a file that is there.
-    """
-
-    budget: Budget
-    dtype: str | None = None
-    overwrite: bool = False
-
-
-def must_be_writable(target: Path, writing: Output) -> None:
-    """Refuse a file that is there, no folder, and a format that is not written by windows.
-
-    :raises FormatError: it says which.
-    """
-    must_be_free(target, writing.overwrite)
-    if target.suffix.lower() not in (".tif", ".tiff"):
-        raise FormatError(f"{target.name}: a .tif is written by windows, got {target.suffix or 'no extension'}")
-    if not target.parent.is_dir():
-        raise FormatError(f"{target.parent} is no folder; make it first")
 
 
 def gridded(reader: RasterReader, options: ReadOptions) -> tuple[Gridded, tuple[str, ...]]:
@@ -216,42 +186,45 @@ class Sheet:
     place: Window
 
 
-def written(sheet: Sheet, run: Run, target: Path, writing: "Output", progress: Progress) -> Outcome:
+def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Progress) -> Outcome:
     """Run all windows of a file, and write them.
 
     :raises FormatError: when the file cannot be written whole.
     """
     form, reader = sheet.file.form, sheet.file.reader
-    frame, kind, nodata, notes = _stored_as(sheet.file, run.census, writing.dtype)
+    stored, notes = stored_as(reader, run.census, target, writing)
     windows = list(tiled(form.shape, writing.budget.sides(form, run.found.halo)))
-    removed = Removed()
+    removed, threads = Removed(), run.request.compute.workers
     outcome = Outcome(run.found, len(windows), removed)
-    encoding = Encoding("GTiff", nodata, {**geotiff(kind, form.shape), "num_threads": run.request.compute.workers})
-    tags = {f"meshflow:{name}": word for name, word in outcome.tags.items()}
     clipped: dict[str, int] = {}
-    with (
-        raster_written(target, reader, frame, kind, encoding, tags) as writer,
-        reporting(progress, f"smoothing by {len(windows)} windows") as report,
-    ):
+    with ExitStack() as stack, reporting(progress, f"smoothing by {len(windows)} windows") as report:
+        tags = {f"meshflow:{name}": word for name, word in outcome.tags.items()}
+        into = Written.opened(stack, (target, stored, reader.layout), writing, threads, tags)
+        sides = opened_beside(stack, reader, writing, threads, tags)
         for i, window in enumerate(windows):
-            samples, said = _one(sheet, run, window, removed, _Stored(frame, kind, nodata))
-            clipped |= dict.fromkeys(said, 0)
-            writer.write(window, samples, reader.alpha_of(window))
+            done = _one(sheet, run, window, removed)
+            clipped |= dict.fromkeys(into.write(window, done.after, done.gone, reader.alpha_of(window)), 0)
+            for word, side in sides.items():
+                side.write(window, done.side(word), done.gone)
             report((i + 1) / len(windows))
     return replace(outcome, notes=(*notes, *clipped))
 
 
 @dataclass(frozen=True, eq=False)
-class _Stored:
-    """How samples are stored: what is around them, their type, and the value of missing ones."""
+class _Done:
+    """A window that was smoothed: values (k, r, c) before and after, and missing samples (1 or k, r, c)."""
 
-    frame: Frame
-    kind: np.dtype
-    nodata: float | None
+    before: Array
+    after: Array
+    gone: Array
+
+    def side(self, word: str) -> Array:
+        """The values of a raster beside the result."""
+        return self.before.astype(np.float64) - self.after
 
 
-def _one(sheet: Sheet, run: Run, window: Window, removed: Removed, stored: _Stored) -> tuple[Array, tuple[str, ...]]:
-    """The samples (k, r, c) of a window of the file as they are stored, and notes."""
+def _one(sheet: Sheet, run: Run, window: Window, removed: Removed) -> _Done:
+    """A window of the file, smoothed."""
     source, shape = sheet.file, sheet.grid.form.shape
     inner = moved_by(window, sheet.place)
     outer = grown(inner, run.found.halo, shape)
@@ -262,38 +235,4 @@ def _one(sheet: Sheet, run: Run, window: Window, removed: Removed, stored: _Stor
     removed.add(values[at], done, missing[at])
     # A band may be missing where others are there.
     gone = missing[at][None] if source.form.channels is None else source.reader.values(window)[1]
-    samples, clipped = rounded(stored.frame.stored(source.bands(done)), gone, stored.kind)
-    if stored.nodata is not None:
-        taken = int((samples == stored.nodata)[~gone].sum())
-        if taken:
-            raise FormatError(
-                f"{taken} smoothed samples have the value {stored.nodata:g}, which marks missing ones; give another (nodata, "
-                "--nodata)"
-            )
-        samples[gone] = stored.nodata
-    return samples, clipped
-
-
-def _stored_as(
-    source: Gridded, census: Census, name: str | None
-) -> tuple[Frame, np.dtype, float | None, tuple[str, ...]]:
-    """The frame that is written, the type of its samples, the value of missing ones, and notes."""
-    frame, notes = source.reader.frame, ()
-    kind = type_for(name, frame, source.form.dtype)
-    whole = kind.kind in "iu"
-    if frame.scaled and not (name == "source" and whole):
-        frame = frame.without_scale()
-        notes += ("scale and offset of the source were applied: the values are stored as they are",)
-    if whole:
-        step = frame.scales[0] if frame.scaled else 1
-        notes += (
-            f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps what was gained",
-        )
-    some_gone = census.present < source.form.shape[0] * source.form.shape[1]
-    if frame.nodata is None and (not some_gone or (source.reader.alpha is not None and whole)):
-        return frame, kind, None, notes
-    ends = frame.stored(census.ends[:, None, :])
-    nodata = mark_outside(frame.nodata, (float(ends.min()), float(ends.max())), kind)
-    if some_gone and nodata != frame.nodata and not (np.isnan(nodata) and np.isnan(frame.nodata or 0.0)):
-        notes += (f"missing samples are marked by nodata {nodata:g}",)
-    return frame, kind, nodata, notes
+    return _Done(source.bands(values[at]), source.bands(done), gone)

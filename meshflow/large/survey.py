@@ -17,7 +17,8 @@ from meshflow.io.formats.rasters import spacing_in
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.census import Census, Counted, counted_in, joined
 from meshflow.large.outcome import Outcome
-from meshflow.large.rasters import Gridded, Output, Run, Sheet, counted, gridded, must_be_writable, written
+from meshflow.large.outputs import Output, must_be_stored, must_be_writable
+from meshflow.large.rasters import Gridded, Run, Sheet, counted, gridded, written
 from meshflow.large.sample import ENOUGH, sample_of
 from meshflow.large.source import Form, Window, moved_by, tiled
 from meshflow.large.windows import windowed
@@ -130,7 +131,9 @@ def _opened(
 
     :raises InputError: where it does not; the message says in what.
     """
-    file, notes = gridded(stack.enter_context(raster_read(path, options)), options)
+    reader = stack.enter_context(raster_read(path, options))
+    must_be_stored(reader, target, writing)
+    file, notes = gridded(reader, options)
     frame = file.reader.frame
     if not frame.georeferenced:
         raise InputError(f"{path.name}: tiles are put together by their georeference, and it has none")

@@ -10,7 +10,8 @@ from meshflow.geometry.validation import Array, positive
 from meshflow.io.depth_units import LARGEST, default_units, in_metres
 from meshflow.io.document import Document, WriteOptions, depths_of
 from meshflow.io.formats.cameras import calibration_for
-from meshflow.io.formats.raster_bands import Encoding, load, merged, save
+from meshflow.io.formats.raster_bands import load, merged, save
+from meshflow.io.formats.raster_encoding import Encoding
 from meshflow.io.formats.raster_frame import Framed
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.range_image import RangeImage

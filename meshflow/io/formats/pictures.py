@@ -9,7 +9,8 @@ from rasterio.enums import ColorInterp
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, WriteOptions, samples_of
-from meshflow.io.formats.raster_bands import Encoding, load, merged, save
+from meshflow.io.formats.raster_bands import load, merged, save
+from meshflow.io.formats.raster_encoding import Encoding
 from meshflow.io.formats.raster_frame import Frame, Framed
 from meshflow.io.formats.rasters import Raster
 from meshflow.io.metadata import ReadOptions

@@ -3,9 +3,9 @@
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import rasterio
@@ -22,7 +22,9 @@ from meshflow.io.atomic_write import beside
 from meshflow.io.document import Source
 from meshflow.io.formats.elsewhere import said_of
 from meshflow.io.formats.raster_drivers import allowed_drivers, must_be_numbers, must_fit
+from meshflow.io.formats.raster_encoding import Encoding, copied_to, reason_of
 from meshflow.io.formats.raster_frame import Frame, Framed, alpha_as, describe, place
+from meshflow.io.formats.raster_place import WHOLE, Place, as_window, shape_of
 from meshflow.io.formats.zipped_heights import taken_out
 from meshflow.io.incoming import plainly_named
 from meshflow.io.undeclared import mark_in
@@ -31,8 +33,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = [
-    "Encoding", "frame_of", "framed", "gone_in", "layers", "load", "merged", "must_have_bands", "quiet", "reason_of", "save",
-    "unreadable",
+    "frame_of", "framed", "gone_in", "layers", "load", "merged", "must_have_bands", "quiet", "save", "unreadable",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -49,20 +50,6 @@ _LOSSLESS = ("GTiff", "PNG", "BMP", "WEBP")
 _DESCRIBE_THE_FILE = ("IMAGE_STRUCTURE", "DERIVED_SUBDATASETS", "SUBDATASETS", "RPC", "rio_creation_kwds")
 
 
-@dataclass(frozen=True)
-class Encoding:
-    """How GDAL stores samples.
-
-    :param driver: of GDAL.
-    :param nodata: the value that marks missing samples; None: there is none.
-    :param creation: creation options of the driver.
-    """
-
-    driver: str
-    nodata: float | None = None
-    creation: Mapping[str, Any] = field(default_factory=dict)
-
-
 def load(
     path: Path,
     *,
@@ -70,6 +57,7 @@ def load(
     nodata: float | None = None,
     remote: bool = False,
     search: bool = False,
+    where: Place = WHOLE,
 ) -> tuple[Array, Frame]:
     """Samples (k, h, w) as float32 or float64, scale and offset applied, and their frame.
 
@@ -80,6 +68,7 @@ def load(
     :param nodata: instead of the declared one.
     :param remote: the file may refer to files outside its folder, and in networks.
     :param search: what nothing declares is looked for, too: a mask among the bands, values that mark missing samples.
+    :param where: the part to read, and what replaces the georeference of the file.
     :raises FormatError: when GDAL cannot open or read the file, or it has no bands.
     """
     opening = must_be_numbers(path) if path.suffix.lower() == ".asc" else {}
@@ -90,15 +79,16 @@ def load(
             taken_out(named) as file,
             DatasetReader(str(file), driver=allowed_drivers(file, remote), **opening) as source,
         ):
-            must_fit(path, len(bands or source.indexes), source.height, source.width)
+            part = where.part(source)
+            must_fit(path, len(bands or source.indexes), *shape_of(part))
+            window = as_window(part)
             colours = source.colorinterp
             chosen = list(bands or [i for i in source.indexes if colours[i - 1] != ColorInterp.alpha])
             must_have_bands(path, source, chosen)
-            raw = source.read(chosen, out_dtype=np.result_type(*source.dtypes))
-            gone = gone_in(source, raw, chosen, nodata)
-            alpha = (
-                source.read(source.count) if colours[-1] == ColorInterp.alpha and source.count not in chosen else None
-            )
+            raw = source.read(chosen, out_dtype=np.result_type(*source.dtypes), window=window)
+            gone = gone_in(source, raw, chosen, nodata, window)
+            transparent = colours[-1] == ColorInterp.alpha and source.count not in chosen
+            alpha = source.read(source.count, window=window) if transparent else None
             found: tuple[str, ...] = ()
             if search and bands is None and alpha is None and _ends_in_mask(raw, colours[-1]):
                 found = (
@@ -106,7 +96,7 @@ def load(
                     "mask, and comes back as it is (band= takes one as data)",
                 )
                 raw, gone, alpha, chosen = raw[:-1], gone[:-1], raw[-1], chosen[:-1]
-            frame = frame_of(source, str(raw.dtype), chosen, nodata)
+            frame = where.placed(frame_of(source, str(raw.dtype), chosen, nodata), part)
     except (RasterioError, CRSError, CPLE_BaseError, OSError, MemoryError) as cause:
         raise unreadable(path, cause) from cause
     values = real(raw, path.name)
@@ -126,7 +116,7 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
     """Write samples (k, h, w), in their own dtype, and all of the frame that the driver has room for; then read them back.
 
     GDAL writes to memory, and Python to the disk: GDAL does not say what a disk is short of, and its TIFF library prints lines of
-    its own on stderr.
+    its own on stderr. Drivers that copy a finished raster write to the disk themselves.
 
     :param tags: words on top of the frame's; ``name:key`` goes to the namespace ``name``, since GDAL splits at the colon.
     :raises FormatError: when the file could not be written whole; the old one is then as it was.
@@ -135,24 +125,30 @@ def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Map
     if frame.alpha is not None:
         samples = np.concatenate([samples, alpha_as(frame.alpha, samples.dtype)[None]])
     shape = {"count": len(samples), "height": samples.shape[1], "width": samples.shape[2]}
-    with beside(path) as temporary:
+    first, copied = encoding, encoding.copied
+    if copied:
+        first, tags = Encoding("GTiff", encoding.nodata), {name.replace(":", "_"): word for name, word in tags.items()}
+    with beside(path, several=copied) as temporary:
         try:
-            with quiet(), MemoryFile(ext=path.suffix) as memory:
+            with quiet(), MemoryFile(ext=".tif" if copied else path.suffix) as memory:
                 with memory.open(
-                    driver=encoding.driver,
+                    driver=first.driver,
                     dtype=samples.dtype,
                     nodata=encoding.nodata,
                     **shape,
                     **place(frame),
-                    **encoding.creation,
+                    **first.creation,
                 ) as target:
                     describe(target, frame, count, tags)
                     target.write(samples)
-                _verify(memory, samples, encoding.driver)
+                if copied:
+                    copied_to(memory.name, temporary, encoding.named(path))
+                _verify(str(temporary) if copied else memory.name, samples, encoding)
                 if encoding.driver == "GTiff" and frame.overviews:
                     with rasterio.open(memory.name, "r+") as target:
                         target.build_overviews(list(frame.overviews), Resampling.average)
-                temporary.write_bytes(memory.read())
+                if not copied:
+                    temporary.write_bytes(memory.getbuffer())
         except (RasterioError, CPLE_BaseError) as cause:
             raise OSError(reason_of(cause)) from cause
 
@@ -289,19 +285,13 @@ def frame_of(source: DatasetReader, dtype: str, chosen: list[int], nodata: float
     )
 
 
-def _verify(memory: MemoryFile, samples: Array, driver: str) -> None:
-    with rasterio.open(memory.name) as written:
+def _verify(path: str, samples: Array, encoding: Encoding) -> None:
+    lossless = (encoding.driver in _LOSSLESS or encoding.copied) and not encoding.loses
+    with rasterio.open(path) as written:
         for band, expected in enumerate(samples, start=1):
             found = written.read(band)
-            if driver in _LOSSLESS and not np.array_equal(found, expected, equal_nan=samples.dtype.kind == "f"):
+            if lossless and not np.array_equal(found, expected, equal_nan=samples.dtype.kind == "f"):
                 raise OSError("what was read back differs from what was written")
-
-
-def reason_of(cause: BaseException) -> str:
-    """The message of GDAL, which rasterio only refers to."""
-    while cause.__cause__ is not None:
-        cause = cause.__cause__
-    return " ".join(str(cause).split())[:300]
 
 
 def unreadable(path: Path, cause: BaseException) -> FormatError:

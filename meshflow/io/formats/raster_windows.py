@@ -18,25 +18,37 @@ from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array, real
 from meshflow.io.atomic_write import beside
 from meshflow.io.formats.raster_bands import (
-    Encoding,
     frame_of,
     gone_in,
     must_have_bands,
     quiet,
-    reason_of,
     unreadable,
 )
 from meshflow.io.formats.raster_drivers import allowed_drivers
+from meshflow.io.formats.raster_encoding import Encoding, copied_to, encoding_for, reason_of
 from meshflow.io.formats.raster_frame import Frame, alpha_as, describe, place
+from meshflow.io.formats.raster_place import Part, Place, as_window, shape_of
 from meshflow.io.incoming import plainly_named
 from meshflow.io.metadata import ReadOptions
 
-__all__ = ["Part", "RasterReader", "RasterWriter", "raster_read", "raster_written"]
+__all__ = ["Layout", "RasterReader", "RasterWriter", "raster_read", "raster_written"]
 
-# Rows and columns.
-Part = tuple[slice, slice]
 # Bytes of decoded blocks that GDAL keeps.
 CACHE = 64 << 20
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The bands of a raster, and its size.
+
+    :ivar count: the number of bands, an alpha band left out.
+    :ivar shape: (h, w).
+    :ivar alpha: whether there is one.
+    """
+
+    count: int
+    shape: tuple[int, int]
+    alpha: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +58,7 @@ class RasterReader:
     :ivar path: of the file.
     :ivar source: of GDAL.
     :ivar frame: the content besides the samples; it has no mask of those that are missing.
+    :ivar part: of the file that is read; windows are relative to it.
     :ivar chosen: the numbers of its bands, from 1.
     :ivar alpha: the number of its alpha band; None: it has none.
     :ivar nodata: instead of the declared value.
@@ -55,6 +68,7 @@ class RasterReader:
     path: Path
     source: DatasetReader
     frame: Frame
+    part: Part
     chosen: tuple[int, ...]
     alpha: int | None = None
     nodata: float | None = None
@@ -63,7 +77,12 @@ class RasterReader:
     @property
     def shape(self) -> tuple[int, int]:
         """(h, w)."""
-        return self.source.height, self.source.width
+        return shape_of(self.part)
+
+    @property
+    def layout(self) -> Layout:
+        """Its bands and its size."""
+        return Layout(len(self.chosen), self.shape, self.alpha is not None)
 
     @property
     def dtype(self) -> np.dtype:
@@ -81,7 +100,7 @@ class RasterReader:
 
         :raises FormatError: where the file cannot be read.
         """
-        window, chosen = _window(part), list(self.chosen)
+        window, chosen = self._window(part), list(self.chosen)
         try:
             raw = self.source.read(chosen, window=window, out_dtype=self.frame.dtype)
             gone = gone_in(self.source, raw, chosen, self.nodata, window)
@@ -107,12 +126,20 @@ class RasterReader:
 
     def alpha_of(self, part: Part) -> Array | None:
         """The alpha band (r, c) of a window as it is stored; None where there is none."""
-        return None if self.alpha is None else self.source.read(self.alpha, window=_window(part))
+        return None if self.alpha is None else self.source.read(self.alpha, window=self._window(part))
+
+    def _window(self, part: Part) -> Window:
+        """A window of the part that is read, in the file."""
+        rows, columns = (
+            slice(one.start + origin.start, one.stop + origin.start)
+            for one, origin in zip(part, self.part, strict=True)
+        )
+        return as_window((rows, columns))
 
 
 @dataclass(frozen=True, eq=False)
 class RasterWriter:
-    """A GeoTIFF that is written by windows.
+    """A raster that is written by windows.
 
     :ivar target: of GDAL.
     :ivar sums: checksums of the windows that were written, by their place.
@@ -130,7 +157,7 @@ class RasterWriter:
             samples = np.concatenate([samples, alpha_as(alpha, samples.dtype)[None]])
         samples = np.ascontiguousarray(samples)
         try:
-            self.target.write(samples, window=_window(part))
+            self.target.write(samples, window=as_window(part))
         except (RasterioError, CPLE_BaseError) as cause:
             raise OSError(reason_of(cause)) from cause
         rows, columns = part
@@ -143,8 +170,9 @@ def raster_read(path: Path, options: ReadOptions) -> Iterator[RasterReader]:
 
     :param options: as of :func:`.rasters.read`.
     :raises FormatError: when GDAL cannot open it, or its format is not read by parts.
-    :raises InputError: for a band that is not there.
+    :raises InputError: for a band that is not there, and a part that is not in it.
     """
+    where = Place.of(options)
     if path.suffix.lower() in (".asc", ".zip"):
         raise FormatError(f"{path.name}: {path.suffix} is not read by windows; gdal_translate it to .tif")
     with quiet(), rasterio.Env(GDAL_CACHEMAX=CACHE), plainly_named(path) as named:
@@ -158,37 +186,48 @@ def raster_read(path: Path, options: ReadOptions) -> Iterator[RasterReader]:
             chosen = every if options.band is None else [options.band]
             must_have_bands(path, source, chosen)
             dtype = str(np.result_type(*source.dtypes))
-            frame = frame_of(source, dtype, chosen, options.nodata)
+            part = where.part(source)
+            frame = where.placed(frame_of(source, dtype, chosen, options.nodata), part)
             last = source.count
             alpha = last if colours[-1] == ColorInterp.alpha and last not in chosen else None
-            yield RasterReader(path, source, frame, tuple(chosen), alpha, options.nodata)
+            yield RasterReader(path, source, frame, part, tuple(chosen), alpha, options.nodata)
 
 
 @contextmanager
 def raster_written(
-    path: Path, reader: RasterReader, frame: Frame, dtype: np.dtype, encoding: Encoding, tags: Mapping[str, str]
+    path: Path, layout: Layout, frame: Frame, dtype: np.dtype, encoding: Encoding, tags: Mapping[str, str]
 ) -> Iterator[RasterWriter]:
-    """Write a GeoTIFF of the grid of a reader by windows; at the end it is read back, and then replaces an old one.
+    """Write a raster by windows; at the end it is read back, and then replaces an old one.
+
+    Windows are written to a GeoTIFF; where the driver is another one, that is a temporary file beside the raster.
 
     :param frame: what is written around the samples.
     :param dtype: of the samples.
     :param tags: words on top of the frame's.
     :raises FormatError: when the file could not be written whole; an old one is then as it was.
     """
-    count, (height, width) = len(reader.chosen), reader.shape
-    shape = {"count": count + (reader.alpha is not None), "height": height, "width": width}
-    with beside(path) as temporary:
+    count, (height, width) = layout.count, layout.shape
+    shape = {"count": count + layout.alpha, "height": height, "width": width}
+    first, copied = encoding, encoding.copied
+    if copied:
+        first = encoding_for("GTiff", {"ZLEVEL": "1"}, encoding.nodata, dtype, layout.shape)
+        tags = {name.replace(":", "_"): word for name, word in tags.items()}
+    with beside(path, several=copied) as temporary:
+        written = temporary.with_name(f"{temporary.name}.part.tif") if copied else temporary
         sums: dict[tuple[int, int, int, int], int] = {}
         try:
             with rasterio.open(
-                temporary, "w", driver=encoding.driver, dtype=dtype, nodata=encoding.nodata, **shape, **place(frame),
-                **encoding.creation,
+                written, "w", driver=first.driver, dtype=dtype, nodata=first.nodata, **shape, **place(frame),
+                **first.creation,
             ) as target:  # fmt: skip
                 described = replace(frame, alpha=None)
                 describe(target, described, count, tags)
                 yield RasterWriter(target, sums)
-            _verify(temporary, sums)
-            if frame.overviews:
+            if copied:
+                copied_to(written, temporary, encoding.named(path))
+                written.unlink()
+            _verify(temporary, {} if encoding.loses else sums)
+            if frame.overviews and not copied:
                 with rasterio.open(temporary, "r+") as target:
                     target.build_overviews(list(frame.overviews), Resampling.average)
         except (RasterioError, CPLE_BaseError) as cause:
@@ -202,12 +241,6 @@ def _verify(path: Path, sums: Mapping[tuple[int, int, int, int], int]) -> None:
     """
     with rasterio.open(path) as written:
         for (top, bottom, left, right), checksum in sums.items():
-            found = written.read(window=_window((slice(top, bottom), slice(left, right))))
+            found = written.read(window=as_window((slice(top, bottom), slice(left, right))))
             if zlib.crc32(np.ascontiguousarray(found).data) != checksum:
                 raise OSError("what was read back differs from what was written")
-
-
-def _window(part: Part) -> Window:
-    """A window as rasterio has it."""
-    rows, columns = part
-    return Window(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)  # type: ignore[call-arg]

@@ -1,6 +1,6 @@
-"""Georeferenced rasters: reads whatever GDAL opens, writes GeoTIFF and ESRI ASCII."""
+"""Georeferenced rasters: reads whatever GDAL opens, writes GeoTIFF, ESRI ASCII, and what other drivers of GDAL store."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,10 @@ from rasterio.enums import ColorInterp
 from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array, Spacing, spacing_of
 from meshflow.io.document import Document, WriteOptions, samples_of
-from meshflow.io.formats.raster_bands import Encoding, load, merged, save
+from meshflow.io.formats.raster_bands import load, merged, save
+from meshflow.io.formats.raster_encoding import DRIVERS, Encoding, driver_of, encoding_for, must_work
 from meshflow.io.formats.raster_frame import Frame, Framed
+from meshflow.io.formats.raster_place import PLACING, Place
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import DTYPES, mark, rounded
 from meshflow.io.spacing import between_samples, height_unit, units_disagree
@@ -18,15 +20,13 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
 __all__ = [
-    "TILE", "Raster", "can_write", "geotiff", "notes_on", "read", "spacing_in", "type_for", "unlike_bands", "write",
+    "Raster", "can_write", "lossy", "marking", "must_suit", "notes_on", "read", "spacing_in", "type_for", "unlike_bands", "write",
 ]  # fmt: skip
 
 NAME: str = "a raster"
-READS: tuple[str, ...] = ("kind", "band", "nodata", "spacing", "allow_remote")
-WRITES: tuple[str, ...] = ("dtype",)
+READS: tuple[str, ...] = ("kind", "band", "nodata", "spacing", *PLACING, "allow_remote")
+WRITES: tuple[str, ...] = ("dtype", "driver", "creation")
 
-# The side of the tiles of a GeoTIFF.
-TILE = 256
 # Bands whose samples spread over ranges that differ by more are quantities of their own; samples that tell it.
 _UNLIKE, _ENOUGH = 10.0, 100_000
 _COLOURS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.cyan, ColorInterp.palette)
@@ -57,7 +57,8 @@ def read(path: Path, options: ReadOptions) -> Document:
 
     :param options: ``kind``, ``terrain`` or ``image``, where the number of bands would mislead; ``band``, the one to read, from
         1; ``nodata``, in place of the value that the file declares; ``spacing``, in place of what the file says;
-        ``allow_remote``, so that a VRT may name what it likes.
+        ``window`` or ``bounds``, the part to read; ``crs`` and ``unit``, in place of what the file says; ``allow_remote``, so
+        that a VRT may name what it likes.
     :raises FormatError: when GDAL cannot read the file.
     :raises InputError: for a band that is not there, several bands as one terrain, or a grid that is sheared.
     """
@@ -65,7 +66,10 @@ def read(path: Path, options: ReadOptions) -> Document:
     if kind not in (None, "terrain", "image"):
         raise InputError(f"{path.name}: a raster is a terrain or an image, got kind={kind!r}")
     bands = None if band is None else [band]
-    values, frame = load(path, bands=bands, nodata=options.nodata, remote=options.allow_remote, search=True)
+    where = Place.of(options)
+    values, frame = load(
+        path, bands=bands, nodata=options.nodata, remote=options.allow_remote, search=True, where=where
+    )
     if kind == "terrain" and len(values) > 1:
         raise InputError(f"{path.name}: one band expected for a terrain, got {len(values)}; choose one: band=1")
     notes: tuple[str, ...] = ()
@@ -89,31 +93,32 @@ def read(path: Path, options: ReadOptions) -> Document:
 
 
 def can_write(document: Document, suffix: str) -> bool:
-    """Whether it is a terrain or an image, and the file a GeoTIFF or an ASCII grid."""
-    return isinstance(document.data, (HeightField, Image)) and suffix in (".tif", ".tiff", ".asc")
+    """Whether it is a terrain or an image, and the extension one of a raster."""
+    return isinstance(document.data, (HeightField, Image)) and suffix in DRIVERS
 
 
 def must_fit(document: Document, path: Path, options: WriteOptions) -> None:
-    """Refuse a number type that no raster holds, and what ``.asc`` has no room for.
+    """Refuse a number type that no raster holds, what ``.asc`` has no room for, and what GDAL does not store.
 
     :raises FormatError: for what does not fit.
     :raises InputError: for an unknown number type.
     """
     values, frame = merged(document.source, samples_of(document))
-    type_for(options.dtype, frame, values.dtype)
-    if path.suffix.lower() == ".asc":
+    kind, driver = type_for(options.dtype, frame, values.dtype), driver_of(path, options.driver)
+    if driver == "AAIGrid":
         _fit_into_ascii(path, frame)
+    must_suit(path, options, (frame, kind, len(values) + (frame.alpha is not None), values.shape[1:]))
 
 
 def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, ...]:
-    """Write a terrain or an image as GeoTIFF, or a terrain as ``.asc``.
+    """Write a terrain or an image as GeoTIFF, a terrain as ``.asc``, or either by another driver of GDAL.
 
     Grid, CRS, tags, units, descriptions, colours and missing samples are kept; samples are float32 or float64, so that nothing is
     quantized.
 
     :param options: tags are kept; ``dtype``: another type, or ``source`` for that of the file; integers are rounded and clipped,
-        which is noted.
-    :returns: notes on rounding, and on what the format does not hold.
+        which is noted; ``driver`` and ``creation`` of GDAL.
+    :returns: notes on rounding, on loss, and on what the format does not hold.
     :raises FormatError: when the file cannot be written or the format cannot hold the data.
     """
     values, frame = merged(document.source, samples_of(document))
@@ -123,8 +128,8 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     if frame.scaled and not (dtype == "source" and kind.kind in "iu"):
         frame = frame.without_scale()
         notes += ("scale and offset of the source were applied: the values are stored as they are",)
-    ascii_grid = path.suffix.lower() == ".asc"
-    if ascii_grid:
+    driver = driver_of(path, options.driver)
+    if driver == "AAIGrid":
         frame, note = _fit_into_ascii(path, frame)
         notes += note
     samples, clipped = rounded(frame.stored(values), frame.gone, kind)
@@ -133,20 +138,15 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
         notes += (
             f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps what was gained",
         )
-    nodata = mark(samples, frame, kind)
+    nodata = mark(samples, replace(frame, nodata=marking(frame.nodata, driver)), kind)
     if nodata is not None:
         samples[frame.gone] = nodata
         if frame.gone.any() and not _alike(nodata, frame.nodata):
             notes += (f"missing samples are marked by nodata {nodata:g}",)
-    # As many digits as tell each number of the type from the next.
-    digits = {"SIGNIFICANT_DIGITS": 9 if samples.dtype == np.float32 else 17} if samples.dtype.kind == "f" else {}
-    encoding = (
-        Encoding("AAIGrid", nodata, digits)
-        if ascii_grid
-        else Encoding("GTiff", nodata, geotiff(samples.dtype, samples.shape[1:]))
-    )
+    h, w = samples.shape[1:]
+    encoding = encoding_for(driver, options.creation, nodata, samples.dtype, (h, w))
     save(samples, frame, path, encoding, options.tags)
-    return notes + clipped
+    return notes + clipped + lossy(encoding)
 
 
 def _alike(one: float, other: float | None) -> bool:
@@ -224,10 +224,29 @@ def _fit_into_ascii(path: Path, frame: Frame) -> tuple[Frame, tuple[str, ...]]:
     return frame.bare(), (".asc has no room for the CRS and the tags; .tif has",) if lost else ()
 
 
-def geotiff(dtype: np.dtype, shape: tuple[int, int]) -> dict[str, str | int | bool]:
-    """How a GeoTIFF of h x w samples of a type is stored: compressed, in tiles where it is larger than one."""
-    predictor = 3 if dtype.kind == "f" else 2
-    options: dict[str, str | int | bool] = {"compress": "deflate", "predictor": predictor, "bigtiff": "IF_SAFER"}
-    if min(shape) >= TILE:
-        options |= {"tiled": True, "blockxsize": TILE, "blockysize": TILE}
-    return options
+def must_suit(path: Path, options: WriteOptions, stored: tuple[Frame, np.dtype, int, tuple[int, ...]]) -> None:
+    """Refuse a driver, and creation options, that GDAL does not take, before the work.
+
+    A GeoTIFF or an ASCII grid without creation options is not tried.
+
+    :param stored: frame, type and number of bands of what is stored, and its (h, w).
+    :raises FormatError: with what GDAL says.
+    """
+    frame, kind, count, (h, w) = stored
+    driver = driver_of(path, options.driver)
+    if options.creation or driver not in ("GTiff", "AAIGrid"):
+        encoding = encoding_for(driver, options.creation, marking(frame.nodata, driver), kind, (h, w))
+        must_work(path, encoding, frame, count, kind)
+
+
+def marking(nodata: float | None, driver: str) -> float | None:
+    """The declared value of missing samples, where a driver stores it: a GeoPackage has no NaN."""
+    return None if nodata is not None and np.isnan(nodata) and driver == "GPKG" else nodata
+
+
+def lossy(encoding: Encoding) -> tuple[str, ...]:
+    """A note where what is stored differs from the result, as the caller wanted it."""
+    if not encoding.loses:
+        return ()
+    words = ", ".join(f"{name}={value}" for name, value in encoding.creation.items())
+    return (f"{encoding.driver} ({words}) loses a part of the result: what is read differs from it",)
