@@ -128,6 +128,23 @@ ANGLES = [
 ]
 
 
+# Noise of all directions that folds the surface; it lengthens edges, so that it seems to be less of them than it is.
+FOLDING = [
+    (shapes.part(0.026), "iso", 0.3, 3),
+    (shapes.part(0.026), "iso", 0.5, 4),
+    (shapes.cube(14, True), "iso", 0.5, 5),
+    (shapes.blob(20), "iso", 0.3, 6),
+    (shapes.dome(1200), "iso", 0.4, 7),
+]
+
+
+@pytest.mark.parametrize("level", [0.4, 0.5])
+def test_noise_between_moderate_and_strong_leaves_creases(level):
+    shape = shapes.part(0.026)
+    after = meshflow.smooth((shape.noisy("iso", level, 3), shape.faces))[0]
+    assert normal_angle(after, shape.points, shape.faces) < 4.0
+
+
 @pytest.mark.parametrize(("shape", "kind", "level", "most"), ANGLES)
 def test_normals_come_right_by_default_and_nothing_folds(shape, kind, level, most):
     points = shape.noisy(kind, level)
@@ -241,6 +258,15 @@ def test_what_would_fold_moves_otherwise_and_nothing_else_does():
         near = np.unique(faces[np.isin(faces, near).any(axis=1)])
     still = np.setdiff1d(np.arange(len(points)), near)
     assert np.array_equal(found[still], points[still])
+
+
+@pytest.mark.parametrize(("shape", "kind", "level", "seed"), FOLDING)
+def test_no_fold_is_left_of_those_that_noise_made(shape, kind, level, seed):
+    points, nowhere = shape.noisy(kind, level, seed), np.zeros_like(shape.points)
+    assert len(new_folds(nowhere, points, shape.faces)) > 50  # where all triangles have no area nothing is folded
+    result = meshflow.smooth((points, shape.faces), result=True)
+    assert len(new_folds(nowhere, result.data[0], shape.faces)) == 0
+    assert not any("of its area" in warning for warning in result.warnings)  # noise has area; the shape has lost none
 
 
 def test_no_least_risk_is_chosen_that_was_not_looked_at():

@@ -29,7 +29,8 @@ def moved_without_folds(before: Array, after: Array, faces: Array, held: Array) 
     """The points (n, 3) after a motion, those that would fold the surface where it was not folded moved otherwise.
 
     The corners of what folds are moved to the middle of their neighbours, again and again; where that does not help, half as far
-    as they were to go, and then not at all. If more is folded after all this than was before, nothing moves.
+    as they were to go, and then not at all. If more is folded after all this than was before, nothing moves. Folds that were
+    there before are unfolded in the same way if a motion passes through them, as noise has made them; some may remain.
 
     :param before: points (n, 3), as ``after``.
     :param held: (n,), points that stay.
@@ -39,8 +40,10 @@ def moved_without_folds(before: Array, after: Array, faces: Array, held: Array) 
     pairs = np.stack([one // 3, other // 3], axis=1)
     were = _folded(before, faces, pairs)
     points, mean = after, None
+    moving = (after != before).any(axis=1)[faces].all(axis=1)[pairs].all(axis=1)
     for turn in range(SMOOTHED + HALVED + STAYED):
-        bad = np.unique(faces[pairs[_folded(points, faces, pairs) & ~were]])
+        mended = ~were | (moving if turn < SMOOTHED else False)
+        bad = np.unique(faces[pairs[_folded(points, faces, pairs) & mended]])
         bad = bad[~held[bad]]
         if not len(bad):
             break

@@ -67,7 +67,7 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
         history = History.joined((history, _measured(end, plan))) if record is not None else history
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
-        warnings += _of_area(done, start, end)
+        warnings += _of_area(done, plan, start, end)
         done, held = _without_harm(done, plan)
         warnings += held
     if isinstance(engine, GridFlow):
@@ -236,11 +236,14 @@ def _without_harm(done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
     return replace(done, points=points), (said,) if less else ()
 
 
-def _of_area(done: Data, start: State, end: State) -> tuple[str, ...]:
-    """A warning about a surface that has vanished, or a mesh whose points move and that lost much of its area."""
+def _of_area(done: Data, plan: Plan, start: State, end: State) -> tuple[str, ...]:
+    """A warning about a surface that has vanished, or a mesh whose points move and that lost much of its area.
+
+    After a search it is the area of the noise.
+    """
     if end.reason is not None and VANISHED in end.reason:
         return (end.reason,)
-    if not isinstance(done, Mesh) or done.moves != "points" or end.area > LOST * start.area:
+    if not isinstance(done, Mesh) or done.moves != "points" or plan.candidates or end.area > LOST * start.area:
         return ()
     return (f"the surface lost {1 - end.area / start.area:.0%} of its area; a smaller time keeps more",)
 
