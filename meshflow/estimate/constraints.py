@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.flow.conservation import Keep
 from meshflow.geometry.options import must_be_object, named_fields, option
-from meshflow.geometry.validation import shown, whole
+from meshflow.geometry.validation import Array, shown, whole
 from meshflow.surfaces.orientation import Orientation
 
 __all__ = [
@@ -239,6 +239,18 @@ class Constraints:
             array = np.asarray(getattr(self, name))
             full = shape[:2] if array.shape == shape[:2] else shape
             changed[name] = orientation.of(np.broadcast_to(array, full))
+        return replace(self, **changed)
+
+    def of_columns(self, columns: Array, shape: tuple[int, ...]) -> "Constraints":
+        """The constraints of these columns of a grid.
+
+        :param shape: of the original data, (h, w) or (h, w, k).
+        """
+        changed = {}
+        for name in self.arrays:
+            array = np.asarray(getattr(self, name))
+            full = shape[:2] if array.shape == shape[:2] else shape
+            changed[name] = np.take(np.broadcast_to(array, full), columns, axis=1)
         return replace(self, **changed)
 
     @property

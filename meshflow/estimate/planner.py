@@ -29,6 +29,7 @@ from meshflow.geometry.validation import Array, mask_of
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.joined import own_samples
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation, orientation_of
 from meshflow.surfaces.range_image import RangeImage
@@ -84,8 +85,11 @@ def plan(data: Data, request: Request) -> Plan:
     data, how = (
         (data, None) if isinstance(data, (Mesh, RangeImage)) else prepared(data, request.outliers, request.level)
     )
+    own = own_samples(data)
     data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
+    if own is not None:  # copies of other samples say nothing new of the noise
+        mask = way.of(own) if mask is None else mask & way.of(own)
     warnings: tuple[str, ...] = ()
     if isinstance(data, Mesh) and data.moves == "points" and data.points.shape[1] == 3:
         data, warnings = turned_alike(data)

@@ -12,7 +12,10 @@ if TYPE_CHECKING:
     from affine import Affine
     from rasterio.crs import CRS
 
-__all__ = ["between_samples", "height_unit", "linear_unit", "on_ellipsoid", "on_ground", "units_disagree"]
+__all__ = [
+    "between_samples", "columns_of_a_turn", "height_unit", "is_cylindrical", "linear_unit", "on_ellipsoid", "on_ground",
+    "said_of_turn", "units_disagree",
+]  # fmt: skip
 
 # As GDAL names them in WKT 1.
 _CYLINDRICAL = frozenset(
@@ -72,7 +75,37 @@ def between_samples(crs: "CRS | None", transform: "Affine", shape: tuple[int, in
             f"a grid in degrees along the meridians expected, got the turned transform {(a, b, c, d, e, f)}; "
             "resample it first: gdalwarp in.tif out.tif"
         )
-    return on_ellipsoid(crs, f + (np.arange(shape[0]) + 0.5) * e, dx, dy, shape[1])
+    return on_ellipsoid(crs, f + (np.arange(shape[0]) + 0.5) * e, dx, dy)
+
+
+def columns_of_a_turn(crs: "CRS | None", step: float, values: Array) -> int:
+    """The number of columns of a grid in degrees after which its rows repeat; 0: they have two ends.
+
+    It is the number of all columns; or of all but the last one, where that is the first once more, with the same values.
+
+    :param step: from column to column, degrees or the angular unit of the CRS.
+    :param values: (h, w, ...), the samples.
+    """
+    width = values.shape[1]
+    if crs is None or not crs.is_geographic or width < 4:
+        return 0
+    turn = 2 * np.pi / (abs(step) * crs.units_factor[1])
+    if abs(turn - width) < 1e-3 * max(1.0, 0.01 * width):
+        return width
+    again = abs(turn - (width - 1)) < 1e-3 * max(1.0, 0.01 * width)
+    return width - 1 if again and np.array_equal(values[:, 0], values[:, -1], equal_nan=True) else 0
+
+
+def said_of_turn(period: int, together: bool = True) -> tuple[str, ...]:
+    """A note on rows that end where they begin.
+
+    :param together: whether their ends are smoothed together.
+    """
+    if not period:
+        return ()
+    if together:
+        return (Fact("the two ends of each row meet, and are smoothed together"),)
+    return ("the two ends of each row meet; by windows they are smoothed apart from each other",)
 
 
 def is_cylindrical(crs: "CRS") -> bool:
@@ -111,8 +144,9 @@ def on_ground(crs: "CRS", x: float, y: Array, dx: float, dy: float) -> tuple[Spa
         return (dx, dy), (f"{_TOLD} were not corrected: it reaches beyond the map",)
     low, high = across.min() / dx, across.max() / dx
     note = f"{_TOLD} became those on the ground, {low:.4g} to {high:.4g} of them by row"
-    if along.max() > 1.1 * along.min():
-        note += f"; between rows the {along[h // 2] / dy:.4g} of the middle row counts for all: gdalwarp -t_srs to a local map"
+    if along.max() <= 1.1 * along.min():
+        return (across, float(along[h // 2])), (Fact(note),)
+    note += f"; between rows the {along[h // 2] / dy:.4g} of the middle row counts for all: gdalwarp -t_srs to a local map"
     return (across, float(along[h // 2])), (note,)
 
 
@@ -130,9 +164,7 @@ def _geographic(crs: "CRS") -> "CRS":
     raise InputError(f"a CRS with a geographic one inside expected, got {wkt[:80]}...; give spacing=(dx, dy)")
 
 
-def on_ellipsoid(
-    crs: "CRS", latitudes: Array, dlon: float, dlat: float, columns: int = 0
-) -> tuple[Spacing, tuple[str, ...]]:
+def on_ellipsoid(crs: "CRS", latitudes: Array, dlon: float, dlat: float) -> tuple[Spacing, tuple[str, ...]]:
     """(dx, dy) in metres of a grid in degrees (or the angular unit of the CRS), and a note.
 
     dx_i = N(phi_i) cos(phi_i) dlon, one per row, with N = a / sqrt(1 - e^2 sin^2 phi) the radius of curvature in the prime
@@ -140,7 +172,6 @@ def on_ellipsoid(
     (on the Earth it changes by 1 % from equator to pole). a and e are those of the ellipsoid of the CRS, on any planet.
 
     :param latitudes: (h,), of the centres of the rows, in any order.
-    :param columns: the number of columns of the grid, to recognise one around the Earth.
     :raises InputError: for a row beyond a pole.
     """
     radius, flattening = _ellipsoid(crs)
@@ -165,8 +196,6 @@ def on_ellipsoid(
     )
     if at_pole.any():
         note += "; on a pole, where the samples of a row are one point, a quarter of a row away from it"
-    if abs(dlon * columns * crs.units_factor[1] - 2 * np.pi) < 0.5 * dlon * crs.units_factor[1]:
-        note += "; the two ends of each row meet, and are smoothed apart from each other"
     return (widths, dy), (Fact(note),)
 
 

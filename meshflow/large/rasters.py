@@ -11,9 +11,9 @@ from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress, reporting
 from meshflow.geometry.validation import Array, Spacing, spacing_of
 from meshflow.io.formats.raster_windows import RasterReader, raster_read
-from meshflow.io.formats.rasters import notes_on, spacing_in, unlike_bands
+from meshflow.io.formats.rasters import notes_on, period_of, spacing_in, unlike_bands
 from meshflow.io.metadata import ReadOptions
-from meshflow.io.spacing import height_unit
+from meshflow.io.spacing import height_unit, said_of_turn
 from meshflow.large.census import Census, census_of
 from meshflow.large.marks import marked
 from meshflow.large.memory import Budget
@@ -105,7 +105,8 @@ def gridded(reader: RasterReader, options: ReadOptions) -> tuple[Gridded, tuple[
         spacing = spacing_of(options.spacing, reader.shape[0])
     terrain = count == 1 and kind != "image"
     form = _form(reader, spacing, unit if terrain else "", terrain)
-    return Gridded(reader, form), notes + notes_on(frame)
+    period = period_of(frame, np.broadcast_to(0.0, reader.shape))
+    return Gridded(reader, form), notes + said_of_turn(period, together=False) + notes_on(frame)
 
 
 def _form(reader: RasterReader, spacing: Spacing, unit: str, terrain: bool) -> Form:

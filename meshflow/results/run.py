@@ -29,9 +29,10 @@ from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName,
 from meshflow.geometry.crossings import moved_without_harm
 from meshflow.geometry.validation import whole
 from meshflow.results.result import History, Result, release
-from meshflow.surfaces.data import Data
+from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.joined import Gridded, columns_around, cut_back, period_of, unrolled
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -51,7 +52,19 @@ def run(data: Data, request: Request, progress: Progress = None, *, record: bool
     :raises NotConverged: when a solver or a run fails.
     """
     with request.compute.running():
-        return _smoothed(data, request, progress, record)
+        if isinstance(data, Mesh) or not period_of(data):
+            return _smoothed(data, request, progress, record)
+        wide, asked, margin = _around(data, request)
+        found = _smoothed(wide, asked, progress, record)
+        done = cut_back(data, found.after, margin)
+        return replace(found, data=done, after=done, before=data)
+
+
+def _around(data: Gridded, request: Request) -> tuple[Gridded, Request, int]:
+    """A grid whose rows end where they begin, unrolled; the request for it; and the columns before its first one."""
+    columns, margin = columns_around(data)
+    held = request.constraints.of_columns(columns, array_of(data).shape)
+    return unrolled(data, columns), replace(request, constraints=held), margin
 
 
 def _smoothed(data: Data, request: Request, progress: Progress, record: bool | None) -> Result:
@@ -164,6 +177,11 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
     whole(count, "count", 2)
     if request.domain != "length":
         raise InputError(f"domain={request.domain!r}: states can be shown for domain='length' only; leave it out")
+    if not isinstance(data, Mesh) and period_of(data):
+        wide, asked, margin = _around(data, request)
+        for time, state in states(wide, asked, count, progress):
+            yield time, cut_back(data, state, margin)
+        return
     on_the_way = _states(data, request, count, progress)
     while True:
         with request.compute.running():  # not while the caller has a state

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from meshflow.geometry.options import named_fields
-from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
+from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of, whole
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
 from meshflow.surfaces.orientation import Orientation
@@ -25,6 +25,8 @@ class HeightField(OnGrid):
     :param fixed: (h, w), samples that stay.
     :param unit: the name of the unit of z, for reports and pictures.
     :param cuts: edges of the grid that no triangle contains, for example across a fault.
+    :param period: the number of columns after which rows repeat, as those of a grid around a globe do; 0: they do not. The ends
+        of rows of w = period columns, or of one more whose last column is the first once more, are smoothed together.
     :raises InputError: for fewer than 2 x 2 samples, no sample that is present, or a spacing that is not positive.
     """
 
@@ -34,6 +36,7 @@ class HeightField(OnGrid):
     fixed: Array = field(default_factory=nowhere)
     unit: str = ""
     cuts: Cuts | None = None
+    period: int = 0
     boundary: Boundary = field(default="plane-preserving", init=False)
 
     def __post_init__(self) -> None:
@@ -42,6 +45,7 @@ class HeightField(OnGrid):
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, z.shape, "fixed"))
         object.__setattr__(self, "spacing", spacing_of(self.spacing, z.shape[0]))
+        whole(self.period, "period", 0)
 
     def __repr__(self) -> str:
         return brief(self, self.z, self.missing, f"spacing {self.step:.6g}", self.unit and f"heights in {self.unit}")
@@ -70,4 +74,5 @@ class HeightField(OnGrid):
             return self
         z, missing, fixed = (np.ascontiguousarray(orientation.of(a)) for a in (self.z, self.missing, self.fixed))
         spacing, cuts = orientation.of_spacing(self.spacing), orientation.of_cuts(self.cuts)
-        return replace(self, z=z, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts)
+        period = 0 if orientation.transposed else self.period
+        return replace(self, z=z, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts, period=period)

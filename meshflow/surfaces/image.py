@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from meshflow.geometry.options import named_fields
-from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of
+from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of, whole
 from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
 from meshflow.surfaces.orientation import Orientation
 from meshflow.surfaces.surface import Surface
@@ -22,6 +22,7 @@ class Image(OnGrid):
     :param spacing: one number or (dx, dy), pixels by default.
     :param missing: (h, w), further samples that are missing.
     :param fixed: (h, w), samples that stay.
+    :param period: the number of columns after which rows repeat, as in :class:`HeightField`.
     :raises InputError: as :class:`HeightField`.
     """
 
@@ -29,6 +30,7 @@ class Image(OnGrid):
     spacing: Spacing = (1.0, 1.0)
     missing: Array = field(default_factory=nowhere)
     fixed: Array = field(default_factory=nowhere)
+    period: int = 0
 
     def __post_init__(self) -> None:
         values, missing = samples(self.values, self.missing, (2, 3), "image")
@@ -36,6 +38,7 @@ class Image(OnGrid):
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, missing.shape, "fixed"))
         object.__setattr__(self, "spacing", spacing_of(self.spacing, missing.shape[0]))
+        whole(self.period, "period", 0)
 
     def __repr__(self) -> str:
         return brief(self, self.values, self.missing)
@@ -65,4 +68,5 @@ class Image(OnGrid):
         values, missing, fixed = (
             np.ascontiguousarray(orientation.of(a)) for a in (self.values, self.missing, self.fixed)
         )
-        return replace(self, values=values, missing=missing, fixed=fixed, spacing=orientation.of_spacing(self.spacing))
+        spacing, period = orientation.of_spacing(self.spacing), 0 if orientation.transposed else self.period
+        return replace(self, values=values, missing=missing, fixed=fixed, spacing=spacing, period=period)

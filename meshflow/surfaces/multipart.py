@@ -22,7 +22,7 @@ def as_one(parts: Sequence[Data]) -> Data:
     if len(bands) < len(parts) or len({one.z.shape for one in bands}) != 1:
         return together(parts)
     missing = np.any([one.missing for one in bands], axis=0)
-    return Image(np.stack([one.z for one in bands], axis=2), bands[0].spacing, missing)
+    return Image(np.stack([one.z for one in bands], axis=2), bands[0].spacing, missing, period=bands[0].period)
 
 
 def together(surfaces: Sequence[Data]) -> Mesh:

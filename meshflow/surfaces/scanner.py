@@ -30,12 +30,13 @@ class Spherical:
     azimuth: tuple[float, float]
     elevation: tuple[float, ...]
     usual: ClassVar[Measure] = "range"
+    most: ClassVar[float] = 360.0
 
     def __post_init__(self) -> None:
         for name in ("azimuth", "elevation"):
             values = tuple(number(x, f"camera {name}") for x in np.ravel(getattr(self, name)))
             object.__setattr__(self, name, values)
-        if len(self.azimuth) != 2 or not 0 < abs(self.azimuth[1] - self.azimuth[0]) <= 360:
+        if len(self.azimuth) != 2 or not 0 < abs(self.azimuth[1] - self.azimuth[0]) <= self.most:
             raise InputError(
                 "camera azimuth: degrees of the first and the last column, at most a turn apart, expected, got "
                 f"{_few(self.azimuth)}"
@@ -117,11 +118,39 @@ class Spherical:
         a, e = (np.degrees(angle).ravel()[::step] for angle in self._angles(shape))
         return Spherical((float(a[0]), float(a[-1])), tuple(map(float, e)))
 
+    def period(self, width: int) -> int:
+        """The number of columns of a full turn, after which rows repeat: all, or all but the last; 0: the sweep has two ends.
+
+        :param width: the number of columns.
+        """
+        columns = self.columns_of_a_turn(width)
+        return columns if width - columns in (0, 1) and columns > 2 else 0
+
+    def columns_of_a_turn(self, width: int) -> int:
+        """The number of columns of 360 degrees; 0: it is not whole.
+
+        :param width: the number of columns.
+        """
+        columns = 360.0 * (width - 1) / abs(self.azimuth[1] - self.azimuth[0])
+        return round(columns) if abs(columns - round(columns)) < 0.1 else 0
+
+    def wound(self, columns: int, width: int) -> "Spherical":
+        """The camera of a sweep that goes on for so many columns beyond each end."""
+        first, last = self.azimuth
+        more = columns * (last - first) / (width - 1)
+        return _Wound((first - more, last + more), self.elevation)
+
     def _angles(self, shape: tuple[int, int]) -> tuple[Array, Array]:
         """Azimuths (1, w) and elevations (h, 1), radians."""
         e = np.array(self.elevation)
         e = np.linspace(e[0], e[-1], shape[0]) if len(e) != shape[0] else e
         return np.radians(np.linspace(*self.azimuth, shape[1]))[None, :], np.radians(e)[:, None]
+
+
+class _Wound(Spherical):
+    """A sweep of more than a turn: one that is unrolled beyond its ends."""
+
+    most = 1080.0
 
 
 @named_fields

@@ -104,10 +104,11 @@ def _bands(document: Document, options: ReadOptions) -> Multipart | None:
         bands = [one.z for one in surfaces if isinstance(one, HeightField)]
         return document.holding(replace(image, values=np.stack(bands, axis=2)))
 
-    parts = (
-        (name, Imported(HeightField(image.values[:, :, i], image.spacing, image.missing, image.fixed), lambda one: one))
-        for i, name in enumerate(document.source.bands)
-    )
+    bands = [
+        HeightField(image.values[:, :, i], image.spacing, image.missing, image.fixed, period=image.period)
+        for i in range(image.values.shape[2])
+    ]
+    parts = ((name, Imported(band, lambda one: one)) for name, band in zip(document.source.bands, bands, strict=False))
     return Multipart(distinct_names(parts), to_object, whole=True)
 
 

@@ -11,7 +11,16 @@ from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, Spacing, mask_of, real, spacing_of
 from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions
-from meshflow.io.spacing import between_samples, height_unit, on_ellipsoid, units_disagree
+from meshflow.io.spacing import (
+    between_samples,
+    columns_of_a_turn,
+    height_unit,
+    is_cylindrical,
+    on_ellipsoid,
+    on_ground,
+    said_of_turn,
+    units_disagree,
+)  # fmt: skip
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -71,11 +80,13 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     values = said.values()
     gone = _gone(said.array, values)
     missing = gone | mask_of(options.missing_in(values), gone.shape, "missing")
+    period = 0 if options.spacing is not None else _period(said, values)
     if said.kind is Image:
-        found: HeightField | Image = Image(values, said.spacing, missing)
+        found: HeightField | Image = Image(values, said.spacing, missing, period=period)
     else:
-        found = HeightField(values, said.spacing, missing, unit=said.unit)
-    return Imported(found, lambda smoothed: said.holding(np.array(array_of(smoothed)), bool(gone.any())), said.notes)
+        found = HeightField(values, said.spacing, missing, unit=said.unit, period=period)
+    notes = said.notes + said_of_turn(period)
+    return Imported(found, lambda smoothed: said.holding(np.array(array_of(smoothed)), bool(gone.any())), notes)
 
 
 class Shaped(Protocol):
@@ -239,12 +250,22 @@ def _spacing(array: "DataArray", layout: _Layout) -> tuple[Spacing, tuple[str, .
         return (1.0, 1.0), (f"no coordinates along {layout.y} and {layout.x}: the spacing is 1; give spacing=(dx, dy)",)
     rows, columns = array.coords[layout.y], array.coords[layout.x]
     dy, dx = _regular(rows), _regular(columns)
+    if crs is not None and is_cylindrical(crs):
+        return on_ground(crs, float(columns.mean()), rows.to_numpy().astype(np.float64), dx, dy)
     if crs is not None and not crs.is_geographic:
         return (dx, dy), ()
     in_degrees = (layout.y, layout.x) in _NAMES[1:] or str(rows.attrs.get("units", "")).startswith("degree")
     if crs is None and not in_degrees:
         return (dx, dy), ()
     return on_ellipsoid(crs if crs is not None else _wgs84(), rows.to_numpy().astype(np.float64), dx, dy)
+
+
+def _period(said: "Described", values: Array) -> int:
+    """The number of columns after which the rows of samples (h, w, ...) repeat; 0: they have two ends."""
+    layout, crs = _layout(said.array), _crs(said.array)
+    if layout.x not in said.array.coords or np.ndim(said.spacing[0]) == 0:
+        return 0
+    return columns_of_a_turn(crs if crs is not None else _wgs84(), _regular(said.array.coords[layout.x]), values)
 
 
 def _wgs84() -> "CRS":

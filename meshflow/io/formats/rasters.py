@@ -15,7 +15,7 @@ from meshflow.io.formats.raster_frame import Frame, Framed
 from meshflow.io.formats.raster_place import PLACING, Place
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import DTYPES, mark, rounded
-from meshflow.io.spacing import between_samples, height_unit, units_disagree
+from meshflow.io.spacing import between_samples, columns_of_a_turn, height_unit, said_of_turn, units_disagree
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
@@ -78,10 +78,11 @@ def read(path: Path, options: ReadOptions) -> Document:
         spacing, notes = spacing_in(frame, unit, values.shape[1:])
     else:
         spacing = spacing_of(options.spacing, values.shape[1])
-    notes += notes_on(frame)
+    period = period_of(frame, np.moveaxis(values, 0, 2))
+    notes += said_of_turn(period) + notes_on(frame)
     missing: Array = np.any(frame.gone, axis=0)
     if len(values) == 1 and kind != "image":
-        return Document(HeightField(values[0], spacing, missing, unit=unit), path, Raster(frame), notes)
+        return Document(HeightField(values[0], spacing, missing, unit=unit, period=period), path, Raster(frame), notes)
     channels = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
     unlike = unlike_bands(values, frame) if kind is None else ()
     if unlike:
@@ -89,7 +90,7 @@ def read(path: Path, options: ReadOptions) -> Document:
             f"{len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}): each is smoothed by itself, by its own noise "
             "(kind='image' smooths them together)",
         )
-    return Document(Image(channels, spacing, missing), path, Raster(frame, unlike), notes)
+    return Document(Image(channels, spacing, missing, period=period), path, Raster(frame, unlike), notes)
 
 
 def can_write(document: Document, suffix: str) -> bool:
@@ -170,6 +171,15 @@ def spacing_in(frame: Frame, unit: str, shape: tuple[int, ...]) -> tuple[Spacing
             "give spacing=(dx, dy) in metres, or set the CRS (gdal_edit -a_srs EPSG:4326)",
         )
     return spacing, notes + units_disagree(frame.crs, unit)
+
+
+def period_of(frame: Frame, values: Array) -> int:
+    """The number of columns after which rows repeat; 0: they have two ends.
+
+    :param values: (h, w, k), the samples.
+    """
+    _, b, _, d, _, _ = tuple(frame.transform)[:6]
+    return 0 if b or d or not frame.georeferenced else columns_of_a_turn(frame.crs, frame.transform.a, values)
 
 
 def notes_on(frame: Frame) -> tuple[str, ...]:
