@@ -215,7 +215,7 @@ def test_an_interruption_says_so_and_writes_nothing(terrain, tmp_path, monkeypat
     def interrupted(*words, **more):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("meshflow.smoothing.run", interrupted)
+    monkeypatch.setattr("meshflow.smoothing.run_in_domain", interrupted)
     monkeypatch.setattr(sys, "argv", ["meshflow", "smooth", str(terrain), str(tmp_path / "out.tif")])
     with pytest.raises(SystemExit) as end:
         main()

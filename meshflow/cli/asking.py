@@ -19,9 +19,9 @@ from meshflow.estimate.constraints import (
 )
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
-from meshflow.flow.methods import METHODS, Method, Search, no_method
+from meshflow.flow.methods import METHODS, Method, Search, no_method, word_of
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, Steps
-from meshflow.geometry.options import options_of, spelled
+from meshflow.geometry.options import options_of
 
 __all__ = ["asked", "narrowed"]
 
@@ -107,7 +107,7 @@ def _method(flags: Given, suiting: tuple[str, ...]) -> Method | None:
         if having:
             raise InputError(f"{given}: belongs to {', '.join(having)}; methods for this data are {', '.join(suiting)}")
         raise InputError(f"{given}: no method has all of these options")
-    word = spelled(word, METHODS) or word
+    word = word_of(word) or word
     if word not in METHODS:
         raise no_method(word)
     kind = METHODS[word]

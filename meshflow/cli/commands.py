@@ -206,14 +206,14 @@ def convert(given: Given) -> None:
 
 @command(app, "methods", flags("json", "markdown"))
 def methods(given: Given) -> None:
-    """List the methods: what each moves, its options, and a description."""
+    """List the methods: paper, what each moves, its options, what it is, when to take it, what it conserves."""
     methods_table(given["json"], given["markdown"])
 
 
-@command(app, "options", flags("json", "markdown"))
+@command(app, "options", flags("one_method", "json", "markdown"))
 def options(given: Given) -> None:
-    """List the options of a flow: type, unit, meaning, default, and the methods that have them."""
-    options_table(given["json"], given["markdown"])
+    """List the options of a flow: type, unit, meaning, default, and the methods that have them; or those of one METHOD."""
+    options_table(given["json"], given["markdown"], given["one_method"])
 
 
 FUSED = (

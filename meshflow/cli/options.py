@@ -47,6 +47,7 @@ ALL: tuple[Flag, ...] = (
     _yes("resume", "With --output: leave out what is there already.", OUTPUT),
     Flag("jobs", int, "With --output: how many files at a time, each with its share of the threads.", OUTPUT, 1),
     Flag("every", int, "Coarsening: every so manieth sample of each direction.", OUTPUT, 1),
+    Flag("one_method", str | None, "A method: its own options only.", metavar="METHOD"),
     Flag("other", Path, "Data of the same kind on the same samples.", default=..., metavar="OTHER"),
     Flag("frames_in", list[Path], "Depth images of the same view, two or more.", default=..., metavar="IN..."),
     Flag("kind", Kind | None, "What the file holds, where the guess would be wrong.", FIRST),

@@ -10,36 +10,82 @@ from rich.text import Text
 
 from meshflow.cli.console import out, rows_printed
 from meshflow.cli.flags import FLOW
-from meshflow.flow.methods import METHODS, POINT_METHODS, Search
-from meshflow.geometry.options import options_of
+from meshflow.flow.methods import METHODS, Search, no_method, papers_of, word_of
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.geometry.options import Option, options_of
 
 __all__ = ["methods_table", "options_table"]
 
 
 def methods_table(json: bool, markdown: bool) -> None:
-    """Print the methods: name, what they move, options, the first lines of their docstring, and when to take them."""
+    """Print the methods: name, paper, what they move, options, what they are, when to take them, and what they conserve."""
     rows = []
     for word, kind in METHODS.items():
         if not isinstance(kind, type):
             continue
-        moves = (
-            "points of a mesh"
-            if kind in POINT_METHODS
-            else "both"
-            if issubclass(kind, Search)
-            else "heights, channels, depths"
-        )
-        names = ", ".join(f"--{o.flag.replace('_', '-')}" for o in options_of(kind) if o.has_flag)
+        names = ", ".join(f"--{o.flag.replace('_', '-')}" for o in _used(kind) if o.has_flag)
         text = inspect.getdoc(kind) or ""
         taken = re.search(r"Take\s+it .*?(?=\n\n|\Z)", text, re.DOTALL)
-        rows.append((word, moves, names, _plain(text.split("\n\n")[0]), _plain(taken.group() if taken else "")))
-    _printed(("method", "moves", "options", "what it is", "when"), rows, json, markdown)
+        what, when = _plain(text.split("\n\n")[0]), _plain(taken.group() if taken else "")
+        conserves = getattr(kind, "conserves", "")
+        rows.append((word, ", ".join(papers_of(kind)), _moved(kind), names, what, when, conserves))
+    heads = ("method", "paper", "moves", "options", "what it is", "when", "conserves")
+    _printed(heads, rows, json, markdown)
 
 
-def options_table(json: bool, markdown: bool) -> None:
-    """Print the options of a flow: flag, type, and meaning with unit and default."""
+def _used(kind: type) -> tuple[Option, ...]:
+    """The options of a method that have an effect."""
+    return tuple(option for option in options_of(kind) if option.name not in getattr(kind, "unused", ()))
+
+
+def _moved(kind: type) -> str:
+    """What a method moves, in words."""
+    if issubclass(kind, Search):
+        return "all data"
+    if not issubclass(kind, HeightMethod):
+        return "points of a mesh"
+    method = kind()
+    depths = "" if method.misfit(along_rays=True, on_grid=True) else ", depths"
+    return f"heights, images{depths}" + (
+        "" if method.misfit(along_rays=False, on_grid=False) else ", channels of a mesh"
+    )
+
+
+def options_table(json: bool, markdown: bool, method: str | None = None) -> None:
+    """Print the options of a flow, or of one method: flag, type, meaning, and unit and default.
+
+    :param method: its name, in any spelling.
+    :raises InputError: for an unknown method.
+    """
+    if method is not None:
+        _options_of_method(method, json, markdown)
+        return
     rows = [(f"--{flag.name.replace('_', '-')}", _named(flag.kind), flag.panel, flag.help) for flag in FLOW]
     _printed(("option", "type", "of", "meaning"), rows, json, markdown)
+
+
+def _options_of_method(given: str, json: bool, markdown: bool) -> None:
+    """Print the options of one method, and in text what it is."""
+    kind = METHODS.get(word_of(given))
+    if not isinstance(kind, type):
+        raise no_method(given)
+    rows = []
+    for one in _used(kind):
+        flag = f"--{one.flag.replace('_', '-')}" if one.has_flag else "(Python only)"
+        default = "from the data" if one.default is None else str(one.default)
+        rows.append((flag, one.name, _named(_readable(one.kind)), one.unit, default, one.meaning))
+    if not json and not markdown:
+        text = "\n".join(map(_plain, (inspect.getdoc(kind) or "").split("\n\n")))
+        conserves = getattr(kind, "conserves", "")
+        out.print(
+            Text(f"{word_of(given)} ({kind.__name__}): {text}\nIt moves: {_moved(kind)}. It conserves: {conserves}.\n")
+        )
+    _printed(("option", "in Python", "type", "unit", "default", "meaning"), rows, json, markdown)
+
+
+def _readable(kind: Any) -> Any:
+    """A type without its alias."""
+    return getattr(kind, "__name__", kind) if isinstance(kind, type) else kind
 
 
 def _plain(sentence: str) -> str:

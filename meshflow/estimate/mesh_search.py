@@ -7,6 +7,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.estimate.risk import FINER, PROBE, Candidate, Configuration, ranked
 from meshflow.estimate.sure import Probed, risks_on
+from meshflow.estimate.vertex_numbers import signs_of
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.mobility import slowed
@@ -97,7 +98,7 @@ def _probed(data: Mesh, lift: Lift, search: MeshSearch) -> Probed:
     if data.channels is None:
         raise InputError("search: a mesh with channels expected, got one without")
     channels = data.channels
-    probe = np.random.default_rng(0).choice(np.array([-1.0, 1.0]), size=channels.shape)
+    probe = signs_of(data.points, data.faces, channels)
     twin = replace(data, channels=channels + PROBE * search.sigma * probe)
     counted = np.flatnonzero(~data.fixed)
     copies = tuple(_Channels(one, lift, counted[None], search.speed) for one in (data, twin))

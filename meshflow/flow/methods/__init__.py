@@ -1,5 +1,7 @@
 """The methods, one per file, each with its equation and its options."""
 
+import inspect
+import re
 from collections.abc import Callable
 
 from meshflow.errors import InputError
@@ -33,7 +35,17 @@ from meshflow.flow.methods.total_variation import TotalVariation
 from meshflow.geometry.options import must_be_object, refused, spelled
 from meshflow.geometry.validation import shown
 
-__all__ = ["HEIGHT_METHODS", "METHODS", "POINT_METHODS", "Method", "method_of", "no_method", "words_for"]
+__all__ = [
+    "HEIGHT_METHODS",
+    "METHODS",
+    "POINT_METHODS",
+    "Method",
+    "method_of",
+    "no_method",
+    "papers_of",
+    "word_of",
+    "words_for",
+]
 
 Method = HeightMethod | PointMethod
 # Methods for values above a base (heights, channels, depths), and methods for the points of a mesh.
@@ -61,8 +73,10 @@ ELSEWHERE = {
     "nlm": "patches",
     "nl-means": "patches",
     "median": "total-variation",
-    "tv": "total-variation",
-    "pm": "perona-malik",
+    "tv": "total-variation (a flow) or rof (at rest)",
+    "ms96": "graph (graph mean curvature) or min-max",
+    "pr99": "meshflow.classics.field_picture (grids) or field_diffusion (surfaces)",
+    "lic": "meshflow.classics.field_picture (grids) or field_diffusion (surfaces)",
     "anisotropic": "perona-malik or beltrami",
     "anisotropic-diffusion": "perona-malik or beltrami",
     "windowed-sinc": "fairing (with an order)",
@@ -78,11 +92,28 @@ def method_of(given: "str | Method") -> Method:
     if isinstance(given, (HeightMethod, PointMethod)):
         return given
     if isinstance(given, str):
-        if word := spelled(given, METHODS):
+        if word := word_of(given):
             return METHODS[word]()
         raise no_method(given)
     must_be_object(given, "method: a method")
     raise InputError(f"method: a name or a method such as PeronaMalik(sharpness=2) expected, got {shown(given)}")
+
+
+def papers_of(kind: type) -> tuple[str, ...]:
+    """The papers that the docstring of a method cites, such as PM90."""
+    return tuple(dict.fromkeys(re.findall(r"\[([A-Z][A-Za-z]+\d\d)\]", inspect.getdoc(kind) or "")))
+
+
+def word_of(given: str) -> str:
+    """The name of the method that is meant: by its name in any spelling, by that of its class, or by an alias; else empty."""
+    if word := spelled(given, METHODS):
+        return word
+    letters = "".join(filter(str.isalnum, given)).lower()
+    for kind in (*HEIGHT_METHODS, *POINT_METHODS):
+        names = (kind.__name__, *kind.aliases)
+        if letters in ("".join(filter(str.isalnum, name)).lower() for name in names):
+            return kind.word
+    return ""
 
 
 def no_method(word: str) -> InputError:

@@ -17,6 +17,7 @@ from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.surface import Surface
 
 __all__ = [
+    "MEAN",
     "Beltrami",
     "GemanMcClure",
     "Heat",
@@ -26,6 +27,11 @@ __all__ = [
     "SchemeMethod",
     "UnsearchedMethod",
 ]
+
+MEAN = (
+    "the mean of the values, each weighted by the area of its sample, with neumann borders; with alternating diagonals up to the "
+    "corners of the grid and of holes"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,12 +43,18 @@ class HeightMethod:
     :ivar contrasts: those that a search tries, in sample distances divided by the noise.
     :ivar once: whether it reaches its time in one step.
     :ivar slower: by how much its time runs slower than that of the heat equation.
+    :ivar conserves: what does not change, and with which borders; in words.
+    :ivar aliases: other names of it.
+    :ivar unused: its options that change nothing.
     """
 
     word: ClassVar[str] = ""
     contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0)
     once: ClassVar[bool] = False
     slower: ClassVar[float] = 1.0
+    conserves: ClassVar[str] = "nothing"
+    aliases: ClassVar[tuple[str, ...]] = ()
+    unused: ClassVar[tuple[str, ...]] = ()
 
     contrast: float | None = option(
         None,
@@ -152,6 +164,8 @@ class UnsearchedMethod(HeightMethod):
 class SchemeMethod(UnsearchedMethod):
     """A method by finite differences between samples of a grid, with explicit steps."""
 
+    unused: ClassVar[tuple[str, ...]] = ("indicator", "mass")
+
     def misfit(self, along_rays: bool, on_grid: bool) -> str:
         """Why the method is not defined along rays, or off a grid; empty where it is."""
         got = "a range image" if along_rays else "" if on_grid else "a mesh"
@@ -168,12 +182,14 @@ class SchemeMethod(UnsearchedMethod):
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class Beltrami(HeightMethod):
-    """Beltrami flow, equation (14) of the paper; the exponents gamma, sharpness and patch give the other flows of its family.
+    """Beltrami flow (14) [KMS97] [SKM98]; the exponents gamma, sharpness and patch give the other flows of its family.
 
     Take it as the flow of the paper, or with exponents of your own.
     """
 
     word: ClassVar[str] = "beltrami"
+    conserves: ClassVar[str] = "nothing; for gamma -1 what mean-curvature does"
+    aliases: ClassVar[tuple[str, ...]] = ("beltrami-flow", "kms97", "skm98")
     contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
 
     gamma: float = option(
@@ -203,12 +219,15 @@ class MeanCurvatureDiffusion(HeightMethod):
     """Mean curvature diffusion, du/dt = div(grad u / sqrt(1 + |grad u|^2)) [FEF98]: gamma = -1. It keeps edges somewhat.
 
     With ``neumann`` borders the mean of the values is conserved: to rounding with one triangulation (``forward``, ``backward``)
-    or ``both``, each sample weighted by its area on the plane; with ``alternate`` the weights of samples on the border alternate,
-    too, and it is conserved up to them. G. Ford, A. El-Fallah, Pattern Recognition Letters 19 (1998), 433-437. Their explicit
-    steps that follow the loss of area (section 5.6) are ``area_steps``. Take it as a gentle flow that needs no exponent.
+    or ``both``, each sample weighted by its area on the plane; with ``alternate`` the areas of samples in corners (of the grid,
+    of holes) alternate, too, and it is conserved up to them. G. Ford, A. El-Fallah, Pattern Recognition Letters 19 (1998),
+    433-437. Their explicit steps that follow the loss of area (section 5.6) are ``area_steps``. Take it as a gentle flow that
+    needs no exponent.
     """
 
     word: ClassVar[str] = "mean-curvature"
+    conserves: ClassVar[str] = MEAN
+    aliases: ClassVar[tuple[str, ...]] = ("mcd", "fef98")
 
     area_steps: bool = option(False, "Explicit steps whose length follows the loss of area, as the authors have it.")
 
@@ -237,6 +256,7 @@ class GemanMcClure(HeightMethod):
     """
 
     word: ClassVar[str] = "geman-mcclure"
+    conserves: ClassVar[str] = MEAN
     contrasts: ClassVar[tuple[float, ...]] = (0.4, 0.7, 1.0)
 
     @property
@@ -256,6 +276,9 @@ class Heat(HeightMethod):
     """
 
     word: ClassVar[str] = "heat"
+    conserves: ClassVar[str] = MEAN
+    aliases: ClassVar[tuple[str, ...]] = ("heat-equation", "linear-diffusion")
+    unused: ClassVar[tuple[str, ...]] = ("contrast", "indicator")
     contrasts: ClassVar[tuple[float, ...]] = (1.0,)
 
     def __post_init__(self) -> None:

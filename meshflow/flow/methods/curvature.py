@@ -27,6 +27,7 @@ class CurvatureFlow(PointMethod):
     """
 
     word: ClassVar[str] = "curvature"
+    aliases: ClassVar[tuple[str, ...]] = ("curvature-flow",)
 
     mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
 
@@ -60,6 +61,7 @@ class ConformalFlow(CurvatureFlow):
     """
 
     word: ClassVar[str] = "conformal"
+    aliases: ClassVar[tuple[str, ...]] = ("conformal-flow",)
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
         """The engine that moves the points (n, 3) of a surface."""

@@ -28,6 +28,11 @@ class Fairing(PointMethod):
     """
 
     word: ClassVar[str] = "fairing"
+    conserves: ClassVar[str] = (
+        "of a closed mesh the centre of its vertices, weighted by their areas at the start, with weights cotangent; the volume "
+        "with PreserveVolume"
+    )
+    aliases: ClassVar[tuple[str, ...]] = ("low-pass",)
     once: ClassVar[bool] = True
 
     order: int | None = option(

@@ -26,6 +26,7 @@ class GraphFlow(HeightMethod):
     """
 
     word: ClassVar[str] = "graph"
+    aliases: ClassVar[tuple[str, ...]] = ("graph-flow", "graph-mean-curvature")
     contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0)
 
     formula: Literal["motion", "paper"] = option(

@@ -9,7 +9,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.engines.conducting import Conducting
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.family import Variant
-from meshflow.flow.methods.beltrami import UnsearchedMethod
+from meshflow.flow.methods.beltrami import MEAN, UnsearchedMethod
 from meshflow.flow.proximal import Proximal
 from meshflow.flow.steppers import Stepper, StepperName
 from meshflow.geometry.options import named_fields, option
@@ -26,6 +26,8 @@ class _AtRest(UnsearchedMethod):
     """One fully implicit step of a diffusion: its time is the weight of the potential against the data."""
 
     once: ClassVar[bool] = True
+    unused: ClassVar[tuple[str, ...]] = ("indicator",)
+    conserves: ClassVar[str] = MEAN.partition("; with alternating")[0]  # there is one step, and it has both diagonals
 
     def misfit(self, along_rays: bool, on_grid: bool) -> str:
         """Why the method is not defined along rays; empty elsewhere."""
@@ -74,6 +76,7 @@ class HalfQuadratic(_AtRest):
     """
 
     word: ClassVar[str] = "half-quadratic"
+    aliases: ClassVar[tuple[str, ...]] = ("artur", "charbonnier", "abbfc97")
     contrasts: ClassVar[tuple[float, ...]] = (1.0,)
 
     potential: Literal["hypersurface", "lorentz", "geman-mcclure"] = option(
@@ -108,4 +111,5 @@ class RudinOsherFatemi(_AtRest):
     """
 
     word: ClassVar[str] = "rof"
+    aliases: ClassVar[tuple[str, ...]] = ("rof92",)
     contrasts: ClassVar[tuple[float, ...]] = (8.0,)

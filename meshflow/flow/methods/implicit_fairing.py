@@ -59,6 +59,11 @@ class ImplicitFairing(CurvatureFlow):
     """
 
     word: ClassVar[str] = "implicit-fairing"
+    conserves: ClassVar[str] = (
+        "of a closed mesh the centre of its vertices, weighted by their areas at the start, with operator curvature; the volume "
+        "with PreserveVolume"
+    )
+    aliases: ClassVar[tuple[str, ...]] = ("dmsb99",)
     once: ClassVar[bool] = True
 
     operator: Operator = option("curvature", "curvature, umbrella or scale-dependent.")

@@ -62,6 +62,8 @@ class LambdaMu(CurvatureFlow):
     """
 
     word: ClassVar[str] = "taubin"
+    conserves: ClassVar[str] = "nothing exactly; shapes of frequencies below the pass band, nearly"
+    aliases: ClassVar[tuple[str, ...]] = ("tau95",)
 
     weight: float = option(0.5, "lambda of the first step, above 0, at most 1.")
     passband: float = option(0.1, "Frequency of the umbrella, 0 to 2, below which shapes are kept.")

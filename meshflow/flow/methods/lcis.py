@@ -55,6 +55,8 @@ class LowCurvature(SchemeMethod):
     """
 
     word: ClassVar[str] = "low-curvature"
+    conserves: ClassVar[str] = "the mean of the samples, and on tilted planes every value"
+    aliases: ClassVar[tuple[str, ...]] = ("lcis", "tt99")
 
     def on_grid(self, grid: Grid, threads: int | None) -> Flow:
         """The scheme."""

@@ -89,6 +89,9 @@ class MinMax(SchemeMethod):
     """
 
     word: ClassVar[str] = "min-max"
+    conserves: ClassVar[str] = "no mean; no value leaves the range of the start"
+    unused: ClassVar[tuple[str, ...]] = ("contrast", "indicator", "mass")
+    aliases: ClassVar[tuple[str, ...]] = ("min-max-flow",)
 
     radius: float = option(2.0, "Radius of the window; smaller details vanish.", "samples")
 

@@ -39,6 +39,7 @@ class NormalFilter(PointMethod):
     """
 
     word: ClassVar[str] = "normal-filter"
+    conserves: ClassVar[str] = "nothing exactly; shapes hardly shrink"
 
     crease_contrast: float | None = option(
         None, "Neighbouring unit normals whose difference times this is above 1 form a crease. Without a search: 2."

@@ -9,7 +9,7 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.engines.conducting import Conducting
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.family import Variant
-from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.beltrami import MEAN, HeightMethod
 from meshflow.geometry.options import named_fields, option
 from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.surface import Surface
@@ -31,6 +31,8 @@ class PeronaMalik(HeightMethod):
     """
 
     word: ClassVar[str] = "perona-malik"
+    conserves: ClassVar[str] = MEAN
+    aliases: ClassVar[tuple[str, ...]] = ("pm", "pm90")
     contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0)
 
     sharpness: float = option(2.0, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")

@@ -37,10 +37,14 @@ class PointMethod:
 
     :ivar word: its name on the command line.
     :ivar once: whether it reaches its time in one step.
+    :ivar conserves: what does not change, in words.
+    :ivar aliases: other names of it.
     """
 
     word: ClassVar[str] = ""
     once: ClassVar[bool] = False
+    conserves: ClassVar[str] = "nothing, and closed meshes shrink; PreserveVolume keeps their volume"
+    aliases: ClassVar[tuple[str, ...]] = ()
 
     along: Along = option("all", "Points move in all directions, or only along their normals.")
 

@@ -79,6 +79,7 @@ class PaperScheme(SchemeMethod):
     """
 
     word: ClassVar[str] = "paper"
+    conserves: ClassVar[str] = "no mean; one channel does not leave the range of the start"
     slower: ClassVar[float] = 4.0
 
     def on_grid(self, grid: Grid, threads: int | None) -> Flow:

@@ -16,6 +16,7 @@ class Search(HeightMethod):
     """The method with the least estimated risk, among those that suit the data; options given here are kept."""
 
     word: ClassVar[str] = "search"
+    conserves: ClassVar[str] = "what the method that it finds does"
 
     along: Along = option("all", "Points move in all directions, or only along their normals.")
     blend: bool = option(
@@ -29,3 +30,4 @@ class Quick(Search):
     """One fixed choice for all data, without a search."""
 
     word: ClassVar[str] = "quick"
+    conserves: ClassVar[str] = "nothing"

@@ -66,6 +66,7 @@ class SelectiveSmoothing(SchemeMethod):
     """
 
     word: ClassVar[str] = "selective"
+    aliases: ClassVar[tuple[str, ...]] = ("alm92",)
 
     presmoothing: float = option(1.0, "Standard deviation of the Gaussian before edges are measured.", "samples")
 

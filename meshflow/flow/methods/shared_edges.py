@@ -79,6 +79,8 @@ class SharedEdges(SchemeMethod):
     """
 
     word: ClassVar[str] = "shared-edges"
+    conserves: ClassVar[str] = "the mean of the samples, of each channel"
+    aliases: ClassVar[tuple[str, ...]] = ("sha96",)
 
     fidelity: float = option(0.0, "How strongly the start pulls.", "1 / squared length")
     width: float = option(2.0, "rho, the width of edges.", "samples")

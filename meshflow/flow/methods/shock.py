@@ -75,6 +75,7 @@ class ShockFilter(SchemeMethod):
     """
 
     word: ClassVar[str] = "shock"
+    aliases: ClassVar[tuple[str, ...]] = ("kda97",)
 
     fidelity: float = option(0.0, "How strongly the start pulls.", "1 / squared length")
     shock: float = option(0.1, "Strength of the shock term; 0: none.", "1 / length")

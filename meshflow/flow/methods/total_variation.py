@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from meshflow.errors import InputError
-from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.beltrami import MEAN, HeightMethod
 from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import positive
 
@@ -24,6 +24,8 @@ class TotalVariation(HeightMethod):
     """
 
     word: ClassVar[str] = "total-variation"
+    conserves: ClassVar[str] = MEAN
+    aliases: ClassVar[tuple[str, ...]] = ("tv-flow",)
     contrasts: ClassVar[tuple[float, ...]] = (8.0, 16.0)
 
     regularization: float | None = option(
