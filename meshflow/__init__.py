@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from meshflow.io.files import Document, read, write
     from meshflow.io.formats.cameras import read_camera, write_camera
     from meshflow.large.outcome import Outcome
+    from meshflow.results.expected_error import expected_error
     from meshflow.results.multipart import Results
     from meshflow.results.result import Result
     from meshflow.smoothing import estimate_noise, smooth
@@ -169,6 +170,7 @@ _HOMES = {
         "write_camera",
     ),
     "large.outcome": ("Outcome",),
+    "results.expected_error": ("expected_error",),
     "results.multipart": ("Results",),
     "results.result": ("Result",),
     "smoothing": (

@@ -107,6 +107,7 @@ def _output(given: Given, memory: float) -> "Output":
         stored.get("driver"),
         stored.get("creation", {}),
         given["removed"],
+        given["uncertainty"],
     )
 
 

@@ -91,6 +91,7 @@ def about(
             "driver",
             "creation",
             "removed",
+            "uncertainty",
             "most_memory",
             "output",
             "together",
@@ -147,17 +148,18 @@ def _one(given: Given) -> Told:
     request = asked(given, partial(per_sample, document), suiting)
     stored = writing_of(given)
     _must_be_writable(document, target, given["picture"], given["report"], overwrite, stored)
-    beside = Beside(given["removed"], overwrite, without_type(stored))
+    beside = Beside(given["removed"], given["uncertainty"], overwrite, without_type(stored))
     beside.must_be_writable(document, target)
     record = given["json"] or given["report"] is not None
     done, result = smooth_object(document, request, None if given["quiet"] else True, record=record)
+    sides = beside.made(document, done, result)
     tags = {f"meshflow:{name}": word for name, word in result.tags.items()}
     options: Writing = {**stored, **_left(document, target, result, stored)}
     notes = (
         document.notes
         + narrowed(request, word, suiting)
         + write(done, target, overwrite=overwrite, tags=tags, **options)
-        + beside.write(document, done, tags)
+        + beside.write(sides, tags)
     )
     notes += tuple(word for word in every_warning(result) if word not in (*notes, result.stopped_because))
     return Told(result, notes, (document, done))

@@ -187,7 +187,7 @@ def _reason(refusal: BaseException) -> str:
 
 def _must_be_of_many(given: Given, paths: Sequence[Path]) -> None:
     whole(given["jobs"], "jobs", 1)
-    for name in ("picture", "report", "removed"):
+    for name in ("picture", "report", "removed", "uncertainty"):
         if given[name] is not None:
             raise InputError(f"--{name}: of one file, not of several; leave it out")
     if STDIN in paths:

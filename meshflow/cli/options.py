@@ -184,6 +184,13 @@ ALL: tuple[Flag, ...] = (
     ),
     Flag("removed", Path | None, "Second raster to write: what was removed, IN minus OUT.", OUTPUT),
     Flag(
+        "uncertainty",
+        Path | None,
+        "Raster to write with the expected error of each sample, a standard deviation: from 8 more runs on the result with noise "
+        "of the estimated kind added.",
+        OUTPUT,
+    ),
+    Flag(
         "most_memory",
         str | None,
         "Memory that the command may take, such as 2GB: a raster that does not fit is smoothed by windows, with the same result. "

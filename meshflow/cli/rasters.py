@@ -4,10 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from meshflow.cli.flags import Given
 from meshflow.errors import FormatError, InputError
+from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, Writing
 from meshflow.io.files import writable, write
+from meshflow.results.expected_error import expected_error
+from meshflow.results.multipart import Results
+from meshflow.results.result import Result
 
 __all__ = ["Beside", "without_type", "writing_of"]
 
@@ -46,38 +52,63 @@ class Beside:
     """The rasters that are written beside a result.
 
     :ivar removed: path of the one with what was removed; None: it is not written.
+    :ivar uncertainty: path of the one with the expected error of each sample.
     :ivar overwrite: replace files that are there.
     :ivar options: of the writer.
     """
 
     removed: Path | None
+    uncertainty: Path | None
     overwrite: bool
     options: Writing
+
+    @property
+    def paths(self) -> dict[str, Path]:
+        """Those that are written, by what they hold."""
+        every = (("removed", self.removed), ("expected error", self.uncertainty))
+        return {word: path for word, path in every if path is not None}
 
     def must_be_writable(self, document: Document, target: Path) -> None:
         """Refuse what cannot be written, before the work.
 
         :param target: where the result goes.
         :raises FormatError: it says why.
-        :raises InputError: for a mesh, and data of several parts.
+        :raises InputError: for a mesh.
         """
-        if self.removed is None:
-            return
         from meshflow.io.side_outputs import document_of, must_be_on_a_grid
         from meshflow.surfaces.data import array_of
 
-        if self.removed.resolve() == target.resolve():
+        files = [path.resolve() for path in (target, *self.paths.values())]
+        if len(set(files)) < len(files):
             raise FormatError(f"{target}: each output needs a name of its own")
-        values = array_of(must_be_on_a_grid(document, "removed"))
-        writable(document_of(document, values, "removed"), self.removed, overwrite=self.overwrite, **self.options)
+        for word, path in self.paths.items():
+            values = array_of(must_be_on_a_grid(document, word))
+            writable(document_of(document, values, word), path, overwrite=self.overwrite, **self.options)
 
-    def write(self, before: Document, after: Document, tags: Mapping[str, str]) -> tuple[str, ...]:
+    def made(self, before: Document, after: Document, result: Result | Results) -> dict[str, Document]:
+        """What they hold, by words.
+
+        :raises InputError: for data without an expected error.
+        """
+        from meshflow.io.side_outputs import difference_of, document_of
+
+        return {
+            word: difference_of(before, after) if word == "removed" else document_of(before, _errors_of(result), word)
+            for word in self.paths
+        }
+
+    def write(self, made: Mapping[str, Document], tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write them; returns notes."""
-        if self.removed is None:
-            return ()
-        from meshflow.io.side_outputs import difference_of
+        notes: tuple[str, ...] = ()
+        for word, document in made.items():
+            path = self.paths[word]
+            notes += write(document, path, overwrite=self.overwrite, tags=dict(tags), **self.options)
+            notes += (f"{word}: {path}",)
+        return notes
 
-        notes = write(
-            difference_of(before, after), self.removed, overwrite=self.overwrite, tags=dict(tags), **self.options
-        )
-        return (*notes, f"removed: {self.removed}")
+
+def _errors_of(result: Result | Results) -> Array:
+    """The expected errors (h, w) or (h, w, k) of a result; bands that were smoothed one by one are put side by side."""
+    if isinstance(result, Result):
+        return expected_error(result)
+    return np.stack([expected_error(one) for one in result.values()], axis=2)

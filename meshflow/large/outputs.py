@@ -33,6 +33,7 @@ class Output:
     :ivar overwrite: replace a file that is there.
     :ivar driver: of GDAL; None: that of the extension. ``creation``: its creation options.
     :ivar removed: of a second raster, with what was removed; None: there is none.
+    :ivar uncertainty: of one with the expected error of each sample.
     """
 
     budget: Budget
@@ -41,11 +42,13 @@ class Output:
     driver: str | None = None
     creation: Mapping[str, str] = field(default_factory=dict)
     removed: Path | None = None
+    uncertainty: Path | None = None
 
     @property
     def sides(self) -> dict[str, Path]:
         """The rasters beside the result, by what they hold."""
-        return {word: path for word, path in (("removed", self.removed),) if path is not None}
+        every = (("removed", self.removed), ("expected error", self.uncertainty))
+        return {word: path for word, path in every if path is not None}
 
     @property
     def options(self) -> WriteOptions:

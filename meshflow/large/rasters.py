@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.estimate.constraints import Constraints
+from meshflow.estimate.noise_fields import NoiseFields
 from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress, reporting
 from meshflow.geometry.validation import Array, Spacing, spacing_of
@@ -22,6 +24,7 @@ from meshflow.large.outputs import Output, Written, must_be_stored, must_be_writ
 from meshflow.large.sample import ENOUGH, Sample, part_of, sample_of
 from meshflow.large.source import Form, Source, Window, grown, moved_by, tiled, within
 from meshflow.large.windows import Bound, Windowed, windowed
+from meshflow.results.expected_error import must_have_error, spread_around
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
@@ -83,6 +86,8 @@ def smooth_raster(
         sample = sample_of(source, writing.budget.sample(source.form, ENOUGH))
         _must_be_alike(source, sample, options)
         run = windowed(source.form, sample, request)
+        if writing.uncertainty is not None:
+            must_have_error(run.found)
         sheet = Sheet(source, source, (slice(0, source.form.shape[0]), slice(0, source.form.shape[1])))
         outcome = written(sheet, Run(run, run.local.over(census), census, request), target, writing, progress)
     return replace(outcome, notes=(*notes, *more, *outcome.notes))
@@ -194,7 +199,8 @@ def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Pro
     """
     form, reader = sheet.file.form, sheet.file.reader
     stored, notes = stored_as(reader, run.census, target, writing)
-    windows = list(tiled(form.shape, writing.budget.sides(form, run.found.halo)))
+    twice = 1 if writing.uncertainty is None else 2  # runs on what a run makes
+    windows = list(tiled(form.shape, writing.budget.sides(form, twice * run.found.halo)))
     removed, threads = Removed(), run.request.compute.workers
     outcome = Outcome(run.found, len(windows), removed)
     clipped: dict[str, int] = {}
@@ -203,7 +209,8 @@ def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Pro
         into = Written.opened(stack, (target, stored, reader.layout), writing, threads, tags)
         sides = opened_beside(stack, reader, writing, threads, tags)
         for i, window in enumerate(windows):
-            done = _one(sheet, run, window, removed)
+            done = _one(sheet, run, window, writing.uncertainty is not None)
+            removed.add(*done.counted)
             clipped |= dict.fromkeys(into.write(window, done.after, done.gone, reader.alpha_of(window)), 0)
             for word, side in sides.items():
                 side.write(window, done.side(word), done.gone)
@@ -213,27 +220,67 @@ def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Pro
 
 @dataclass(frozen=True, eq=False)
 class _Done:
-    """A window that was smoothed: values (k, r, c) before and after, and missing samples (1 or k, r, c)."""
+    """A window that was smoothed: bands (k, r, c) before and after, and missing samples (1 or k, r, c).
+
+    :ivar missing: (r, c), samples that are missing in any band.
+    :ivar error: (k, r, c), the expected error; None: it was not asked for.
+    """
 
     before: Array
     after: Array
     gone: Array
+    missing: Array
+    error: Array | None = None
+
+    @property
+    def counted(self) -> tuple[Array, Array, Array]:
+        """Values (r, c, k) before and after, and those that are missing."""
+        return np.moveaxis(self.before, 0, 2), np.moveaxis(self.after, 0, 2), self.missing
 
     def side(self, word: str) -> Array:
-        """The values of a raster beside the result."""
-        return self.before.astype(np.float64) - self.after
+        """The bands of a raster beside the result."""
+        return self.before.astype(np.float64) - self.after if word == "removed" or self.error is None else self.error
 
 
-def _one(sheet: Sheet, run: Run, window: Window, removed: Removed) -> _Done:
+def _one(sheet: Sheet, run: Run, window: Window, with_error: bool) -> _Done:
     """A window of the file, smoothed."""
-    source, shape = sheet.file, sheet.grid.form.shape
+    source, shape, halo = sheet.file, sheet.grid.form.shape, run.found.halo
     inner = moved_by(window, sheet.place)
-    outer = grown(inner, run.found.halo, shape)
-    at = within(inner, outer)
+    wide = grown(inner, halo, shape) if with_error else inner
+    outer = grown(wide, halo, shape)
     values, missing = sheet.grid.read(outer)
     constraints = part_of(run.request.constraints, shape, outer)
-    done = run.bound.moved((inner, outer), values, missing, constraints)
-    removed.add(values[at], done, missing[at])
+    done = run.bound.moved((wide, outer), values, missing, constraints)
+    at, core = within(inner, outer), within(inner, wide)
+    error = source.bands(_error_of(run, (inner, wide), done, missing[within(wide, outer)])) if with_error else None
     # A band may be missing where others are there.
     gone = missing[at][None] if source.form.channels is None else source.reader.values(window)[1]
-    return _Done(source.bands(values[at]), source.bands(done), gone)
+    return _Done(source.bands(values[at]), source.bands(done[core]), gone, missing[at], error)
+
+
+def _error_of(run: Run, windows: tuple[Window, Window], done: Array, missing: Array) -> Array:
+    """The expected error (r, c) or (r, c, k) of a window.
+
+    :param windows: the one that is asked for, and it with its halo.
+    :param done: the result in the latter; ``missing``: (r, c).
+    """
+    inner, wide = windows
+    at, found = within(inner, wide), run.found.found
+    if found.idle is not None:
+        return np.full_like(done[at], found.noise.sigma)
+    again = _Again(run, windows, missing, part_of(run.request.constraints, run.bound.local.form.shape, wide))
+    return spread_around(done, (at, wide), again, NoiseFields(found.noise, run.bound.local.form.channels))
+
+
+@dataclass(frozen=True, eq=False)
+class _Again:
+    """Runs the plan of windows on other values of one."""
+
+    run: Run
+    windows: tuple[Window, Window]
+    missing: Array
+    constraints: Constraints
+
+    def __call__(self, values: Array) -> Array:
+        """The smoothed values."""
+        return self.run.bound.moved(self.windows, values, self.missing, self.constraints)

@@ -81,7 +81,7 @@ def _in_disparity(data: RangeImage, request: Request, progress: Progress, record
     done = replace(from_disparity(cleared, found.after), fixed=data.fixed, sigma=data.sigma)
     # What was removed, and the noise, are reported in depths; the parameters are those of the inverse depth.
     parameters = _of_inverses(found.parameters, inverse.unit, stepped)
-    return replace(found, data=done, after=done, before=data, parameters=parameters, noise=noise)
+    return replace(found, data=done, after=done, before=data, parameters=parameters, noise=noise, plan=None)
 
 
 def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: bool) -> dict[str, Parameter]:
@@ -116,7 +116,7 @@ def _in_colours(data: Data, word: ColourWord, request: Request, progress: Progre
     noise = noise_in(data) if given is None else Noise(given, 0.0, how="given")
     return replace(
         found, data=done, after=done, before=data, parameters=parameters, noise=noise,
-        warnings=(*warnings, *found.warnings),
+        warnings=(*warnings, *found.warnings), plan=None,
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,6 +13,7 @@ from scipy.special import i0e
 
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, Parameters, value_unit
+from meshflow.estimate.plan import Plan
 from meshflow.estimate.risk import Candidate
 from meshflow.flow.march import State
 from meshflow.geometry.options import named_fields
@@ -74,6 +75,7 @@ class Result:
     :ivar warnings: sentences.
     :ivar version: the version of meshflow.
     :ivar notes: what was done when the data was taken in, where it needs no attention.
+    :ivar plan: of the run; None where it ran on other numbers than these (inverse depths, another colour space).
     """
 
     data: Any
@@ -89,6 +91,7 @@ class Result:
     warnings: tuple[str, ...]
     version: str
     notes: tuple[str, ...] = ()
+    plan: Plan | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Parameters(self.parameters))

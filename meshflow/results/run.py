@@ -103,13 +103,15 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
         stopped_because=end.reason or "",
         warnings=warnings,
         version=release(),
+        plan=plan,
     )
 
 
 def end_of(plan: Plan) -> State:
-    """The last state of a plan that is not idle: its run, or the blend of its runs; nothing is measured on the way."""
+    """The last state of a plan that is not idle: its run, or the blend of its runs, and the second stage; nothing is measured."""
     end = _run(_steered(engine_of(plan), plan), plan, None, None)[1]
-    return _blended(plan, end) if plan.blend else end
+    end = _blended(plan, end) if plan.blend else end
+    return end if plan.groups is None else _grouped(end, plan, plan.groups)
 
 
 def with_given_steps(plan: Plan) -> tuple[Plan, tuple[int, ...]]:
