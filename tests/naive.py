@@ -216,17 +216,22 @@ def selective_smoothing(u, r, c, smooth, contrast):
 
 
 @each
-def shock_filter(u, r, c, start, smooth, contrast, fidelity, shock):
-    """[KDA97]: phi'(s)/s u_xi_xi + phi''(s) u_eta_eta - lambda (u - u0) - beta sign(G u_eta_eta) |grad u|."""
+def shock_filter(u, r, c, start, smooth, contrast, fidelity, shock, switch=0.0):
+    """[KDA97]: phi'(s)/s u_xi_xi + h phi''(s) u_eta_eta - lambda (u - u0) - (1 - h) beta sign(G u_eta_eta) |grad u|.
+
+    h is 1 where |grad G u| is below the switch and 0 elsewhere; without a switch both stand.
+    """
     x, y, xx, _, yy = differences(u, r, c)
     s2 = contrast**2 * (x**2 + y**2)
     along = xi_xi(u, r, c)
-    rate = along / (1 + s2) ** 0.5 + (xx + yy - along) / (1 + s2) ** 1.5 - fidelity * (u[r, c] - start[r, c])
-    _, _, bxx, _, byy = differences(smooth, r, c)
+    bx, by, bxx, _, byy = differences(smooth, r, c)
+    h = 1.0 if switch == 0 or np.hypot(bx, by) < switch else 0.0
+    rate = along / (1 + s2) ** 0.5 + h * (xx + yy - along) / (1 + s2) ** 1.5 - fidelity * (u[r, c] - start[r, c])
     square = 0.0
     for down, right in ((0, 1), (1, 0)):
         back, forth = u[r, c] - near(u, r, c, -down, -right), near(u, r, c, down, right) - u[r, c]
         square += min(abs(back), abs(forth)) ** 2 if back * forth > 0 else 0.0
+    shock = shock if switch == 0 else (1.0 - h) * shock
     return rate - shock * np.sign(bxx + byy - xi_xi(smooth, r, c)) * square**0.5
 
 

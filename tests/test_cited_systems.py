@@ -71,11 +71,12 @@ def test_selective_smoothing_is_its_equation():
     close(rate_of(SelectiveScheme(0.7, 1.0), u), naive.selective_smoothing(u, smooth, 0.7))
 
 
-@pytest.mark.parametrize("shock", [0.0, 0.3])
-def test_the_shock_filter_is_its_equation(shock):
+@pytest.mark.parametrize(("shock", "switch"), [(0.0, 0.0), (0.3, 0.0), (0.3, 0.8), (0.0, 0.8)])
+def test_the_shock_filter_is_its_equation(shock, switch):
     u = rough()
     smooth = gaussian_filter(u, 1.0, mode="nearest")
-    close(rate_of(ShockScheme(0.7, 0.2, shock, 1.0), u), naive.shock_filter(u, u, smooth, 0.7, 0.2, shock))
+    literal = naive.shock_filter(u, u, smooth, 0.7, 0.2, shock, switch)
+    close(rate_of(ShockScheme(0.7, 0.2, shock, 1.0, switch), u), literal)
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.5])
@@ -258,6 +259,33 @@ def test_a_shock_filter_makes_ramps_steeper():
     ramp = np.tile(np.clip(np.arange(40) - 15.0, 0, 8), (20, 1))
     found = meshflow.smooth(ramp, method=meshflow.ShockFilter(shock=0.5, contrast=10.0), time=3.0, noise=0.1)
     assert np.abs(np.diff(found[10])).max() > 1.5
+
+
+def test_with_a_switch_the_shock_filter_sharpens_edges_and_no_noise():
+    ramp = np.tile(np.clip(np.arange(40) - 15.0, 0, 8), (20, 1))
+    noisy = ramp + 0.2 * np.random.default_rng(0).normal(size=ramp.shape)
+    run = {"time": 3.0, "noise": 0.2}
+    plain, switched = (
+        meshflow.smooth(noisy, method=meshflow.ShockFilter(shock=1.0, contrast=4.0, switch=switch), **run)
+        for switch in (0.0, 0.5)
+    )
+    assert np.std(switched[:, :10]) < 0.7 * np.std(plain[:, :10])
+    assert np.abs(np.diff(switched[10])).max() > 1.5
+
+
+@pytest.mark.parametrize("method", [meshflow.RudinOsherFatemi, meshflow.HalfQuadratic])
+def test_the_fidelity_of_least_estimated_risk_is_near_the_least_error(method):
+    truth, noisy = cliff()
+    found = meshflow.smooth(noisy, method=method(balance="risk"), noise=1.0, result=True)
+    assert "least estimated risk" in found.parameters["time"].why
+    time, contrast = float(found.parameters["time"]), float(found.parameters["contrast"])
+    errors = [
+        rms(meshflow.smooth(noisy, method=method(contrast=contrast), time=time * factor, noise=1.0) - truth)
+        for factor in 2.0 ** np.arange(-4, 5)
+    ]
+    assert rms(found.data - truth) < 1.1 * min(errors)
+    by_constraint = meshflow.smooth(noisy, method=method(), noise=1.0)
+    assert rms(found.data - truth) < rms(by_constraint - truth)
 
 
 # --- several channels, and meshes -----------------------------------------------------------------------------------------

@@ -131,3 +131,17 @@ def test_an_unknown_method_has_no_options():
     told = CliRunner().invoke(app, ["options", "beltramy"])
     assert told.exit_code != 0
     assert "did you mean beltrami" in str(told.exception)
+
+
+@pytest.mark.parametrize("word", ["shock", "min-max", "low-curvature"])
+def test_a_scheme_whose_time_nobody_gave_changes_rough_data_by_no_more_than_the_noise_and_says_so(word):
+    draw = np.random.default_rng(3)
+    rough = 30.0 * np.cumsum(np.cumsum(draw.normal(size=(64, 64)), axis=0), axis=1) / 64
+    noisy = rough + draw.normal(size=rough.shape)
+    found = meshflow.smooth(noisy, method=word, noise=1.0, result=True)
+    assert np.sqrt(np.mean(np.square(found.data - noisy))) < 1.1
+    assert any("here it changes other things than noise" in said for said in found.warnings)
+    longer = meshflow.smooth(noisy, method=word, noise=1.0, time=float(found.parameters["time"]), result=True)
+    assert np.sqrt(np.mean(np.square(longer.data - noisy))) > 1.5
+    flat = meshflow.smooth(draw.normal(size=(64, 64)), method=word, result=True)
+    assert not any("other things than noise" in said for said in flat.warnings)

@@ -14,7 +14,7 @@ from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import GIVEN, Decided, Part, Plan, size_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE, Configuration
-from meshflow.estimate.variational import time_of_noise
+from meshflow.estimate.variational import at_rest
 from meshflow.flow.constraints import Limit
 from meshflow.flow.family import Variant
 from meshflow.flow.methods.beltrami import Beltrami, Heat, HeightMethod
@@ -101,8 +101,7 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
     plan = _ruled(plan, contrast, how, much, f"{much:g} h²")
     if not asked.fits_noise or sigma <= 0 or request.until_time is not None or request.stops:
         return plan
-    time = time_of_noise(plan, sigma)
-    return plan.with_({"time": Decided("estimated", "the residual equals the noise")}, time=time)
+    return at_rest(plan, sigma)
 
 
 def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:

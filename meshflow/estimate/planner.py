@@ -16,6 +16,7 @@ from meshflow.estimate.preparation import Preparation, prepared
 from meshflow.estimate.quantization import steps_of
 from meshflow.estimate.quantized import LeastBending, quantized
 from meshflow.estimate.request import Request
+from meshflow.estimate.schemes import within_noise
 from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.spikes import without_spikes
 from meshflow.flow.compute import Compute
@@ -120,7 +121,7 @@ def plan(data: Data, request: Request) -> Plan:
     found = replace(
         found, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=(*warnings, *found.warnings)
     )
-    return with_second_stage(_ended(_held(found)))
+    return with_second_stage(_ended(within_noise(_held(found))))
 
 
 def _of_lines(noise: Noise) -> tuple[str, ...]:

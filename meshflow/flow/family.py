@@ -16,6 +16,8 @@ Mass = Literal["barycentric", "voronoi", "ring"]
 # The widest patch; the filter taps must fit beside the rows of a grid.
 # The largest exponents: beyond, no slope of any data keeps within double precision.
 STEEPEST = 100.0
+# The least gamma: below it steep places move so fast that the steps that they allow are too short to compute.
+LEAST_GAMMA = -12.0
 WIDEST = 6.0
 
 
@@ -56,8 +58,12 @@ class Variant:
     linear: bool = False
 
     def __post_init__(self) -> None:
-        if abs(number(self.gamma, "gamma")) > STEEPEST:
-            raise InputError(f"gamma: an exponent from {-STEEPEST:g} to {STEEPEST:g} expected, got {self.gamma:g}")
+        if not LEAST_GAMMA <= number(self.gamma, "gamma") <= STEEPEST:
+            why = "; below it steep places move too fast to compute, and -2 (graph flow) already smooths edges"
+            raise InputError(
+                f"gamma: an exponent from {LEAST_GAMMA:g} to {STEEPEST:g} expected, got {self.gamma:g}"
+                f"{why if self.gamma < 0 else ''}"
+            )
         if positive(self.sharpness, "sharpness") > STEEPEST:
             raise InputError(f"sharpness: an exponent up to {STEEPEST:g} expected, got {self.sharpness:g}")
         if positive(self.floor, "floor") > 1:

@@ -11,6 +11,7 @@ from meshflow.estimate.planner import plan as planned
 from meshflow.estimate.planner import plan_of_flow
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
+from meshflow.estimate.schemes import held_back
 from meshflow.flow.compute import Compute
 from meshflow.flow.conservation import Kept, free_of
 from meshflow.flow.constraints import Both, Faithful, Hold
@@ -83,6 +84,7 @@ def _smoothed(data: Data, request: Request, progress: Progress, record: bool | N
         warnings += _of_area(done, plan, start, end)
         done, held = _without_harm(done, plan)
         warnings += held
+        warnings += held_back(plan, end)
     if isinstance(engine, GridFlow):
         warnings += _alone(engine, plan)
     done = replace(done, fixed=data.fixed)

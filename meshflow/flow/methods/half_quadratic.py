@@ -26,6 +26,10 @@ class _AtRest(UnsearchedMethod):
     """One fully implicit step of a diffusion: its time is the weight of the potential against the data."""
 
     once: ClassVar[bool] = True
+    balance: Literal["noise", "risk"] = option(
+        "noise",
+        "Without a time, the weight of the data makes the residual equal to the noise, or is that of least estimated risk.",
+    )
     unused: ClassVar[tuple[str, ...]] = ("indicator",)
     conserves: ClassVar[str] = MEAN.partition("; with alternating")[0]  # there is one step, and it has both diagonals
 
@@ -35,7 +39,7 @@ class _AtRest(UnsearchedMethod):
 
     @property
     def fits_noise(self) -> bool:
-        """The time is that at which the residual equals the noise."""
+        """The time is that at which the residual equals the noise, or that of least estimated risk."""
         return True
 
     @property
@@ -72,7 +76,8 @@ class HalfQuadratic(_AtRest):
     (:class:`meshflow.flow.proximal.Proximal`). phi by name: ``hypersurface`` sqrt(1 + s^2) - 1, ``lorentz`` log(1 + s^2) / 2,
     ``geman-mcclure`` s^2 / (1 + s^2) / 2, those of P. Charbonnier, L. Blanc-Feraud, G. Aubert, M. Barlaud, IEEE Trans. Image
     Process. 6 (1997), 298-311 (from the survey in shared/PEERS.md; the paper itself could not be checked). Without a time the
-    residual is made equal to the noise. Take it where a flow's time is hard to choose: its result is the end.
+    residual is made equal to the noise, or the estimated risk least (``balance="risk"``). Take it where a flow's time is hard to
+    choose: its result is the end.
     """
 
     word: ClassVar[str] = "half-quadratic"
@@ -105,7 +110,8 @@ class RudinOsherFatemi(_AtRest):
     """Total variation with a fidelity, at rest: the model of Rudin, Osher and Fatemi [ROF92].
 
     The minimum of sum A sqrt(1 / contrast^2 + |grad u|^2) + lambda / 2 |u - f|^2 with lambda = contrast / time. Without a time
-    lambda is that of their constraint, |u - f|^2 = sigma^2 times the area. L. Rudin, S. Osher, E. Fatemi, Physica D 60 (1992),
+    lambda is that of their constraint, |u - f|^2 = sigma^2 times the area, or with ``balance="risk"`` that of least estimated
+    risk (Stein 1981, by one probe; for white noise), which smooths less. L. Rudin, S. Osher, E. Fatemi, Physica D 60 (1992),
     259-268; they march to rest in time, here it is reached in a few solves. Take it for flat parts between sharp edges; it
     lowers peaks.
     """
