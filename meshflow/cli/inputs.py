@@ -1,11 +1,13 @@
 """Reads the files of a command."""
 
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from meshflow.cli.flags import Given
+from meshflow.cli.regions import is_region, region
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
@@ -84,7 +86,11 @@ def per_sample(document: Document, word: str, given: str) -> Any:
 
     :raises InputError: for text that names neither.
     """
-    if document.kind != "mesh" or _is_plain(word, given) or Path(given).is_file():
+    if _is_plain(word, given) or isfile(given):
+        return plain_sample(word, given)
+    if word in ("mask", "fixed") and is_region(given):
+        return region(document, given, word)
+    if document.kind != "mesh":
         return plain_sample(word, given)
     try:
         document.samples(given, word)
@@ -102,7 +108,7 @@ def plain_sample(word: str, given: str) -> Any:
         return given
     if _is_plain(word, given):
         return float(given)
-    if not Path(given).is_file():
+    if not isfile(given):
         others = {"max_change": "a number, step, or ", "fixed": "", "mask": ""}.get(word, "a number or ")
         raise InputError(f"{word}: {others}a file expected, and there is no file {given}")
     return (mask if word in ("mask", "fixed") else samples)(Path(given))

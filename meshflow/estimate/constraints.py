@@ -51,7 +51,10 @@ class Fixed:
     """Samples that do not move, in addition to those that the data itself fixes."""
 
     mask: PerSample = option(
-        MISSING, "Mask, not zero where samples do not move: a raster, picture, .npy, or vertex attribute.", flag="fixed"
+        MISSING,
+        "Mask, not zero where samples do not move: a raster, picture, .npy, vertex attribute, or (in the shell) an expression, "
+        "'z > 2'.",
+        flag="fixed",
     )
 
     def __post_init__(self) -> None:
@@ -64,7 +67,10 @@ class Mask:
     """The samples that may move; all others stay. The noise is estimated from them."""
 
     mask: PerSample = option(
-        MISSING, "Mask, not zero where samples may move: a raster, picture, .npy, or vertex attribute.", flag="mask"
+        MISSING,
+        "Mask, not zero where samples may move: a raster, picture, .npy, vertex attribute, or (in the shell) an expression, "
+        "'sphere(0,0,0,5)'.",
+        flag="mask",
     )
 
     def __post_init__(self) -> None:

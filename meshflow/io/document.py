@@ -51,6 +51,10 @@ class Source:
         """The meshes of a file with several; empty for a file with one."""
         return ()
 
+    def places(self, shape: tuple[int, int]) -> tuple[Array, Array] | None:
+        """x and y of samples (h, w) on a map; None where the file lies on none."""
+        return None
+
     @property
     def bands(self) -> tuple[str, ...]:
         """The names of bands of an image that are smoothed one by one; empty where they are smoothed together."""

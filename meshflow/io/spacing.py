@@ -146,7 +146,9 @@ def on_ground(crs: "CRS", x: float, y: Array, dx: float, dy: float) -> tuple[Spa
     note = f"{_TOLD} became those on the ground, {low:.4g} to {high:.4g} of them by row"
     if along.max() <= 1.1 * along.min():
         return (across, float(along[h // 2])), (Fact(note),)
-    note += f"; between rows the {along[h // 2] / dy:.4g} of the middle row counts for all: gdalwarp -t_srs to a local map"
+    note += (
+        f"; between rows the {along[h // 2] / dy:.4g} of the middle row counts for all: gdalwarp -t_srs to a local map"
+    )
     return (across, float(along[h // 2])), (note,)
 
 

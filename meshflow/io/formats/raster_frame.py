@@ -103,6 +103,14 @@ class Framed(Source):
         """The unit of the lengths between samples."""
         return self.frame.ground_unit
 
+    def places(self, shape: tuple[int, int]) -> tuple[Array, Array] | None:
+        """x and y of the centres of samples (h, w) on the map."""
+        if not self.frame.georeferenced:
+            return None
+        a, b, c, d, e, f = tuple(self.frame.transform)[:6]
+        row, column = np.mgrid[: shape[0], : shape[1]] + 0.5
+        return a * column + b * row + c, d * column + e * row + f
+
     @property
     def north_up(self) -> bool:
         """Whether the file lies on a map, north up."""
