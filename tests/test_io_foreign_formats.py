@@ -136,3 +136,44 @@ def test_3mf_comes_back_part_by_part(tmp_path):
     np.testing.assert_allclose(np.sort(back.data.points, axis=0), np.sort(document.data.points, axis=0), atol=1e-5)
     write(back, tmp_path / "b.3mf")
     np.testing.assert_allclose(read(tmp_path / "b.3mf").data.points, back.data.points, atol=1e-6)
+
+
+def binary_off(kind="OFF", sizes=(4,), extra=0):
+    """A box of polygons as Geomview writes it, with numbers per vertex beside the position and colours per face."""
+    box = trimesh.creation.box()
+    squares = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    rows = np.column_stack([box.vertices, np.arange(8 * extra).reshape(8, extra)]).astype(">f4")
+    body = b"".join(
+        np.array([4, *square, i % 3], ">i4").tobytes() + np.full(i % 3, 0.5, ">f4").tobytes()
+        for i, square in enumerate(squares)
+    )
+    return f"{kind} BINARY\n".encode() + np.array([8, 6, 12], ">i4").tobytes() + rows.tobytes() + body
+
+
+@pytest.mark.parametrize(("kind", "extra"), [("OFF", 0), ("NOFF", 3), ("COFF", 4), ("CNOFF", 7), ("STOFF", 2)])
+def test_a_binary_off_is_read_and_written_with_the_same_bytes(tmp_path, kind, extra):
+    (tmp_path / "a.off").write_bytes(binary_off(kind, extra=extra))
+    document = read(tmp_path / "a.off")
+    assert np.array_equal(document.data.points, trimesh.creation.box().vertices)
+    assert len(document.data.faces) == 12
+    write(document, tmp_path / "b.off")
+    assert (tmp_path / "b.off").read_bytes() == binary_off(kind, extra=extra)
+    moved = replace(document.data, points=document.data.points + 0.25)
+    write(document.holding(moved), tmp_path / "c.off")
+    again = read(tmp_path / "c.off")
+    assert np.array_equal(again.data.points, moved.points)
+    assert np.array_equal(again.data.faces, document.data.faces)
+    write(document, tmp_path / "b.ply")
+    assert len(read(tmp_path / "b.ply").data.faces) == 12
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.6, 0.95])
+def test_a_binary_off_that_is_cut_off_or_lies_is_refused(tmp_path, share):
+    content = binary_off()
+    (tmp_path / "a.off").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(FormatError, match=r"cut off|does not fit"):
+        read(tmp_path / "a.off")
+    for count in (b"\x7f\xff\xff\xff", b"\xff\xff\xff\xff"):
+        (tmp_path / "b.off").write_bytes(content[:11] + count + content[15:])
+        with pytest.raises(FormatError, match="cut off"):
+            read(tmp_path / "b.off")

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+from PIL import Image as Pixels
 from rasterio.enums import ColorInterp
 
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import pictures
 from meshflow.io.metadata import ReadOptions
+from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
@@ -255,3 +257,19 @@ def test_a_photograph_comes_out_as_it_came_in(tmp_path):
     assert document.data.values.shape == (474, 630)
     write(document, tmp_path / "out.png")
     assert np.array_equal(stored(tmp_path / "out.png"), stored(path))
+
+
+def test_grey_of_16_bit_with_holes_is_asked_for_its_camera_before_any_work(tmp_path):
+    rng = np.random.default_rng(2)
+    depth = (1500 + 5 * np.arange(64) + rng.normal(0, 9, (48, 64))).astype(np.uint16)
+    depth[10:20, 5:30] = 0
+    Pixels.fromarray(depth).save(tmp_path / "depth.png")
+    with pytest.raises(InputError, match=r"250 holes .*camera='tum'.*kind='image'"):
+        read(tmp_path / "depth.png")
+    assert read(tmp_path / "depth.png", kind="image").kind == "image"
+    camera = Pinhole(60, 60, 31.5, 23.5)
+    assert read(tmp_path / "depth.png", camera=camera).kind == "depth"
+    grey = (np.arange(64) * 900 + rng.normal(0, 300, (48, 64))).clip(0, 65535).astype(np.uint16)
+    Pixels.fromarray(grey).save(tmp_path / "grey.png")
+    assert (grey == 0).mean() > 0.005
+    assert read(tmp_path / "grey.png").kind == "image", "black is no hole"

@@ -104,6 +104,7 @@ class _Names:
 
     @classmethod
     def of(cls, document: Document) -> "_Names":
+        """The names of a document."""
         data = document.data
         if isinstance(data, Mesh):
             arrays = dict(zip("xyz", np.asarray(data.points, np.float64).T, strict=False))
@@ -148,8 +149,8 @@ class _Reader:
     def of(self, node: ast.AST) -> Any:
         """The value of a part of the expression: a number or an array, of numbers or of truth values."""
         match node:
-            case ast.Constant(value=bool() | int() | float()):
-                return np.float64(node.value)
+            case ast.Constant(value=bool() | int() | float() as number):
+                return np.float64(number)
             case ast.Name():
                 return self._named(node.id)
             case ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
@@ -164,8 +165,8 @@ class _Reader:
                 return self._joined(isinstance(node.op, ast.And), tuple(node.values))
             case ast.Compare():
                 return self._compared(node)
-            case ast.Call(func=ast.Name(), keywords=[]):
-                return self._called(node.func.id, [self.of(argument) for argument in node.args])
+            case ast.Call(func=ast.Name(id=name), keywords=[]):
+                return self._called(name, [self.of(argument) for argument in node.args])
         raise InputError(f"{self.word}: an expression expected, {_EXAMPLE}, got {ast.unparse(node)!r}")
 
     def _true(self, node: ast.AST) -> Any:

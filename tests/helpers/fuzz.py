@@ -63,6 +63,13 @@ def seeds(folder):
     for suffix in (".ply", ".obj", ".stl", ".off", ".glb"):
         ball.export(folder / f"a{suffix}")
     ball.export(folder / "text.ply", encoding="ascii")
+    corners = np.column_stack([np.full(len(ball.faces), 3), ball.faces, np.zeros(len(ball.faces))]).astype(">i4")
+    (folder / "binary.off").write_bytes(
+        b"OFF BINARY\n"
+        + np.array([42, 80, 0], ">i4").tobytes()
+        + ball.vertices.astype(">f4").tobytes()
+        + corners.tobytes()
+    )
     ball.export(folder / "text.stl", file_type="stl_ascii")
     write(read(folder / "a.ply"), folder / "a.gltf")
     poly = pyvista.Icosphere(nsub=1)

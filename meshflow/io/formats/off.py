@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Document, MeshSource
+from meshflow.io.formats import off_binary
 from meshflow.io.formats.obj import rewritten
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.polygons import must_be_small
@@ -72,6 +73,8 @@ def read(path: Path, options: ReadOptions) -> Document:
     if options.channels is not None:
         raise InputError(f"channels={options.channels!r}: an OFF file has no vertex attributes that are read")
     content = path.read_bytes()
+    if off_binary.is_binary(content):
+        return off_binary.read(path, content, options)
     # trimesh needs a space between keyword and numbers, and so do we; a byte order mark is removed
     content = re.sub(
         rb"^(?:\xef\xbb\xbf)?(\s*(?:#.*\n\s*)*(?:ST)?C?N?OFF)(?=\d)", rb"\1 ", content.removeprefix(b"\xef\xbb\xbf")
@@ -84,10 +87,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     # the counts follow the word OFF, or are on the next line
     counts, first = (header[1:], 1) if len(header) > 1 else (lines[filled[1]].split() if len(filled) > 1 else [], 2)
     if len(counts) < 2 or not all(count.isdecimal() for count in counts[:2]):
-        raise FormatError(
-            f"{path.name}: numbers of vertices and faces expected, got {' '.join(counts)[:40]!r}; "
-            "binary OFF is not read"
-        )
+        raise FormatError(f"{path.name}: numbers of vertices and faces expected, got {' '.join(counts)[:40]!r}")
     vertices, faces = int(counts[0]), int(counts[1])
     if len(filled) - first < vertices + faces:
         raise FormatError(

@@ -34,6 +34,8 @@ _ROOM = {
     ".tif": ("GTiff", DTYPES, None, True),
     ".tiff": ("GTiff", DTYPES, None, True),
 }
+# The share of zeros, and that of the median below which there is nothing else, by which depths are told from grey values.
+_HOLES, _NEAREST = 0.002, 0.05
 _CREATION: dict[str, dict[str, str | int | bool]] = {
     "JPEG": {"quality": 95},
     "WEBP": {"lossless": True, "exact": True},
@@ -53,7 +55,7 @@ def read(path: Path, options: ReadOptions) -> Document:
 
     :param options: ``kind``: ``image``, or ``terrain`` for a grey picture whose values are heights.
     :raises FormatError: when the file cannot be read.
-    :raises InputError: for a terrain in colour.
+    :raises InputError: for a terrain in colour, and for grey values that look like depths if nobody says what they are.
     """
     kind = options.kind
     if kind not in (None, "image", "terrain"):
@@ -65,6 +67,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         notes = ("the palette was expanded to colours",)
     missing: Array = np.any(frame.gone, axis=0)
     if kind is None and len(values) == 1 and frame.dtype in ("uint16", "int16"):
+        _must_not_be_depths(values[0], path)
         notes += ("grey of 16 bit is taken as an image; if these are depths, name their camera (camera=)",)
     if kind == "terrain":
         if len(values) > 1:
@@ -72,6 +75,24 @@ def read(path: Path, options: ReadOptions) -> Document:
         return Document(HeightField(values[0], missing=missing), path, Picture(frame), notes)
     channels = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
     return Document(Image(channels, missing=missing), path, Picture(frame), notes)
+
+
+def _must_not_be_depths(grey: Array, path: Path) -> None:
+    """Ask what a grey picture of 16 bit is that has holes as depth images have: zeros, and nothing that is nearly black.
+
+    :raises InputError: with the two answers.
+    """
+    holes = int((grey == 0).sum())
+    if holes < _HOLES * grey.size or holes == grey.size:
+        return
+    there = grey[grey > 0]
+    least = float(there.min())
+    if least < _NEAREST * float(np.median(there)):
+        return
+    raise InputError(
+        f"{path.name}: grey of 16 bit with {holes} holes (0) and nothing between them and {least:g}, as depth images have; name "
+        "its camera (camera='tum', or a file), or say that it is a picture (kind='image')"
+    )
 
 
 def can_write(document: Document, suffix: str) -> bool:
