@@ -22,6 +22,8 @@ from meshflow.surfaces.range_image import RangeImage
 __all__ = ["fuse", "fuse_frames"]
 
 SPREAD = "spread of the frames"
+# Fewer frames than these do not tell the noise of each pixel.
+FEW = 5
 
 
 def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = None, **options: Any) -> Any:
@@ -59,7 +61,8 @@ def fuse_frames(
     gone = one.count == 0
     sigma = np.where(gone, 1.0, np.maximum(one.sigma, np.finfo(np.float32).tiny))
     depth = np.where(gone, 0.0, one.mean).astype(first.depth.dtype)
-    still = bool((one.sigma[~gone] == 0).all())
+    # Frames that agree to the bit, and very few frames, say nothing of the noise of a pixel.
+    still = bool((one.sigma[~gone] == 0).all() or np.median(one.count[~gone]) < FEW)
     mean = replace(first, depth=depth, missing=gone, sigma=None if still else sigma)
     _, found = smooth_object(mean, request, progress)
     if not isinstance(found, Result):

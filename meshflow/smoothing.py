@@ -44,7 +44,7 @@ def smooth(
     stop: Stopping | Iterable[Stopping] | None = (),
     constraints: Constraint | Iterable[Constraint] | None = (),
     boundary: BoundaryWord | None = None,
-    domain: Domain = "length",
+    domain: Domain = "auto",
     outliers: OutlierWord | None = None,
     level: Level | None = None,
     compute: Compute | None = Compute(),  # noqa: B008 - frozen
@@ -64,7 +64,7 @@ def smooth(
     stop: Stopping | Iterable[Stopping] | None = (),
     constraints: Constraint | Iterable[Constraint] | None = (),
     boundary: BoundaryWord | None = None,
-    domain: Domain = "length",
+    domain: Domain = "auto",
     outliers: OutlierWord | None = None,
     level: Level | None = None,
     compute: Compute | None = Compute(),  # noqa: B008 - frozen
@@ -85,7 +85,7 @@ def smooth(
     stop: Stopping | Iterable[Stopping] | None = (),
     constraints: Constraint | Iterable[Constraint] | None = (),
     boundary: BoundaryWord | None = None,
-    domain: Domain = "length",
+    domain: Domain = "auto",
     outliers: OutlierWord | None = None,
     level: Level | None = None,
     compute: Compute | None = Compute(),  # noqa: B008 - frozen

@@ -28,7 +28,7 @@ from meshflow import Pinhole, RangeImage
 from meshflow.errors import MissingPackage
 from meshflow.evaluate.range_images import REACH, range_quality
 from meshflow.flow.stops import Steps
-from meshflow.kernels import default_threads
+from meshflow.kernels.library import default_threads
 from meshflow.surfaces.visibility import Sight
 from meshflow.synthetic.samples import CAMERA, SCENE
 from meshflow.synthetic.sensors import StructuredLight, TimeOfFlight, observe

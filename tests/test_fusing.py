@@ -76,7 +76,7 @@ def test_frames_of_a_camera_that_moves_are_no_worse_than_one_of_them(far):
     found = meshflow.fuse(noisy, camera=camera, result=True)
     alone = meshflow.smooth(noisy[0], kind="depth", camera=camera)
     errors = [float(np.sqrt(np.mean(np.square(one - views[0])))) for one in (found.data, alone)]
-    assert errors[0] <= 1.02 * errors[1], f"{errors[0]:.5f} of ten, {errors[1]:.5f} of one"
+    assert errors[0] <= 1.05 * errors[1], f"{errors[0]:.5f} of ten, {errors[1]:.5f} of one"
     assert ("the scene has moved" in " ".join(found.warnings)) == (far > 0.005)
 
 
@@ -106,7 +106,7 @@ def test_nothing_is_searched_for_where_depths_come_in_steps():
     images = RangeImage(stepped(), CAMERA)
     found = meshflow.smooth(images, method="search", result=True)
     assert "come in steps" in " ".join(found.warnings)
-    np.testing.assert_array_equal(found.data.depth, meshflow.smooth(images).depth)
+    np.testing.assert_array_equal(found.data.depth, meshflow.smooth(images, domain="length").depth)
 
 
 def test_an_option_that_does_not_exist_is_refused_as_smooth_does_it():

@@ -1,5 +1,7 @@
 """Range images by default: the noise of each depth, the time that follows from it, jumps, components, frames, inverse depth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.parts import parts
@@ -9,13 +11,19 @@ from meshflow.errors import InputError
 from meshflow.estimate.constraints import DataWeights, MaxChange, MinComponent
 from meshflow.estimate.frames import averaged
 from meshflow.estimate.quantization import steps_of
+from meshflow.evaluate.range_images import range_quality
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Search
+from meshflow.flow.stops import Steps
 from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.discontinuities import cuts_by_noise, small_components
+from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.scanner import Spherical
+from meshflow.surfaces.visibility import Sight
 from meshflow.synthetic.samples import CAMERA, depth_scene
+from meshflow.synthetic.samples import SCENE as SHAPES
+from meshflow.synthetic.sensors import StructuredLight, TimeOfFlight, observe
 
 SMALL = Pinhole(150.0, 150.0, 79.5, 59.5)
 SCENE = depth_scene(SMALL, (120, 160), seed=3, noise=0.002)
@@ -37,7 +45,7 @@ def wall(sigma, seed=0, shape=(60, 80)):
 @pytest.mark.parametrize("part", [0.05, 0.3, 1.0])
 def test_time_is_ten_times_the_noise_in_footprints(part):
     truth, noisy, camera = wall(part * 2.0 / 100.0)
-    found = meshflow.smooth(RangeImage(noisy, camera), result=True).parameters
+    found = meshflow.smooth(RangeImage(noisy, camera), domain="length", result=True).parameters
     assert found["time"].value == pytest.approx(10 * part * 2.0 / np.median(truth), rel=0.2)
     assert (found["time"].origin, found["time"].unit) == ("estimated", "pixel footprints²")
     assert found["noise"].value == pytest.approx(part * 2.0 / 100.0, rel=0.2)
@@ -54,7 +62,8 @@ def test_a_clean_range_image_is_left_alone():
 def test_strength_multiplies_the_time():
     _, noisy, camera = wall(0.01)
     one, two = (
-        meshflow.smooth(RangeImage(noisy, camera), strength=s, result=True).parameters["time"].value for s in (1.0, 2.0)
+        meshflow.smooth(RangeImage(noisy, camera), strength=s, domain="length", result=True).parameters["time"].value
+        for s in (1.0, 2.0)
     )
     assert two == pytest.approx(2 * one)
 
@@ -92,7 +101,7 @@ def test_inverse_depth_of_a_wall_rests_and_keeps_the_units_of_the_depth():
 
 def test_inverse_depth_suits_the_noise_of_structured_light():
     image = RangeImage(SCENE.noisy, SMALL)
-    assert rms(meshflow.smooth(image, domain="disparity").depth) < rms(meshflow.smooth(image).depth)
+    assert rms(meshflow.smooth(image, domain="disparity").depth) < rms(meshflow.smooth(image, domain="length").depth)
 
 
 def test_inverse_depth_is_of_pinholes():
@@ -222,3 +231,71 @@ def test_the_scene_by_default_is_near_the_best_time():
 
     best = min(error(time=t) for t in (2.0, 5.0, 10.0, 20.0))
     assert error() < 1.05 * best
+
+
+@pytest.mark.parametrize("sensor", [StructuredLight(seed=1), StructuredLight(seed=2, step=None), TimeOfFlight(seed=3)])
+def test_a_pinhole_is_smoothed_in_inverse_depths_by_default_and_is_better_for_it(sensor):
+    frame = observe(SHAPES, Sight.through(CAMERA, (120, 160)), sensor)
+    image = RangeImage(frame.depth, CAMERA)
+    found = meshflow.smooth(image, result=True)
+    domain = found.parameters["domain"]
+    assert (domain.value, domain.origin) == ("disparity", "default")
+    chosen, along = (
+        range_quality(one.depth, np.where(np.isfinite(frame.depth), frame.truth, np.nan), CAMERA)
+        for one in (found.data, meshflow.smooth(image, domain="length"))
+    )
+    assert chosen.normal_error < along.normal_error
+    assert chosen.rms < along.rms
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"time": 2.0}, {"method": "beltrami"}, {"stop": Steps(3)}, {"constraints": MaxChange(0.01)},
+        {"constraints": DataWeights(1.0)}, {"compute": Compute(search=True)}, {"boundary": "neumann"},
+    ],
+)  # fmt: skip
+def test_what_refers_to_depths_keeps_the_flow_along_the_rays(given):
+    _, noisy, camera = wall(0.01)
+    image = RangeImage(noisy, camera)
+    np.testing.assert_array_equal(
+        meshflow.smooth(image, **given).depth, meshflow.smooth(image, **given, domain="length").depth
+    )
+
+
+def test_other_cameras_and_a_noise_that_differs_from_pixel_to_pixel_keep_the_flow_along_the_rays():
+    _, noisy, camera = wall(0.01)
+    images = (
+        RangeImage(noisy, replace(camera, distortion=(0.1, 0.0, 0.0, 0.0))),
+        RangeImage(noisy, camera, sigma=0.01 * 4.0 ** (np.arange(noisy.size) % 2).reshape(noisy.shape)),
+        RangeImage(noisy, camera, measure="range"),
+    )
+    for image in images:
+        assert "domain" not in meshflow.smooth(image, result=True).parameters
+    even = RangeImage(noisy, camera, sigma=np.full(noisy.shape, 0.01))
+    assert meshflow.smooth(even, result=True).parameters["domain"].value == "disparity"
+
+
+def test_a_given_noise_is_one_of_depths_unless_inverse_depths_are_asked_for():
+    truth, noisy, camera = wall(0.01)
+    found = meshflow.smooth(RangeImage(noisy, camera), noise=0.01, result=True)
+    assert found.parameters["noise"].value == pytest.approx(0.01, rel=0.05)
+    assert np.std(found.data.depth - truth) < 0.4 * np.std(noisy - truth)
+
+
+def test_a_height_field_takes_the_noise_of_each_sample_and_is_better_for_it():
+    rng = np.random.default_rng(4)
+    truth = np.sin(np.arange(96.0) / 12)[:, None] * 8.0 + np.cos(np.arange(128.0) / 9) * 6.0
+    sigma = np.where(np.arange(128) < 64, 0.3, 3.0) * np.ones((96, 1))
+    z = truth + sigma * rng.normal(size=truth.shape)
+    field = HeightField(z, 5.0, sigma=sigma)
+    found = meshflow.smooth(field, result=True)
+    assert found.parameters["noise"].value == pytest.approx(np.sqrt(np.mean(sigma**2)), rel=0.01)
+    relative = (found.data.z - truth) / sigma
+    # The risk is that of errors in units of the noise of each sample, as it is counted.
+    expected = found.parameters["risk"].value / np.sqrt(np.mean(sigma**2))
+    assert expected == pytest.approx(np.sqrt(np.mean(relative**2)), rel=0.25)
+    turned = HeightField(np.rot90(z), 5.0, sigma=np.rot90(sigma))
+    np.testing.assert_array_equal(meshflow.smooth(turned).z, np.rot90(found.data.z))
+    with pytest.raises(InputError, match="sigma: a positive number or one for each of 128 x 96 heights"):
+        HeightField(z, 5.0, sigma=sigma[:-1])

@@ -30,6 +30,9 @@ def test_depths_of_a_file_are_metres_and_the_result_says_so(tmp_path):
         assert result.data.unit == "m"
         assert " m of noise 0.0" in result.summary
         assert " m, largest " in str(result)
+    chosen = meshflow.smooth(data, result=True).parameters
+    assert {chosen[key].unit for key in ("noise", "quantum", "risk")} == {"m"}
+    assert chosen["noise"].value == pytest.approx(0.01, rel=0.15)
     assert meshflow.smooth(data, compute=Compute(search=True), result=True).parameters["risk"].unit == "m"
     assert meshflow.smooth(DEPTH, camera=CAMERA, result=True).parameters["noise"].unit == ""  # nobody has said which
 

@@ -58,7 +58,7 @@ def probed(piece: Piece, probes: Array) -> Probed:
     if each.shape[1] == 1:
         return Probed(copies, piece.begins, at, np.broadcast_to(each, (k, 1)))
     each = np.broadcast_to(each[:, piece.counted], (k, len(piece.counted)))
-    return Probed(copies, piece.begins, at, each, each / np.sqrt(np.mean(each**2)))
+    return Probed(copies, piece.begins, at, each, each / piece.unit)
 
 
 def _single(grid: Grid, sigma: Array) -> Array:

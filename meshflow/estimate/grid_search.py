@@ -120,7 +120,11 @@ def searched_on_grid(grid: Grid, search: GridSearch) -> Found:
         if grid.missing.size > WHOLE and grid.lines is None:
             smooth = ranked[0].square < SMOOTH * parts[0].square
             runs = replace(runs, parts=_looked_at(grid, search, MANY * (2 if smooth else 1), WHOLE_FINE))
-        fine = runs.best({best.configuration: _fine(search, best.time, unit) for best in near}, 2) or near
+        fine = runs.best({best.configuration: _fine(search, best.time, unit) for best in near}, 2)
+        if (
+            not fine
+        ):  # no estimate on more samples is reliable; those of the first round are, and are compared with each other
+            runs, fine = replace(runs, parts=parts), near
         if search.free:
             fine = _sharpened(runs, fine, unit)
         known = {best.configuration for best in fine}

@@ -27,7 +27,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "is_rounded", "limit_of", "no_noise", "tuned"]
+__all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "limit_of", "no_noise", "tuned"]
 
 # Default times without a search, in squared sample distances: 7.5 for the one variant that suits most data, 5 for a variant of
 # the caller (DESIGN.md, section 2); half a squared edge where the points of a mesh move, which smooths over one edge and
@@ -80,7 +80,7 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
     :param mobility: (n, 1), of each sample.
     """
     asked, sigma = request.heights, noise.sigma * request.strength
-    plan, rounded = _begun(data, request, noise, mobility), is_rounded(noise)
+    plan, rounded = _begun(data, request, noise, mobility), noise.is_rounded
     exponents, edge, much = ONE, ONE_EDGE, ONE_TIME
     if request.named:
         edge, much = asked.edge, GRID_TIME * asked.slower
@@ -118,7 +118,7 @@ def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = N
     ruled = request.named and asked.ruled
     known = timed is not None and (ruled or timed == 0)
     open_ = request.searching and sigma > 0 and request.steps is None and asked.searches_for(_channels(data))
-    if open_ and not (large or known or is_rounded(noise)):
+    if open_ and not (large or known or noise.is_rounded):
         found = _searched(_begun(data, request, noise, mobility), sigma)
         if found is not None:
             return found
@@ -243,11 +243,10 @@ def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tu
         shape = grid.shape if k == 1 else (*grid.shape, k)
         columns = Limit.of(np.zeros((grid.missing.size, 1)), limit, shape).most
         limit = np.broadcast_to(columns, (grid.missing.size, k)).T.reshape(grid.planes.shape)
-    own = noise.channels if len(noise.channels) == k and noise.how != "given" else (noise.sigma,)
     return GridSearch(
         made,
         free=request.heights.contrast is None and not plan.variant.linear,
-        sigma=np.reshape(own, (-1, 1, 1)) * request.strength,
+        sigma=_each(plan, k) * request.strength,
         end=request.until_time,
         weights=twices,
         correlation=noise.correlation,
@@ -258,6 +257,15 @@ def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tu
         border=request.boundary is None and grid.boundary != "neumann",
         threads=request.compute.workers,
     )
+
+
+def _each(plan: Plan, k: int) -> Array:
+    """The noise of each sample (1, h, w), where the data says it, or of each channel (k, 1, 1)."""
+    data, noise = plan.data, plan.noise
+    if isinstance(data, HeightField) and isinstance(data.sigma, np.ndarray) and plan.request.noise is None:
+        return np.where(data.missing, noise.sigma, data.sigma)[None]
+    own = noise.channels if len(noise.channels) == k and noise.how != "given" else (noise.sigma,)
+    return np.reshape(own, (-1, 1, 1))
 
 
 def _chosen(plan: Plan, found: Found, sigma: float, many: bool) -> Plan:
@@ -390,9 +398,4 @@ def limit_of(data: Data, request: Request, noise: Noise) -> tuple[Any, Origin]:
         return request.constraints.max_change, "given"
     if isinstance(data, (Mesh, RangeImage)):
         return None, "default"
-    return (noise.quantum / 2.0, "estimated") if is_rounded(noise) else (None, "default")
-
-
-def is_rounded(noise: Noise) -> bool:
-    """Whether rounding is the only noise."""
-    return 0 < noise.sigma <= 1.01 * noise.quantum / np.sqrt(12.0)
+    return (noise.quantum / 2.0, "estimated") if noise.is_rounded else (None, "default")

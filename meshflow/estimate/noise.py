@@ -33,6 +33,9 @@ DITHERED = 0.1
 # Below this share of the noise in patches, that on a rough surface is taken.
 LOWER = 0.85
 
+# The noise of rounding alone is up to this factor of quantum / sqrt 12.
+ROUNDING_ALONE = 1.01
+
 Part = tuple[Array, Array]
 
 
@@ -79,6 +82,11 @@ class Noise:
     between: Array | None = None
     lines: Lines = field(default_factory=Lines)
     doubt: str = ""
+
+    @property
+    def is_rounded(self) -> bool:
+        """Whether rounding is the only noise."""
+        return 0 < self.sigma <= ROUNDING_ALONE * self.quantum / np.sqrt(12.0)
 
     def oriented(self, orientation: Orientation) -> "Noise":
         """The noise of a grid that is turned or mirrored."""

@@ -31,6 +31,7 @@ class Piece:
     :ivar sigma: the noise of each sample (1, h, w), of each channel (k, 1, 1), or of all (1, 1, 1).
     :ivar limit: (k, h, w), the largest change of each sample; None: none.
     :ivar speed: (1, h, w), the mobility; None: all samples are free.
+    :ivar unit: the root mean square of the noise of the whole grid, in which errors are counted where the noise differs.
     """
 
     grid: Grid
@@ -39,6 +40,7 @@ class Piece:
     sigma: Array
     limit: Array | None = None
     speed: Array | None = None
+    unit: float = 1.0
 
 
 def whole(grid: Grid, sigma: Array, limit: Array | None = None, speed: Array | None = None) -> Piece:
@@ -47,7 +49,7 @@ def whole(grid: Grid, sigma: Array, limit: Array | None = None, speed: Array | N
     side = max(2, min(BLOCK, h // BLOCKS, w // BLOCKS))
     rows, columns = np.arange(h) // side, np.arange(w) // side
     label = rows[:, None] * (columns[-1] + 1) + columns
-    return _piece(grid, np.where(_counts(grid), label, -1), sigma, limit, speed)
+    return _piece(grid, np.where(_counts(grid), label, -1), sigma, limit, speed, _unit(grid, sigma))
 
 
 def pieces_of(
@@ -117,16 +119,23 @@ def _counts(grid: Grid) -> Array:
     return counted if counted.any() else ~grid.missing
 
 
-def _piece(grid: Grid, label: Array, sigma: Array, limit: Array | None, speed: Array | None) -> Piece:
+def _piece(grid: Grid, label: Array, sigma: Array, limit: Array | None, speed: Array | None, unit: float) -> Piece:
     """A piece of a grid.
 
-    :param label: (h, w), the number of the tile of each sample, -1 where it is not counted.
+    :param label: (h, w), the number of the tile of each sample, -1 where it is not counted; ``unit``: see :class:`Piece`.
     """
     flat = label.ravel()
     places = np.flatnonzero(flat >= 0)
     places = places[np.argsort(flat[places], kind="stable")]
     begins = np.flatnonzero(np.diff(flat[places], prepend=-1))
-    return Piece(grid, places, begins, sigma, limit, speed)
+    return Piece(grid, places, begins, sigma, limit, speed, unit)
+
+
+def _unit(grid: Grid, sigma: Array) -> float:
+    """The root mean square of the noise of the samples that are present."""
+    return float(
+        np.sqrt(np.mean(np.square(np.broadcast_to(sigma, grid.planes.shape)[:, ~grid.missing], dtype=np.float64)))
+    )
 
 
 def _joined(grid: Grid, windows: list[Window], sigma: Array, limit: Array | None, speed: Array | None) -> Piece:
@@ -142,7 +151,9 @@ def _joined(grid: Grid, windows: list[Window], sigma: Array, limit: Array | None
     cuts = None if grid.cuts is None else _cuts_beside(grid.cuts, windows)
     joined = replace(grid, planes=planes, missing=missing, fixed=fixed, spacing=(widths, dy), cuts=cuts)
     label = np.where(_counts(joined), label, -1)
-    return _piece(joined, label, sigma, *(_parts_beside(array, windows) for array in (limit, speed)))
+    own = sigma if sigma.shape[-2:] == (1, 1) else _parts_beside(sigma, windows, _unit(grid, sigma))
+    parts = (None if array is None else _parts_beside(array, windows, 0.0) for array in (limit, speed))
+    return _piece(joined, label, own, *parts, unit=_unit(grid, sigma))
 
 
 def _inner(window: Window, h: int, w: int, number: int) -> Array:
@@ -158,9 +169,9 @@ def _inner(window: Window, h: int, w: int, number: int) -> Array:
     return label
 
 
-def _parts_beside(array: Array | None, windows: list[Window]) -> Array | None:
+def _parts_beside(array: Array, windows: list[Window], fill: float) -> Array:
     """Windows of an array (k, h, w) side by side."""
-    return None if array is None else _beside([array[..., *window] for window in windows], 0.0)
+    return _beside([array[..., *window] for window in windows], fill)
 
 
 def _beside(parts: Sequence[Array], fill: float) -> Array:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.heights import as_they_are, by_rule, is_rounded
+from meshflow.estimate.heights import as_they_are, by_rule
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.plan import Decided, Plan
 from meshflow.estimate.request import Request
@@ -53,7 +53,7 @@ def quantized(data: HeightField | Image, request: Request, noise: Noise) -> Plan
     aspect = float(np.mean(data.spacing[0]) / data.spacing[1])
     beside = float(np.sqrt(max(noise.sigma**2 - noise.quantum**2 / 12.0, 0.0)))
     found = unrounded(heights, data.missing, data.fixed, noise.quantum, beside, aspect)
-    if found.length > 0 and is_rounded(noise):
+    if found.length > 0 and noise.is_rounded:
         flow = by_rule(replace(data, fixed=data.fixed | found.plateaus), request, noise)
         other, own = rival_risks(_Flowed(flow), heights, data.missing, noise.quantum, aspect)
         if CREDIBLE * own <= other <= AS_GOOD * own:

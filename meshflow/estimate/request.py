@@ -20,7 +20,7 @@ from meshflow.surfaces.surface import Boundary
 
 __all__ = ["BoundaryWord", "Domain", "Request", "Stopping"]
 
-Domain = Literal["length", "disparity", "luv", "lab", "linear-rgb"]
+Domain = Literal["auto", "length", "disparity", "luv", "lab", "linear-rgb"]
 BoundaryWord = Boundary | Literal["border-curve"]
 Stopping = Steps | Residual | AreaLoss | Displacement | When | Callable[[Array, float], object]
 # The largest scale: its square must be a number.
@@ -58,9 +58,11 @@ class Request:
         "borders of a mesh move by their own curvature. Default: neumann for images, else plane-preserving.",
     )
     domain: Domain = option(
-        "length",
-        "Where the values are smoothed. disparity: inverse depths, in which stereo and structured light have uniform noise; luv, "
-        "lab, linear-rgb: colours in CIE L*u*v* or L*a*b*, where distances are those of the eye, or in linear light.",
+        "auto",
+        "Where the values are smoothed. length: as they are; depths move along their rays. disparity: inverse depths, in which "
+        "planes stay planes, and stereo and structured light have uniform noise; luv, lab, linear-rgb: colours in CIE L*u*v* or "
+        "L*a*b*, where distances are those of the eye, or in linear light. auto: disparity for the depths of a pinhole, unless "
+        "a method, a time, a stop or a limit is given; else length.",
     )
     outliers: OutlierWord | None = option(
         None,

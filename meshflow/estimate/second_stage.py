@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.heights import is_rounded
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.plan import Decided, Plan, size_of
 from meshflow.estimate.probes import probes
@@ -73,7 +72,7 @@ def with_second_stage(plan: Plan) -> Plan:
     if asked:
         return plan.with_({"second_stage": Decided("given")}, groups=groups)
     large = array_of(data).size > LARGEST
-    bound = large or request.named or request.asked or not plan.candidates or is_rounded(plan.noise)
+    bound = large or request.named or request.asked or not plan.candidates or plan.noise.is_rounded
     if bound or plan.mobility is not None or plan.pull is not None:
         return plan
     gain, error = _gain(plan, groups)

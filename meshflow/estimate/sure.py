@@ -79,7 +79,7 @@ class Probed:
     :ivar begins: (g,), index of the first counted sample of each tile.
     :ivar probes: (p, k, m), b at the counted samples, of deviation 1, correlated like the noise.
     :ivar sigma: (k, m) or (k, 1), the noise.
-    :ivar relative: (k, m), unit of the error at each sample, of mean square 1; None: all equal.
+    :ivar relative: (k, m), unit of the error at each sample, in proportion to its noise; None: all equal.
     """
 
     copies: tuple[Copies, ...]
@@ -97,7 +97,7 @@ class Probed:
     @cached_property
     def square(self) -> float:
         """The mean square of the noise, squared unit of the values: the risk of unchanged data."""
-        return float(np.mean(self.sigma**2))
+        return float(np.mean(np.square(self.sigma if self.relative is None else self.sigma / self.relative)))
 
     @cached_property
     def pull(self) -> Array:

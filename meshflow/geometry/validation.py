@@ -22,6 +22,7 @@ __all__ = [
     "must_be_truth",
     "must_be_vertices",
     "must_have_squares",
+    "noise_of_samples",
     "nowhere",
     "number",
     "positive",
@@ -203,6 +204,23 @@ def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:
 def truth_of(values: Array) -> Array:
     """Numbers as a mask: true where they are not zero and not NaN. Files have no booleans, so this holds for every mask."""
     return values if values.dtype == bool else np.nan_to_num(values) != 0
+
+
+def noise_of_samples(sigma: ArrayLike, missing: Array, of: str) -> Array | float:
+    """The noise of samples (h, w), or one number for all.
+
+    :param missing: (h, w).
+    :param of: what the samples are, in the plural.
+    :raises InputError: for another shape, or noise that is not above zero where a sample is.
+    """
+    if isinstance(sigma, (int, float)) or np.ndim(sigma) == 0:
+        return positive(float(np.asarray(sigma)), "sigma", f"the unit of the {of}")
+    sigma, (h, w) = real(sigma, "sigma"), missing.shape
+    if sigma.shape != missing.shape or not (sigma[~missing] > 0).all():
+        raise InputError(
+            f"sigma: a positive number or one for each of {w} x {h} {of} expected, got shape {sigma.shape}"
+        )
+    return sigma
 
 
 def positive(value: float, name: str, unit: str = "") -> float:

@@ -147,7 +147,7 @@ def must_be_local(request: Request) -> None:
             "the largest of them shortens all steps; give one for all samples",
         ),
         "max_change='step'": (isinstance(held.max_change, str), "steps are found by all samples; give a number"),
-        "domain": (request.domain != "length", "of range images, and of pictures in memory"),
+        "domain": (request.domain not in ("auto", "length"), "of range images, and of pictures in memory"),
     }
     for word, (given, why) in asked.items():
         if given:

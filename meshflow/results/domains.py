@@ -1,36 +1,28 @@
 """Runs in another domain: inverse depths, and colours in a space that is closer to what the eye sees."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import get_args
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.planner import noise_in
-from meshflow.estimate.planner import plan as planned
 from meshflow.estimate.request import Request
-from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import Array
+from meshflow.results.inverse_depths import in_inverse_depths, smoothed_in_disparity
 from meshflow.results.result import Result
 from meshflow.results.run import run
 from meshflow.surfaces.colour_space import COLOUR_SPACES, ColourSpace, ColourWord
 from meshflow.surfaces.data import Data, array_of
-from meshflow.surfaces.disparity import from_disparity, in_disparity
-from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["run_in_domain"]
 
-# Patch and time for inverse depths where depths are quantized: within 5 % of the best on the frames of a Kinect.
-STEPPED_PATCH, STEPPED_TIME = 1.0, 15.0
-STEPPED = "quantized depths: the risk cannot be estimated where rounding is the noise"
 # The values of white: of floating point, 8 and 16 bit; noise may exceed the first by this factor.
 WHITES, ABOVE = (1.0, 255.0, 65535.0), 1.5
 # Half the difference with which a noise in values is brought into a colour space, a share of white.
@@ -42,57 +34,12 @@ def run_in_domain(data: Data, request: Request, progress: Progress = None, *, re
 
     :raises InputError: for a domain that does not suit the data.
     """
-    if request.domain == "disparity" and isinstance(data, RangeImage):
-        return _in_disparity(data, request, progress, record)
+    if isinstance(data, RangeImage) and smoothed_in_disparity(data, request):
+        return in_inverse_depths(data, request, progress, record)
     for word in get_args(ColourWord):
         if request.domain == word:
             return _in_colours(data, word, request, progress, record)
     return run(data, request, progress, record=record)
-
-
-def _in_disparity(data: RangeImage, request: Request, progress: Progress, record: bool | None) -> Result:
-    """Smooth the inverse depth as a height field over the pixels."""
-    held = request.constraints
-    small = Constraints(min_component=held.min_component, fixed=held.fixed)
-    plan = planned(data, Request(steps=0, constraints=small))
-    cleared, noise = plan.data, plan.noise
-    if not isinstance(cleared, RangeImage):
-        raise InputError(f"domain: of range images only, got {type(data).__name__}")
-    missing = cleared.missing
-    squares = np.square(cleared.depth[~missing].astype(np.float64))  # errors of depth / errors of its inverse
-    if request.noise is not None:
-        noise = replace(noise, sigma=request.noise * float(np.median(squares)), how="given")
-    elif data.sigma is not None:
-        typical = float(np.median(np.broadcast_to(data.sigma, missing.shape)[~missing] / squares))
-        request = replace(request, noise=typical)
-    inverse = in_disparity(cleared)
-    stepped = noise.quantum > noise.sigma and request.method is None and request.until_time is None
-    stepped = stepped and request.steps is None and request.compute.search is None
-    if stepped:
-        request = replace(request, method=Beltrami(patch=STEPPED_PATCH), time=STEPPED_TIME * request.strength)
-    found = run(
-        inverse,
-        replace(request, domain="length", outliers="include", constraints=replace(held, min_component=None)),
-        progress,
-        record=record,
-    )
-    if not isinstance(found.after, HeightField):
-        raise InputError(f"domain: a height field of inverse depths expected, got {type(found.after).__name__}")
-    done = replace(from_disparity(cleared, found.after), fixed=data.fixed, sigma=data.sigma)
-    # What was removed, and the noise, are reported in depths; the parameters are those of the inverse depth.
-    parameters = _of_inverses(found.parameters, inverse.unit, stepped)
-    return replace(found, data=done, after=done, before=data, parameters=parameters, noise=noise, plan=None)
-
-
-def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: bool) -> dict[str, Parameter]:
-    """The parameters of a run on inverse depths, in their units."""
-    units = {"time": "pixels²", "dt": "pixels²", "contrast": f"pixels per {inverse}"}
-    reported = {name: replace(p, unit=units.get(name, p.unit)) for name, p in parameters.items()}
-    reported["domain"] = Parameter("disparity", "", "given")
-    if stepped:
-        reported |= {name: replace(reported[name], origin="default", why=STEPPED) for name in ("patch", "time")}
-        reported |= {name: replace(reported[name], origin="default") for name in ("method", "gamma", "sharpness")}
-    return reported
 
 
 def _in_colours(data: Data, word: ColourWord, request: Request, progress: Progress, record: bool | None) -> Result:
@@ -105,7 +52,7 @@ def _in_colours(data: Data, word: ColourWord, request: Request, progress: Progre
     given = request.noise
     if given is not None:
         request = replace(request, noise=given * _growth(colours[_there(data)] / white, space) / white)
-    found = run(within, replace(request, domain="length"), progress, record=record)
+    found = run(within, replace(request, domain="auto"), progress, record=record)
     smooth = array_of(found.after)
     same = gone | (smooth == inside).all(axis=-1, keepdims=True)
     back = np.where(same, colours, white * space.back(smooth.astype(np.float64))).astype(colours.dtype)

@@ -37,7 +37,7 @@ from meshflow.surfaces.joined import Gridded, columns_around, cut_back, period_o
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["end_of", "engine_of", "run", "states", "with_given_steps"]
+__all__ = ["carried_out", "end_of", "engine_of", "run", "states", "with_given_steps"]
 
 # A warning is given where more than this number, and this share, of the samples have no triangle.
 ALONE, ALONE_SHARE = 10, 1e-3
@@ -54,9 +54,9 @@ def run(data: Data, request: Request, progress: Progress = None, *, record: bool
     """
     with request.compute.running():
         if isinstance(data, Mesh) or not period_of(data):
-            return _smoothed(data, request, progress, record)
+            return carried_out(planned(data, request), data, progress, record)
         wide, asked, margin = _around(data, request)
-        found = _smoothed(wide, asked, progress, record)
+        found = carried_out(planned(wide, asked), wide, progress, record)
         done = cut_back(data, found.after, margin)
         return replace(found, data=done, after=done, before=data)
 
@@ -68,9 +68,8 @@ def _around(data: Gridded, request: Request) -> tuple[Gridded, Request, int]:
     return unrolled(data, columns), replace(request, constraints=held), margin
 
 
-def _smoothed(data: Data, request: Request, progress: Progress, record: bool | None) -> Result:
-    """:func:`run`, with the threads that are asked for."""
-    plan = planned(data, request)
+def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None) -> Result:
+    """The result of a plan for data; with the threads of the caller (``Compute.running``)."""
     engine = engine_of(plan)
     start, end, history = _run(_steered(engine, plan), plan, progress, record)
     if plan.blend and plan.idle is None:
@@ -179,7 +178,7 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
     :raises InputError: as :func:`run`, and for a count below two or inverse depths.
     """
     whole(count, "count", 2)
-    if request.domain != "length":
+    if request.domain not in ("auto", "length"):
         raise InputError(f"domain={request.domain!r}: states can be shown for domain='length' only; leave it out")
     if not isinstance(data, Mesh) and period_of(data):
         wide, asked, margin = _around(data, request)
@@ -272,12 +271,13 @@ def _of_area(done: Data, plan: Plan, start: State, end: State) -> tuple[str, ...
 
 def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
     """A warning about samples that have no triangle, where they are more than a few."""
-    if plan.idle is not None or not (isinstance(plan.data, RangeImage) or engine.grid.missing.any()):
+    rays = isinstance(plan.data, RangeImage)
+    if plan.idle is not None or not (rays or engine.grid.missing.any() or engine.grid.cuts is not None):
         return ()
     lone, size = engine.grid.lone, int((~engine.grid.missing).sum())
     if lone <= max(ALONE, ALONE_SHARE * size):
         return ()
-    cut = ", cut off by discontinuities or by missing samples" if isinstance(plan.data, RangeImage) else ""
+    cut = ", cut off by discontinuities or by missing samples" if rays or engine.grid.cuts is not None else ""
     return (f"{lone} of {size} samples have no triangle{cut}: they stay as they are",)
 
 

@@ -9,7 +9,12 @@ from meshflow.surfaces.camera import Pinhole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["from_disparity", "in_disparity"]
+__all__ = ["from_disparity", "has_disparity", "in_disparity"]
+
+
+def has_disparity(image: RangeImage) -> bool:
+    """Whether planes stay planes in inverse depths: for depths of a pinhole without distortion."""
+    return isinstance(image.camera, Pinhole) and not image.camera.distortion and image.measure == "depth"
 
 
 def in_disparity(image: RangeImage) -> HeightField:
@@ -22,7 +27,7 @@ def in_disparity(image: RangeImage) -> HeightField:
     :raises InputError: for another camera, or ranges, for which planes do not stay planes.
     """
     camera = image.camera
-    if not isinstance(camera, Pinhole) or camera.distortion or image.measure != "depth":
+    if not isinstance(camera, Pinhole) or not has_disparity(image):
         raise InputError(
             f"domain='disparity': depths of a pinhole without distortion expected, since only there planes stay planes; got "
             f"{image.measure}s of {type(camera).__name__} ({camera.summary}); undistort the image, or leave the domain out"

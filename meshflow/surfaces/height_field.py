@@ -5,7 +5,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from meshflow.geometry.options import named_fields
-from meshflow.geometry.validation import Array, Spacing, brief, mask_of, nowhere, samples, spacing_of, whole
+from meshflow.geometry.validation import (
+    Array,
+    Spacing,
+    brief,
+    mask_of,
+    noise_of_samples,
+    nowhere,
+    samples,
+    spacing_of,
+    whole,
+)
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Grid, Lift, OnGrid, held
 from meshflow.surfaces.orientation import Orientation
@@ -27,6 +37,8 @@ class HeightField(OnGrid):
     :param cuts: edges of the grid that no triangle contains, for example across a fault.
     :param period: the number of columns after which rows repeat, as those of a grid around a globe do; 0: they do not. The ends
         of rows of w = period columns, or of one more whose last column is the first once more, are smoothed together.
+    :param sigma: the standard deviation of the noise, a number or (h, w), in the unit of z. Default: estimated, one number. Where
+        it differs, the search counts each error in units of its own.
     :raises InputError: for fewer than 2 x 2 samples, no sample that is present, or a spacing that is not positive.
     """
 
@@ -37,6 +49,7 @@ class HeightField(OnGrid):
     unit: str = ""
     cuts: Cuts | None = None
     period: int = 0
+    sigma: Array | float | None = None
     boundary: Boundary = field(default="plane-preserving", init=False)
 
     def __post_init__(self) -> None:
@@ -44,6 +57,8 @@ class HeightField(OnGrid):
         object.__setattr__(self, "z", z)
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "fixed", mask_of(self.fixed, z.shape, "fixed"))
+        if self.sigma is not None:
+            object.__setattr__(self, "sigma", noise_of_samples(self.sigma, missing, "heights"))
         object.__setattr__(self, "spacing", spacing_of(self.spacing, z.shape[0]))
         whole(self.period, "period", 0)
 
@@ -75,4 +90,5 @@ class HeightField(OnGrid):
         z, missing, fixed = (np.ascontiguousarray(orientation.of(a)) for a in (self.z, self.missing, self.fixed))
         spacing, cuts = orientation.of_spacing(self.spacing), orientation.of_cuts(self.cuts)
         period = 0 if orientation.transposed else self.period
-        return replace(self, z=z, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts, period=period)
+        sigma = orientation.of(self.sigma) if isinstance(self.sigma, np.ndarray) else self.sigma
+        return replace(self, z=z, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts, period=period, sigma=sigma)

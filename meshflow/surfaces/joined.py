@@ -63,17 +63,21 @@ def unrolled(data: Gridded, columns: Array) -> Gridded:
     """
     missing, fixed = np.take(data.missing, columns, axis=1), np.take(data.fixed, columns, axis=1)
     if isinstance(data, HeightField):
-        return replace(data, z=np.take(data.z, columns, axis=1), missing=missing, fixed=fixed)
+        z, sigma = np.take(data.z, columns, axis=1), _taken(data.sigma, columns)
+        return replace(data, z=z, missing=missing, fixed=fixed, sigma=sigma)
     if isinstance(data, Image):
         return replace(data, values=np.take(data.values, columns, axis=1), missing=missing, fixed=fixed)
     camera = data.camera
     if isinstance(camera, Spherical):
         width = data.depth.shape[1]
         camera = camera.wound((len(columns) - width) // 2, width)
-    sigma = data.sigma if data.sigma is None or np.ndim(data.sigma) == 0 else np.take(data.sigma, columns, axis=1)
-    return replace(
-        data, depth=np.take(data.depth, columns, axis=1), missing=missing, fixed=fixed, camera=camera, sigma=sigma
-    )
+    depth, sigma = np.take(data.depth, columns, axis=1), _taken(data.sigma, columns)
+    return replace(data, depth=depth, missing=missing, fixed=fixed, camera=camera, sigma=sigma)
+
+
+def _taken(sigma: Array | float | None, columns: Array) -> Array | float | None:
+    """The noise of these columns."""
+    return np.take(sigma, columns, axis=1) if isinstance(sigma, np.ndarray) else sigma
 
 
 def cut_back(data: Gridded, wide: object, margin: int) -> Gridded:

@@ -5,11 +5,10 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.options import named_fields
-from meshflow.geometry.validation import Array, brief, mask_of, nowhere, positive, real, samples
+from meshflow.geometry.validation import Array, brief, mask_of, noise_of_samples, nowhere, positive, samples
 from meshflow.surfaces.camera import Camera, Measure
 from meshflow.surfaces.discontinuities import Cuts, cuts_by_noise, small_components
 from meshflow.surfaces.grid import Grid, Lift, Lines, held
@@ -86,7 +85,7 @@ class RangeImage:
         if self.jump is not None and not isinstance(self.jump, str):
             positive(self.jump, "jump")
         if self.sigma is not None:
-            object.__setattr__(self, "sigma", _noise(self.sigma, depth.shape, missing))
+            object.__setattr__(self, "sigma", noise_of_samples(self.sigma, missing, "depths"))
         self.camera.check((depth.shape[0], depth.shape[1]), self.counted, missing)
         object.__setattr__(self, "measure", self.counted)
         object.__setattr__(self, "depth", depth)
@@ -212,18 +211,3 @@ class RangeImage:
     def lowered(self, u: Array) -> "RangeImage":
         """A copy with depths u (h * w, 1); missing samples keep their bits."""
         return replace(self, depth=held(self.depth, u, self.missing))
-
-
-def _noise(sigma: ArrayLike, shape: tuple[int, ...], missing: Array) -> Array | float:
-    """The noise of the depths (h, w), or one number for all.
-
-    :raises InputError: for another shape, or noise that is not above zero where a sample is.
-    """
-    if isinstance(sigma, (int, float)) or np.ndim(sigma) == 0:
-        return positive(float(np.asarray(sigma)), "sigma", "the unit of the depths")
-    sigma = real(sigma, "sigma")
-    if sigma.shape != shape or not (sigma[~missing] > 0).all():
-        raise InputError(
-            f"sigma: a positive number or one for each of {shape[1]} x {shape[0]} depths expected, got shape {sigma.shape}"
-        )
-    return sigma

@@ -1,0 +1,158 @@
+"""Depths of a pinhole smoothed as a height field of inverse depths over the pixels."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.estimate.constraints import Constraints
+from meshflow.estimate.noise import Noise
+from meshflow.estimate.parameters import Parameter
+from meshflow.estimate.planner import noise_in
+from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.request import Request
+from meshflow.flow.methods.beltrami import Beltrami
+from meshflow.flow.progress import Progress
+from meshflow.geometry.validation import Array
+from meshflow.results.result import Result
+from meshflow.results.run import carried_out
+from meshflow.surfaces.disparity import from_disparity, has_disparity, in_disparity
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.range_image import RangeImage
+
+__all__ = ["in_inverse_depths", "smoothed_in_disparity"]
+
+# Patch and time, squared pixels, where depths are quantized: on the frames of a Kinect and simulated structured light
+# (tests/bench_range_quality.py) within 4 % of the best of widths 0 to 2.5 and times 3 to 45.
+STEPPED_PATCH, STEPPED_TIME = 2.0, 15.0
+STEPPED = "quantized depths: the risk cannot be estimated where rounding is the noise"
+
+# Noise that is said for each pixel is even where the quantiles EVEN_PART of inverse depths differ by a factor of EVEN at most.
+EVEN_PART, EVEN = (0.02, 0.98), 3.0
+
+
+def smoothed_in_disparity(data: RangeImage, request: Request) -> bool:
+    """Whether inverse depths are smoothed: where that is asked for, or where nothing is given that refers to depths."""
+    if request.domain != "auto":
+        return request.domain == "disparity"
+    held = request.constraints
+    free = all(limit is None for limit in (held.max_change, held.data_weights, held.preserve))
+    open_ = request.method is None and request.until_time is None and request.steps is None and not request.stops
+    plain = request.boundary is None and free and request.compute.search is None
+    plain = plain and data.time_unit == "footprint"
+    return has_disparity(data) and open_ and plain and _is_even(data)
+
+
+def _is_even(data: RangeImage) -> bool:
+    """Whether the noise of inverse depths is about the same everywhere, as far as the data says; else times along the rays, which
+    follow the noise of each pixel, are better.
+    """
+    if not isinstance(data.sigma, np.ndarray) or data.missing.all():
+        return True
+    low, high = np.quantile((data.sigma / np.square(np.where(data.missing, 1.0, data.depth)))[~data.missing], EVEN_PART)
+    return bool(high <= EVEN * low)
+
+
+def in_inverse_depths(data: RangeImage, request: Request, progress: Progress, record: bool | None) -> Result:
+    """Smooth the inverse depth as a height field over the pixels; noise and what was removed are reported in depths.
+
+    A given noise is one of inverse depths where these are asked for, else one of depths.
+
+    :raises InputError: where inverse depths are asked for: for a camera for which planes do not stay planes, and for inverse
+        depths that end below zero.
+    """
+    chosen = request.domain == "auto"
+    with request.compute.running():
+        held = request.constraints
+        small = Constraints(min_component=held.min_component, fixed=held.fixed)
+        about = planned(data, Request(steps=0, noise=request.noise if chosen else None, constraints=small))
+        cleared, noise = about.data, about.noise
+        if not isinstance(cleared, RangeImage):
+            raise InputError(f"domain: of range images only, got {type(data).__name__}")
+        if noise.sigma == 0 and chosen:
+            return carried_out(planned(data, request), data, progress, record)
+        squares = _squares(cleared)
+        if request.noise is not None and not chosen:
+            noise = replace(noise, sigma=request.noise * squares.typical, how="given")
+        told = data.sigma is not None or (chosen and request.noise is not None)
+        inverse = _with_noise(cleared, squares, told)
+        free = replace(request, domain="auto", outliers="include", constraints=replace(held, min_component=None))
+        free = replace(free, noise=None if chosen else free.noise)
+        stepped = _is_stepped(noise, request)
+        if stepped:
+            free = replace(free, method=Beltrami(patch=STEPPED_PATCH), time=STEPPED_TIME * request.strength)
+        found = carried_out(planned(inverse, free), inverse, progress, record)
+        if not isinstance(found.after, HeightField):
+            raise InputError(f"domain: a height field of inverse depths expected, got {type(found.after).__name__}")
+        if chosen and not (found.after.z > 0)[~cleared.missing].all():  # far depths may leave what is finite
+            return carried_out(planned(data, request), data, progress, record)
+    done = replace(from_disparity(cleared, found.after), fixed=data.fixed, sigma=data.sigma)
+    parameters, about_noise = _of_inverses(found.parameters, inverse.unit, stepped), about.decided["noise"]
+    if not told and request.noise is None:
+        parameters["noise"] = replace(parameters["noise"], origin=about_noise.origin, why=about_noise.why)
+    if chosen:
+        parameters = _in_depths(parameters, noise, squares.typical, data.unit)
+    return replace(found, data=done, after=done, before=data, parameters=parameters, noise=noise, plan=None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Squares:
+    """Errors of depths over errors of their inverses.
+
+    :ivar each: (h, w), 1 where missing; ``typical``: the median.
+    """
+
+    each: Array
+    typical: float
+
+
+def _squares(image: RangeImage) -> _Squares:
+    """The squares of the depths."""
+    each = np.square(np.where(image.missing, 1.0, image.depth.astype(np.float64)))
+    return _Squares(each, float(np.median(each[~image.missing])) if not image.missing.all() else 1.0)
+
+
+def _with_noise(cleared: RangeImage, squares: _Squares, given: bool) -> HeightField:
+    """Inverse depths with the noise of each depth, unless their noise is correlated, which differences do not show."""
+    inverse = in_disparity(cleared)
+    if cleared.sigma is None or (not given and noise_in(inverse).correlation is not None):
+        return inverse
+    return replace(inverse, sigma=np.broadcast_to(cleared.sigma, squares.each.shape) / squares.each)
+
+
+def _is_stepped(noise: Noise, request: Request) -> bool:
+    """Whether rounding is the noise, so that no risk can be estimated, and the method is left open."""
+    timed = request.until_time is not None or request.steps is not None or bool(request.stops)
+    return noise.quantum > noise.sigma and request.method is None and not timed and request.compute.search is None
+
+
+def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: bool) -> dict[str, Parameter]:
+    """The parameters of a run on inverse depths, in their units.
+
+    :param stepped: whether the depths are quantized.
+    """
+    units = {"time": "pixels²", "dt": "pixels²", "contrast": f"pixels per {inverse}"}
+    reported = {name: replace(p, unit=units.get(name, p.unit)) for name, p in parameters.items()}
+    reported["domain"] = Parameter("disparity", "", "given")
+    if stepped:
+        reported |= {name: replace(reported[name], origin="default", why=STEPPED) for name in ("patch", "time")}
+        reported |= {name: replace(reported[name], origin="default") for name in ("method", "gamma", "sharpness")}
+    return reported
+
+
+def _in_depths(parameters: Mapping[str, Parameter], noise: Noise, square: float, unit: str) -> dict[str, Parameter]:
+    """The parameters where the caller did not ask for inverse depths: noise, steps and risk are those of depths.
+
+    :param square: of the median depth; ``unit``: of depths.
+    """
+    reported = {**parameters, "domain": Parameter("disparity", "", "default", "planes stay planes in inverse depths")}
+    reported["noise"] = replace(reported["noise"], value=noise.sigma, unit=unit)
+    if "quantum" in reported:
+        reported["quantum"] = replace(reported["quantum"], value=noise.quantum, unit=unit)
+    if "risk" in reported:
+        risk = reported["risk"]
+        reported["risk"] = replace(
+            risk, value=float(risk.value) * square, unit=unit, why=f"{risk.why}, at the median depth"
+        )
+    return reported
