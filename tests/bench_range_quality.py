@@ -313,7 +313,7 @@ def test_ours_beside_every_peer_at_its_best_for_each_measure(name):
         once(case, "input", lambda z: z),
         once(case, "ours, default", lambda z: ours(case, z)),
         once(case, "ours, search=True", lambda z: ours(case, z, search=True)),
-        once(case, "ours, domain=disparity", lambda z: ours(case, z, domain="disparity")),
+        once(case, "ours, domain=length", lambda z: ours(case, z, domain="length")),
         best_of(case, our_peer(case)),
         best_of(case, our_disparity_peer(case)),
     ]

@@ -261,11 +261,10 @@ def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tu
 
 def _each(plan: Plan, k: int) -> Array:
     """The noise of each sample (1, h, w), where the data says it, or of each channel (k, 1, 1)."""
-    data, noise = plan.data, plan.noise
-    if isinstance(data, HeightField) and isinstance(data.sigma, np.ndarray) and plan.request.noise is None:
-        return np.where(data.missing, noise.sigma, data.sigma)[None]
-    own = noise.channels if len(noise.channels) == k and noise.how != "given" else (noise.sigma,)
-    return np.reshape(own, (-1, 1, 1))
+    noise, each = plan.noise, plan.data.sigma if isinstance(plan.data, HeightField) else None
+    if isinstance(each, np.ndarray) and plan.request.noise is None:
+        return np.where(plan.above.missing, noise.sigma, each)[None]
+    return np.reshape(noise.channels if len(noise.channels) == k and noise.how != "given" else noise.sigma, (-1, 1, 1))
 
 
 def _chosen(plan: Plan, found: Found, sigma: float, many: bool) -> Plan:
@@ -311,10 +310,9 @@ def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobil
     :param why: a description of the growth of the noise.
     :param mobility: (n, 1), of each sample.
     """
-    asked = request.heights
+    asked, twicing = request.heights, float(request.twicing or 0.0)
     contrast = 1.0 if asked.contrast is None else float(asked.contrast)
     plan = _begun(data, request, noise, mobility)
-    twicing = float(request.twicing or 0.0)
     decided = {
         "contrast": GIVEN if asked.contrast is not None else Decided("default", "lengths as they are"),
         "twicing": _of_twicing(request),

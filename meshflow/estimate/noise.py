@@ -88,6 +88,11 @@ class Noise:
         """Whether rounding is the only noise."""
         return 0 < self.sigma <= ROUNDING_ALONE * self.quantum / np.sqrt(12.0)
 
+    def known(self, each: Array) -> "Noise":
+        """The noise with given standard deviations of the samples (n,), as one number: the root mean square."""
+        mean = float(np.sqrt(np.mean(np.square(each, dtype=np.float64))))
+        return replace(self, sigma=mean, channels=(mean,), how="given")
+
     def oriented(self, orientation: Orientation) -> "Noise":
         """The noise of a grid that is turned or mirrored."""
         if not orientation.changes:

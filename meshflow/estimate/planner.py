@@ -208,7 +208,7 @@ def _with_noise(
     elif made[0] is not None and not isinstance(data, Mesh):
         noise, why = _noise_prepared(data, made[0], mask, made[1]), ""
         if isinstance(data, HeightField) and data.sigma is not None:
-            noise = _known(data, data.sigma, noise)
+            noise = noise.known(np.broadcast_to(data.sigma, data.missing.shape)[~data.missing])
     elif isinstance(data, Mesh) and data.moves == "points" and data.points.shape[1] == 3:
         (noise, clean), why = noise_by_parts(data), ""
         if request.is_open:
@@ -218,13 +218,6 @@ def _with_noise(
     if request.noise is not None:
         noise = replace(noise, sigma=float(request.noise), how="given")
     return data, noise, why
-
-
-def _known(data: HeightField, sigma: Array | float, noise: Noise) -> Noise:
-    """The noise of a height field that says it, as one number: the root mean square."""
-    each = np.broadcast_to(sigma, data.missing.shape)[~data.missing]
-    mean = float(np.sqrt(np.mean(np.square(each, dtype=np.float64))))
-    return replace(noise, sigma=mean, channels=(mean,), how="given")
 
 
 def _noise_along(data: RangeImage, missing: Array) -> tuple[Noise, RangeImage, str]:
