@@ -124,7 +124,7 @@ def _of_methods(methods: Iterable[type], panel: str, known: set[str]) -> list[Fl
     found: dict[str, tuple[Option, list[str]]] = {}
     for method in methods:
         for option in options_of(method):
-            if option.name not in known:
+            if option.name not in known and option.has_flag:
                 found.setdefault(option.name, (option, []))[1].append(getattr(method, "word", ""))
     every = [_of(option, panel) for option, _ in found.values()]
     return [

@@ -7,6 +7,7 @@ refusal is an exception. All others are given to bash.
 import glob
 import shlex
 import subprocess
+import sys
 from pathlib import Path
 
 from sybil import Example, Sybil
@@ -38,7 +39,8 @@ def shell(example: Example):
         if line.startswith("meshflow ") and not set(line.split("#")[0]) & set("|&;><$"):
             get_command(app).main(words(line)[1:], prog_name="meshflow", standalone_mode=False)
         else:
-            subprocess.run(["bash", "-ec", line], check=True)
+            command = f'meshflow() {{ "{sys.executable}" -m meshflow "$@"; }}; {line}'
+            subprocess.run(["bash", "-ec", command], check=True)
 
 
 PARSERS = [PythonCodeBlockParser(), CodeBlockParser(language="bash", evaluator=shell), SkipParser()]
