@@ -1,7 +1,7 @@
 """What README and the guides show runs, pictures are made by the blocks above them, and each page is short.
 
-``GUIDES_PICTURES=1 python -m pytest tests/test_guides.py`` puts the pictures that the blocks make into
-``examples/guides/pictures``.
+``GUIDES_WRITE=1 python -m pytest tests/test_guides.py`` puts the pictures that the blocks make into
+``examples/guides/pictures``, and the table of options into its guide.
 """
 
 import os
@@ -10,6 +10,8 @@ import shutil
 
 import pytest
 from helpers.guides import GUIDES, PAGES, ROOT, run
+
+from meshflow.cli.tables import options_table
 
 PICTURES = ROOT / "examples" / "guides" / "pictures"
 EMBEDDED = re.compile(r"!\[.*?\]\((.*?)\)", re.S)
@@ -36,7 +38,7 @@ def test_the_blocks_of_a_page_run_and_make_its_pictures(page, tmp_path, monkeypa
         if shown.startswith("pictures/"):
             made = tmp_path / shown.removeprefix("pictures/")
             assert made.stat().st_size < 120_000
-            if "GUIDES_PICTURES" in os.environ:
+            if "GUIDES_WRITE" in os.environ:
                 shutil.copy(made, PICTURES)
 
 
@@ -75,3 +77,16 @@ def test_the_readme_is_short_and_leads_to_every_guide():
 def test_commands_that_print_the_numbers_of_a_page_name_tests_that_exist(page):
     for file in re.findall(r"(?:tests|examples)/\w+\.py", page.read_text()):
         assert (ROOT / file).exists(), file
+
+
+def test_the_table_of_parameters_is_what_the_command_prints(capsys):
+    guide = ROOT / "examples" / "guides" / "parameters.md"
+    options_table(json=False, markdown=True)
+    start, end = "<!-- options -->\n", "<!-- end -->\n"
+    text = guide.read_text()
+    head, tail = text.index(start) + len(start), text.index(end)
+    printed = capsys.readouterr().out
+    if "GUIDES_WRITE" in os.environ:
+        guide.write_text(text[:head] + printed + text[tail:])
+    else:
+        assert text[head:tail] == printed, "stale: run GUIDES_WRITE=1 python -m pytest tests/test_guides.py"
