@@ -1,7 +1,8 @@
 """``compare_methods``: several methods side by side on the same data, at equal noise removed."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from time import perf_counter
 from typing import Any, Unpack
 
@@ -59,19 +60,23 @@ def compare_methods(
     *,
     noise: float | None = None,
     removed: float = 0.9,
+    picture: str | Path | None = None,
+    overwrite: bool = False,
     **metadata: Unpack[Metadata],
 ) -> tuple[MethodRun, ...]:
     """Run methods on the same data until each has removed equally much, and measure them; with a truth the best one first.
 
     Each runs until the root mean square of what it removed is ``removed`` times the noise, with its contrast by rule. A method
     that does not get there (a scheme that stops; restorations at rest, whose noise is multiplied instead) is measured where
-    it ends; ``removed`` of the run says so.
+    it ends; ``removed`` of the run says so. It has more than six parameters because those of the picture belong to it.
 
     :param data: as in :func:`meshflow.smooth`; not of several parts.
     :param methods: names, or methods with options; one name stands for itself.
     :param truth: values of the shape of the data; points (n, d) of a mesh.
     :param noise: as in :func:`meshflow.smooth`.
     :param removed: share of the noise, above 0, at most 1.
+    :param picture: a picture to write (.png, .jpg, .tif): the data, each result, what each removed, and a table.
+    :param overwrite: replace a picture that is there.
     :param metadata: what the data does not say of itself (``spacing``, ``kind``, ...), as in :func:`meshflow.smooth`.
     :raises InputError: for no method, a truth of another shape, or where :func:`meshflow.smooth` refuses.
     """
@@ -84,8 +89,31 @@ def compare_methods(
     true = None if truth is None else np.asarray(truth, dtype=np.float64)
     if true is not None and true.shape != before.shape:
         raise InputError(f"truth: the shape of the data, {before.shape}, expected, got {true.shape}")
+    if picture is not None:
+        from meshflow.view.pictures import writable
+
+        writable(picture, overwrite=overwrite)
     runs = [_run(data, one, before, true, (noise, removed), metadata) for one in asked]
-    return tuple(sorted(runs, key=lambda run: run.error or 0.0))
+    runs = sorted(runs, key=lambda run: run.error or 0.0)
+    if picture is not None:
+        _draw(runs, Path(picture), overwrite)
+    return tuple(runs)
+
+
+def _draw(runs: Sequence[MethodRun], picture: Path, overwrite: bool) -> None:
+    """The runs side by side."""
+    from meshflow.view.side_by_side import Column, side_by_side
+
+    columns = []
+    for run in runs:
+        error = {} if run.error is None else {"rms error": f"{run.error:.4g}"}
+        numbers = {
+            "removed / noise": f"{run.removed:.2f}", **error, "largest change": f"{run.largest:.4g}",
+            "time": f"{run.time:.4g}", "steps": str(run.steps), "seconds": f"{run.seconds:.2f}",
+        }  # fmt: skip
+        note = f"removed {run.removed:.2f} of the noise" + (f", error {run.error:.3g}" if run.error is not None else "")
+        columns.append(Column(run.name, note, run.result.after, numbers))
+    side_by_side(runs[0].result.before, columns, picture, overwrite=overwrite)
 
 
 def _run(

@@ -4,11 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 import meshflow
 from meshflow.cli.commands import app
-from meshflow.errors import InputError
+from meshflow.errors import FormatError, InputError
 
 TRUTH = np.add.outer(0.05 * np.arange(32), 10.0 * (np.arange(36) > 18))
 NOISY = TRUTH + np.random.default_rng(0).normal(size=TRUTH.shape)
@@ -42,6 +43,42 @@ def test_without_a_truth_they_stay_in_order_and_meshes_go_too():
     after = run.result.after.points
     assert run.error == pytest.approx(np.sqrt(np.mean(np.sum((after - ball) ** 2, axis=1))))
     assert run.largest == pytest.approx(np.linalg.norm(after - noisy, axis=1).max())
+
+
+def test_a_picture_shows_the_data_each_result_and_what_each_removed(tmp_path):
+    picture = tmp_path / "methods.png"
+    runs = meshflow.compare_methods(NOISY, ["heat", "perona-malik"], TRUTH, noise=1.0, picture=picture)
+    assert len(runs) == 2
+    with Image.open(picture) as drawn:
+        assert drawn.size[0] == 1600
+    with pytest.raises(FormatError, match="exists"):
+        meshflow.compare_methods(NOISY, ["heat"], picture=picture)
+    with pytest.raises(FormatError, match="a picture ends in"):
+        meshflow.compare_methods(NOISY, ["heat"], picture=tmp_path / "methods.doc")
+
+
+def test_methods_are_compared_by_the_command_with_a_table_and_a_picture(tmp_path):
+    np.save(tmp_path / "z.npy", NOISY)
+    np.save(tmp_path / "truth.npy", TRUTH)
+    words = [
+        "compare-methods",
+        str(tmp_path / "z.npy"),
+        "heat",
+        "PM90",
+        "--truth",
+        str(tmp_path / "truth.npy"),
+        "--noise",
+        "1",
+    ]
+    done = CliRunner().invoke(app, [*words, "--picture", str(tmp_path / "p.jpg"), "--json"])
+    rows = json.loads(done.stdout)["rows"]
+    assert [row["name"] for row in rows] == ["perona-malik", "heat"]
+    assert (tmp_path / "p.jpg").stat().st_size > 10_000
+    table = CliRunner().invoke(app, words).stdout
+    assert "perona-malik" in table
+    assert "error" in table
+    refused = CliRunner().invoke(app, ["compare-methods", str(tmp_path / "z.npy"), "beltramy"])
+    assert "did you mean beltrami" in str(refused.exception)
 
 
 def test_what_makes_no_sense_is_refused_in_words():

@@ -23,7 +23,7 @@ MAY = {
     "io": {"surfaces", "geometry"},
     "large": {"results", "estimate", "flow", "io", "surfaces", "geometry"},
     "smoothing": {"large", "results", "estimate", "flow", "io", "surfaces", "geometry"},
-    "comparing": {"smoothing", "results", "flow", "io", "surfaces", "geometry"},
+    "comparing": {"smoothing", "results", "flow", "io", "view", "surfaces", "geometry"},
     "fusing": {"smoothing", "large", "results", "estimate", "flow", "io", "surfaces", "geometry"},
     "accessors": {"smoothing", "large", "results", "estimate", "flow", "io", "surfaces", "geometry"},
     "view": {"surfaces", "geometry", "io"},
@@ -32,8 +32,8 @@ MAY = {
     "evaluate": {"flow", "surfaces", "geometry"},
     "synthetic": {"flow", "surfaces", "geometry"},
     "cli": {
-        "smoothing", "fusing", "accessors", "large", "results", "estimate", "flow", "io", "surfaces", "geometry", "view",
-        "viewer", "classics", "evaluate", "synthetic", "kernels",
+        "smoothing", "comparing", "fusing", "accessors", "large", "results", "estimate", "flow", "io", "surfaces", "geometry",
+        "view", "viewer", "classics", "evaluate", "synthetic", "kernels",
     },
     "__main__": {"cli"},
 }  # fmt: skip

@@ -1,6 +1,7 @@
 """Output of the commands: results on stdout, messages and notes on stderr."""
 
 import json as notation
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -9,7 +10,7 @@ from rich.text import Text
 
 from meshflow.cli.spoken import spoken
 
-__all__ = ["err", "out", "rows_printed", "said", "table"]
+__all__ = ["err", "listed", "out", "rows_printed", "said", "table"]
 
 # The width of what is not shown on a terminal: no line of a table is broken, and no name is cut.
 WIDE = 100_000
@@ -26,6 +27,19 @@ def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
         # Text, not markup: brackets in a name or a path are not styles.
         rows.add_row(Text(name, style="bold"), Text(f"{value:.6g}" if isinstance(value, float) else str(value)))
     rows_printed(rows)
+    said("", notes)
+
+
+def listed(rows: Sequence[Mapping[str, Any]], json: bool, notes: tuple[str, ...]) -> None:
+    """Print rows of the same facts as JSON or as a table with their names above to stdout, notes to stderr."""
+    if json:
+        out.print_json(notation.dumps({"rows": list(rows), "notes": list(notes)}))
+        return
+    heads = [name for name in rows[0] if any(row[name] is not None for row in rows)]
+    shown = Table(*heads, box=None, padding=(0, 2, 0, 0))
+    for row in rows:
+        shown.add_row(*(Text(f"{row[h]:.4g}" if isinstance(row[h], float) else str(row[h])) for h in heads))
+    rows_printed(shown)
     said("", notes)
 
 

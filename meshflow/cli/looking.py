@@ -10,16 +10,18 @@ import typer
 from rich.text import Text
 
 from meshflow.cli.asking import asked
-from meshflow.cli.console import out, said, table
+from meshflow.cli.console import listed, out, said, table
 from meshflow.cli.flags import FLOW, Given, command, only
 from meshflow.cli.inputs import opened, per_sample, plain_sample
 from meshflow.cli.options import COMPARED, DRAWING, PLACING, READING, flags
+from meshflow.comparing import compare_methods as methods_compared
 from meshflow.errors import InputError
 from meshflow.evaluate.flows import compare_flows as compared
 from meshflow.evaluate.metrics import compare as measured
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import must_be_free
 from meshflow.io.files import Document
+from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import compare as draw_pair
@@ -33,7 +35,17 @@ from meshflow.viewer.filming import film as filmed
 from meshflow.viewer.session import Saving
 from meshflow.viewer.session import view as viewed
 
-__all__ = ["add_to", "compare", "compare_flows", "film", "must_be_drawable", "pictured", "show", "view"]
+__all__ = [
+    "add_to",
+    "compare",
+    "compare_flows",
+    "compare_methods",
+    "film",
+    "must_be_drawable",
+    "pictured",
+    "show",
+    "view",
+]
 
 COMPARING = "What colour shows: what was removed; or curvature, edges, ... of before and after."
 FILMING = "What colour shows: what was removed so far, curvature, edges, ... Default: nothing."
@@ -145,6 +157,21 @@ def _titled(title: str | None, default: str) -> str:
     return default if title is None else title
 
 
+def compare_methods(given: Given) -> None:
+    """Run METHODS on IN until each has removed equally much, and compare them: errors against a truth, a table, a picture."""
+    source, picture = given["source"], given["picture"]
+    must_be_drawable(picture, given["overwrite"])
+    reading = _some(given, READING)
+    document = opened(source, reading)
+    truth = None if given["known"] is None else array_of(opened(given["known"], reading).data)
+    runs = methods_compared(
+        document, given["methods"], truth, noise=given["sigma"], removed=given["share"], picture=picture,
+        overwrite=given["overwrite"],
+    )  # fmt: skip
+    notes = (*document.notes, *(() if picture is None else (f"picture: {picture}",)))
+    listed([run.as_dict() for run in runs], given["json"], notes)
+
+
 def compare_flows(given: Given) -> None:
     """Compare four flows on a depth image at equal smoothness: 3D, along normals, graph of z, along rays."""
     source, camera, picture = given["source"], given["camera"], given["picture"]
@@ -192,6 +219,8 @@ def add_to(app: typer.Typer) -> None:
             *flags("arrange", "at", "seen_contrast"), *drawn, *flags("json"),
         ),
     )(compare)  # fmt: skip
+    asking = ("source", "methods", *READING, "picture", "overwrite", "known", "sigma", "share", "json")
+    command(app, "compare-methods", flags(*asking))(compare_methods)
     shown = (*flags("source", "shown", *READING, *PLACING), *only(FLOW, "fixed"), *flags("quantity", "seen_contrast"))
     command(app, "show", (*shown, *drawn, *flags("quiet")))(show)
     command(
