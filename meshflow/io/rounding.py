@@ -12,14 +12,14 @@ DTYPES = ("uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
 
 
 def rounded(values: Array, gone: Array, dtype: np.dtype) -> tuple[Array, tuple[str, ...]]:
-    """A copy of the values in another dtype, rounded and clipped for integers, and a note on clipping.
+    """The values in another dtype, rounded and clipped for integers, and a note on clipping; a copy where that changes them.
 
     :param values: any shape, floating point.
     :param gone: of the same shape: missing samples; where they do not fit they become 0 or the nearest value that fits.
     :param dtype: of up to 32 bits if an integer.
     """
     if dtype.kind == "f":
-        return values.astype(dtype), ()
+        return values.astype(dtype, copy=False), ()
     ends = np.iinfo(dtype)
     outside = int(((values < ends.min - 0.5) | (values > ends.max + 0.5))[~gone].sum())
     whole = np.clip(np.rint(np.nan_to_num(values.astype(np.float64))), ends.min, ends.max).astype(dtype)

@@ -141,7 +141,7 @@ class Written:
                     f"{taken} smoothed samples have the value {stored.nodata:g}, which marks missing ones; give another (nodata, "
                     "--nodata)"
                 )
-            samples[gone] = stored.nodata
+            samples = np.where(gone, stored.kind.type(stored.nodata), samples)
         self.writer.write(window, samples, alpha)
         return clipped
 

@@ -28,6 +28,8 @@ __all__ = ["History", "Result", "release"]
 
 # Those left out for range images, where they are always the same.
 ALONG_RAYS = ("sharpness", "patch", "contrast")
+# Values of a grid that are compared at a time.
+AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,14 +142,33 @@ class Result:
 
     @cached_property
     def _removed(self) -> Array:
-        one, two = array_of(self.before).astype(np.float64), array_of(self.after).astype(np.float64)
+        return self._removed_from(slice(None))
+
+    def _removed_from(self, rows: slice) -> Array:
+        """What was removed from some rows of a grid, or some vertices of a mesh."""
+        one, two = array_of(self.before)[rows].astype(np.float64), array_of(self.after)[rows]
         if isinstance(self.before, Mesh):
             return one - two
-        missing = np.zeros(one.shape[:2], bool) if self.before.missing is None else self.before.missing
+        missing = np.zeros(one.shape[:2], bool) if self.before.missing is None else self.before.missing[rows]
         if isinstance(self.after, RangeImage) and self.after.missing is not None:
-            missing = missing | self.after.missing  # dropped samples were not smoothed
+            missing = missing | self.after.missing[rows]  # dropped samples were not smoothed
         gone = missing if one.ndim == 2 else missing[..., None]
         return np.subtract(one, two, where=~gone, out=np.zeros_like(one))
+
+    @cached_property
+    def _sizes(self) -> tuple[float, float]:
+        """Root mean square and the largest of what was removed, in absolute value; of grids it is found by bands of rows."""
+        if isinstance(self.before, Mesh):
+            return float(np.sqrt(np.mean(self.counted**2))), float(np.abs(self.counted).max())
+        shape = array_of(self.before).shape
+        high = max(1, AT_ONCE // int(np.prod(shape[1:])))
+        squares, count, largest = 0.0, 0, 0.0
+        for top in range(0, shape[0], high):
+            rows = slice(top, top + high)
+            found = self._removed_from(rows)[~self.before.missing[rows]]
+            squares, count = squares + float(np.square(found).sum()), count + found.size
+            largest = max(largest, float(np.abs(found).max(initial=0.0)))
+        return float(np.sqrt(squares / max(count, 1))), largest
 
     @cached_property
     def _correlation(self) -> float | None:
@@ -194,7 +215,7 @@ class Result:
             "noise": self.noise.to_dict(),
             "removed": {
                 "rms": self._rms,
-                "largest": float(np.abs(self.counted).max()),
+                "largest": self._sizes[1],
                 "correlation": self.correlation,
             },
             "history": self.history.to_list(),
@@ -223,7 +244,7 @@ class Result:
 
     def __str__(self) -> str:
         correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
-        sizes = f"{self._along}rms {self._rms:.6g}{self._unit}, largest {np.abs(self.counted).max():.6g}{self._unit}"
+        sizes = f"{self._along}rms {self._rms:.6g}{self._unit}, largest {self._sizes[1]:.6g}{self._unit}"
         return described(self, sizes + correlation)
 
     @property
@@ -235,12 +256,12 @@ class Result:
     @property
     def _rms(self) -> float:
         """Root mean square of what was removed, over the samples that are not missing."""
-        return float(np.sqrt(np.mean(self.counted**2)))
+        return self._sizes[0]
 
     @property
     def _along(self) -> str:
         """The direction in which the change is measured, where that is not the values themselves."""
-        return "along the normals " if self.counted.ndim == 1 and self.removed.ndim == 2 and self._points else ""
+        return "along the normals " if self._points and self.removed.ndim == 2 and self.counted.ndim == 1 else ""
 
     @property
     def _points(self) -> bool:

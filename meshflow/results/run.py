@@ -72,6 +72,7 @@ def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None)
     """The result of a plan for data; with the threads of the caller (``Compute.running``)."""
     engine = engine_of(plan)
     start, end, history = _run(_steered(engine, plan), plan, progress, record)
+    end = end if record else replace(end, before=None)  # an array as large as the data, for who looks at its steps
     if plan.blend and plan.idle is None:
         end = _blended(plan, end)
         history = History.joined((history, _measured(end, plan))) if record is not None else history

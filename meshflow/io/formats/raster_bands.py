@@ -46,6 +46,8 @@ _MOST_BANDS = 1024
 
 # Without this, GDAL (3.10) accepts a PNG of 8 bit that is cut off, and fills it from uninitialized memory.
 _SAFE = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": False}
+# Samples of a band that are read back at a time.
+_AT_ONCE = 1 << 20
 _LOSSLESS = ("GTiff", "PNG", "BMP", "WEBP")
 _DESCRIBE_THE_FILE = ("IMAGE_STRUCTURE", "DERIVED_SUBDATASETS", "SUBDATASETS", "RPC", "rio_creation_kwds")
 
@@ -288,9 +290,11 @@ def frame_of(source: DatasetReader, dtype: str, chosen: list[int], nodata: float
 def _verify(path: str, samples: Array, encoding: Encoding) -> None:
     lossless = (encoding.driver in _LOSSLESS or encoding.copied) and not encoding.loses
     with rasterio.open(path) as written:
-        for band, expected in enumerate(samples, start=1):
-            found = written.read(band)
-            if lossless and not np.array_equal(found, expected, equal_nan=samples.dtype.kind == "f"):
+        h, w = samples.shape[1:]
+        for top in range(0, h, max(1, _AT_ONCE // w)):
+            part = slice(top, min(top + max(1, _AT_ONCE // w), h)), slice(0, w)
+            found = written.read(window=as_window(part))
+            if lossless and not np.array_equal(found, samples[:, part[0]], equal_nan=samples.dtype.kind == "f"):
                 raise OSError("what was read back differs from what was written")
 
 

@@ -140,7 +140,8 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
             f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps what was gained",
         )
     nodata = mark(samples, replace(frame, nodata=marking(frame.nodata, driver)), kind)
-    if nodata is not None:
+    if nodata is not None and frame.gone.any():
+        samples = samples.copy() if np.shares_memory(samples, values) else samples
         samples[frame.gone] = nodata
         if frame.gone.any() and not _alike(nodata, frame.nodata):
             notes += (f"missing samples are marked by nodata {nodata:g}",)
