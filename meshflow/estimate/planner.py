@@ -16,6 +16,7 @@ from meshflow.estimate.preparation import Preparation, prepared
 from meshflow.estimate.quantization import steps_of
 from meshflow.estimate.quantized import LeastBending, quantized
 from meshflow.estimate.request import Request
+from meshflow.estimate.rims import with_smooth_rims
 from meshflow.estimate.schemes import within_noise
 from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.spikes import without_spikes
@@ -98,6 +99,7 @@ def plan(data: Data, request: Request) -> Plan:
             data, spikes = without_spikes(data)
             warnings += spikes
     data, noise, why = _with_noise(data, request, mask, (how, way))
+    data, rims = with_smooth_rims(data, request, noise)
     warnings += _excessive(data, request, noise)
     if how is not None and request.level is None:
         warnings += _of_lines(noise.oriented(way.inverse))
@@ -115,6 +117,7 @@ def plan(data: Data, request: Request) -> Plan:
     else:
         found = None if isinstance(data, Mesh) else quantized(data, request, noise)
         found = found or tuned(data, request, noise, mobility)
+    found = found.with_({"boundary": Decided("estimated", rims)}) if rims else found
     if how is not None:
         warnings = (*how.warnings(found.idle is not None), *warnings)
         found = replace(found, idle=None if found.idle is None else how.beside(found.idle))

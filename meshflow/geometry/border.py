@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 from meshflow.geometry.connectivity import Connectivity
 from meshflow.geometry.validation import Array
 
-__all__ = ["border_operator"]
+__all__ = ["border_operator", "border_windows"]
 
 # Vertices of a window on each side of its middle.
 REACH = 2
@@ -39,7 +39,7 @@ def border_operator(connectivity: Connectivity, points: Array, held: Array) -> A
     :param points: (n, d).
     :param held: (n,), vertices that stay.
     """
-    n, windows = len(points), _windows(connectivity)
+    n, windows = len(points), border_windows(connectivity, REACH)
     if not len(windows):
         return sparse.csr_matrix((n, n))
     stars = _Stars.of(connectivity)
@@ -61,8 +61,13 @@ def border_operator(connectivity: Connectivity, points: Array, held: Array) -> A
     return sparse.csr_matrix(sparse.diags((~held).astype(np.float64)) @ sparse.csr_matrix(whole))
 
 
-def _windows(connectivity: Connectivity) -> Array:
-    """The windows (w, 5) of consecutive vertices of the border."""
+def border_windows(connectivity: Connectivity, reach: int) -> Array:
+    """The windows (w, 2 reach + 1) of consecutive vertices of the border, all different.
+
+    A vertex in which not exactly two border edges meet is not in the middle of one, and ends those beside it.
+
+    :param reach: vertices on each side of the middle.
+    """
     faces, corner = connectivity.faces, connectivity.border
     begin, end = (faces[corner // 3, (corner + shift) % 3] for shift in (1, 2))
     ends = np.concatenate([begin, end])
@@ -76,7 +81,7 @@ def _windows(connectivity: Connectivity) -> Array:
     chains = [middle]
     for side in (0, 1):
         before, here = middle, beside[middle, side]
-        for _ in range(REACH):
+        for _ in range(reach):
             chains.insert(0 if side == 0 else len(chains), here)
             both = beside[here]
             before, here = here, np.where(both[:, 0] == before, both[:, 1], both[:, 0])

@@ -82,7 +82,7 @@ def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None)
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
         warnings += _of_area(done, plan, start, end)
-        done, held = _without_harm(done, plan)
+        done, held = _without_harm(data, done, plan)
         warnings += held
         warnings += held_back(plan, end)
     if isinstance(engine, GridFlow):
@@ -249,11 +249,11 @@ def _steered(engine: Flow, plan: Plan) -> Flow:
     return flow if plan.pull is None else Faithful(flow, plan.pull)
 
 
-def _without_harm(done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
+def _without_harm(data: Data, done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
     """The result of a search on a mesh without new folds and crossings, and a sentence if points move less for that."""
-    if not isinstance(done, Mesh) or not isinstance(plan.data, Mesh) or not plan.candidates or done.moves != "points":
+    if not isinstance(done, Mesh) or not isinstance(data, Mesh) or not plan.candidates or done.moves != "points":
         return done, ()
-    points, less = moved_without_harm(plan.data.points, done.points, done.faces, plan.data.fixed)
+    points, less = moved_without_harm(data.points, done.points, done.faces, data.fixed)
     said = f"{less} of {len(points)} points were moved otherwise than by the method alone, which would fold or cross the surface"
     return replace(done, points=points), (said,) if less else ()
 
