@@ -70,6 +70,14 @@ def compare_methods(
     that does not get there (a scheme that stops; restorations at rest, whose noise is multiplied instead) is measured where
     it ends; ``removed`` of the run says so. It has more than six parameters because those of the picture belong to it.
 
+    Example:
+
+        >>> from meshflow.synthetic import mesas, noisy
+        >>> truth = mesas(48)
+        >>> runs = compare_methods(noisy(truth, 2.0), ["heat", "perona-malik"], truth, spacing=1.0)
+        >>> [run.name for run in runs]  # the least error first
+        ['perona-malik', 'heat']
+
     :param data: as in :func:`meshflow.smooth`; not of several parts.
     :param methods: names, or methods with options; one name stands for itself.
     :param truth: values of the shape of the data; points (n, d) of a mesh.

@@ -20,6 +20,13 @@ def hc(
 
     J. Vollmer, R. Mencl, H. Müller, *Improved Laplacian smoothing of noisy surface meshes*, Eurographics 1999 [Vollmer 99].
 
+    Example:
+
+        >>> from meshflow.synthetic import sphere
+        >>> ball = sphere(3)
+        >>> hc(ball.noisy("nrm", 0.2), ball.faces).shape == ball.points.shape
+        True
+
     :param points: (n, d).
     :param faces: (m, 3).
     :param alpha: the weight of the original points against the previous ones, in [0, 1].

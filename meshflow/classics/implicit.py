@@ -25,6 +25,13 @@ def scale_dependent(points: Array, faces: Array, time: float = 1.0, steps: int =
     gradients. On equilateral triangles L is half the Laplacian, since the sum over six neighbours at distance h is 3 h^2 / 2 of
     it and E is 6 h.
 
+    Example:
+
+        >>> from meshflow.synthetic import sphere
+        >>> ball = sphere(3)
+        >>> scale_dependent(ball.noisy("nrm", 0.2), ball.faces).shape == ball.points.shape
+        True
+
     :param points: (n, d).
     :param faces: (m, 3).
     :param time: of all steps together, in squared mean edges, positive.

@@ -21,6 +21,13 @@ def taubin(
 
     G. Taubin, *A signal processing approach to fair surface design*, SIGGRAPH 1995 [Taubin 95].
 
+    Example:
+
+        >>> from meshflow.synthetic import sphere
+        >>> ball = sphere(3)
+        >>> taubin(ball.noisy("nrm", 0.2), ball.faces).shape == ball.points.shape
+        True
+
     :param points: (n, d).
     :param faces: (m, 3).
     :param weight: lambda, in (0, 1].

@@ -13,6 +13,15 @@ def umbrella(points: Array, faces: Array, weight: float = 0.5, steps: int = 10, 
 
     It shrinks the mesh; a closed mesh converges to a point.
 
+    Example:
+
+        >>> import numpy as np
+        >>> from meshflow.synthetic import sphere
+        >>> ball = sphere(3)
+        >>> moved = umbrella(ball.points, ball.faces)
+        >>> bool(np.linalg.norm(moved, axis=1).max() < 1.0)  # it shrinks
+        True
+
     :param points: (n, d).
     :param faces: (m, 3).
     :param weight: of a step, in (0, 1].

@@ -22,6 +22,14 @@ def hierarchy(image: Array, contrasts: Sequence[float], time: float = 20.0) -> t
     Each level is the low curvature image simplifier of the image (method ``low-curvature``) with one of the contrasts; the
     details are the differences of neighbouring levels. J. Tumblin, G. Turk, SIGGRAPH 1999, section 4.
 
+    Example:
+
+        >>> import numpy as np
+        >>> from meshflow.synthetic import mesas
+        >>> base, *details = hierarchy(mesas(32), (0.01, 0.1), time=2.0)
+        >>> bool(np.allclose(base + sum(details), mesas(32)))
+        True
+
     :param image: (h, w), for example logarithms of luminance.
     :param contrasts: rising, per unit of the values: the lower one leaves less in its level. The first is that of the base.
     :param time: of each simplifier, squared samples.
@@ -45,6 +53,13 @@ def hierarchy(image: Array, contrasts: Sequence[float], time: float = 20.0) -> t
 
 def compressed(image: Array, contrasts: Sequence[float], base: float = 0.3, time: float = 20.0) -> Array:
     """An image with the contrast of its base multiplied by ``base``, and its details as they are (detail-preserving reduction).
+
+    Example:
+
+        >>> import numpy as np
+        >>> from meshflow.synthetic import mesas
+        >>> bool(np.ptp(compressed(mesas(32), (0.01, 0.1), time=2.0)) < np.ptp(mesas(32)))
+        True
 
     :param image: (h, w), logarithms of luminance; a displayable picture is the exponential of the result.
     :param contrasts: as in :func:`hierarchy`.

@@ -27,6 +27,15 @@ def field_diffusion(
     and its presmoothed gradient are replaced by these. Linear finite elements, semi-implicit steps, as there; where the field
     is zero diffusion is equal in all directions.
 
+    Example:
+
+        >>> import numpy as np
+        >>> from meshflow.synthetic import sphere
+        >>> ball = sphere(2)
+        >>> around = np.cross([0.0, 0.0, 1.0], ball.points)
+        >>> field_diffusion(ball.points, ball.faces, around, time=4.0, steps=2).shape == (len(ball.points),)
+        True
+
     :param points: (n, d), d of 2 or 3.
     :param faces: (m, 3).
     :param field: (n, d), vectors at the vertices; their component in the triangles counts.
@@ -61,6 +70,13 @@ def field_diffusion(
 
 def field_picture(field: Array, time: float = 20.0, steps: int = 8, across: float = 0.02) -> Array:
     """:func:`field_diffusion` on a grid: a picture (h, w) of the vectors (h, w, 2), x to the right and y to below.
+
+    Example:
+
+        >>> import numpy as np
+        >>> y, x = np.mgrid[-1:1:24j, -1:1:24j]
+        >>> field_picture(np.dstack([-y, x]), time=4.0, steps=2).shape
+        (24, 24)
 
     :param field: samples that are not finite have no stripes (0.5).
     """

@@ -21,6 +21,13 @@ def describe(data: Data) -> dict[str, Any]:
     """Facts about a data object by name, in reading order; lengths are in the unit of the data.
 
     The area of an image is that of (x, y, channels) at contrast 1; angles are those of triangles between valid samples.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from meshflow import HeightField
+        >>> describe(HeightField(np.zeros((4, 5)), spacing=10.0))["rows x columns"]
+        '4 x 5'
     """
     surface = data.lifted(Lift(diagonals="forward"))
     faces = surface.triangulations[0]

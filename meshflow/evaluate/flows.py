@@ -152,6 +152,16 @@ def compare_flows(
     the roughness. A flow that does not reach it within three times ``time`` is measured there and marked. (It has more than six
     parameters because they are independent of each other.)
 
+    Example:
+
+        >>> from meshflow import Pinhole
+        >>> from meshflow.synthetic import depth_scene
+        >>> camera = Pinhole(fx=50.0, fy=50.0, cx=26.5, cy=19.5)
+        >>> sample = depth_scene(camera, (40, 54))
+        >>> flows = compare_flows(sample.noisy, camera, sample.truth, time=1.0)
+        >>> sorted(flows.after)
+        ['normals', 'rays', 'space', 'z']
+
     :param depth: (h, w); 0 and NaN are missing.
     :param camera: a camera that :class:`RangeImage` takes.
     :param truth: (h, w), the true depths; 0 and NaN where there are none.

@@ -45,6 +45,12 @@ def grid_quality(
 ) -> GridQuality:
     """Compare a result with the truth, over the samples that are finite in both.
 
+    Example:
+
+        >>> from meshflow.synthetic import mesas, noisy
+        >>> round(grid_quality(noisy(mesas(64), 2.0), mesas(64)).rms)
+        2
+
     :param found: (h, w), or for images (h, w, k).
     :param truth: the same shape.
     :param kind: ``terrain`` measures normals, ``image`` structural similarity, which needs all samples.
@@ -78,6 +84,12 @@ def edges_of(truth: ArrayLike, share: float = EDGE_SHARE, reach: int = EDGE_REAC
 
     The gradient is by central differences; its magnitude is over both axes and all channels. Where less than that share has a
     nonzero gradient, the edges are those samples; a constant truth has none.
+
+    Example:
+
+        >>> import numpy as np
+        >>> int(edges_of(np.repeat([[0.0] * 8 + [1.0] * 8], 8, axis=0), reach=1)[0].sum())
+        4
 
     :param truth: (h, w) or (h, w, k); NaN is missing and gives no edge.
     :param share: between 0 and 1.

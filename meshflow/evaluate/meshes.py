@@ -61,6 +61,13 @@ class MeshQuality:
 def mesh_quality(points: Array, shape: Shape) -> MeshQuality:
     """Measure points (n, 3) on the triangles of a shape.
 
+    Example:
+
+        >>> from meshflow.synthetic import cube
+        >>> shape = cube(8)
+        >>> mesh_quality(shape.noisy("nrm", 0.2), shape).normal_error > 5
+        True
+
     :raises InputError: when their number differs from that of the shape, or one is not finite.
     """
     if np.shape(points) != shape.points.shape:
@@ -82,6 +89,14 @@ def mesh_quality(points: Array, shape: Shape) -> MeshQuality:
 
 
 def flipped(points: Array, truth: Array, faces: Array) -> int:
-    """Number of triangles (m, 3) whose normals over two sets of points (n, 3) are more than 90 degrees apart."""
+    """Number of triangles (m, 3) whose normals over two sets of points (n, 3) are more than 90 degrees apart.
+
+    Example:
+
+        >>> import numpy as np
+        >>> points, faces = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+        >>> flipped(points[[0, 2, 1]], points, faces)
+        1
+    """
     one, other = (np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]) for p in (points, truth))
     return int((np.einsum("ij,ij->i", one, other) < 0).sum())

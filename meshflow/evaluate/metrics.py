@@ -36,6 +36,11 @@ __all__ = [
 def rms_difference(found: ArrayLike, truth: ArrayLike) -> float:
     """Root mean square of found - truth, in their unit, over the samples that are finite in both.
 
+    Example:
+
+        >>> rms_difference([1.0, 2.0], [1.0, 3.0])
+        0.7071067811865476
+
     :raises InputError: when the shapes differ or no sample is finite in both.
     """
     return float(np.sqrt(np.mean(np.square(_sizes(found, truth)))))
@@ -44,6 +49,11 @@ def rms_difference(found: ArrayLike, truth: ArrayLike) -> float:
 def median_difference(found: ArrayLike, truth: ArrayLike) -> float:
     """Median of |found - truth|, in their unit, over the samples that are finite in both; it is robust to outliers.
 
+    Example:
+
+        >>> median_difference([1.0, 2.0, 9.0], [1.0, 2.5, 3.0])
+        0.5
+
     :raises InputError: as :func:`rms_difference`.
     """
     return float(np.median(_sizes(found, truth)))
@@ -51,6 +61,11 @@ def median_difference(found: ArrayLike, truth: ArrayLike) -> float:
 
 def largest_difference(found: ArrayLike, truth: ArrayLike) -> float:
     """Largest |found - truth|, in their unit, over the samples that are finite in both.
+
+    Example:
+
+        >>> largest_difference([1.0, 2.0], [1.0, 2.5])
+        0.5
 
     :raises InputError: as :func:`rms_difference`.
     """
@@ -61,6 +76,13 @@ def normal_angle(points: Array, others: Array, faces: Array) -> float:
     """Mean angle, degrees, between the normals of the same triangles over two sets of points; each triangle counts once.
 
     Triangles without area in either set have no normal and are not counted.
+
+    Example:
+
+        >>> import numpy as np
+        >>> flat, faces = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+        >>> round(normal_angle(flat, flat + [[0, 0, 0], [0, 0, 1], [0, 0, 0]], faces), 6)
+        45.0
 
     :param points: (n, 3).
     :param others: (n, 3).
@@ -84,6 +106,12 @@ def area(points: Array, faces: Array) -> float:
 
 def distance_rms(points: Array, distance: Callable[[Array], Array]) -> float:
     """Root mean square distance of points (n, 3) from a surface, in their unit.
+
+    Example:
+
+        >>> import numpy as np
+        >>> distance_rms(np.eye(3) * 1.5, lambda points: np.linalg.norm(points, axis=1) - 1.0)  # from the unit sphere
+        0.5
 
     :param distance: from points (n, 3) to distances (n,) from the true surface; their sign has no effect.
     """
@@ -151,6 +179,14 @@ class Comparison:
 
 def compare(before: Data, after: Data) -> Comparison:
     """Measure the differences of two data objects of the same kind on the same samples.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from meshflow import HeightField
+        >>> found = compare(HeightField(np.zeros((4, 4))), HeightField(np.ones((4, 4))))
+        >>> found.rms
+        1.0
 
     :raises InputError: when kinds, shapes, spacings, units, cameras or triangles differ, or no sample is present in both.
     """

@@ -48,6 +48,15 @@ class RangeQuality:
 def range_quality(found: ArrayLike, truth: ArrayLike, camera: Any, reach: float | ArrayLike = REACH) -> RangeQuality:
     """Compare depths along the axis of a camera with the truth.
 
+    Example:
+
+        >>> from meshflow import Pinhole
+        >>> from meshflow.synthetic import depth_scene
+        >>> camera = Pinhole(fx=50.0, fy=50.0, cx=26.5, cy=19.5)
+        >>> sample = depth_scene(camera, (40, 54))
+        >>> range_quality(sample.noisy, sample.truth, camera).rms > 0
+        True
+
     :param found: (h, w); 0, negative and NaN are missing.
     :param truth: (h, w), likewise.
     :param camera: a camera that :class:`meshflow.RangeImage` takes.
@@ -79,6 +88,12 @@ def range_quality(found: ArrayLike, truth: ArrayLike, camera: Any, reach: float 
 
 def jumps_of(truth: ArrayLike, share: float = JUMP) -> Array:
     """The pixels (h, w) on both sides of a jump, where neighbours differ by more than a share of the nearer.
+
+    Example:
+
+        >>> import numpy as np
+        >>> jumps_of(np.array([[1.0, 1.0, 2.0, 2.0]] * 2)).tolist()[0]
+        [False, True, True, False]
 
     :param truth: (h, w); missing pixels give no jump.
     """

@@ -20,6 +20,12 @@ def structural_similarity(found: ArrayLike, truth: ArrayLike, peak: float) -> fl
     2004, with means over windows of 7 x 7 samples instead of Gaussian ones, and sample variances (divided by n - 1).
     Windows that reach beyond the image are left out. The result is the mean over the channels.
 
+    Example:
+
+        >>> import numpy as np
+        >>> structural_similarity(np.eye(9), np.eye(9), 1.0)
+        1.0
+
     :param found: (h, w) or (h, w, k), 7 x 7 samples or more, all finite.
     :param truth: the same shape.
     :param peak: the range of the values.

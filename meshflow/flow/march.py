@@ -121,6 +121,17 @@ def march(
     interpolation between the ends of the step. A step that is no longer stable, because the surface has changed, is shortened;
     with ``auto``, the implicit stepper takes over where that would take too many steps.
 
+    Example:
+
+        >>> import numpy as np
+        >>> from meshflow import GridFlow, HeightField, Lift, SuperTime, Until, Variant
+        >>> field = HeightField(np.random.default_rng(0).normal(size=(32, 32)), spacing=1.0)
+        >>> flow = GridFlow(field.gridded(Lift(contrast=1.0)), Variant(gamma=-1.0))
+        >>> for state in march(flow, Until(time=2.0), SuperTime()):
+        ...     pass
+        >>> state.time
+        2.0
+
     :param stepper: a stepper or its name; :class:`Explicit` by default.
     :param control: by default :class:`Embedded` for a stepper that knows its error, else :class:`FixedStep`.
     :param recycle: reuse the memory of a state once the next one is computed, for callers who do not keep states.

@@ -57,6 +57,12 @@ def to_points(image: RangeImage, colours: ArrayLike) -> tuple[Array, Array]: ...
 def to_points(image: RangeImage, colours: ArrayLike | None = None) -> Array | tuple[Array, Array]:
     """The points (n, 3) of the samples that are not missing, row by row, in the frame of the camera.
 
+    Example:
+
+        >>> from meshflow import read
+        >>> to_points(read("data/scene_depth.png", camera="data/scene_camera.json").data).shape[1]
+        3
+
     :param colours: as in :func:`to_mesh`.
     :returns: the points, or with colours (points, colours), these (n, 3) in uint8.
     :raises InputError: for colours of another size or type.
@@ -67,7 +73,14 @@ def to_points(image: RangeImage, colours: ArrayLike | None = None) -> Array | tu
 
 
 def to_normals(image: RangeImage) -> Array:
-    """Unit normals (n, 3) of :func:`to_points`, towards the camera, from triangles that do not cross a jump."""
+    """Unit normals (n, 3) of :func:`to_points`, towards the camera, from triangles that do not cross a jump.
+
+    Example:
+
+        >>> from meshflow import read
+        >>> to_normals(read("data/scene_depth.png", camera="data/scene_camera.json").data).shape
+        (73214, 3)
+    """
     shell = _shell(image)
     return shell.normals[shell.there]
 
@@ -79,6 +92,13 @@ def to_mesh(
 
     Of a height field or an image they are those of :func:`meshflow.io.grid_mesh.mesh_of_grid`; the channels of an image are the
     vertex attribute ``channels``.
+
+    Example:
+
+        >>> from meshflow import read
+        >>> mesh = to_mesh(read("data/scene_depth.png", camera="data/scene_camera.json").data)  # trimesh
+        >>> len(mesh.faces) > 100_000
+        True
 
     :param every: of a height field or an image, every so manieth sample of each direction.
     :param colours: of a range image, the picture of the same pixels, (h, w, 3) or (h, w, 4): whole numbers of 8 or 16 bit, or
@@ -107,6 +127,13 @@ def to_open3d(
     tensor: bool = False,
 ) -> Any:
     """Export to open3d: a TriangleMesh as :func:`to_mesh`, or a PointCloud as :func:`to_points`, with normals.
+
+    Example:
+
+        >>> from meshflow import read
+        >>> image = read("data/scene_depth.png", camera="data/scene_camera.json").data
+        >>> type(to_open3d(image)).__name__  # needs meshflow[scan]
+        'TriangleMesh'
 
     :param kind: ``mesh`` or ``points``.
     :param tensor: use the tensor classes of open3d (float32) instead of the legacy ones.
@@ -142,6 +169,12 @@ def to_pyvista(image: RangeImage, colours: ArrayLike | None = None) -> "pv.Struc
     """A StructuredGrid of h x w points, with the array ``depth`` (and ``colours``); missing samples are hidden (ghosts).
 
     A structured grid cannot leave triangles out: unlike :func:`to_mesh`, it connects samples across jumps.
+
+    Example:
+
+        >>> from meshflow import read
+        >>> to_pyvista(read("data/scene_depth.png", camera="data/scene_camera.json").data).n_points > 70_000
+        True
 
     :raises InputError: for colours of another size or type.
     """

@@ -165,6 +165,12 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
     arrays. A picture is a depth image if a camera is given, else an image. Everything else is a raster that GDAL opens: one
     band is a terrain, several bands are an image.
 
+    Example:
+
+        >>> document = read("data/terrain.tif")
+        >>> document.kind, document.data.z.shape
+        ('terrain', (256, 256))
+
     :param metadata: what the file does not contain itself (:class:`ReadOptions`): ``kind`` (``terrain | image | depth |
         mesh``), where the guess would be wrong; for rasters and arrays ``band``, ``nodata``, ``spacing``; for depths
         ``camera``, ``depth_scale`` (units per metre), ``measure``, ``time_unit``, ``jump``; for scans ``viewpoint``; for
@@ -204,6 +210,13 @@ def write(
     **options: Unpack[Writing],
 ) -> tuple[str, ...]:
     """Write a document in the format of the extension; an existing file is replaced only when the new one is complete.
+
+    Example:
+
+        >>> from meshflow import read, smooth
+        >>> notes = write(smooth(read("data/terrain.tif"), method="quick"), "smoothed.tif")
+        >>> read("smoothed.tif").data.spacing
+        (10.0, 10.0)
 
     :param data: a document, with all that its file held; or a data object, an array (h, w) or (h, w, k), or ``(points, faces)``,
         which have no CRS, no tags and no texture.

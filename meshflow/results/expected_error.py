@@ -75,6 +75,14 @@ def expected_error(result: Result, runs: int = RUNS) -> Array:
     square of what comes out otherwise than the result holds both variance and bias. Where detail weaker than the noise is lost,
     as on rough terrain, the true error is larger, by a quarter and more: no run shows what is not in the data.
 
+    Example:
+
+        >>> from meshflow import smooth
+        >>> from meshflow.synthetic import mesas, noisy
+        >>> result = smooth(noisy(mesas(48), 2.0), method="quick", result=True)
+        >>> expected_error(result, runs=2).shape
+        (48, 48)
+
     :param result: of :func:`meshflow.smooth` with ``result=True``.
     :param runs: two or more; the estimate of a sample has a relative deviation of 0.7 / sqrt(runs).
     :returns: (h, w) or (h, w, k); NaN where samples are missing, or were left out.

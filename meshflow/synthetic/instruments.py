@@ -179,6 +179,13 @@ def _grey(light: Array) -> Array:
 def striped(values: ArrayLike, rows: float = 0.0, columns: float = 0.0, seed: int = 0) -> Array:
     """Values (h, w) with an offset for each row and each column, float64.
 
+    Example:
+
+        >>> import numpy as np
+        >>> offsets = striped(np.zeros((20, 20)), rows=1.0)
+        >>> bool(np.ptp(offsets, axis=1).max() < 1e-12)  # one offset for each row
+        True
+
     :param rows: standard deviation of the offsets of rows, and ``columns`` of columns, in the unit of the values.
     :raises InputError: for a deviation below zero.
     """
@@ -192,6 +199,13 @@ def striped(values: ArrayLike, rows: float = 0.0, columns: float = 0.0, seed: in
 
 def spiked(values: ArrayLike, share: float, low: float, high: float, seed: int = 0) -> tuple[Array, Array]:
     """Values (h, w), float64, with a random share of them replaced by ``low`` or ``high``, and the mask (h, w) of these.
+
+    Example:
+
+        >>> import numpy as np
+        >>> values, where = spiked(np.zeros((20, 20)), share=0.1, low=-9.0, high=9.0)
+        >>> sorted(set(values[where].tolist()))
+        [-9.0, 9.0]
 
     :raises InputError: for a share that is not between 0 and 1.
     """

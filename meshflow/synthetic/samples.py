@@ -72,6 +72,11 @@ def terrain(n: int = 256, seed: int = 0, noise: float = 2.0, spacing: float = 10
     Hills and valley are as large as n * spacing allows (by default 2560 m wide, a few hundred metres of relief); the mesa is
     90 m high, its cliff two to four samples wide.
 
+    Example:
+
+        >>> terrain(32).noisy.shape
+        (32, 32)
+
     :param noise: standard deviation, metres, independent for each sample.
     :param spacing: of the samples, metres.
     :raises InputError: for fewer than 16 samples along a side.
@@ -125,6 +130,12 @@ def depth_scene(
 ) -> Scene:
     """Depths (h, w) of :data:`SCENE` in metres, computed exactly; pixels that see nothing are NaN.
 
+    Example:
+
+        >>> sample = depth_scene()
+        >>> sample.noisy.shape
+        (240, 320)
+
     :param noise: c, per metre: the standard deviation of a depth is c z^2, as for stereo and structured light.
     """
     rays = camera.rays(shape)
@@ -142,6 +153,12 @@ def irregular_mesh(n: int = 4000, seed: int = 0, noise: float = 0.01, density: f
 
     The vertices lie on a spiral, displaced randomly by a third of their distance, and are ``density`` times denser at one end of
     the x axis than at the other. Vertices of the rims lie on the rims, so that the triangles resolve them.
+
+    Example:
+
+        >>> sample = irregular_mesh(500)
+        >>> sample.noisy.shape[1]
+        3
 
     :param noise: standard deviation along the normals, in radii.
     :param density: vertices per solid angle at the dense end over those at the sparse end, at least 1.
@@ -195,6 +212,11 @@ def _rim(axis: tuple[float, float, float], height: float, gap: float) -> Array:
 
 def picture(shape: tuple[int, int] = (144, 192), seed: int = 0, noise: float = 12.0) -> Sample:
     """A colour picture (h, w, 3) of coloured discs on ramps, values 0 to 255; measurements are rounded and clipped.
+
+    Example:
+
+        >>> picture((16, 24)).noisy.shape
+        (16, 24, 3)
 
     :param noise: standard deviation, in grey levels, independent for each channel.
     """

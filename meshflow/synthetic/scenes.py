@@ -59,6 +59,12 @@ class Subject:
 def noisy(truth: ArrayLike, sigma: float, seed: int = 7) -> Array:
     """The truth with white Gaussian noise, independent for each value.
 
+    Example:
+
+        >>> import numpy as np
+        >>> round(float(np.std(noisy(np.zeros((64, 64)), 3.0))))
+        3
+
     :param truth: of any shape.
     :param sigma: standard deviation, in the unit of the truth.
     :raises InputError: for a sigma that is negative or not finite.
@@ -72,6 +78,11 @@ def noisy(truth: ArrayLike, sigma: float, seed: int = 7) -> Array:
 def quantised(truth: ArrayLike, quantum: float) -> Array:
     """The truth rounded to multiples of a quantum, in the unit of the truth, without noise.
 
+    Example:
+
+        >>> quantised([0.4, 1.7], 1.0)
+        array([0., 2.])
+
     :raises InputError: for a quantum that is not positive.
     """
     return positive(quantum, "quantum") * np.rint(np.asarray(truth, dtype=np.float64) / quantum)
@@ -79,6 +90,11 @@ def quantised(truth: ArrayLike, quantum: float) -> Array:
 
 def steps(n: int = 128, seed: int = 0) -> Array:
     """Heights (n, n): 8 x 8 flat blocks of 0, 12, ... 84.
+
+    Example:
+
+        >>> steps(32).shape
+        (32, 32)
 
     :raises InputError: for a side that is no multiple of 8.
     """
@@ -89,7 +105,13 @@ def steps(n: int = 128, seed: int = 0) -> Array:
 
 
 def mesas(n: int = 512, seed: int = 0) -> Array:
-    """Heights (n, n) of 0 to about 75: twelve round mesas, some upon others, a cone of height 40, bumps on the right half."""
+    """Heights (n, n) of 0 to about 75: twelve round mesas, some upon others, a cone of height 40, bumps on the right half.
+
+    Example:
+
+        >>> mesas(32).shape
+        (32, 32)
+    """
     rng, (rows, columns) = np.random.default_rng(seed), _unit(n)
     heights = np.zeros((n, n))
     for _ in range(12):
@@ -101,7 +123,13 @@ def mesas(n: int = 512, seed: int = 0) -> Array:
 
 
 def ramps(n: int = 512) -> Array:
-    """Heights (n, n) of 0 to about 50: two steps on the left, a ramp between two plains, a cone of height 35, bumps below it."""
+    """Heights (n, n) of 0 to about 50: two steps on the left, a ramp between two plains, a cone of height 35, bumps below it.
+
+    Example:
+
+        >>> ramps(32).shape
+        (32, 32)
+    """
     rows, columns = _unit(n)
     heights = 20.0 * ((columns > 0.1) & (columns < 0.25) & (rows > 0.1) & (rows < 0.4))
     heights += 10.0 * ((columns > 0.05) & (columns < 0.35) & (rows > 0.5) & (rows < 0.9))
@@ -117,7 +145,13 @@ def _unit(n: int) -> tuple[Array, Array]:
 
 
 def fractal_terrain(n: int = 512, seed: int = 2) -> Array:
-    """Elevations (n, n) in metres, as rough as mountains: spectrum k^-2, standard deviation 60 m, no cliffs."""
+    """Elevations (n, n) in metres, as rough as mountains: spectrum k^-2, standard deviation 60 m, no cliffs.
+
+    Example:
+
+        >>> fractal_terrain(32).shape
+        (32, 32)
+    """
     return 60.0 * fractal(whole(n, "fractal terrain: side", 8), 2.0, np.random.default_rng(seed))
 
 

@@ -64,6 +64,15 @@ class Sensor(Protocol):
 def seen(body: Body, sight: Sight) -> Seen:
     """Cast the rays of a camera at an object.
 
+    Example:
+
+        >>> from meshflow import Pinhole
+        >>> from meshflow.surfaces.visibility import Sight
+        >>> from meshflow.synthetic import Ball
+        >>> sight = Sight.through(Pinhole(fx=50.0, fy=50.0, cx=16.0, cy=12.0), (25, 33))
+        >>> seen([Ball((0.0, 0.0, 2.0), 0.4)], sight).depth.shape
+        (25, 33)
+
     :param body: a :class:`Mesh` in R^3, or solids, of which the nearest is seen; the lines of sight start outside of them.
     :raises InputError: for no solid, or a mesh that is not in R^3.
     """
@@ -85,6 +94,15 @@ def seen(body: Body, sight: Sight) -> Seen:
 
 def observe(body: Body, sight: Sight, sensor: Sensor) -> Frame:
     """The measurement of an object by a sensor through a camera: ``observe(SCENE, Sight.through(camera, shape), sensor)``.
+
+    Example:
+
+        >>> from meshflow import Pinhole
+        >>> from meshflow.surfaces.visibility import Sight
+        >>> from meshflow.synthetic import Ball, StructuredLight
+        >>> sight = Sight.through(Pinhole(fx=50.0, fy=50.0, cx=15.5, cy=11.5), (24, 32))
+        >>> observe([Ball((0.0, 0.0, 2.0), 0.4)], sight, StructuredLight()).depth.shape
+        (24, 32)
 
     :raises InputError: as :func:`seen`, and where nothing is seen.
     """

@@ -85,6 +85,14 @@ def mean_edge(points: Array, faces: Array) -> float:
 def cube(cells: int = 32, irregular: bool = False, seed: int = 0) -> Shape:
     """A cube of edge 1, 6 x cells x cells x 2 triangles: flat sides, sharp edges and corners.
 
+    Example:
+
+        >>> shape = cube(4)
+        >>> len(shape.faces)
+        192
+        >>> float(abs(shape.distance(shape.points)).max())
+        0.0
+
     :param irregular: vertices are displaced randomly by a third of a cell within sides and along edges, with Delaunay triangles.
     :raises InputError: for fewer than 2 cells.
     """
@@ -96,6 +104,11 @@ def cube(cells: int = 32, irregular: bool = False, seed: int = 0) -> Shape:
 def plate(cells: int = 60, seed: int = 0) -> Shape:
     """A plate of 1 x 1 x 0.03, two cells thick by default, which shrinks easily.
 
+    Example:
+
+        >>> plate(8).points.shape[1]
+        3
+
     :raises InputError: for fewer than 2 cells.
     """
     body = Box((0.5, 0.5, 0.015))
@@ -105,6 +118,11 @@ def plate(cells: int = 60, seed: int = 0) -> Shape:
 
 def part(spacing: float = 0.016, seed: int = 0) -> Shape:
     """A machine part: an extruded L with a fillet and a hole; creases are exact, and there are slivers.
+
+    Example:
+
+        >>> len(part(0.05).faces) > 100
+        True
 
     :param spacing: of the vertices, in lengths of the longer leg; below 0.1.
     :raises InputError: for another spacing.
@@ -117,6 +135,11 @@ def part(spacing: float = 0.016, seed: int = 0) -> Shape:
 
 def sphere(subdivisions: int = 5) -> Shape:
     """A unit sphere, 10 * 4^subdivisions + 2 vertices of a subdivided icosahedron (10242 by default).
+
+    Example:
+
+        >>> sphere(2).points.shape
+        (162, 3)
 
     :raises InputError: for less than one subdivision.
     """
@@ -134,6 +157,11 @@ def sphere(subdivisions: int = 5) -> Shape:
 def ring(around: int = 160, through: int = 64) -> Shape:
     """A torus of radii 1 and 0.4.
 
+    Example:
+
+        >>> ring(16, 8).points.shape
+        (128, 3)
+
     :raises InputError: for fewer than 3 vertices in either direction.
     """
     body = Ring(1.0, 0.4)
@@ -144,6 +172,11 @@ def blob(cells: int = 64) -> Shape:
     """A level set of a sum of Gaussians by marching cubes on a grid of cells^3, with slivers of every size.
 
     Vertices are moved onto the surface, which makes some triangles even thinner.
+
+    Example:
+
+        >>> blob(16).points.shape[1]
+        3
 
     :raises InputError: for fewer than 8 cells.
     """
@@ -163,6 +196,11 @@ def blob(cells: int = 64) -> Shape:
 
 def dome(count: int = 6000, seed: int = 0) -> Shape:
     """A hemisphere of radius 1 with an open border at z = 0, sampled irregularly.
+
+    Example:
+
+        >>> dome(100).points.shape
+        (107, 3)
 
     :raises InputError: for fewer than 100 vertices.
     """

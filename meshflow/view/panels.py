@@ -81,6 +81,16 @@ def flows(
 
     The close-up shows the rim of each surface in red, and the rim before smoothing in blue.
 
+    Example:
+
+        >>> from meshflow import Pinhole
+        >>> from meshflow.evaluate import compare_flows
+        >>> from meshflow.synthetic import depth_scene
+        >>> camera = Pinhole(fx=50.0, fy=50.0, cx=26.5, cy=19.5)
+        >>> compared = compare_flows(depth_scene(camera, (40, 54)).noisy, camera, time=1.0)
+        >>> flows(compared.panels(), "flows.png").path.name
+        'flows.png'
+
     :param panels: those of :meth:`meshflow.evaluate.FlowComparison.panels`, the first one before smoothing.
     :param path: the picture to write (.png, .jpg, .tif).
     :param close_up: column and row of its centre; by default where the rims moved most.

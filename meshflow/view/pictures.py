@@ -68,6 +68,13 @@ def compare(
     99th percentile of its absolute value. Numbers are computed from all data. Grids are thinned to 1000 samples per side for
     drawing, which the picture states.
 
+    Example:
+
+        >>> from meshflow.synthetic import mesas, noisy
+        >>> picture = compare(noisy(mesas(48), 2.0), mesas(48), "both.png", size=(400, 300), renderer="hillshade")
+        >>> picture.path.name
+        'both.png'
+
     :param before: a height field, image, range image or mesh, a :class:`meshflow.Document`, or any object that
         :func:`meshflow.smooth` takes.
     :param after: the same kind of data on the same samples.
@@ -105,6 +112,12 @@ def show(
 ) -> Pictured:
     """Show data in a window, or as a picture.
 
+    Example:
+
+        >>> from meshflow.synthetic import mesas
+        >>> show(mesas(48), "one.png", size=(400, 300), renderer="hillshade").path.name
+        'one.png'
+
     :param data: as ``before`` of :func:`compare`.
     :param path: the picture to write (.png, .jpg, .tif); None: a window.
     :param scalars: one number per sample (h, w) or vertex (n,), shown as colour.
@@ -138,6 +151,12 @@ def plotter(
 
     It is for notebooks, where ``show()`` draws a picture, or an interactive view with ``trame``
     (``show(jupyter_backend="trame")``), and for adding further actors. It needs no display. Close it at the end.
+
+    Example:
+
+        >>> from meshflow.synthetic import mesas, noisy
+        >>> window = plotter(noisy(mesas(32), 2.0), mesas(32), off_screen=True)  # window.show() opens it
+        >>> window.close()
 
     :param before: as in :func:`compare`.
     :param after: None: one surface is shown.

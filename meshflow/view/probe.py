@@ -45,6 +45,11 @@ def rendering() -> Rendering:
     """Whether VTK can draw here; the first call takes a few seconds, later calls are cached.
 
     With ``MESHFLOW_RENDERING=off`` in the environment the answer is no, without a test.
+
+    Example:
+
+        >>> type(rendering()).__name__
+        'Rendering'
     """
     if os.environ.get(_SWITCH, "").lower() == "off":
         return Rendering(False, None, f"drawing with VTK is switched off by {_SWITCH}=off in the environment; unset it")

@@ -39,6 +39,14 @@ def measured(data: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
     least around a sample.
     ``samples``: which samples move, are fixed, or are missing.
 
+    Example:
+
+        >>> from meshflow import Mesh
+        >>> from meshflow.synthetic import sphere
+        >>> ball = sphere(3)
+        >>> bool(abs(measured(Mesh(ball.points, ball.faces), "curvature").values.mean() - 1) < 0.05)
+        True
+
     :param data: a data object, or anything that :func:`meshflow.smooth` takes. The numbers are the ``values`` of the result.
     :param contrast: length per unit of the values, for ``edges`` of height fields and images.
     :raises InputError: for an unknown quantity, and the edge indicator of a mesh whose points move, which is 1 everywhere.

@@ -48,6 +48,15 @@ def film(
 
     Colours, light and view are the same in all frames, and each shows its time; times grow quadratically.
 
+    Example:
+
+        >>> from meshflow.estimate.request import Request
+        >>> from meshflow.synthetic import mesas, noisy
+        >>> quick = Request.of(method="quick")
+        >>> made = film(noisy(mesas(32), 2.0), "film.gif", request=quick, count=3, size=(320, 240))
+        >>> made.path.name
+        'film.gif'
+
     :param data: a :class:`meshflow.Document`, a data object, or anything that :func:`meshflow.smooth` takes.
     :param path: ``.mp4`` (needs ``pip install 'meshflow[film]'``) or ``.gif``.
     :param overwrite: replace an existing file.

@@ -21,7 +21,13 @@ __all__ = ["LambdaMu", "mu"]
 
 
 def mu(weight: float, passband: float) -> float:
-    """The weight mu of the second step, from 1 / lambda + 1 / mu = passband."""
+    """The weight mu of the second step, from 1 / lambda + 1 / mu = passband.
+
+    Example:
+
+        >>> round(mu(0.5, 0.1), 3)
+        -0.526
+    """
     return weight / (passband * weight - 1.0)
 
 

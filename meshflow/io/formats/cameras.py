@@ -94,6 +94,13 @@ def read_camera(source: str | Path) -> Camera:
     * YAML: the camera_info of ROS, K and D (of images that are not rectified; of those that are, give P as JSON).
     * ``.npz``: ``directions`` and ``origins`` of a :class:`Scanner`.
 
+    Example:
+
+        >>> read_camera("tum").fx
+        525.0
+        >>> read_camera("data/scene_camera.json").cx
+        159.5
+
     :raises InputError: for an argument that is no name and no path.
     :raises FormatError: when the file cannot be read or is incomplete.
     """
@@ -104,6 +111,13 @@ def write_camera(
     camera: Camera, path: str | Path, shape: tuple[int, int] | None = None, *, overwrite: bool = False
 ) -> None:
     """Write a camera: ``.json`` (a pinhole of known shape so that Open3D reads it, too), ``.yaml`` (ROS), ``.npz`` (a scanner).
+
+    Example:
+
+        >>> from meshflow import Pinhole
+        >>> write_camera(Pinhole(fx=525, fy=525, cx=319.5, cy=239.5), "camera.json", (480, 640))
+        >>> read_camera("camera.json").fx
+        525.0
 
     :param shape: (h, w) of its images; ROS needs it.
     :param overwrite: replace a file that is there.
