@@ -1,10 +1,10 @@
 """``smooth``: takes any supported data and returns the same kind of data. The command calls it, too."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar, Unpack, overload
 
-from meshflow.errors import attention, warn
+from meshflow.errors import InputError, attention, warn
 from meshflow.estimate.constraints import Constraint
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import noise_growth
@@ -21,6 +21,8 @@ from meshflow.io.document import Document
 from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.io.objects import Imported, from_object, opened, taken_in
 from meshflow.large.chunks import is_chunked, smooth_chunked
+from meshflow.large.outcome import Outcome
+from meshflow.large.stacks import is_stack, smooth_stack
 from meshflow.results.domains import run_in_domain
 from meshflow.results.keywords import must_be_keywords, must_be_metadata
 from meshflow.results.multipart import Results, every_warning, one_by_one
@@ -150,14 +152,34 @@ def smooth(
 
 def _answered(data: Any, asked: Request, progress: Progress, result: bool, metadata: Mapping[str, Any]) -> Any:
     """The result, or the data that it holds; the warnings of the latter are issued."""
-    if is_chunked(data):
-        back, found = smooth_chunked(data, asked, ReadOptions.of(metadata))
+    options = ReadOptions.of(metadata)
+    if is_stack(data, options):
+        back, found = smooth_stack(data, asked, options, _Slice({**metadata, "slices": None}))
+        said = found.warnings
+    elif is_chunked(data):
+        back, found = smooth_chunked(data, asked, options)
         said = found.warnings
     else:
         back, found = smooth_object(data, asked, progress, record=result or None, metadata=metadata)
         said = every_warning(found)
     warn(() if result else said)
     return found if result else back
+
+
+@dataclass(frozen=True)
+class _Slice:
+    """Smooths a slice of a stack by itself."""
+
+    metadata: Mapping[str, Any]
+
+    def __call__(self, data: Any, request: Request) -> tuple[Any, Result | Outcome]:
+        """The smoothed slice, and its result."""
+        if is_chunked(data):
+            return smooth_chunked(data, request, ReadOptions.of(self.metadata))
+        back, found = smooth_object(data, request, record=None, metadata=self.metadata)
+        if not isinstance(found, Result):
+            raise InputError("slices: of data with one part each")
+        return back, found
 
 
 def smooth_object(

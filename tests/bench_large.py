@@ -168,13 +168,13 @@ def main():
         with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
         ) as cluster, distributed.Client(cluster):
-            meshflow.smooth(z[:chunk, :chunk], **options).sum().compute()
+            meshflow.smooth(z[: 2 * chunk, : 2 * chunk], **options).sum().compute()
             begun = time.perf_counter()
             meshflow.smooth(z, **options).sum().compute()
     else:
         import dask
         with dask.config.set(scheduler="threads", num_workers=2):
-            meshflow.smooth(z[:chunk, :chunk], **options).sum().compute()
+            meshflow.smooth(z[: 2 * chunk, : 2 * chunk], **options).sum().compute()
             begun = time.perf_counter()
             meshflow.smooth(z, **options).sum().compute()
     print(time.perf_counter() - begun)

@@ -1,5 +1,6 @@
 """Arrays of dask: lazy in, lazy out, the same chunks, and the same bits as the whole."""
 
+import os
 import sys
 
 import numpy as np
@@ -229,3 +230,27 @@ def test_two_processes_compute_the_bits_of_one():
     ):
         done = meshflow.smooth(da.from_array(z, (20, 20)), outliers="include").compute()
     same(done, meshflow.smooth(z, method=Search(second_stage=False), outliers="include"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="starts processes")
+def test_a_worker_that_dies_changes_no_bit(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    z, died = heights(), tmp_path / "died"
+
+    def deadly(block):
+        """Ends the process that computes the first chunk."""
+        if not died.exists():
+            died.touch()
+            os._exit(1)
+        return block
+
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as cluster,
+        distributed.Client(cluster),
+    ):
+        lazy = da.from_array(z, (20, 20)).map_blocks(deadly, dtype=z.dtype, meta=np.zeros((0, 0), z.dtype))
+        done = meshflow.smooth(lazy, method=Beltrami(contrast=5.0), time=8.0, noise=2.0, outliers="include").compute()
+    assert died.exists()
+    same(done, meshflow.smooth(z, method=Beltrami(contrast=5.0), time=8.0, noise=2.0, outliers="include"))

@@ -311,6 +311,19 @@ def test_what_was_removed_goes_to_a_file_of_its_own(tmp_path):
     assert not target.exists()
 
 
+@pytest.mark.parametrize("windows", [False, True])
+@pytest.mark.parametrize("flag", ["--removed", "--uncertainty"])
+def test_no_raster_beside_the_result_replaces_the_input(flag, windows, tmp_path, monkeypatch):
+    path = terrain(tmp_path / "in.tif")
+    before = path.read_bytes()
+    if windows:
+        monkeypatch.setattr("meshflow.cli.commands.memory_for", lambda given: 1e9)
+    with pytest.raises(FormatError, match="in.tif: it is the input; name another file"):
+        raise run(path, tmp_path / "out.tif", flag, path, "--overwrite").exception
+    assert path.read_bytes() == before
+    assert not (tmp_path / "out.tif").exists()
+
+
 def test_nothing_is_removed_from_a_mesh_as_a_raster(tmp_path):
     meshflow.write(_tetrahedron(), tmp_path / "in.ply")
     done = CliRunner().invoke(

@@ -141,3 +141,15 @@ def test_the_command_smooths_a_folder_of_tiles_together(tmp_path):
     assert len(list((tmp_path / "out").iterdir())) == 12
     columns = [line.split() for line in done.stdout.splitlines()[1:]]
     assert len({(noise, time) for _, noise, time, *_ in columns}) == 1  # one choice for all
+
+
+def test_the_command_says_of_all_tiles_what_it_says_of_their_mosaic(tmp_path):
+    z = heights()
+    whole = make(tmp_path / "whole.tif", z, nodata=-9999, transform=placed(0, 0, 30))
+    one = smooth_raster(whole, tmp_path / "smoothed.tif", Request.of(outliers="include"), ReadOptions(), OUTPUT)
+    tiled(tmp_path / "in", z)
+    words = ["smooth", str(tmp_path / "in"), "--output", str(tmp_path / "out"), "--together", "--outliers", "include"]
+    done = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    said = next(line for line in done.stderr.splitlines() if line.startswith("as one: "))
+    assert said.partition("; ")[2] == one.summary.partition("; ")[2]
+    assert "by 12 windows" in said

@@ -9,7 +9,7 @@ from meshflow.cli.flags import Given
 from meshflow.cli.inputs import plain_sample, read_options
 from meshflow.cli.many import Told
 from meshflow.cli.options import PLACING, READING
-from meshflow.cli.rasters import writing_of
+from meshflow.cli.rasters import must_not_be, writing_of
 from meshflow.errors import InputError
 from meshflow.flow.methods import words_for
 from meshflow.io.files import format_of
@@ -68,6 +68,8 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
     word, suiting = given["method"], words_for(points=False)
     request = asked(given, plain_sample, suiting)
     writing = _output(given, memory)
+    for path in writing.sides.values():
+        must_not_be(source, path)
     result = smooth_raster(source, target, request, options, writing, None if quiet else True)
     more = (word for word in result.warnings if word not in result.notes)
     return Told(result, (*narrowed(request, word, suiting), *result.notes, *more))

@@ -4,7 +4,7 @@ import json as notation
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from glob import glob, has_magic
 from pathlib import Path
 from time import monotonic
@@ -23,7 +23,7 @@ from meshflow.geometry.validation import whole
 from meshflow.io.files import FORMATS
 from meshflow.io.incoming import STDIN
 from meshflow.kernels.library import default_threads
-from meshflow.large.outcome import Outcome
+from meshflow.large.outcome import Outcome, Removed
 from meshflow.results.multipart import Results
 from meshflow.results.result import Result
 
@@ -135,10 +135,22 @@ def smooth_many(given: Given, paths: Sequence[Path], one: Callable[[Given], Told
         out.print_json(notation.dumps([line.to_dict() for line in lines]))
     elif not given["quiet"]:
         _table(lines)
+        as_one = _as_one(lines) if given["together"] else None
+        if as_one is not None:
+            said(f"as one: {f'{chr(10)}{as_one}' if given['verbose'] else as_one.summary}", as_one.warnings)
     refused = sum(line.told is None and not line.skipped for line in lines)
     if refused:
         said(f"meshflow: {refused} of {many} refused", (), style="red")
         raise typer.Exit(1)
+
+
+def _as_one(lines: Sequence[Line]) -> Outcome | None:
+    """What was done to all tiles of a survey, as if they were one file; None where none was smoothed."""
+    done = [line.told.result for line in lines if line.told is not None and isinstance(line.told.result, Outcome)]
+    if not done:
+        return None
+    removed = Removed.joined(one.removed for one in done if one.removed is not None)
+    return replace(done[0], windows=sum(one.windows for one in done), removed=removed, notes=())
 
 
 @dataclass(frozen=True, eq=False)

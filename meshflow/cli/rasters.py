@@ -15,7 +15,7 @@ from meshflow.results.expected_error import expected_error
 from meshflow.results.multipart import Results
 from meshflow.results.result import Result
 
-__all__ = ["Beside", "without_type", "writing_of"]
+__all__ = ["Beside", "must_not_be", "without_type", "writing_of"]
 
 
 def writing_of(given: Given) -> Writing:
@@ -82,6 +82,7 @@ class Beside:
         if len(set(files)) < len(files):
             raise FormatError(f"{target}: each output needs a name of its own")
         for word, path in self.paths.items():
+            must_not_be(document.path, path)
             values = array_of(must_be_on_a_grid(document, word))
             writable(document_of(document, values, word), path, overwrite=self.overwrite, **self.options)
 
@@ -105,6 +106,15 @@ class Beside:
             notes += write(document, path, overwrite=self.overwrite, tags=dict(tags), **self.options)
             notes += (f"{word}: {path}",)
         return notes
+
+
+def must_not_be(source: Path, path: Path) -> None:
+    """Refuse a raster beside the result that would replace the input.
+
+    :raises FormatError: it says so.
+    """
+    if path.exists() and source.exists() and path.samefile(source):
+        raise FormatError(f"{path}: it is the input; name another file")
 
 
 def _errors_of(result: Result | Results) -> Array:

@@ -30,6 +30,7 @@ __all__ = [
     "looked_up",
 ]
 
+SlicesWord = Literal["each", "alike"]
 Kind = Literal["terrain", "image", "depth", "mesh"]
 Jump = float | Literal["noise"] | None
 SpacingLike = float | Sequence[float | Array]
@@ -80,6 +81,7 @@ class Metadata(TypedDict, total=False):
     viewpoint: Sequence[float] | None
     band: int | None
     nodata: float | None
+    slices: SlicesWord | None
     window: Sequence[int] | None
     bounds: Sequence[float] | None
     crs: str | None
@@ -106,6 +108,8 @@ class ReadOptions:
     :param viewpoint: (x, y, z), the position of the scanner of a PLY range grid.
     :param band: for a raster: the one to read, from 1.
     :param nodata: for samples on a grid: the value that marks missing ones.
+    :param slices: of a DataArray with a further dimension, such as time: ``each`` slice is smoothed by its own choice, or all
+        ``alike`` by one.
     :param window: for a raster: the part to read, (column, row, width, height) in samples.
     :param bounds: likewise, (left, bottom, right, top) in its CRS: the samples whose centres lie inside.
     :param crs: for a raster: its CRS in place of that of the file, such as ``EPSG:25832``.
@@ -126,6 +130,7 @@ class ReadOptions:
     viewpoint: Sequence[float] | None = None
     band: int | None = None
     nodata: float | None = None
+    slices: SlicesWord | None = None
     window: Sequence[int] | None = None
     bounds: Sequence[float] | None = None
     crs: str | None = None

@@ -21,7 +21,7 @@ from meshflow.large.windows import Local, Windowed, windowed
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["Chunked", "is_chunked", "smooth_chunked"]
+__all__ = ["Chunked", "is_chunked", "run_of_given", "sample_of_chunked", "smooth_chunked"]
 
 
 class Chunked(Protocol):
@@ -87,12 +87,15 @@ def is_chunked(data: object) -> bool:
     return _is_dask(data) or (type(data).__module__.startswith("xarray.") and _is_dask(getattr(data, "data", None)))
 
 
-def smooth_chunked(data: object, request: Request, options: ReadOptions) -> tuple[Any, Outcome]:
+def smooth_chunked(
+    data: object, request: Request, options: ReadOptions, run: Windowed | None = None
+) -> tuple[Any, Outcome]:
     """Smooth chunks, each with a halo from its neighbours: what is computed equals the whole bit for bit.
 
     Samples are read at once only where noise, method, time, or the length of super-time steps are to be found: on tiles spread
     over the whole. The ends of all values are found when the result is computed, in a pass of its own.
 
+    :param run: the plan, where it was found before.
     :returns: the same kind of object, lazy and in the same chunks, and what is known before it is computed.
     :raises InputError: for what cannot be done by windows, and a camera.
     """
@@ -103,7 +106,7 @@ def smooth_chunked(data: object, request: Request, options: ReadOptions) -> tupl
     sides = {name: _chunked_as(grid, array, name) for name, array in given.items()}
     free = replace(request.constraints, **dict.fromkeys(given))
     with request.compute.running():
-        run = _unseen(grid.form, request, free) if _is_given(request) else None
+        run = run or (_unseen(grid.form, request, free) if _is_given(request) else None)
         run = run or windowed(grid.form, *_asked(grid, request, free, sides))
     census, chunks = _census(grid), grid.values.chunks
     grid, sides, said = _in_chunks_of(replace(grid, values=_again(grid.values, census)), sides, run.local.halo)
@@ -197,6 +200,26 @@ def _asked(grid: Lazy, request: Request, free: Constraints, sides: dict[str, Chu
     sample = sample_from(grid.form, places, values, _gone(values, grid.declared, missing))
     own = dict(zip(sides, parts[len(parts) - len(sides) :], strict=True))
     return sample, replace(request, constraints=replace(free, **own))
+
+
+def run_of_given(data: object, request: Request, options: ReadOptions) -> Windowed | None:
+    """The plan of a request that leaves nothing to be found, without reading a sample; None where it needs some."""
+    if not _is_given(request):
+        return None
+    free = replace(request.constraints, **dict.fromkeys(request.constraints.arrays))
+    return _unseen(_lazy(data, options).form, request, free)
+
+
+def sample_of_chunked(data: object, options: ReadOptions, enough: int) -> tuple[Form, Sample]:
+    """The form of chunks, and a sample of them, which is computed.
+
+    :param enough: the largest number of its values.
+    """
+    grid = _lazy(data, options)
+    places = places_in(grid.form, enough)
+    parts = _taken([grid.values, *([] if grid.missing is None else [grid.missing])], places)
+    gone = _gone(parts[0], grid.declared, parts[1] if len(parts) > 1 else None)
+    return grid.form, sample_from(grid.form, places, parts[0], gone)
 
 
 def _taken(arrays: list[Chunked], places: Places) -> list[Array]:

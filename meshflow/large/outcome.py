@@ -1,5 +1,6 @@
 """What a run by windows did and why: a result without the data, which is in the file."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,6 +41,16 @@ class Removed:
         self.count += gone.size
         self.largest = max(self.largest, float(np.abs(gone).max(initial=0.0)))
 
+    @classmethod
+    def joined(cls, parts: "Iterable[Removed]") -> "Removed":
+        """What was removed from several files together."""
+        found = cls()
+        for part in parts:
+            found.squares += part.squares
+            found.count += part.count
+            found.largest = max(found.largest, part.largest)
+        return found
+
     @property
     def rms(self) -> float:
         """Root mean square."""
@@ -56,6 +67,7 @@ class Outcome:
     :ivar removed: from the whole; None: that is known once the data is computed.
     :ivar notes: sentences on the files.
     :ivar data: the smoothed data, of the kind that was given, not computed yet; None: it is in a file.
+    :ivar word: what the windows are called.
     """
 
     run: Windowed
@@ -63,6 +75,7 @@ class Outcome:
     removed: Removed | None = None
     notes: tuple[str, ...] = ()
     data: Any = field(default=None, repr=False)
+    word: str = "window"
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -89,7 +102,9 @@ class Outcome:
         """A sentence: the time, and by how many windows."""
         if self.run.found.idle is not None:
             return self.run.found.idle
-        many = f"{self.windows} window{'s' * (self.windows != 1)} with a halo of {self.run.halo} samples"
+        many = f"{self.windows} {self.word}{'s' * (self.windows != 1)}"
+        if self.word == "window":
+            many += f" with a halo of {self.run.halo} samples"
         steps = self.run.found.until.steps
         ended = f"reached time {self.run.found.time:.6g}" if steps is None else f"took all {steps} steps asked for"
         return f"{ended} by {many}"

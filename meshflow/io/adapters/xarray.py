@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rasterio.crs import CRS
     from xarray import DataArray
 
-__all__ = ["Described", "described", "from_object"]
+__all__ = ["Described", "described", "from_object", "further_dimensions"]
 
 _CHANNELS = ("band", "bands", "channel", "channels", "rgb")
 _NAMES = (("y", "x"), ("lat", "lon"), ("latitude", "longitude"))
@@ -203,13 +203,20 @@ def _layout(array: "DataArray") -> _Layout:
     y, x = _plane(array)
     several = [name for name in array.dims if name not in (y, x) and array.sizes[name] > 1]
     channel = next((name for name in several if str(name).lower() in _CHANNELS), None)
-    for name in several:
-        if name != channel:
-            raise InputError(
-                f"{name}: one entry expected beside {y} and {x}, got {array.sizes[name]}; smooth one after the other, "
-                f"array.groupby({name!r}).map(meshflow.smooth), or rename it to band if these are channels of an image"
-            )
+    for name in further_dimensions(array):
+        raise InputError(
+            f"{name}: one entry expected beside {y} and {x}, got {array.sizes[name]}; slices='each' smooths each slice by its "
+            "own choice, slices='alike' all by one; or rename it to band if these are channels of an image"
+        )
     return _Layout(y, x, channel, tuple(name for name in array.dims if name not in (y, x, channel)))
+
+
+def further_dimensions(array: "DataArray") -> tuple[Hashable, ...]:
+    """The dimensions with several entries beside rows, columns and channels."""
+    y, x = _plane(array)
+    several = [name for name in array.dims if name not in (y, x) and array.sizes[name] > 1]
+    channel = next((name for name in several if str(name).lower() in _CHANNELS), None)
+    return tuple(name for name in several if name != channel)
 
 
 def _plane(array: "DataArray") -> tuple[Hashable, Hashable]:

@@ -1,0 +1,216 @@
+"""Smooths DataArrays with a further dimension, such as time, slice by slice: each by its own choice, or all by one."""
+
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.estimate.request import Request
+from meshflow.geometry.options import named_fields
+from meshflow.io.adapters.xarray import from_object, further_dimensions
+from meshflow.io.metadata import ReadOptions
+from meshflow.large.census import census_of
+from meshflow.large.chunks import is_chunked, run_of_given, sample_of_chunked, smooth_chunked
+from meshflow.large.outcome import Outcome, Removed
+from meshflow.large.sample import ENOUGH, Places, Sample, part_of, sample_of
+from meshflow.large.source import Form, Held, OnGrid
+from meshflow.large.windows import Windowed, on_grid, windowed
+from meshflow.results.result import Result
+from meshflow.surfaces.data import array_of
+
+if TYPE_CHECKING:
+    from xarray import DataArray
+
+__all__ = ["Slices", "is_stack", "smooth_stack"]
+
+# The most slices from which the noise and the choice of all are found.
+LOOKED_AT = 8
+# Smooths one slice.
+One = Callable[[Any, Request], tuple[Any, Result | Outcome]]
+
+
+@named_fields
+@dataclass(frozen=True, eq=False)
+class Slices(Mapping[str, Result | Outcome]):
+    """The results of a stack of slices, by their names. ``print`` shows them all.
+
+    :ivar data: the smoothed stack.
+    :ivar slices: the result of each slice.
+    """
+
+    data: Any
+    slices: dict[str, Result | Outcome]
+
+    def __getitem__(self, name: str) -> Result | Outcome:
+        return self.slices[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.slices)
+
+    def __len__(self) -> int:
+        return len(self.slices)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Those of all slices; each once, with the first slice that has it."""
+        found: dict[str, str] = {}
+        for name, one in self.slices.items():
+            for word in one.warnings:
+                found.setdefault(word, name)
+        return tuple(f"{name}: {word}" for word, name in found.items())
+
+    @property
+    def summary(self) -> str:
+        """A line for each slice."""
+        return "\n".join(f"{name}: {one.summary}" for name, one in self.slices.items())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the data, in types of JSON."""
+        return {"slices": {name: one.to_dict() for name, one in self.slices.items()}}
+
+    def __str__(self) -> str:
+        return "\n".join(f"{name}: {one}" for name, one in self.slices.items())
+
+
+def is_stack(data: object, options: ReadOptions) -> "TypeGuard[DataArray]":
+    """Whether it is a DataArray that is to be smoothed slice by slice.
+
+    :raises InputError: where slices are asked for and there are none.
+    """
+    if options.slices is None:
+        return False
+    if options.slices not in ("each", "alike"):
+        raise InputError(f"slices: each or alike expected, got {options.slices!r}")
+    if not (type(data).__module__.startswith("xarray.") and hasattr(data, "dims") and not hasattr(data, "data_vars")):
+        raise InputError(f"slices: of an xarray.DataArray with a further dimension, got {type(data).__name__}")
+    return True
+
+
+def smooth_stack(
+    data: "DataArray", request: Request, options: ReadOptions, one: One
+) -> tuple["DataArray", Slices | Outcome]:
+    """Smooth the slices of a stack; a lazy stack comes back lazy, as one graph.
+
+    With ``slices="each"`` every slice has its own noise, method and time; with ``"alike"`` they are found once, on up to eight
+    slices spread over the stack, and what windows cannot do is refused.
+
+    :param one: smooths one slice.
+    :returns: the same kind of array, and the results of the slices, or that of all.
+    :raises InputError: as for one slice; for a mask that is not that of a slice.
+    """
+    dims = further_dimensions(data)
+    if not dims:
+        raise InputError(f"slices: a dimension with several entries beside rows and columns expected, got {data.dims}")
+    if options.missing is not None and np.ndim(options.missing) > 2:
+        raise InputError("missing: one mask (rows, columns) for all slices expected; mark others by NaN")
+    how, options, named = options.slices, replace(options, slices=None), _named(data, dims)
+    if is_chunked(data) and request.compute.threads is None:
+        request = replace(request, compute=replace(request.compute, threads=1))
+    if how == "each":
+        made = {name: one(part, request) for name, part in named.items()}
+        back = _joined(data, dims, [done for done, _ in made.values()])
+        return back, Slices(back, {name: found for name, (_, found) in made.items()})
+    with request.compute.running():
+        some = list(named.values())
+        run = run_of_given(some[0], request, options) if is_chunked(data) else None
+        run = run or _run_of(some, request, options)
+    if is_chunked(data):
+        lazy = [smooth_chunked(part, request, options, run)[0] for part in named.values()]
+        back = _joined(data, dims, lazy)
+        return back, Outcome(run, len(lazy), data=back, word="slice")
+    removed, made_alike = Removed(), []
+    with request.compute.running():
+        for part in named.values():
+            made_alike.append(_as_planned(part, run, request, options, removed))
+    back = _joined(data, dims, made_alike)
+    return back, Outcome(run, len(made_alike), removed, data=back, word="slice")
+
+
+def _named(data: "DataArray", dims: tuple[Hashable, ...]) -> dict[str, "DataArray"]:
+    """The slices by their names, the last dimension fastest."""
+    found = {}
+    for places in product(*(range(data.sizes[dim]) for dim in dims)):
+        at = dict(zip(dims, places, strict=True))
+        said = (f"{dim}={_shown(data, dim, i)}" for dim, i in at.items())
+        found[", ".join(said)] = data.isel(at)
+    return found
+
+
+def _shown(data: "DataArray", dim: Hashable, i: int) -> str:
+    """The coordinate of a slice; its number where there is none."""
+    if dim not in data.coords:
+        return str(i)
+    value = data.coords[dim].to_numpy()[i]
+    return np.datetime_as_string(value, unit="auto") if isinstance(value, np.datetime64) else str(value)
+
+
+def _joined(data: "DataArray", dims: tuple[Hashable, ...], slices: list["DataArray"]) -> "DataArray":
+    """Smoothed slices as a stack with the dimensions, coordinates and attributes of the one that came."""
+    values = [part.data for part in slices]
+    for dim in reversed(dims):
+        size = data.sizes[dim]
+        values = [_stacked(values[i : i + size]) for i in range(0, len(values), size)]
+    made = data.transpose(*dims, *slices[0].dims).copy(data=values[0]).transpose(*data.dims)
+    made.encoding = {**slices[0].encoding}
+    return made
+
+
+def _stacked(values: list[Any]) -> Any:
+    """Arrays of numpy or of dask along a new first axis."""
+    if type(values[0]) is np.ndarray:
+        return np.stack(values)
+    import dask.array as da
+
+    return da.stack(values)
+
+
+def _run_of(slices: list["DataArray"], request: Request, options: ReadOptions) -> Windowed:
+    """The plan of all slices, found on some of them.
+
+    :raises InputError: for what cannot be done by windows.
+    """
+    count = min(len(slices), LOOKED_AT)
+    some = [slices[i] for i in np.unique(np.linspace(0, len(slices) - 1, count).astype(int))]
+    samples = [_sample_of(part, options, ENOUGH // count) for part in some]
+    form, whole = samples[0][0], len(some) == len(slices) and all(sample.is_whole for _, sample in samples)
+    run = windowed(form, _side_by_side(form, [sample for _, sample in samples]), request)
+    said = () if whole else (f"noise and choice are from {len(some)} of {len(slices)} slices",)
+    return replace(run, warnings=(*run.warnings, *said))
+
+
+def _sample_of(part: "DataArray", options: ReadOptions, enough: int) -> tuple[Form, Sample]:
+    """The form of a slice, and its sample."""
+    if is_chunked(part):
+        return sample_of_chunked(part, options, enough)
+    source = Held(on_grid(from_object(part, options).data))
+    return source.form, sample_of(source, enough)
+
+
+def _side_by_side(form: Form, samples: list[Sample]) -> Sample:
+    """Samples of slices below each other, with a row of missing ones between them."""
+    rows, values, missing = [], [], []
+    for sample in samples:
+        z = array_of(sample.data)
+        rows += [sample.places.rows, np.array([-1])]
+        values += [z, np.zeros((1, *z.shape[1:]), z.dtype)]
+        missing += [sample.data.missing, np.ones((1, z.shape[1]), bool)]
+    joined = np.concatenate(rows[:-1])
+    data = form.data(np.concatenate(values[:-1]), np.concatenate(missing[:-1]), np.maximum(joined, 0))
+    return Sample(data, Places(joined, samples[0].places.columns, True))
+
+
+def _as_planned(
+    part: "DataArray", run: Windowed, request: Request, options: ReadOptions, removed: Removed
+) -> "DataArray":
+    """A slice in memory, smoothed as planned; what was removed is counted."""
+    imported = from_object(part, options)
+    data: OnGrid = on_grid(imported.data)
+    whole = slice(0, data.missing.shape[0]), slice(0, data.missing.shape[1])
+    held = part_of(request.constraints, data.missing.shape, whole)
+    before = array_of(data)
+    after = run.local.over(census_of(Held(data))).moved((whole, whole), before, data.missing, held)
+    removed.add(before, after, data.missing)
+    return imported.to_object(run.local.form.data(after, data.missing))
