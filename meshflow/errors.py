@@ -77,6 +77,8 @@ def need(package: str, extra: str) -> ModuleType:
     try:
         return import_module(package)
     except (ImportError, OSError) as cause:  # OSError: a shared library of the system is missing
+        if "failed to map segment" in str(cause):
+            raise MemoryError(f"{package}: {cause}") from cause
         hint = (
             f"{package} is needed here and could not be imported ({cause}). Install it: pip install 'meshflow[{extra}]'"
         )

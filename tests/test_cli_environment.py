@@ -210,6 +210,44 @@ def test_little_memory_is_one_line_or_enough(heights):
     assert done.returncode == 0, words_of(done)
 
 
+@pytest.mark.parametrize("name", ["z.npy", "z.tif", "ball.ply", "ball.vtp"])
+@pytest.mark.parametrize("megabytes", [500, 700])
+def test_a_narrow_address_space_is_enough_or_one_line(tmp_path, heights, name, megabytes):
+    ball = trimesh.creation.icosphere(3)
+    ball.vertices += np.random.default_rng(0).normal(0, 0.01, ball.vertices.shape)
+    ball.export(tmp_path / "ball.ply")
+    pyvista.wrap(ball).save(tmp_path / "ball.vtp")
+    np.save(
+        tmp_path / "z.npy",
+        np.add.outer(np.arange(60.0), np.arange(70.0)) + np.random.default_rng(1).normal(size=(60, 70)),
+    )
+    source = heights if name == "z.tif" else tmp_path / name
+    target = tmp_path / f"o{source.suffix}"
+    narrow = ("RLIMIT_AS", megabytes * 1_000_000)
+    done = run("smooth", str(source), str(target), limits=[narrow], OPENBLAS_NUM_THREADS="2")
+    assert done.returncode in (0, 1)
+    assert b"Traceback" not in done.stderr
+    if done.returncode:
+        assert b"not enough memory" in done.stderr
+        assert not target.exists()
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_pool_does_its_jobs_where_no_thread_can_be_started(monkeypatch, threads):
+    from meshflow.flow.pools import Pool
+
+    with Pool(threads) as pool:
+        assert list(pool.map(abs, [-1, -2, -3])) == [1, 2, 3]
+
+    def refused(self):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("threading.Thread.start", refused)
+    with Pool(threads) as pool:
+        assert list(pool.map(abs, [-1, -2, -3])) == [1, 2, 3]
+        assert pool.submit(abs, -5).result() == 5
+
+
 @pytest.mark.parametrize("number", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_a_signal_leaves_nothing_behind(tmp_path, heights, number):
     waiting = tmp_path / "site"

@@ -59,6 +59,8 @@ INTERRUPTED = 130
 # The signals that end a process without a word, and what shells say of a process that they have ended.
 ENDING = ("SIGTERM", "SIGHUP")
 ENDED = tuple(128 + getattr(signal, name) for name in ENDING if hasattr(signal, name))
+# What libraries and threads say that find no room in the address space.
+NO_ROOM = ("failed to map segment", "start new thread")
 # The options that most users need come first in the help.
 TEN = ("method", "time", "scale", "strength", "noise")
 SAYING = ("picture", "report", "overwrite", "quiet", "verbose", "json")
@@ -308,7 +310,9 @@ def main() -> None:
     except (InputError, MissingPackage, NotConverged, OSError) as refusal:
         err.print(f"meshflow: {spoken(str(refusal))}", markup=False, soft_wrap=True, style="red")
         sys.exit(1)
-    except MemoryError as refusal:
+    except (MemoryError, ImportError, RuntimeError) as refusal:
+        if not isinstance(refusal, MemoryError) and not any(word in str(refusal) for word in NO_ROOM):
+            raise
         why = " ".join(str(refusal).split()) or "no more is given to this process"
         said(f"meshflow: not enough memory ({why}); cut a part out, or use a machine with more", (), style="red")
         sys.exit(1)

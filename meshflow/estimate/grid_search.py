@@ -1,7 +1,6 @@
 """The search on grids: all configurations on few tiles, the best on more. Differences are compared with their standard errors."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from meshflow.estimate.pieces import SIDE, Piece, along_border, pieces_of, sprea
 from meshflow.estimate.probes import probes
 from meshflow.estimate.risk import FINER, Candidate, Configuration
 from meshflow.estimate.sure import Curve, Probed, joined, risks_on, seen_at
+from meshflow.flow.pools import Pool
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.grid import Grid
 
@@ -109,7 +109,7 @@ class _Best:
 def searched_on_grid(grid: Grid, search: GridSearch) -> Found:
     """The result of a search on a grid. The contrast of the grid is ignored."""
     unit = float(np.mean(grid.spacing[0]) * grid.spacing[1])
-    with ThreadPoolExecutor(search.threads) as pool:
+    with Pool(search.threads) as pool:
         parts = _looked_at(grid, search, FEW, WHOLE)
         runs = _Runs(search, parts, pool)
         found = runs.best({one: _octaves(search, unit) for one in search.configurations}, 1)
@@ -188,7 +188,7 @@ class _Runs:
 
     search: GridSearch
     parts: tuple[Probed, ...]
-    pool: ThreadPoolExecutor
+    pool: Pool
 
     def curves(
         self, times: Mapping[Configuration, Sequence[float]], patience: int

@@ -1,7 +1,6 @@
 """The search for a method and a time for the points of a mesh, by the estimated risk along the normals."""
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeGuard
@@ -20,6 +19,7 @@ from meshflow.flow.methods.fairing import Fairing
 from meshflow.flow.methods.normal_filter import NormalFilter
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.mobility import slowed
+from meshflow.flow.pools import Pool
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
@@ -232,7 +232,7 @@ def _side_by_side(jobs: Sequence[Callable[[], list[_Run] | None]], threads: int)
     """The results of jobs, each in one thread, several at a time."""
     if threads == 1 or len(jobs) < 2:
         return [job() for job in jobs]
-    with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
+    with Pool(min(threads, len(jobs))) as pool:
         return list(pool.map(_in_one_thread, jobs))
 
 

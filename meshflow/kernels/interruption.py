@@ -23,7 +23,12 @@ def interruptible(call: Callable[[Stop], R]) -> R:
     """
     flag = Stop()
     with ThreadPoolExecutor(1) as pool:
-        running = pool.submit(call, flag)
+        try:
+            running = pool.submit(call, flag)
+        except RuntimeError as cause:
+            if "start new thread" not in str(cause):
+                raise
+            return call(flag)  # a limit of the system; Ctrl-C is heard when it has ended
         try:
             while True:
                 try:

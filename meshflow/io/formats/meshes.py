@@ -118,6 +118,8 @@ def read(path: Path, options: ReadOptions) -> Document:
     except InputError as cause:
         raise FormatError(f"{path.name}: {cause}") from cause
     except _BROKEN as cause:
+        if isinstance(cause, ImportError) and "map segment" in str(cause):
+            raise MemoryError(str(cause)) from cause  # of a library that finds no room in the address space
         reason = str(cause).strip().splitlines()[0] if str(cause).strip() else type(cause).__name__
         raise FormatError(
             f"{path.name} cannot be read as {path.suffix.lower()[1:].upper()}: {reason}; "
