@@ -88,6 +88,12 @@ def _pcd() -> Format:
     return pcd
 
 
+def _e57() -> Format:
+    from meshflow.io.formats import e57
+
+    return e57
+
+
 def _meshes() -> Format:
     from meshflow.io.formats import meshes
 
@@ -130,6 +136,10 @@ def _is_pcd(path: Path, options: ReadOptions) -> bool:
     return path.suffix.lower() == ".pcd"
 
 
+def _is_e57(path: Path, options: ReadOptions) -> bool:
+    return path.suffix.lower() == ".e57"
+
+
 def _is_mesh(path: Path, options: ReadOptions) -> bool:
     return options.kind == "mesh" or (options.kind is None and path.suffix.lower() in MESHES)
 
@@ -151,6 +161,7 @@ FORMATS = (
     Entry(_exr, frozenset({".exr"}), _is_exr),
     Entry(_range_grids, frozenset({".ply"}), _is_range_grid),
     Entry(_pcd, frozenset({".pcd"}), _is_pcd),
+    Entry(_e57, frozenset({".e57"}), _is_e57),
     Entry(_meshes, MESHES, _is_mesh),
     Entry(_depth_images, frozenset({".png"}) | TIFF, _is_depth_image),
     Entry(_pictures, PICTURES | TIFF, _is_picture),

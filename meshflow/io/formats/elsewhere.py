@@ -15,7 +15,6 @@ _ARCHIVE = "unpack it first"
 _KNOWN = {
     ".las": ("a lidar cloud", CLOUD),
     ".laz": ("a lidar cloud", CLOUD),
-    ".e57": ("scans in E57", CLOUD),
     ".pts": ("a point cloud", CLOUD),
     ".ptx": ("a point cloud", CLOUD),
     ".dae": ("a scene of COLLADA", _SCENE),
