@@ -242,6 +242,12 @@ class Result:
         report(self, path, title=title or Path(path).stem, overwrite=overwrite)
         return Path(path)
 
+    def _repr_html_(self) -> str:
+        """Before, after, removed and how the run went, for notebooks."""
+        from meshflow.view.report import excerpt
+
+        return excerpt(self)
+
     def __str__(self) -> str:
         correlation = "" if self.correlation is None else f", correlation {self.correlation:.3f} (0: white noise)"
         sizes = f"{self._along}rms {self._rms:.6g}{self._unit}, largest {self._sizes[1]:.6g}{self._unit}"

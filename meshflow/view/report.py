@@ -17,7 +17,7 @@ from meshflow.view.findings import Findings, Panel, Run, found
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Reported", "report", "writable"]
+__all__ = ["Reported", "excerpt", "report", "writable"]
 
 _FORMATS = (".html", ".png")
 _COARSE = 400  # samples per side; with fewer, each is drawn as a square
@@ -41,6 +41,14 @@ img { display: block; width: 100%; } .coarse { image-rendering: pixelated; }
 table { border-collapse: collapse; } th, td { text-align: left; vertical-align: top; padding: .2rem 1.2rem .2rem 0; }
 .all th, .all td { border-bottom: 1px solid #e3e6e9; } td.number { font-variant-numeric: tabular-nums; }
 .warning { color: #9a1a28; } .estimated { color: #1f5f99; } .given { font-weight: 600; }
+"""
+
+# For a cell of a notebook: the rules have effect inside the excerpt alone.
+_CELL = """
+.meshflow { max-width: 1200px; } .meshflow figure { margin: 0; } .meshflow figcaption { text-align: center; }
+.meshflow .row { display: grid; gap: 1rem; grid-template-columns: repeat(3, minmax(0, 1fr)); align-items: start; }
+.meshflow img { display: block; width: 100%; } .meshflow .coarse { image-rendering: pixelated; }
+.meshflow th, .meshflow td { text-align: left; padding: .1rem 1rem .1rem 0; } .meshflow .warning { color: #9a1a28; }
 """
 
 
@@ -82,6 +90,17 @@ def report(result: Run, path: str | Path, title: str = "", *, overwrite: bool = 
     return Reported(target, findings.notes)
 
 
+def excerpt(result: Run) -> str:
+    """Before, after and what was removed, and how the run went, as HTML for a notebook; ``report`` shows all.
+
+    :param result: of ``meshflow.smooth(..., result=True)``.
+    """
+    findings = found(result, "")
+    pictures = _pictures(findings) if findings.panels else ""
+    notes = "".join(f"<p>{escape(note)}</p>" for note in findings.notes)
+    return f"<style>{_CELL}</style><div class='meshflow'>{pictures}{notes}<table>{_facts(findings)}</table></div>"
+
+
 def writable(path: str | Path, overwrite: bool) -> Path:
     """Check that a path can be written, before anything is drawn.
 
@@ -105,10 +124,6 @@ def _page(findings: Findings) -> str:
     rows = [_pictures(findings)] if findings.panels else []
     notes = "".join(f"<p class='faint'>{escape(note)}</p>" for note in findings.notes)
     charts = "".join(_diagram(chart) for chart in findings.charts)
-    facts = "".join(
-        f"<tr class='{'warning' if name == 'warning' else 'fact'}'><th>{escape(name)}</th><td>{escape(words)}</td></tr>"
-        for name, words in findings.facts
-    )
     head = "".join(f"<th>{name}</th>" for name in _HEAD)
     table = "".join(_parameter(row) for row in findings.table)
     return "\n".join([
@@ -116,11 +131,19 @@ def _page(findings: Findings) -> str:
         "<meta name='viewport' content='width=device-width, initial-scale=1'>",
         f"<style>{_STYLE}</style></head>\n<body>\n<h1>{title}</h1>",
         *rows, notes,
-        f"<h2>How it went</h2>\n<table>{facts}</table>",
+        f"<h2>How it went</h2>\n<table>{_facts(findings)}</table>",
         f"<div class='row of{len(findings.charts)}' style='margin-top: 1rem'>{charts}</div>",
         f"<h2>Parameters</h2>\n<div class='wide'><table class='all'><thead><tr>{head}</tr></thead>",
         f"<tbody>{table}</tbody></table></div>\n</body>\n</html>\n",
     ])  # fmt: skip
+
+
+def _facts(findings: Findings) -> str:
+    """The rows of the table of how the run went."""
+    return "".join(
+        f"<tr class='{'warning' if name == 'warning' else 'fact'}'><th>{escape(name)}</th><td>{escape(words)}</td></tr>"
+        for name, words in findings.facts
+    )
 
 
 def _pictures(findings: Findings) -> str:
