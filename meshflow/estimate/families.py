@@ -8,9 +8,10 @@ from meshflow.flow.family import Variant
 __all__ = ["CHANNEL_FAMILY", "FAMILY", "MESH_FAMILY", "RAY_FAMILY", "Family", "configurations"]
 
 Family = tuple[tuple[dict[str, float], tuple[float, ...]], ...]
-# The configurations of a search where no method is named. The first one is nearly the heat equation: slopes are not edges
-# for it, and with twicing it preserves bowls and ridges.
+# The configurations of a search where no method is named. For the first two slopes are not edges, and with twicing they preserve
+# bowls and ridges: the heat equation, whatever the slope, and nearly the same, with finer edges.
 FAMILY: Family = (
+    ({"linear": True}, (1.0,)),
     ({}, (0.1,)),
     ({"patch": 1.5}, (0.4, 3.0)),
     ({"patch": 1.0, "gamma": -0.5, "sharpness": 1.5}, (2.0,)),
