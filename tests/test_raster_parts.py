@@ -263,6 +263,15 @@ def test_what_gdal_does_not_store_is_refused_before_the_work(options, why, windo
     assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
 
 
+def test_a_driver_of_gdal_writes_no_mesh(tmp_path):
+    with pytest.raises(
+        InputError, match="driver, creation: of rasters .a terrain or an image., got a mesh; leave them out"
+    ):
+        write(_tetrahedron(), tmp_path / "out.ply", driver="COG")
+    with pytest.raises(InputError, match="driver, creation: of rasters"):
+        write(_tetrahedron(), tmp_path / "out.ply", creation={"COMPRESS": "ZSTD"})
+
+
 def test_the_command_takes_driver_and_creation_options(tmp_path):
     path = terrain(tmp_path / "in.tif")
     done = run(path, tmp_path / "out.tif", "--of", "COG", "--co", "COMPRESS=ZSTD", "--co", "BLOCKSIZE=128")

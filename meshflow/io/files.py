@@ -296,6 +296,8 @@ def writable(document: Document, path: str | Path, *, overwrite: bool = False, *
             if isinstance(found, Choosy):
                 found.must_fit(document, path, WriteOptions(**options))
             return found
+    if named or options.get("creation"):
+        raise InputError(f"driver, creation: of rasters (a terrain or an image), got a {document.kind}; leave them out")
     raise FormatError(
         f"{path.name}: a {document.kind} does not fit into {suffix or 'a file without extension'}; "
         f"use {' '.join(ROOM[document.kind])}"
