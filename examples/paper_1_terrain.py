@@ -10,7 +10,11 @@ from pathlib import Path
 import numpy as np
 
 import meshflow
-import meshflow.view
+from meshflow.view.look import looking
+from meshflow.view.scene import of_one
+
+sys.path.insert(0, str(Path(__file__).parent))
+from drawing import page
 
 HOME = Path(__file__).resolve().parents[1]
 MARS = HOME.parent / "shared" / "data" / "dem"
@@ -26,22 +30,21 @@ def main(picture: Path | None = None) -> float:
     )
     raw, truth = (meshflow.read(folder / name).data for name in names)
 
-    smoothed = meshflow.smooth(raw)
+    smoothed, paper = meshflow.smooth(raw), meshflow.smooth(raw, method="beltrami")
 
     seen = ~(raw.missing | truth.missing)
-    before, after = (float(np.sqrt(np.mean((field.z - truth.z)[seen] ** 2))) for field in (raw, smoothed))
-    print(f"{names[0]}: rms error {before:.2f} m before, {after:.2f} m after")
+    errors = [float(np.sqrt(np.mean((field.z - truth.z)[seen] ** 2))) for field in (raw, smoothed, paper)]
+    print(
+        f"{names[0]}: rms error {errors[0]:.2f} m before, {errors[1]:.2f} m after, {errors[2]:.2f} m by the paper's flow"
+    )
     if picture is not None:
-        meshflow.view.compare(
-            raw,
-            smoothed,
-            picture,
-            size=(1400, 1000),
-            altitude=20,
-            title="Figure 1: flat-shaded terrain",
-            overwrite=True,
-        )
-    return after / before
+        look = looking(altitude=25, renderer="hillshade")
+        words = ("(a) raw", "(b) by default", "(c) the paper's flow", "the truth")
+        shades = [of_one(field, look).picture(0, (900, 600)) for field in (raw, smoothed, paper, truth)]
+        labels = [f"{word}, rms error {error:.1f} m" for word, error in zip(words, errors, strict=False)] + [words[3]]
+        panels = list(zip(labels, shades, strict=True))
+        page(panels, picture, "Figure 1: flat-shaded terrain", columns=2, tall=shades[0].shape[0] / shades[0].shape[1])
+    return errors[1] / errors[0]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Figure 7 of the paper: computer-generated images, grey and colour, with noise and without.
+"""Figure 7 of the paper: computer-generated images, grey and colour, with noise and without, and a close-up.
 
 ``python examples/paper_7_synthetic.py [PICTURE.png]``
 """
@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 
 import meshflow
-import meshflow.view
 from meshflow.surfaces.image import Image
 from meshflow.synthetic.samples import picture as discs
+
+sys.path.insert(0, str(Path(__file__).parent))
+from drawing import page
 
 
 def main(picture: Path | None = None) -> float:
@@ -31,13 +33,13 @@ def main(picture: Path | None = None) -> float:
         shares.append(rms(after, true) / rms(before, true))
         print(f"{name}: rms error {rms(before, true):.1f} before, {rms(after, true):.1f} after")
     if picture is not None:
-        pairs = [
-            Image(np.concatenate([np.repeat(one.values[..., None], 3, axis=2), other.values]))
-            for one, other in (noisy, smoothed)
-        ]
-        meshflow.view.compare(
-            *pairs, picture, size=(1400, 1000), title="Figure 7: synthetic images, grey and colour", overwrite=True
-        )
+        near = np.s_[40:73, 45:89]
+        panels = []
+        for k, (a, b, c) in enumerate((("(a)", "(b)", "(c)"), ("(d)", "(e)", "(f)"))):
+            one, two = noisy[k].values, smoothed[k].values
+            panels += [(f"{a} noisy", one), (f"{b} denoised", two)]
+            panels += [(f"{c} close-up of {a}", one[near]), (f"close-up of {b}", two[near])]
+        page(panels, picture, "Figure 7: computer-generated images, grey and colour", columns=4, tall=0.75)
     return max(shares)
 
 
