@@ -38,23 +38,20 @@ def main(picture: Path | None = None) -> float:
     way = points[ends[:, 1]] - points[ends[:, 0]]
     flow, speed = velocity[ends].mean(axis=1), np.linalg.norm(velocity, axis=1)
     fast = np.linalg.norm(flow, axis=1) > 0.001 * speed.max()
-    cosine = (
-        np.abs((way * flow).sum(axis=1)) / np.linalg.norm(way, axis=1) / np.maximum(np.linalg.norm(flow, axis=1), 1e-9)
-    )
-    rough = np.abs(stripes[ends[:, 1]] - stripes[ends[:, 0]]) / np.linalg.norm(way, axis=1)
+    along, with_flow = np.linalg.norm(way, axis=1), np.maximum(np.linalg.norm(flow, axis=1), 1e-9)
+    cosine = np.abs((way * flow).sum(axis=1)) / along / with_flow
+    rough = np.abs(stripes[ends[:, 1]] - stripes[ends[:, 0]]) / along
     share = float(rough[fast & (cosine < 0.2)].mean() / rough[fast & (cosine > 0.98)].mean())
     print(f"{len(points)} vertices: stripes vary {share:.1f} times more across the flow than along it")
     if picture is not None:
         plotter = pv.Plotter(off_screen=True, window_size=(1760, 900))
-        plotter.set_background("white")
         shade = pv.plotting.colors.get_cmap_safe("viridis")(speed / speed.max())[:, :3]
         colours = np.clip(shade * (0.35 + 0.95 * stripes[:, None]), 0, 1)
         plotter.add_mesh(mesh, scalars=(255 * colours).astype(np.uint8), rgb=True, lighting=False)
         plotter.view_xy()
         plotter.camera.zoom(2.45)
-        plotter.enable_anti_aliasing("ssaa")
-        drawn = np.asarray(plotter.screenshot(return_img=True))
-        page([("stripes along the flow; colour: speed", drawn)], picture, "Flow past a cylinder [PR99]", 1, 900 / 1760)
+        drawn = [("stripes along the flow; colour: speed", np.asarray(plotter.screenshot(return_img=True)))]
+        page(drawn, picture, "Flow past a cylinder [PR99]", 1, 900 / 1760)
     return share
 
 

@@ -34,7 +34,7 @@ def main(picture: Path | None = None) -> float:
     noisy, clean = Mesh(sample.noisy, sample.faces), Mesh(sample.truth, sample.faces)
     smooth = {
         operator: meshflow.smooth(
-            noisy, method=ImplicitFairing(operator=operator), time=6.0 * noisy.step**2, constraints=PreserveVolume()
+            noisy, method=ImplicitFairing(operator=operator), time=3.0 * noisy.step**2, constraints=PreserveVolume()
         )
         for operator in OPERATORS
     }
