@@ -6,7 +6,7 @@ from PIL import Image as Picture
 from PIL import ImageDraw, ImageFilter, ImageFont
 
 
-def clock(size: int = 240, fine: int = 4) -> np.ndarray:
+def clock(size: int = 280, fine: int = 4) -> np.ndarray:
     """A wall clock (h, w) in grey levels: rim, figures, strokes of the minutes, hands at ten past ten."""
     s = size * fine
     drawn = Picture.new("L", (s, s), 96)
