@@ -50,3 +50,10 @@ def render(
     picture = plotter.screenshot(return_img=True)
     plotter.close()
     return np.asarray(picture)
+
+
+def cropped(whole: np.ndarray, rim: float = 0.04) -> np.ndarray:
+    """The part of a picture that is not white, without a share of it on each side."""
+    seen = [np.flatnonzero((whole < 250).any(axis=(1 - axis, 2)))[[0, -1]] for axis in (0, 1)]
+    rows, columns = (slice(round((1 - rim) * a + rim * b), round(rim * a + (1 - rim) * b)) for a, b in seen)
+    return whole[rows, columns]

@@ -11,7 +11,7 @@ import numpy as np
 from meshflow.classics import field_diffusion
 
 sys.path.insert(0, str(Path(__file__).parent))
-from drawing import page
+from drawing import cropped, page
 
 FIELD = Path(__file__).resolve().parents[2] / "shared" / "data" / "fields" / "cylinder_Re35" / "cylinder_Re35.case"
 WINDOW = (1.6, 7.4, -1.5, 1.5)
@@ -49,8 +49,14 @@ def main(picture: Path | None = None) -> float:
         colours = np.clip(shade * (0.35 + 0.95 * stripes[:, None]), 0, 1)
         plotter.add_mesh(mesh, scalars=(255 * colours).astype(np.uint8), rgb=True, lighting=False)
         plotter.view_xy()
-        inner = np.asarray(plotter.screenshot(return_img=True))[245:1075, 505:2165]  # without its ragged rim
-        page([("stripes along the flow; colour: speed", inner)], picture, "Flow past a cylinder [PR99]", 1, 830 / 1660)
+        inner = cropped(np.asarray(plotter.screenshot(return_img=True)))  # without its ragged rim
+        page(
+            [("stripes along the flow; colour: speed", inner)],
+            picture,
+            "Flow past a cylinder [PR99]",
+            1,
+            len(inner) / inner.shape[1],
+        )
     return share
 
 
