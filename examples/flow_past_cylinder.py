@@ -50,13 +50,8 @@ def main(picture: Path | None = None) -> float:
         plotter.add_mesh(mesh, scalars=(255 * colours).astype(np.uint8), rgb=True, lighting=False)
         plotter.view_xy()
         inner = cropped(np.asarray(plotter.screenshot(return_img=True)))  # without its ragged rim
-        page(
-            [("stripes along the flow; colour: speed", inner)],
-            picture,
-            "Flow past a cylinder [PR99]",
-            1,
-            len(inner) / inner.shape[1],
-        )
+        tall = len(inner) / inner.shape[1]
+        page([("stripes along the flow; colour: speed", inner)], picture, "Flow past a cylinder [PR99]", 1, tall)
     return share
 
 
