@@ -347,3 +347,11 @@ def test_an_array_or_a_data_object_is_written_and_read_again(data, name, tmp_pat
     )
     np.testing.assert_allclose(one, other, rtol=1e-7)
     refused(lambda: meshflow.write(BALL, tmp_path / "b.ply"), "objects of other libraries have their own writers")
+
+
+@pytest.mark.parametrize("size", [1e4, 1e300])
+def test_sizes_that_no_run_survives_are_refused_or_harmless(size):
+    z = np.random.default_rng(0).normal(size=(20, 24))
+    with pytest.raises(InputError, match="radius: 1 to 1000 samples expected"):
+        meshflow.MinMax(radius=size)
+    assert np.isfinite(meshflow.smooth(z, method=meshflow.ShockFilter(switch=size), time=1.0)).all()

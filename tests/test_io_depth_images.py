@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.depth_files import CAMERA, SHARED, counts, make, stored
 
+import meshflow
 from meshflow.errors import FormatError, InputError
 from meshflow.io.files import Document, read, write
 from meshflow.io.formats import depth_images as depths
@@ -174,3 +175,30 @@ def test_a_camera_file_that_is_not_there_is_refused(tmp_path):
         InputError, match="the path of a file, or a PinholeCameraIntrinsic of open3d expected, got dict"
     ):
         calibration_for(PLAIN, (6, 8), "a.png")
+
+
+def circle():
+    """The round field of view of an Azure Kinect in its wide mode."""
+    v, u = np.mgrid[:120, :120]
+    return np.hypot(u - 60, v - 60) < 56
+
+
+def speckled():
+    """The blind band of a stereo camera as the RealSense, and its speckle."""
+    seen = np.random.default_rng(3).random((120, 120)) > 0.03
+    seen[:, :14] = False
+    return seen
+
+
+@pytest.mark.parametrize("made", [circle, speckled])
+def test_the_holes_of_a_camera_stay_and_their_rim_is_as_good_as_the_middle(made):
+    seen, rng = made(), np.random.default_rng(1)
+    truth = 2.0 / (1 - 0.3 * (np.mgrid[:120, :120][1] - 60) / 60)
+    counts = np.where(seen, np.rint(1000 * (truth + 0.008 * rng.normal(size=truth.shape))), 0).astype(np.uint16)
+    done = meshflow.smooth(counts, kind="depth", camera=meshflow.Pinhole(60, 60, 60, 60))
+    error = np.abs(done / 1000 - truth)
+    assert not done[~seen].any()
+    rim = seen & ~np.all([np.roll(seen, shift, axis) for axis in (0, 1) for shift in (-1, 1)], axis=0)
+    inside = seen & ~rim
+    assert error[inside].mean() < 0.35 * 0.0064, "mean of |noise| is 0.8 sigma"
+    assert error[rim].mean() < 2.5 * error[inside].mean()

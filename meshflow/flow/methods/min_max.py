@@ -18,6 +18,10 @@ from meshflow.surfaces.grid import Grid
 __all__ = ["MinMax", "MinMaxScheme"]
 
 
+# The largest radius: the window is (2 radius + 1)² samples.
+WIDEST = 1000.0
+
+
 @dataclass(frozen=True)
 class MinMaxScheme:
     """The rate of :class:`MinMax`.
@@ -97,8 +101,8 @@ class MinMax(SchemeMethod):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if positive(self.radius, "radius") < 1:
-            raise InputError(f"radius: one sample or more expected, got {self.radius}")
+        if not 1 <= positive(self.radius, "radius") <= WIDEST:
+            raise InputError(f"radius: 1 to {WIDEST:g} samples expected, got {self.radius}")
 
     def on_grid(self, grid: Grid, threads: int | None) -> Flow:
         """The scheme."""

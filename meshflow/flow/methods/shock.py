@@ -17,6 +17,10 @@ from meshflow.surfaces.grid import Grid
 __all__ = ["ShockFilter", "ShockScheme"]
 
 
+# A number whose square is still one.
+LARGEST = 1e150
+
+
 @dataclass(frozen=True)
 class ShockScheme:
     """The rate of :class:`ShockFilter`, s = contrast |grad u|, phi(s) = sqrt(1 + s^2).
@@ -55,7 +59,7 @@ class ShockScheme:
         if self.switch == 0:
             return np.zeros(blurred.there.shape, bool)
         x, y = blurred.slopes()
-        return (x**2 + y**2).sum(axis=0) >= self.switch**2
+        return (x**2 + y**2).sum(axis=0) >= min(self.switch, LARGEST) ** 2
 
     def fastest(self, spacing: tuple[float, float]) -> float:
         """The sum of those of its terms."""

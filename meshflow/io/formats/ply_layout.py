@@ -80,7 +80,8 @@ class PlyBytes:
     @property
     def points(self) -> Array:
         """(n, 3), float64."""
-        return np.stack([self.vertices[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # signalling NaN
+            return np.stack([self.vertices[axis] for axis in "xyz"], axis=-1).astype(np.float64)
 
     def holding(self, points: Array, tags: Mapping[str, str]) -> bytes:
         """The file with new points (n, 3); points that did not move keep their bits."""
