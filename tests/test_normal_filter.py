@@ -8,6 +8,7 @@ from meshflow.errors import InputError
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.flow.controls import Until
 from meshflow.flow.march import march
+from meshflow.flow.methods import normal_filter
 from meshflow.flow.methods.normal_filter import NormalFilter, NormalFilterFlow
 from meshflow.geometry import normals as facets
 from meshflow.geometry.normals import mean_edge
@@ -97,6 +98,19 @@ def test_triangles_without_area_do_no_harm():
     faces = np.vstack([SIDES, [[0, 0, 1], [3, 3, 3]]])
     found = run(along_normals(CUBE, SIDES, 0.2), faces, 5)
     assert np.isfinite(found).all()
+
+
+def test_the_order_in_which_a_large_mesh_is_run_changes_nothing(monkeypatch):
+    points, rng = along_normals(CUBE, SIDES, 0.2), np.random.default_rng(3)
+    order = rng.permutation(len(points))
+    faces = rng.permutation(np.argsort(order)[SIDES])
+    held = rng.random(len(points)) < 0.1
+    how = NormalFilter(regularize=0.3 * mean_edge(CUBE, SIDES) ** 2)
+    expected = run(points[order], faces, 5, how, fixed=held)
+    monkeypatch.setattr(normal_filter, "LARGE", 0)
+    found = run(points[order], faces, 5, how, fixed=held)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert np.array_equal(found[held], points[order][held])
 
 
 def test_parts_do_not_touch_each_other():

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from meshflow.geometry.nearness import near_order
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_blocks as kernels
 
@@ -16,8 +17,6 @@ __all__ = ["Blocks", "blocked", "march_blocks"]
 
 # Vertices of a block: 4096 vertices and their sums take 230 kB. Small meshes have smaller blocks, so that more threads have work.
 LARGEST, SMALLEST, SHARES = 4096, 256, 64
-# Bits per coordinate of the curve along which vertices are assigned to blocks.
-BITS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,7 @@ def blocked(points: Array, faces: Array, kind: int, held: Array) -> Blocks | Non
     n, faces = len(points), indices_of(faces)
     size = int(np.clip(n // SHARES, SMALLEST, LARGEST))
     count = (n + size - 1) // size
-    order = _morton(points)
+    order = near_order(points)
     block = np.empty(n, np.int32)
     block[order] = np.arange(n, dtype=np.int32) // size
     first, start = np.empty(count + 1, np.int64), np.empty(count + 1, np.int64)
@@ -77,15 +76,3 @@ def march_blocks(blocks: Blocks, points: Array, keep: float, dt: float, out: Arr
         b.vertices, b.start, b.owned, b.triangles, b.first, points, b.kind, b.held, keep, dt, out, inverse, sharpest
     )
     return float(sharpest.max(initial=0.0))
-
-
-def _morton(points: Array) -> Array:
-    """Vertices in the order of a space-filling curve (Morton 1966)."""
-    at = np.where(np.isfinite(points), points, 0.0) - np.nanmin(points, axis=0, initial=np.inf)
-    widest = float(at.max(initial=0.0))
-    cells = np.clip(at * ((1 << BITS) - 1) / widest if widest > 0 else at, 0, (1 << BITS) - 1).astype(np.int32)
-    code = np.zeros(len(points), np.int32)
-    for bit in range(BITS):
-        for axis in range(3):
-            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return np.argsort(code, kind="stable").astype(np.int32)

@@ -17,6 +17,7 @@ from meshflow.geometry import normals as facets
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.laplacians import umbrella_generator
+from meshflow.geometry.nearness import nearest_first
 from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array, number, positive
 from meshflow.surfaces.surface import Surface
@@ -26,6 +27,8 @@ __all__ = ["ROUND", "NormalFilterFlow", "NormalFilter"]
 # One round, in squared edges: the normals diffuse in steps of SWEEP, then the points follow in FOLLOWED sweeps. A round is long,
 # so that the normals of noisy triangles settle before any point moves.
 ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
+# Vertices above which the loops run in an order in which neighbours are near: less would fit the cache in any order.
+LARGE = 50_000
 # The relative rounding error of a time.
 ALMOST = 1e-9
 
@@ -119,35 +122,45 @@ class NormalFilterFlow(Dense):
             raise InputError("normal-filter: a mesh in R^3 whose points move expected")
         self.surface, self.how = surface, (how or NormalFilter()).filled()
         self.connectivity = connect(surface.triangulations, len(surface.points))
-        faces = self.connectivity.faces
-        self._across = facets.beyond(faces)
-        self.step = facets.mean_edge(surface.points, faces)
+        self.step = facets.mean_edge(surface.points, self.connectivity.faces)
         self.held = surface.fixed.copy()
         if surface.boundary == "fixed":
             self.held |= self.connectivity.rim
+        self._order: Array | None = None
+        self._near = self.connectivity
+        if len(surface.points) > LARGE:
+            self._order, faces = nearest_first(surface.points, self.connectivity.faces)
+            self._near = connect((faces,), len(surface.points))
+        self._across = facets.beyond(self._near.faces)
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """The mean rate of a round; with a blend that keeps u, the normals diffuse for its dt and the points follow once."""
         round = blend.dt if blend.keep != 0.0 else ROUND * self.step**2
-        change = self._moved(u, round, diagonal == 0) - u
+        order = self._order
+        if order is None:
+            change = self._moved(u, round, diagonal == 0, self.held) - u
+        else:
+            change = np.empty(u.shape)
+            change[order] = self._moved(u[order], round, diagonal == 0, self.held[order]) - u[order]
         if blend.keep == 0.0:
             return blend.of_rate(u, change / round, out)
         return blend.of_change(u, change, out)
 
-    def _moved(self, u: Array, dt: float, first: bool) -> Array:
+    def _moved(self, u: Array, dt: float, first: bool, held: Array) -> Array:
+        """The points (n, 3) after a round, in the order of the loops."""
         x = np.ascontiguousarray(u, dtype=np.float64)
         how = self.how
         if first and (how.regularize or 0.0) > 0:
-            even = umbrella_generator(self.connectivity, self.step, ~self.held, curve=True)
+            even = umbrella_generator(self._near, self.step, ~held, curve=True)
             x = filtered(even, x, how.regularize or 0.0, 2)  # fixed vertices stay, since their rows are zero
-        faces = self.connectivity.faces
+        faces = self._near.faces
         normals, areas = facets.measured(x, faces)
         weights = facets.conductances(x, faces, self._across)
         sweeps = max(1, round(dt / (SWEEP * self.step**2)))
         contrast, sharpness = how.crease_contrast or 2.0, how.crease_sharpness or 8.0
         by = facets.NormalDiffusion(areas, weights, self._across, contrast, sharpness)
         normals = facets.spread(normals, by, dt / sweeps, sweeps)
-        return facets.followed(x, self.connectivity, normals, self.held, FOLLOWED)
+        return facets.followed(x, self._near, normals, held, FOLLOWED)
 
     def area(self, u: Array) -> float:
         """Area of the surface, squared length."""
