@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 import meshflow
+from meshflow.errors import NotConverged
 from meshflow.estimate.mesh_noise import noise_of_points
 from meshflow.estimate.point_risk import WEIGHT, PointCandidate, PointRisk, folded
 from meshflow.estimate.point_search import configurations
@@ -267,6 +268,31 @@ def test_no_fold_is_left_of_those_that_noise_made(shape, kind, level, seed):
     result = meshflow.smooth((points, shape.faces), result=True)
     assert len(new_folds(nowhere, result.data[0], shape.faces)) == 0
     assert not any("of its area" in warning for warning in result.warnings)  # noise has area; the shape has lost none
+
+
+POINTS_OF_A_LINE = np.c_[np.arange(20.0), np.zeros((20, 2))]
+ALONG = np.stack([np.arange(18), np.arange(1, 19), np.arange(2, 20)], axis=1)
+HALF_A_BALL = np.where(np.arange(len(BALL.points))[:, None] < 300, BALL.points[0], BALL.points)
+DEGENERATE = {
+    "a point": (np.zeros((6, 3)), np.array([[0, 1, 2], [3, 4, 5]])),
+    "a line": (POINTS_OF_A_LINE, ALONG),
+    "half a ball in a point": (HALF_A_BALL, BALL.faces),
+    "too small to square": (1e-200 * BALL.noisy("iso", 0.2), BALL.faces),
+    "one triangle": (np.eye(3), np.array([[0, 1, 2]])),
+    "triangles twice and turned round": (BALL.noisy("iso", 0.2), np.concatenate([BALL.faces, BALL.faces[:40, ::-1]])),
+}
+
+
+@pytest.mark.filterwarnings("error", "ignore::meshflow.errors.MeshflowWarning")
+@pytest.mark.parametrize("method", [None, "principal", "conformal", "fairing", "normal-filter", "curvature", "taubin"])
+@pytest.mark.parametrize("name", DEGENERATE)
+def test_degenerate_meshes_come_back_finite_and_without_a_word_of_numpy(name, method):
+    points, faces = DEGENERATE[name]
+    if (name, method) == ("half a ball in a point", "principal"):
+        with pytest.raises(NotConverged, match="out of range"):
+            meshflow.smooth((points, faces), method=method)
+        return
+    assert np.isfinite(meshflow.smooth((points, faces), method=method)[0]).all()
 
 
 def test_no_least_risk_is_chosen_that_was_not_looked_at():

@@ -31,6 +31,7 @@ from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["moving"]
 
+SIZELESS = "all points of the mesh are at one place: nothing was changed"
 # The fixed choice without a search, and its time in squared edges.
 FIXED, FAIRED = NormalFilter().filled(), Fairing().filled()
 FIXED_TIME = {NormalFilter.word: 100.0, Fairing.word: 1.0}
@@ -62,6 +63,10 @@ def moving(data: Mesh, request: Request, noise: Noise, mobility: Array | None = 
         raise InputError(
             f"method={method.word!r}: of points in R^3 that move alone, got moves={data.moves!r} in R^{data.points.shape[1]}"
         )
+    if data.step**2 == 0:
+        unnamed = replace(request, method=None if isinstance(method, PointMethod) else method)
+        plan = replace(as_they_are(data, unnamed, noise, mobility), idle=SIZELESS, time=0.0)
+        return plan.with_({"time": Decided("default", "nothing may move")})
     shaping = isinstance(method, (NormalFilter, Fairing))
     plan = (_shaped if shaping or (whole and _open(request)) else _curved)(data, request, noise, mobility)
     useless = _useless(request) if data.moves == "points" else ()

@@ -86,9 +86,11 @@ class Kept:
                     break
                 u -= off / float(np.einsum("ij,ij->", volume_gradient(u, self.faces), direction)) * direction
             return u
-        home = u.mean(axis=0)
+        home, value = u.mean(axis=0), self._value(u)
+        if value == 0:
+            return u
         u -= home
-        u *= (goal / self._value(u)) ** (1 / 2 if self.how == "area" else 1 / 3)
+        u *= (goal / value) ** (1 / 2 if self.how == "area" else 1 / 3)
         u += home
         return u
 

@@ -53,11 +53,11 @@ def cotangent_generator(connectivity: Connectivity, cot: Array, inertia: Array, 
 def umbrella_generator(connectivity: Connectivity, step: float, moves: Array, curve: bool) -> Any:
     """4 / h^2 (x_i - mean of the neighbours), equal to M^-1 L on an equilateral mesh of edge h; zero for fixed vertices.
 
-    :param step: h.
+    :param step: h; of a mesh without size no vertex moves.
     :param curve: move the border as a curve, 2 / h^2 (x_i - mean of its two border neighbours); else with all neighbours.
     """
     mean = neighbour_means(connectivity.faces.astype(np.int64), connectivity.size, "curve" if curve else "free")
-    factor = np.where(connectivity.rim & curve, 2.0, 4.0) / step**2
+    factor = np.where(connectivity.rim & curve, 2.0, 4.0) / step**2 if step**2 > 0 else np.zeros(connectivity.size)
     return sparse.csr_matrix(sparse.diags(np.where(moves, factor, 0.0)) @ (sparse.identity(connectivity.size) - mean))
 
 
