@@ -33,7 +33,7 @@ CREASES = ((1.0, 4.0), (8.0, 4.0), (2.0, 8.0))
 # Times of the initial regularization of the sampling, in squared edges, for noise below STRONG edges and above it. Of 0, 0.1,
 # 0.3, 1 and 3 these contain the best (27 cases of 0.1 to 1 edges). Edges are those of the noisy mesh: noise of 0.4 true edges in
 # all directions is 0.3 of them. For noise of 0.3 true edges 1 shrinks a coarse cube by 3 %.
-REGULARIZED, STRONG = ((0.0, 0.3), (0.3, 1.0)), 0.28
+REGULARIZED, STRONG = ((0.0, 0.3), (0.3, 1.0)), 0.3
 # Times of the normal filter, in squared edges, at which the risk is estimated. All configurations run to the end of the first
 # stage, the best BEST of them to that of the next.
 STAGES, BEST = ((10.0, 20.0), (50.0,), (100.0,), (200.0, 300.0)), (3, 2, 1, 0)
