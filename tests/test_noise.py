@@ -157,6 +157,31 @@ def test_noise_scales_with_the_values_and_no_offset_changes_it(length):
         assert turned.length == pytest.approx(found.length, rel=0.02)
 
 
+@pytest.mark.parametrize("power", [-200, -100, 66, 100, 200])
+@pytest.mark.parametrize("shape", [(32, 36), (24, 24, 3)])
+def test_a_power_of_two_times_the_values_gives_that_times_the_noise_and_the_result_to_the_bit(power, shape):
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    surface = (5 * np.sin(x / 7) + np.cos(y / 5)).reshape(shape[:2] + (1,) * (len(shape) - 2))
+    z = surface + np.random.default_rng(0).normal(0, 0.5, shape)
+    noise = meshflow.estimate_noise(np.ldexp(z, power))
+    assert noise.sigma > 0
+    assert noise.sigma == np.ldexp(meshflow.estimate_noise(z).sigma, power)
+    if abs(power) <= 100:  # beyond, values of a tile of the search do not fit into single precision
+        np.testing.assert_array_equal(meshflow.smooth(np.ldexp(z, power)), np.ldexp(meshflow.smooth(z), power))
+        assert meshflow.estimate_noise(np.ldexp(z, power).astype(np.float32)).sigma > 0
+
+
+@pytest.mark.parametrize("factor", [1e-30, 1e20, 1e25, 1e35])
+@pytest.mark.parametrize("number", [np.float32, np.float64])
+@pytest.mark.parametrize("method", [None, "quick"])
+@pytest.mark.filterwarnings("error")
+def test_values_as_large_or_small_as_single_precision_holds_are_smoothed_as_others_are(factor, number, method):
+    y, x = np.mgrid[:32, :36]
+    z = 5 * np.sin(x / 7) + np.cos(y / 5) + np.random.default_rng(0).normal(0, 0.5, x.shape)
+    found = meshflow.smooth((z * factor).astype(number), method=method).astype(np.float64) / factor
+    np.testing.assert_allclose(found, meshflow.smooth(z, method=method), rtol=0, atol=2e-5)
+
+
 @pytest.mark.parametrize("exponent", [1.5, 2.0, 2.5])
 def test_a_rough_surface_without_noise_is_not_taken_for_correlated_noise(exponent):
     for seed in range(3):

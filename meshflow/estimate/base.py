@@ -36,7 +36,8 @@ def base_of(grid: Grid, sigma: float, threads: int | None = None) -> Array:
     spread = _range(planes, grid)
     if spread == 0.0:
         return planes
-    right, down = (_jumps(planes, grid.missing, axis, JUMP * sigma) for axis in (2, 1))
+    power = int(np.frexp(spread)[1])
+    right, down = (_jumps(planes, grid.missing, axis, JUMP * sigma, power) for axis in (2, 1))
     if grid.cuts is not None:
         right, down = right | grid.cuts.right, down | grid.cuts.down
     step = float(np.sqrt(np.mean(grid.spacing[0]) * grid.spacing[1])) if grid.whole is None else grid.whole.step
@@ -68,14 +69,17 @@ def _range(planes: Array, grid: Grid) -> float:
     return float(np.max(planes, where=there, initial=-np.inf) - np.min(planes, where=there, initial=np.inf))
 
 
-def _jumps(planes: Array, missing: Array, axis: int, most: float) -> Array:
-    """Mask of the differences along an axis that depart by ``most`` from the differences around them, over all channels."""
+def _jumps(planes: Array, missing: Array, axis: int, most: float, power: int) -> Array:
+    """Mask of the differences along an axis that depart by ``most`` from the differences around them, over all channels.
+
+    :param power: differences are squared in a unit of 2^power, near the range of the planes, so that no square overflows.
+    """
     differences = np.diff(planes, axis=axis)
     whole = ~missing.take(range(1, missing.shape[axis - 1]), axis - 1)
     whole &= ~missing.take(range(missing.shape[axis - 1] - 1), axis - 1)
     beside = [_shifted(differences, whole, axis, by) for by in (-2, -1, 1, 2)]
-    departure = differences - _median(differences, *beside)
-    return whole & (np.square(departure).sum(axis=0) > most * most * len(planes))
+    departure, limit = np.ldexp(differences - _median(differences, *beside), -power), float(np.ldexp(most, -power))
+    return whole & (np.square(departure).sum(axis=0) > limit * limit * len(planes))
 
 
 def _shifted(differences: Array, whole: Array, axis: int, by: int) -> Array:

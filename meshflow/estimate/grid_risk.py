@@ -62,10 +62,12 @@ def probed(piece: Piece, probes: Array) -> Probed:
 
 
 def _single(grid: Grid, sigma: Array) -> Array:
-    """Planes in single precision, relative to their middles, if rounding is far below the noise; else unchanged."""
+    """Planes in single precision, relative to their middles, if they fit and rounding is far below the noise; else unchanged."""
     there = np.broadcast_to(~grid.missing, grid.planes.shape)
     low = np.min(grid.planes, axis=(1, 2), where=there, initial=np.inf, keepdims=True)
     high = np.max(grid.planes, axis=(1, 2), where=there, initial=-np.inf, keepdims=True)
-    if not (np.finfo(np.float32).eps * (high - low) < FINE * np.min(sigma)).all():
+    single, least = np.finfo(np.float32), np.min(sigma)
+    fits = np.max(high - low) < 0.1 * single.max and least > single.tiny / single.eps
+    if not fits or not (single.eps * (high - low) < FINE * least).all():
         return grid.planes
     return np.where(grid.missing, 0.0, grid.planes - 0.5 * (low + high)).astype(np.float32)

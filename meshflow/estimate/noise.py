@@ -133,13 +133,17 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """Measurements of one channel: its parts and number type, what of :class:`Noise` needs no decision."""
+    """Measurements of one channel: its parts and number type, what of :class:`Noise` needs no decision.
+
+    All are in a unit of 2^``power`` units of the values.
+    """
 
     parts: list[Part]
     precision: np.dtype
     quantum: float
     share: float
     lines: Lines
+    power: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,30 +166,48 @@ def noise_of(values: Array, missing: Array) -> Noise:
     them it is the median absolute deviation of second differences (Immerkaer 1996). It is at least quantum / sqrt 12, the
     rounding error. A strong texture in all places counts as noise in part; it cannot be distinguished in one image.
 
+    The values are measured in a unit of a power of two near the largest of them. Then no square of a value overflows or vanishes,
+    and the noise of multiples of the values is the multiple of the noise.
+
     :param values: (h, w) or (h, w, k).
     :param missing: (h, w).
     """
     stack = values.reshape(*missing.shape, -1)
     windows = spread_tiles(missing.shape, ENOUGH)
-    seen = [_measured(channel, missing, windows) for channel in np.moveaxis(stack, 2, 0)]
+    power = _power(stack, missing, windows)
+    seen = [_measured(channel, missing, windows, power) for channel in np.moveaxis(stack, 2, 0)]
     spectra = spectra_of([(one.parts, one.lines.rows > 0, one.lines.columns > 0) for one in seen])
     found = [_channel(one, spectrum, spectra.together) for one, spectrum in zip(seen, spectra.found, strict=True)]
     covariances = [one.covariance for one in found if one.covariance is not None]
     correlation = correlation_of(np.sum(covariances, axis=0)) if covariances else None
     lengths = length_of(correlation)
     return Noise(
-        _mean_square([one.sigma for one in found]),
-        max(one.quantum for one in seen),
-        tuple(one.sigma for one in found),
+        _times(_mean_square([one.sigma for one in found]), power),
+        _times(max(one.quantum for one in seen), power),
+        tuple(_times(one.sigma, power) for one in found),
         max(one.share for one in seen),
         "spectrum" if covariances else found[0].how,
         correlation,
         _mean_square(lengths),
         lengths,
         spectra.between,
-        Lines(_mean_square([one.lines.rows for one in found]), _mean_square([one.lines.columns for one in found])),
+        Lines(
+            _times(_mean_square([one.lines.rows for one in found]), power),
+            _times(_mean_square([one.lines.columns for one in found]), power),
+        ),
         next((one.doubt for one in found if one.doubt), ""),
     )
+
+
+def _power(stack: Array, missing: Array, windows: list[tuple[slice, slice]]) -> int:
+    """The power of two just above the largest magnitude of the present values in windows of a stack (h, w, k)."""
+    largest = max(float(np.abs(stack[at][~missing[at]].astype(np.float64)).max(initial=0.0)) for at in windows)
+    return int(np.frexp(largest)[1])
+
+
+def _times(size: float, power: int) -> float:
+    """A size times 2^power, which is exact."""
+    return float(np.ldexp(size, power))
 
 
 def _mean_square(values: Sequence[float]) -> float:
@@ -193,13 +215,13 @@ def _mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _measured(channel: Array, missing: Array, windows: list[tuple[slice, slice]]) -> _Measured:
-    """Measurements of one channel (h, w), from windows of it."""
+def _measured(channel: Array, missing: Array, windows: list[tuple[slice, slice]], power: int) -> _Measured:
+    """Measurements of one channel (h, w), from windows of it, in a unit of 2^power."""
     quantum, share = quantum_of(np.concatenate([channel[window][~missing[window]] for window in windows]))
-    parts = [_patched(channel[window], ~missing[window]) for window in windows]
+    parts = [_patched(channel[window], ~missing[window], power) for window in windows]
     least, most = _range(parts)
     rows, columns = (size if size > FAINT * (most - least) else 0.0 for size in line_offsets(parts))
-    return _Measured(parts, channel.dtype, quantum, share, Lines(rows, columns))
+    return _Measured(parts, channel.dtype, _times(quantum, -power), share, Lines(rows, columns), power)
 
 
 def _channel(seen: _Measured, spectrum: Found | None, together: bool) -> _Channel:
@@ -217,7 +239,7 @@ def _channel(seen: _Measured, spectrum: Found | None, together: bool) -> _Channe
         )
     sigma, how = _white(parts) if covariance is None else (float(np.sqrt(covariance[0, 0])), "spectrum")
     if how == "patches" and spectrum is not None and sigma > 0:
-        doubt = _doubt(sigma, float(np.sqrt(spectrum.plain.white)))
+        doubt = _doubt(_times(sigma, seen.power), _times(float(np.sqrt(spectrum.plain.white)), seen.power))
         if spectrum.floor is not None and np.sqrt(spectrum.floor) < LOWER * sigma:
             sigma, how = max(float(np.sqrt(spectrum.floor)), quantum / np.sqrt(12.0)), "spectrum"
     if sigma <= 2.0 * np.finfo(seen.precision).eps * max(abs(least), abs(most)):
@@ -227,9 +249,10 @@ def _channel(seen: _Measured, spectrum: Found | None, together: bool) -> _Channe
     return _Channel(sigma, how, covariance, lines, doubt)
 
 
-def _patched(z: Array, there: Array) -> Part:
-    """A part in double precision; small groups of missing samples are filled from the samples around them."""
+def _patched(z: Array, there: Array, power: int) -> Part:
+    """A part in double precision, in a unit of 2^power; small groups of missing samples are filled from those around them."""
     z = z.astype(np.float64)
+    np.ldexp(z, -power, out=z, where=there)  # missing samples may have any value, also one that would overflow
     if there.all():
         return z, there
     small = ~(there | large_pieces(~there))

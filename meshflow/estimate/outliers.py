@@ -33,7 +33,8 @@ MARKERS = (
     -2147483648.0,
     2147483647.0,
 )
-HUGE = 1e20
+# So do values above the first number, and this many times as large as the others.
+HUGE, BEYOND = 1e20, 1e6
 # Data with fewer levels is a drawing, in which no value is far outside.
 LEVELS = 16
 # An impulse differs from the median around it by this many deviations of its neighbourhood; by fewer where impulses are dense,
@@ -141,7 +142,7 @@ def _marks(extreme: np.floating, rest: Array, count: int, nearest: Callable[[Arr
         return False
     low, high = _middle(rest)
     gap = abs(float(nearest(rest)) - float(extreme))
-    huge = abs(float(extreme)) > HUGE
+    huge = abs(float(extreme)) > max(HUGE, BEYOND * max(abs(low), abs(high)))
     named = float(extreme) in MARKERS or huge
     enough = (1.0 if named else FAR) * (high - low)
     drawn = high == low or len(np.unique(rest[:ENOUGH])) < LEVELS

@@ -98,6 +98,7 @@ def _gains(plan: Plan, groups: PatchGroups) -> Iterator[Array]:
     """
     threads = plan.request.compute.threads
     deviations = np.sqrt(np.diag(groups.channels))
+    power = int(np.frexp(deviations.max())[1])
     between = None if len(deviations) == 1 else plan.noise.between
     if not isinstance(plan.data, (HeightField, Image)):
         return
@@ -120,7 +121,9 @@ def _gains(plan: Plan, groups: PatchGroups) -> Iterator[Array]:
         runs = [_two_stages(plan, part, groups, most, threads) for part in (grid, twin)]
         for one, two in zip(*runs, strict=True):
             squares.append((one - grid.planes)[:, counted].astype(np.float64) ** 2)
-            kept.append((probe * (two - one))[:, counted].astype(np.float64) * (2.0 / PROBE))
+            # In a unit near the noise: squares of large or small numbers do not fit into single precision.
+            product = np.ldexp(probe, -power) * np.ldexp(two - one, -power)
+            kept.append(np.ldexp(product[:, counted].astype(np.float64) * (2.0 / PROBE), 2 * power))
         yield np.mean(squares[0] + kept[0] - squares[1] - kept[1], axis=0)
 
 
