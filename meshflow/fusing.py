@@ -14,6 +14,7 @@ from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import Array
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import Imported, taken_in
+from meshflow.results.inverse_depths import smoothed_in_disparity
 from meshflow.results.keywords import must_be_keywords
 from meshflow.results.result import Result
 from meshflow.smoothing import Metadata, smooth, smooth_object
@@ -22,8 +23,9 @@ from meshflow.surfaces.range_image import RangeImage
 __all__ = ["fuse", "fuse_frames"]
 
 SPREAD = "spread of the frames"
-# Fewer frames than these do not tell the noise of each pixel.
-FEW = 5
+# The noise of pixels is alike where the quantiles ENDS of their spreads, over that of their depth, differ by no more than ALIKE
+# times what chance makes of frames. CLASSES: of depth.
+ENDS, ALIKE, CLASSES = (0.02, 0.98), 1.5, 12
 
 
 def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = None, **options: Any) -> Any:
@@ -71,9 +73,11 @@ def fuse_frames(
     gone = one.count == 0
     sigma = np.where(gone, 1.0, np.maximum(one.sigma, np.finfo(np.float32).tiny))
     depth = np.where(gone, 0.0, one.mean).astype(first.depth.dtype)
-    # Frames that agree to the bit, and very few frames, say nothing of the noise of a pixel.
-    still = bool((one.sigma[~gone] == 0).all() or np.median(one.count[~gone]) < FEW)
-    mean = replace(first, depth=depth, missing=gone, sigma=None if still else sigma)
+    mean = replace(first, depth=depth, missing=gone)
+    # Frames that agree to the bit say nothing of their noise; where pixels are alike, their mean says it better than the spread.
+    still = bool((one.sigma[~gone] == 0).all())
+    still = still or (smoothed_in_disparity(mean, request) and _alike(mean, sigma, float(np.median(one.count[~gone]))))
+    mean = mean if still else replace(mean, sigma=sigma)
     _, found = smooth_object(mean, request, progress)
     if not isinstance(found, Result):
         raise InputError("frames: depth images expected, each of one view")
@@ -84,6 +88,22 @@ def fuse_frames(
         one,
         spread,
     )
+
+
+def _alike(mean: RangeImage, sigma: Array, frames: float) -> bool:
+    """Whether the noise of pixels of one depth differs by chance alone.
+
+    :param sigma: (h, w), the spread of each pixel over some frames.
+    """
+    from scipy.stats import chi2
+
+    there = ~mean.missing
+    depth, spread = mean.depth[there].astype(np.float64), sigma[there].astype(np.float64)
+    parts = np.array_split(np.argsort(depth, kind="stable"), max(1, min(CLASSES, depth.size // 50)))
+    at, typical = (np.array([np.median(values[part]) for part in parts]) for values in (depth, spread))
+    low, high = np.quantile(spread / np.interp(depth, at, typical), ENDS)
+    free = max(1.0, frames - 1.0)
+    return bool(high <= ALIKE * np.sqrt(chi2.ppf(ENDS[1], free) / chi2.ppf(ENDS[0], free)) * low)
 
 
 @dataclass(eq=False)
@@ -150,7 +170,7 @@ def _of_moved(one: Averaged) -> tuple[str, ...]:
         return ()
     some = ", ".join(map(str, one.moved[:5])) + (", ..." if len(one.moved) > 5 else "")
     return (
-        f"{len(one.moved)} of the frames (number {some}) differ from the first by more than half of their noise: the camera or "
+        f"{len(one.moved)} of the frames (number {some}) differ from the first by more than a quarter of their noise: the camera or "
         "the scene has moved; they were left out",
     )
 

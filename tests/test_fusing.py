@@ -24,7 +24,11 @@ def frames(many, seed=5):
 
 
 def test_the_spread_of_the_frames_is_the_noise_and_says_so():
-    result = meshflow.fuse(frames(9), camera=CAMERA, result=True)
+    chosen = meshflow.fuse(frames(9), camera=CAMERA, result=True).parameters[
+        "noise"
+    ]  # pixels are alike: that of the mean
+    assert chosen.value == pytest.approx(NOISE / 3, rel=0.15)
+    result = meshflow.fuse(frames(9), camera=CAMERA, domain="length", result=True)
     sigma, seen = result.parameters["noise"], result.parameters["frames"]
     assert sigma.value == pytest.approx(NOISE / 3, rel=0.1)
     assert (sigma.origin, sigma.why, result.noise.how) == ("estimated", *["spread of the frames"] * 2)
@@ -76,17 +80,20 @@ def test_frames_of_a_camera_that_moves_are_no_worse_than_one_of_them(far):
     found = meshflow.fuse(noisy, camera=camera, result=True)
     alone = meshflow.smooth(noisy[0], kind="depth", camera=camera)
     errors = [float(np.sqrt(np.mean(np.square(one - views[0])))) for one in (found.data, alone)]
-    assert errors[0] <= 1.05 * errors[1], f"{errors[0]:.5f} of ten, {errors[1]:.5f} of one"
-    assert ("the scene has moved" in " ".join(found.warnings)) == (far > 0.005)
+    assert errors[0] <= 1.02 * errors[1], f"{errors[0]:.5f} of ten, {errors[1]:.5f} of one"
+    assert ("the scene has moved" in " ".join(found.warnings)) == (far > 0)
 
 
-@pytest.mark.parametrize("many", [2, 3, 4, 6])
-def test_few_frames_are_better_than_one(many):
-    rng, view, camera = np.random.default_rng(3), seen_from(np.zeros(3)), Pinhole(120.0, 120.0, 63.5, 47.5)
-    noisy = [view + 0.004 * view**2 * rng.normal(size=view.shape) for _ in range(many)]
-    found = meshflow.fuse(noisy, camera=camera), meshflow.smooth(noisy[0], kind="depth", camera=camera)
-    errors = [float(np.sqrt(np.mean(np.square(one - view)))) for one in found]
-    assert errors[0] < (0.95 if many == 2 else 0.75) * errors[1]
+def test_more_frames_are_better():
+    errors = []
+    for many in (1, 2, 3, 5, 8, 14):
+        rng, view, camera = np.random.default_rng(3), seen_from(np.zeros(3)), Pinhole(120.0, 120.0, 63.5, 47.5)
+        noisy = [view + 0.004 * view**2 * rng.normal(size=view.shape) for _ in range(many)]
+        alone = meshflow.smooth(noisy[0], kind="depth", camera=camera)
+        found = alone if many == 1 else meshflow.fuse(noisy, camera=camera)
+        errors.append(float(np.sqrt(np.mean(np.square(found - view)))))
+    assert (np.diff(errors) < 0).all()
+    assert errors[-1] < 0.4 * errors[0]
 
 
 def test_a_depth_that_flickers_in_the_first_frame_is_outvoted():

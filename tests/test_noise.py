@@ -334,3 +334,13 @@ def test_terraces_of_a_rounded_surface_are_no_correlated_noise():
             found = noise_of(np.round(dunes / quantum) * quantum, np.zeros(dunes.shape, bool))
             assert found.sigma < 0.4 * quantum
             assert found.correlation is None
+
+
+@pytest.mark.parametrize("size", [200, 256, 300])
+@pytest.mark.parametrize("period", [4, 5, 6, 9, 11])
+def test_the_waves_of_a_smooth_surface_are_no_correlated_noise(size, period):
+    y, x = np.mgrid[:size, :size].astype(float)
+    hills = 100 + 40 * np.sin(x / 23) * np.cos(y / 31)
+    for waves in (15 * np.sin((x + 2 * y) / period), 30 * np.sin(x / period) * np.cos(y / period / 1.3)):
+        assert meshflow.estimate_noise(hills + waves).sigma == 0
+        assert meshflow.estimate_noise((100 + waves).astype(np.float32)).sigma == 0

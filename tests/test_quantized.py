@@ -194,3 +194,10 @@ def test_what_shows_states_on_the_way_shows_a_flow():
     assert len(shown) == 4
     assert shown[-1][0] > 0
     assert UNCHANGED.startswith("data left unchanged")
+
+
+@pytest.mark.parametrize("size", [8, 16, 64, 200])
+def test_planes_of_whole_numbers_are_not_rounded_and_stay_to_the_bit(size):
+    x = np.arange(float(size)) + np.zeros((size, 1))
+    for z in (x, x.T.astype(np.int16), x + 2 * x.T, 0.5 * x, np.maximum(x, size // 2), np.minimum(x, size - 1 - x)):
+        np.testing.assert_array_equal(meshflow.smooth(z), z)

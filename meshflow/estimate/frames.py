@@ -14,7 +14,7 @@ __all__ = ["Averaged", "averaged"]
 
 # Frames are compared with the first on at least BLOCKS blocks of BLOCK x BLOCK samples. A frame that differs by more than the
 # share MOVED of its noise shows a moved view. The view is still if the typical difference is below STILL.
-BLOCK, BLOCKS, MOVED, STILL = 8, 40, 0.5, 0.12
+BLOCK, BLOCKS, MOVED, STILL = 8, 40, 0.25, 0.12
 # Depths of a sample that differ by this many deviations of the noise belong to two surfaces.
 SURFACES = 6.0
 # The weight of the noise model of all samples beside the spread of a sample, in frames.
@@ -47,7 +47,7 @@ class Averaged:
 def averaged(frames: Iterable[Array]) -> Averaged:
     """The mean of frames of the same view, and its standard deviation from their spread.
 
-    Frames whose means over blocks differ from those of the first by more than half of the noise show a moved view and are left
+    Frames whose means over blocks differ from those of the first by more than a quarter of the noise show a moved view and are left
     out. Depths of a sample that differ by far more than the noise belong to two surfaces. The surface of the first frame is
     used. If the view is still, and the first frame has fewer than two neighbours on its surface, the more frequent surface is
     used. The spread of few frames is uncertain. Therefore the variance of each sample is combined with that of all samples of

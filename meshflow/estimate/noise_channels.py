@@ -9,7 +9,7 @@ from functools import cached_property, reduce
 
 import numpy as np
 
-from meshflow.estimate.noise_spectrum import HINT, LEAST, MISFIT, Found, spectral_noise
+from meshflow.estimate.noise_spectrum import HINT, LEAST, MISFIT, WAVES, Found, spectral_noise
 from meshflow.estimate.noise_tiles import SIDES, Tiles, folded, tiles_of, tiling
 from meshflow.geometry.validation import Array
 
@@ -100,6 +100,7 @@ def _correlated_together(found: Sequence[Found], between: Array | None) -> bool:
         and max(lengths) < UNLIKE * min(lengths)
         and sum(one.tiles for one in found) >= FEW_OF_CHANNELS
         and max(one.error for one in found) < MISFIT
+        and min(one.scatter for one in found) > WAVES
     )
 
 

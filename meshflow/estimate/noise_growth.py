@@ -62,6 +62,10 @@ def noise_growth(values: Array, missing: Array, levels: Array | None = None, eno
     sigma = np.array([MAD * np.median(residual[part]) for part in parts])
     if not sigma.any():
         return Growth(0.0, 0.0, 0.0, (float(at[0]), float(at[-1])))
+    if 2 * np.count_nonzero(sigma) > len(
+        sigma
+    ):  # classes of one value, as at the end of the range, say nothing of the others
+        at, sigma = at[sigma > 0], sigma[sigma > 0]
     scale, size = max(float(np.abs(at).max()), np.finfo(float).tiny), float(sigma.max())
     weight = 1.0 / np.maximum(sigma, 0.05 * size)
     terms = np.stack([np.ones_like(at), at / scale, (at / scale) ** 2], axis=1)

@@ -14,7 +14,7 @@ from meshflow.estimate.noise_model import Frequencies, Spectrum, fitted, gaussia
 from meshflow.estimate.noise_tiles import SIDES, Tiles, tiling
 from meshflow.geometry.validation import Array
 
-__all__ = ["HINT", "LEAST", "MISFIT", "Found", "correlation_of", "length_of", "spectral_noise"]
+__all__ = ["HINT", "LEAST", "MISFIT", "WAVES", "Found", "correlation_of", "length_of", "spectral_noise"]
 
 # The least number of tiles.
 LEAST = 5
@@ -39,6 +39,8 @@ GAIN, BETTER = 30.0, 0.5
 # (squared relative error), and be neither too narrow nor as wide as surfaces (a share of the side of a tile).
 SINGLE = ((1.25, 40.0, 0.0), (2.0, 20.0, 0.5))
 FEW, MISFIT, NARROWEST, WIDEST = 6, 0.2, 0.35, 0.0875
+# Less scatter of power between tiles is that of waves of a smooth surface (1.0 to 1.3); of noise it is 1.8 to 2.3.
+WAVES = 1.5
 # If more than the share MIXED of it is white, which is usually white noise on a texture, or the exponent of the surface is below
 # LEVEL, one of OF_MIXED is demanded instead. If the lengths also differ by the factor SKEWED, as for lines of text and bricks,
 # the noise is not correlated.
@@ -64,6 +66,7 @@ class Found:
     :ivar power: (m,), mean power of the tiles chosen.
     :ivar chosen: (n,), of all tiles.
     :ivar at: the frequencies, with weight 0 where they contain offsets of lines.
+    :ivar scatter: of the power of the tiles: 2 for noise, about 1 for the waves of a smooth surface.
     """
 
     spectrum: Spectrum
@@ -71,6 +74,7 @@ class Found:
     power: Array
     chosen: Array
     at: Frequencies
+    scatter: float
 
     @property
     def side(self) -> int:
@@ -108,7 +112,7 @@ class Found:
         """Whether the noise is correlated beyond doubt."""
         spectrum, narrow, wide = self.spectrum, min(self.spectrum.lengths), max(self.spectrum.lengths)
         mixed = spectrum.exponent < LEVEL or spectrum.white > MIXED * float(self.covariance()[0, 0])
-        if (mixed and wide > SKEWED * narrow) or spectrum.exponent > STEEPEST:
+        if (mixed and wide > SKEWED * narrow) or spectrum.exponent > STEEPEST or self.scatter < WAVES:
             return False
         demanded = OF_MIXED if mixed else SINGLE if self.side == SIDES[0] else OF_SMALL
         clear = any(
@@ -176,7 +180,23 @@ def spectral_noise(tiles: Tiles, rows: bool = False, columns: bool = False) -> F
             spectrum = _reshaped(mean, at, weights, spectrum, offset)
     every = np.zeros(len(rough), bool)
     every[np.flatnonzero(rough)[chosen]] = True
-    return Found(spectrum, _plain(mean, at, weights, offset), mean, every, at)
+    return Found(spectrum, _plain(mean, at, weights, offset), mean, every, at, _scatter(tiles, every, spectrum, at))
+
+
+def _scatter(tiles: Tiles, chosen: Array, spectrum: Spectrum, at: Frequencies) -> float:
+    """The mean square over the squared mean of the power of tiles, the median over frequencies at which it is noise.
+
+    :returns: 2 for noise, whose power is distributed exponentially; about 1 for waves, which have the same power everywhere.
+    """
+    noise = spectrum.of_blurred(at)
+    share, half = np.zeros(tiling(tiles.side).used.shape), tiles.side // 2
+    share[tiling(tiles.side).used] = noise / (noise + spectrum.of_surface(at) + spectrum.white) * (at.weights > 0)
+    clear = np.concatenate([share, share[half - 1 : 0 : -1]]) > 0.5
+    clear[:, [0, -1]] = False  # real numbers, or nearly, scatter more
+    if not clear.any():
+        return 2.0
+    power = np.square(np.abs(tiles.transform[chosen][:, clear]))
+    return float(np.median(np.square(power).mean(axis=0) / np.square(power.mean(axis=0))))
 
 
 def _flattest(power: Array, at: Frequencies) -> Array:

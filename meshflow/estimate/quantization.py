@@ -18,6 +18,8 @@ FEWER = 20
 ENOUGH, MANY = 60_000, 200_000
 # Values that are tested first: if most of them differ, the data is not quantized, and no more need to be sorted.
 GLANCE = 20_000
+# Data is not rounded where this share of its steps repeats the one before.
+ALIKE = 0.97
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,15 +88,20 @@ def _steps(levels: Array) -> Iterator[float]:
 
 
 def terraced(parts: list[tuple[Array, Array]], quantum: float) -> bool:
-    """Whether differences of neighbours are mostly one quantum: smooth data was rounded, and is not made of blocks."""
-    steps, single, levels = 0, 0, set()
+    """Whether differences of neighbours are mostly one quantum: smooth data was rounded, and is not made of blocks.
+
+    Data whose steps are all alike, as those of a plane of whole numbers, was not rounded.
+    """
+    steps, single, before, alike, levels = 0, 0, 0, 0, set()
     for z, there in parts:
         for axis in (0, 1):
-            both = np.take(there, range(1, there.shape[axis]), axis) & np.take(
-                there, range(there.shape[axis] - 1), axis
-            )
-            difference = np.abs(np.diff(np.where(there, z, 0.0), axis=axis)[both]) / quantum
-            steps += int((difference > 0.5).sum())
-            single += int(((difference > 0.5) & (difference < 1.5)).sum())
+            whole, heights = np.moveaxis(there, axis, 0), np.moveaxis(np.where(there, z, 0.0), axis, 0)
+            both, change = whole[1:] & whole[:-1], np.diff(heights, axis=0) / quantum
+            size = np.abs(change[both])
+            steps += int((size > 0.5).sum())
+            single += int(((size > 0.5) & (size < 1.5)).sum())
+            pairs = both[1:] & both[:-1] & (np.abs(change[1:]) > 0.5)
+            before += int(pairs.sum())
+            alike += int((pairs & (np.abs(change[1:] - change[:-1]) < 0.5)).sum())
         levels.update(np.unique(z[there])[:3].tolist())
-    return len(levels) > 2 and 2 * single > steps
+    return len(levels) > 2 and 2 * single > steps and alike < ALIKE * before
