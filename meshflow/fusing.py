@@ -170,8 +170,8 @@ def _of_moved(one: Averaged) -> tuple[str, ...]:
         return ()
     some = ", ".join(map(str, one.moved[:5])) + (", ..." if len(one.moved) > 5 else "")
     return (
-        f"{len(one.moved)} of the frames (number {some}) differ from the first by more than a quarter of their noise: the camera or "
-        "the scene has moved; they were left out",
+        f"{len(one.moved)} of the frames (number {some}) differ from the first by more than a quarter of their noise: the "
+        "camera or the scene has moved; they were left out",
     )
 
 

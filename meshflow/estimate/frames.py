@@ -47,8 +47,8 @@ class Averaged:
 def averaged(frames: Iterable[Array]) -> Averaged:
     """The mean of frames of the same view, and its standard deviation from their spread.
 
-    Frames whose means over blocks differ from those of the first by more than a quarter of the noise show a moved view and are left
-    out. Depths of a sample that differ by far more than the noise belong to two surfaces. The surface of the first frame is
+    Frames whose means over blocks differ from those of the first by more than a quarter of the noise show a moved view and are
+    left out. Depths of a sample that differ by far more than the noise belong to two surfaces. The surface of the first frame is
     used. If the view is still, and the first frame has fewer than two neighbours on its surface, the more frequent surface is
     used. The spread of few frames is uncertain. Therefore the variance of each sample is combined with that of all samples of
     its depth, which counts like four further frames. One frame at a time is in memory.
