@@ -5,6 +5,7 @@ import pytest
 
 import meshflow
 from meshflow.errors import InputError
+from meshflow.estimate.impulse_values import impulse_values
 from meshflow.estimate.outliers import outliers_of
 from meshflow.estimate.ring_fill import filled_from_ring
 from meshflow.estimate.stripes import offsets_to_level
@@ -95,6 +96,46 @@ def test_impulses_of_an_image_are_replaced_and_the_noise_is_that_of_the_others(s
     assert found.noise.sigma == pytest.approx(clean.noise.sigma, rel=0.15)
     assert rms(found.data - truth) < rms(clean.data - truth) * (1.0 + 5.0 * share) + 25.0 * share
     assert "unlike all neighbours" in found.warnings[0]
+
+
+@pytest.mark.parametrize("share", [0.25, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("make", [lambda: picture(96), lambda: picture(96, sigma=8.0)])
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_half_of_an_image_may_be_impulses(make, share):
+    truth, z = (shades.clip(1.0, 254.0) for shades in make())
+    spoilt, hit = impulses(z, share)
+    found = outliers_of(spoilt, np.zeros(z.shape, bool))
+    assert found.dense
+    assert (hit & ~found.mask).sum() / hit.sum() < 0.06
+    assert (found.mask & ~hit).sum() / (~hit).sum() < 0.004
+    assert (outliers_of(spoilt / 255.0, np.zeros(z.shape, bool)).mask == found.mask).all()
+    colours = outliers_of(np.dstack([spoilt, np.where(hit, spoilt, 200.0 - 0.5 * z)]), np.zeros(z.shape, bool))
+    assert (found.mask & ~colours.mask).sum() == 0
+    smooth = meshflow.smooth(spoilt, kind="image", method="quick", result=True)
+    assert "unlike all neighbours" in smooth.warnings[0]
+    assert rms(smooth.data - truth) < 0.15 * rms(spoilt - truth)
+
+
+@pytest.mark.parametrize("mean", [128.0, 240.0, 250.0, 255.0])
+@pytest.mark.parametrize("sigma", [5.0, 20.0, 60.0])
+def test_noise_that_is_clipped_at_the_ends_has_no_impulses(mean, sigma):
+    z = np.clip(np.random.default_rng(3).normal(mean, sigma, (96, 96)), 0.0, 255.0)
+    for values in (z, np.rint(z)):
+        found = outliers_of(values, np.zeros(z.shape, bool))
+        assert found is None or not found.dense
+
+
+def test_black_and_white_parts_lines_and_dots_are_not_spread_as_impulses_are():
+    rng = np.random.default_rng(4)
+    z = rng.normal(128.0, 5.0, (96, 96))
+    regular, hatched, half = z.copy(), z.copy(), z.copy()
+    regular[::4, ::4] = 255.0
+    hatched[:, ::3] = 0.0
+    half[:, 40:] = 0.0
+    for values in (regular, hatched, half, rng.poisson(2.0, (96, 96)).astype(float)):
+        assert impulse_values(values, np.ones(z.shape, bool)) == []
+    salted, hit = impulses(half, 0.3)
+    assert not outliers_of(salted, np.zeros(z.shape, bool)).impulses[(half == 0) & (salted == 0)].any()
 
 
 def test_a_hot_pixel_of_a_stiff_image_costs_no_time():

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import label
+from scipy.ndimage import label, uniform_filter
 
+from meshflow.estimate.impulse_values import impulse_values
 from meshflow.estimate.noise_growth import MAD
 from meshflow.estimate.quantization import steps_of
 from meshflow.estimate.ring_fill import neighbours_of
@@ -45,6 +46,9 @@ OFTEN = 0.1
 # Impulses are dense if they are this share of the samples, and this share of them is unlike all neighbours, which hardly any
 # sample of thin lines is. Then samples that are like a few of their neighbours are also impulses.
 DENSE, ISOLATED, LIKE = 2e-3, 0.3, 3
+# Impulses that have one of two values differ by this many deviations of the others around them in the median; not more of the
+# samples around one have its value than are likely by so many standard deviations.
+CLEAR, LIKELY = 3.0, 3.0
 # The number of repetitions without the impulses found so far, where they are dense.
 ROUNDS = 3
 # Samples that are processed at a time.
@@ -194,20 +198,70 @@ def _impulses(z: Array, there: Array) -> tuple[Array, bool]:
     least = 0.0 if steps is None else float(np.median(steps.sizes))
     # The largest of n Gaussian samples is near sqrt(2 log n) deviations; it is no impulse.
     most = max(IMPULSE, float(np.sqrt(2.0 * np.log(max(1, there.sum())))) + 1.0)
-    found, alone = _unlike(z, there, least, most)
-    total, single = int(found.sum()), int(alone.sum())
-    dense = total >= max(8.0, DENSE * there.sum()) and single >= ISOLATED * total
-    if not dense:
-        return alone, False
-    values, counts = np.unique(z[found], return_counts=True)
-    often = values[counts >= OFTEN * total]
+    found, often = _of_two_values(z, there, least)
+    others = most  # where impulses have two values, others are none more easily than usual
+    if not often.size:
+        found, alone = _unlike(z, there, least, most)
+        total, single = int(found.sum()), int(alone.sum())
+        dense = total >= max(8.0, DENSE * there.sum()) and single >= ISOLATED * total
+        if not dense:
+            return alone, False
+        values, counts = np.unique(z[found], return_counts=True)
+        often, others = values[counts >= OFTEN * total], IMPULSE_AMONG_MANY
     for _ in range(ROUNDS):
-        most = np.where(np.isin(z, often), IMPULSE_OF_A_VALUE, IMPULSE_AMONG_MANY) if often.size else IMPULSE_AMONG_MANY
+        most = np.where(np.isin(z, often), IMPULSE_OF_A_VALUE, others) if often.size else others
         more, _ = _unlike(z, there & ~found, least, most)
         if not more.any():
             break
         found |= more
     return found, True
+
+
+def _of_two_values(z: Array, there: Array, least: float) -> tuple[Array, Array]:
+    """The impulses (h, w) that have the least or the greatest value, and these values (n,); none where they are not impulses.
+
+    They may be as many as the other samples, which alone say what is usual.
+
+    :param least: the least deviation, the step of quantized data.
+    """
+    found, values = np.zeros(z.shape, bool), np.zeros(0, z.dtype)
+    salted = impulse_values(z, there)
+    known = there & ~np.isin(z, [value for value, _ in salted])
+    usual = max(_usual(z, known), least) if salted else 0.0
+    for value, share in salted:
+        at = there & (z == value)
+        around = (2 * REACH + 1) ** 2 * uniform_filter(at.astype(np.float64), 2 * REACH + 1, mode="constant") - 1.0
+        count = (2 * REACH + 1) ** 2 - 1
+        places = np.argwhere(at & (around <= count * share + LIKELY * np.sqrt(count * share * (1.0 - share)) + 0.5))
+        off = np.concatenate([np.zeros(0), *(_off(z, known, usual, part) for part in _portions(places))])
+        if off.size and np.nanmedian(off) > CLEAR:
+            out = places[off > IMPULSE_OF_A_VALUE]
+            found[out[:, 0], out[:, 1]] = True
+            values = np.append(values, z.dtype.type(value))
+    return found, values
+
+
+def _portions(places: Array) -> list[Array]:
+    """Places (m, 2) in portions that are processed at a time."""
+    return [places[start : start + CHUNK] for start in range(0, len(places), CHUNK)]
+
+
+def _off(z: Array, known: Array, usual: float, places: Array) -> Array:
+    """How many deviations samples (m, 2) differ from the median of the known ones around them; NaN for fewer than three.
+
+    :param usual: the least deviation.
+    """
+    rows, columns, inside = neighbours_of(places, z.shape, REACH)
+    around = np.where(inside & known[rows, columns], z[rows, columns].astype(np.float64), np.nan)
+    off = np.full(len(places), np.nan)
+    enough = np.isfinite(around).sum(axis=1) >= 3
+    around, own = around[enough], z[places[enough, 0], places[enough, 1]].astype(np.float64)
+    if own.size:
+        median = np.nanmedian(around, axis=1)
+        scale = np.maximum(MAD * np.nanmedian(np.abs(around - median[:, None]), axis=1), usual)
+        # Among equal samples each difference is infinitely many deviations.
+        off[enough] = np.divide(np.abs(own - median), scale, out=np.where(own == median, 0.0, np.inf), where=scale > 0)
+    return off
 
 
 def _unlike(z: Array, there: Array, least: float, most: float | Array) -> tuple[Array, Array]:
@@ -240,26 +294,32 @@ def _unlike(z: Array, there: Array, least: float, most: float | Array) -> tuple[
 def _suspects(z: Array, there: Array, least: float) -> tuple[float, Array]:
     """The usual deviation of a sample from its neighbours, and the places (m, 2) that differ along rows and columns.
 
-    Both are found by bands of rows: a large grid needs no more memory than a band.
-
     :param least: the least difference in deviations.
     """
-    height = max(1, CHUNK // z.shape[1])
-    bands = [(top, min(top + height, len(z))) for top in range(0, len(z), height)]
-    count = int((there[:, :-2] & there[:, 1:-1] & there[:, 2:]).sum())
-    stride, seen, some = max(1, count // ENOUGH), 0, [np.zeros(0)]
-    for band in bands:
-        known = _departures(z, there, *band)[0]
-        known = known[np.isfinite(known)]
-        some.append(known[-seen % stride :: stride].copy())  # a view would keep the whole band
-        seen += known.size
-    usual = MAD / np.sqrt(1.5) * float(np.median(np.concatenate(some))) if count else 0.0
-    places = [np.zeros((0, 2), np.int64)]
-    for top, bottom in bands:
+    usual, places = _usual(z, there), [np.zeros((0, 2), np.int64)]
+    for top, bottom in _bands(z.shape):
         across, down = _departures(z, there, top, bottom)
         off = ~(across <= least * usual) & ~(down <= least * usual) & there[top:bottom]
         places.append(np.argwhere(off) + (top, 0))
     return usual, np.concatenate(places)
+
+
+def _usual(z: Array, there: Array) -> float:
+    """The usual deviation of a sample from its neighbours; 0 where no sample is known with both of them."""
+    count = int((there[:, :-2] & there[:, 1:-1] & there[:, 2:]).sum())
+    stride, seen, some = max(1, count // ENOUGH), 0, [np.zeros(0)]
+    for band in _bands(z.shape):
+        known = _departures(z, there, *band)[0]
+        known = known[np.isfinite(known)]
+        some.append(known[-seen % stride :: stride].copy())  # a view would keep the whole band
+        seen += known.size
+    return MAD / np.sqrt(1.5) * float(np.median(np.concatenate(some))) if count else 0.0
+
+
+def _bands(shape: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Bands of rows, first and after the last: a large grid needs no more memory than a band."""
+    height = max(1, CHUNK // shape[1])
+    return [(top, min(top + height, shape[0])) for top in range(0, shape[0], height)]
 
 
 def _departures(z: Array, there: Array, top: int, bottom: int) -> tuple[Array, Array]:
