@@ -49,6 +49,8 @@ DENSE, ISOLATED, LIKE = 2e-3, 0.3, 3
 # Impulses that have one of two values differ by this many deviations of the others around them in the median; not more of the
 # samples around one have its value than are likely by so many standard deviations.
 CLEAR, LIKELY = 3.0, 3.0
+# More than this share of all samples, as where each channel has impulses of its own, cannot be replaced from the few others.
+FILLED = 0.55
 # The number of repetitions without the impulses found so far, where they are dense.
 ROUNDS = 3
 # Samples that are processed at a time.
@@ -101,9 +103,13 @@ def outliers_of(values: Array, missing: Array) -> Outliers | None:
     there = ~(missing | far)
     if not there.any():
         return None
-    for channel in np.moveaxis(stack, 2, 0):
-        found, many = _impulses(channel, there)
-        impulses, dense = impulses | found, dense or many
+    for by_value in (True, False):
+        impulses, dense = np.zeros(missing.shape, bool), False
+        for channel in np.moveaxis(stack, 2, 0):
+            found, many = _impulses(channel, there, by_value)
+            impulses, dense = impulses | found, dense or many
+        if impulses.sum() <= FILLED * there.sum():
+            break
     if not (far.any() or impulses.any()):
         return None
     alone = np.unique(stack[far]) if far.any() else np.zeros(0)
@@ -189,8 +195,11 @@ def _middle(values: Array) -> tuple[float, float]:
     return float(some[min(off, some.size - 1)]), float(some[max(some.size - 1 - off, 0)])
 
 
-def _impulses(z: Array, there: Array) -> tuple[Array, bool]:
-    """The impulses (h, w) of one channel, and whether they are dense."""
+def _impulses(z: Array, there: Array, by_value: bool) -> tuple[Array, bool]:
+    """The impulses (h, w) of one channel, and whether they are dense.
+
+    :param by_value: whether to look for impulses of the least and the greatest value first.
+    """
     none = np.zeros(z.shape, bool)
     if min(z.shape) < 5:
         return none, False
@@ -198,7 +207,7 @@ def _impulses(z: Array, there: Array) -> tuple[Array, bool]:
     least = 0.0 if steps is None else float(np.median(steps.sizes))
     # The largest of n Gaussian samples is near sqrt(2 log n) deviations; it is no impulse.
     most = max(IMPULSE, float(np.sqrt(2.0 * np.log(max(1, there.sum())))) + 1.0)
-    found, often = _of_two_values(z, there, least)
+    found, often = _of_two_values(z, there, least) if by_value else (none, z[:0, 0])
     others = most  # where impulses have two values, others are none more easily than usual
     if not often.size:
         found, alone = _unlike(z, there, least, most)
