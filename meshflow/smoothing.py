@@ -127,7 +127,7 @@ def smooth(
         its samples, or are the name of an array that the data holds.
     :param boundary: the condition at borders and holes: ``plane-preserving | neumann | fixed``, for meshes also ``border-curve``.
     :param domain: ``length``; of range images ``disparity``: inverse depths are smoothed; of colours ``luv``, ``lab`` or
-        ``linear-rgb``: they are smoothed there. The parameters refer to it; ``noise`` is in the unit of the values.
+        ``linear-rgb``: they are smoothed there. The parameters refer to it; ``noise``, and ``MaxChange`` of depths, do not.
     :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` (as they are, left out),
         ``repair`` (from their neighbours) or ``include`` (as data). None: repair single ones of images, else keep.
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.

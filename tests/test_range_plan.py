@@ -95,7 +95,7 @@ def test_inverse_depth_of_a_wall_rests_and_keeps_the_units_of_the_depth():
     np.testing.assert_allclose(still.depth, truth, rtol=1e-12)
     found = meshflow.smooth(RangeImage(noisy, camera), domain="disparity", result=True)
     assert np.std(found.data.depth - truth) < 0.3 * np.std(noisy - truth)
-    assert found.parameters["noise"].unit == "1 / depth"
+    assert found.parameters["noise"].value == pytest.approx(0.01, rel=0.15)
     assert found.parameters["domain"].value == "disparity"
 
 
@@ -185,6 +185,39 @@ def test_a_limit_of_half_the_step_holds_at_each_depth():
         meshflow.smooth(RangeImage(wall(0.01)[1], camera), constraints=MaxChange("step"))
 
 
+@pytest.mark.parametrize("words", [{}, {"domain": "disparity"}, {"domain": "length"}])
+@pytest.mark.parametrize("most", [0.003, "one per pixel", "step", np.inf])
+def test_no_depth_moves_by_more_than_the_limit_whatever_the_domain(words, most):
+    truth, noisy, camera = wall(0.01)
+    noisy[10:14, 20:24] = 0.0  # missing
+    depth = np.where(noisy > 0, 100.0 / np.rint(100.0 / np.where(noisy > 0, truth, 1.0) * 8) * 8, 0.0)
+    depth = depth if most == "step" else noisy
+    limits = {"one per pixel": np.where(np.arange(80) < 40, 0.001, 0.5) * np.ones((60, 1))}
+    if most == "step":
+        limits[most] = steps_of(depth[depth > 0]).at(depth) / 2
+    held = MaxChange(limits[most] if most == "one per pixel" else most)
+    found = meshflow.smooth(RangeImage(depth, camera), constraints=held, result=True, **words)
+    assert ("domain" in found.parameters) == (words != {"domain": "length"})
+    moved = np.abs(found.data.depth - depth)
+    assert (moved <= np.broadcast_to(limits.get(most, most), depth.shape) * (1 + 1e-9)).all()
+    assert moved.max() > 0
+    assert (moved[10:14, 20:24] == 0).all()
+
+
+@pytest.mark.parametrize("words", [{}, {"domain": "disparity"}])
+def test_a_limit_in_depths_is_reached_and_an_infinite_one_is_none(words):
+    _, noisy, camera = wall(0.01)
+    image = RangeImage(noisy, camera)
+    held = meshflow.smooth(image, constraints=MaxChange(0.002), **words).depth
+    assert np.quantile(np.abs(held - noisy), 0.5) > 0.99 * 0.002
+    free = meshflow.smooth(image, constraints=MaxChange(np.inf), **words).depth
+    np.testing.assert_array_equal(free, meshflow.smooth(image, **words).depth)
+    still = meshflow.smooth(image, constraints=MaxChange(0.0), **words).depth
+    np.testing.assert_array_equal(still, noisy)
+    with pytest.raises(InputError, match="not quantized"):
+        meshflow.smooth(image, constraints=MaxChange("step"), **words)
+
+
 def test_frames_are_one_weighted_problem():
     truth, _, camera = wall(0.0, shape=(60, 80))
     rng = np.random.default_rng(0)
@@ -251,11 +284,11 @@ def test_a_pinhole_is_smoothed_in_inverse_depths_by_default_and_is_better_for_it
 @pytest.mark.parametrize(
     "given",
     [
-        {"time": 2.0}, {"method": "beltrami"}, {"stop": Steps(3)}, {"constraints": MaxChange(0.01)},
-        {"constraints": DataWeights(1.0)}, {"compute": Compute(search=True)}, {"boundary": "neumann"},
+        {"time": 2.0}, {"method": "beltrami"}, {"stop": Steps(3)}, {"constraints": DataWeights(1.0)},
+        {"compute": Compute(search=True)}, {"boundary": "neumann"},
     ],
 )  # fmt: skip
-def test_what_refers_to_depths_keeps_the_flow_along_the_rays(given):
+def test_what_refers_to_lengths_keeps_the_flow_along_the_rays(given):
     _, noisy, camera = wall(0.01)
     image = RangeImage(noisy, camera)
     np.testing.assert_array_equal(
@@ -276,9 +309,10 @@ def test_other_cameras_and_a_noise_that_differs_from_pixel_to_pixel_keep_the_flo
     assert meshflow.smooth(even, result=True).parameters["domain"].value == "disparity"
 
 
-def test_a_given_noise_is_one_of_depths_unless_inverse_depths_are_asked_for():
+@pytest.mark.parametrize("words", [{}, {"domain": "disparity"}])
+def test_a_given_noise_is_one_of_depths(words):
     truth, noisy, camera = wall(0.01)
-    found = meshflow.smooth(RangeImage(noisy, camera), noise=0.01, result=True)
+    found = meshflow.smooth(RangeImage(noisy, camera), noise=0.01, result=True, **words)
     assert found.parameters["noise"].value == pytest.approx(0.01, rel=0.05)
     assert np.std(found.data.depth - truth) < 0.4 * np.std(noisy - truth)
 

@@ -26,7 +26,7 @@ def test_depths_of_a_file_are_metres_and_the_result_says_so(tmp_path):
         assert data.unit == "m"
         result = meshflow.smooth(data, constraints=MaxChange(0.02), result=True)
         units = {key: result.parameters[key].unit for key in ("noise", "quantum", "max_change", "time")}
-        assert units == {"noise": "m", "quantum": "m", "max_change": "m", "time": "pixel footprints²"}
+        assert units == {"noise": "m", "quantum": "m", "max_change": "m", "time": "pixels²"}
         assert result.data.unit == "m"
         assert " m of noise 0.0" in result.summary
         assert " m, largest " in str(result)
@@ -37,22 +37,48 @@ def test_depths_of_a_file_are_metres_and_the_result_says_so(tmp_path):
     assert meshflow.smooth(DEPTH, camera=CAMERA, result=True).parameters["noise"].unit == ""  # nobody has said which
 
 
-def test_in_inverse_depth_the_noise_beside_what_was_removed_is_one_of_depths():
-    result = meshflow.smooth(RangeImage(DEPTH, CAMERA, unit="m"), domain="disparity", result=True)
-    assert {result.parameters[name].unit for name in ("noise", "quantum", "risk")} == {"1/m"}
-    assert result.parameters["contrast"].unit == "pixels per 1/m"
-    assert result.noise.sigma == pytest.approx(0.01, rel=0.15)
-    assert result.summary.endswith(f"m of noise {result.noise.sigma:.4g} m")
-    given = meshflow.smooth(RangeImage(DEPTH, CAMERA), noise=0.002, domain="disparity", result=True)
-    assert given.noise.sigma == pytest.approx(0.002 * np.median(DEPTH) ** 2, rel=0.01)
-    assert given.parameters["noise"].unit == "1 / depth"
+def test_in_inverse_depth_what_is_reported_is_in_depths_whether_the_domain_is_written_out_or_not():
+    image = RangeImage(DEPTH, CAMERA, unit="m")
+    limit = MaxChange(0.005)
+    written, chosen = (
+        meshflow.smooth(image, constraints=limit, result=True, **words) for words in ({"domain": "disparity"}, {})
+    )
+    for result in (written, chosen):
+        assert {result.parameters[name].unit for name in ("noise", "quantum", "risk", "max_change")} == {"m"}
+        assert result.parameters["max_change"].value == 0.005
+        assert result.parameters["noise"].value == result.noise.sigma == pytest.approx(0.01, rel=0.15)
+        assert result.summary.endswith(f"m of noise {result.noise.sigma:.4g} m")
+        assert result.candidates[0].risk == pytest.approx(result.parameters["risk"].value)
+        assert 0.1 * 0.01 < result.parameters["risk"].value < 0.01
+    assert [written.parameters["domain"].origin, chosen.parameters["domain"].origin] == ["given", "default"]
+    others = [{k: v for k, v in one.parameters.items() if k != "domain"} for one in (written, chosen)]
+    assert others[0] == others[1]
+    np.testing.assert_array_equal(written.data.depth, chosen.data.depth)
+    named = meshflow.smooth(image, method="beltrami", domain="disparity", result=True)
+    assert named.parameters["contrast"].unit == "pixels per 1/m"
+
+
+def test_a_given_noise_is_one_of_depths_whether_the_domain_is_written_out_or_not():
+    image = RangeImage(DEPTH, CAMERA)
+    written, chosen = (
+        meshflow.smooth(image, noise=0.005, result=True, **words) for words in ({"domain": "disparity"}, {})
+    )
+    np.testing.assert_array_equal(written.data.depth, chosen.data.depth)
+    assert written.noise.sigma == written.parameters["noise"].value == chosen.parameters["noise"].value == 0.005
+    assert written.parameters["noise"].origin == "given"
+    assert np.std(written.removed) < np.std(meshflow.smooth(image, noise=0.02, result=True).removed)
+    (said,) = meshflow.smooth(image, noise=5.0, domain="disparity", result=True).warnings
+    assert "noise 5: more than the largest difference of the values" in said
 
 
 def test_a_given_noise_of_each_pixel_counts_in_inverse_depth_too():
     sigma = 0.004 * DEPTH**2
-    result = meshflow.smooth(RangeImage(DEPTH, CAMERA, sigma=sigma), domain="disparity", result=True)
-    assert result.parameters["noise"].value == pytest.approx(0.004)
-    assert result.parameters["noise"].origin == "given"
+    found, other = (
+        meshflow.smooth(RangeImage(DEPTH, CAMERA, sigma=s), domain="disparity", result=True) for s in (sigma, 2 * sigma)
+    )
+    assert found.parameters["noise"].value == pytest.approx(np.median(sigma))
+    assert found.parameters["noise"].origin == "given"
+    assert np.std(found.removed) < np.std(other.removed)
 
 
 def test_the_noise_that_is_left_is_what_the_flow_leaves_of_white_noise():

@@ -62,7 +62,8 @@ class Request:
         "Where the values are smoothed. length: as they are; depths move along their rays. disparity: inverse depths, in which "
         "planes stay planes, and stereo and structured light have uniform noise; luv, lab, linear-rgb: colours in CIE L*u*v* or "
         "L*a*b*, where distances are those of the eye, or in linear light. auto: disparity for the depths of a pinhole, unless "
-        "a method, a time, a stop or a limit is given; else length.",
+        "a method, a time, a stop, a boundary or data weights are given; else length. The noise and the largest change of "
+        "depths are given in depths in both.",
     )
     outliers: OutlierWord | None = option(
         None,

@@ -9,9 +9,12 @@ from meshflow.errors import InputError
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter
+from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import noise_in
 from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
+from meshflow.estimate.risk import Candidate
 from meshflow.flow.methods.beltrami import Beltrami
 from meshflow.flow.progress import Progress
 from meshflow.geometry.validation import Array
@@ -28,16 +31,18 @@ __all__ = ["in_inverse_depths", "smoothed_in_disparity"]
 STEPPED_PATCH, STEPPED_TIME = 2.0, 15.0
 STEPPED = "quantized depths: the risk cannot be estimated where rounding is the noise"
 
+# The parameters that are those of the depths themselves.
+OF_DEPTHS = ("noise", "quantum", "max_change")
+
 # Noise that is said for each pixel is even where the quantiles EVEN_PART of inverse depths differ by a factor of EVEN at most.
 EVEN_PART, EVEN = (0.02, 0.98), 3.0
 
 
 def smoothed_in_disparity(data: RangeImage, request: Request) -> bool:
-    """Whether inverse depths are smoothed: where that is asked for, or where nothing is given that refers to depths."""
+    """Whether inverse depths are smoothed: where that is asked for, or where nothing is given that refers to lengths."""
     if request.domain != "auto":
         return request.domain == "disparity"
-    held = request.constraints
-    free = all(limit is None for limit in (held.max_change, held.data_weights, held.preserve))
+    free = request.constraints.data_weights is None and request.constraints.preserve is None
     open_ = request.method is None and request.until_time is None and request.steps is None and not request.stops
     plain = request.boundary is None and free and request.compute.search is None
     plain = plain and data.time_unit == "footprint"
@@ -55,9 +60,9 @@ def _is_even(data: RangeImage) -> bool:
 
 
 def in_inverse_depths(data: RangeImage, request: Request, progress: Progress, record: bool | None) -> Result:
-    """Smooth the inverse depth as a height field over the pixels; noise and what was removed are reported in depths.
+    """Smooth the inverse depth as a height field over the pixels.
 
-    A given noise is one of inverse depths where these are asked for, else one of depths.
+    The noise and the largest change are given in depths; noise, steps, limit, risks and what was removed are reported in depths.
 
     :raises InputError: where inverse depths are asked for: for a camera for which planes do not stay planes, and for inverse
         depths that end below zero.
@@ -65,20 +70,17 @@ def in_inverse_depths(data: RangeImage, request: Request, progress: Progress, re
     chosen = request.domain == "auto"
     with request.compute.running():
         held = request.constraints
-        small = Constraints(min_component=held.min_component, fixed=held.fixed)
-        about = planned(data, Request(steps=0, noise=request.noise if chosen else None, constraints=small))
+        small = Constraints(min_component=held.min_component, fixed=held.fixed, max_change=held.max_change)
+        about = planned(data, Request(time=0.0, noise=request.noise, constraints=small))
         cleared, noise = about.data, about.noise
         if not isinstance(cleared, RangeImage):
             raise InputError(f"domain: of range images only, got {type(data).__name__}")
         if noise.sigma == 0 and chosen:
             return carried_out(planned(data, request), data, progress, record)
         squares = _squares(cleared)
-        if request.noise is not None and not chosen:
-            noise = replace(noise, sigma=request.noise * squares.typical, how="given")
-        told = data.sigma is not None or (chosen and request.noise is not None)
-        inverse = _with_noise(cleared, squares, told)
-        free = replace(request, domain="auto", outliers="include", constraints=replace(held, min_component=None))
-        free = replace(free, noise=None if chosen else free.noise)
+        inverse = _with_noise(cleared, squares, data.sigma is not None or request.noise is not None)
+        held = replace(held, min_component=None, max_change=_limit_of(cleared, about))
+        free = replace(request, domain="auto", outliers="include", noise=None, constraints=held)
         stepped = _is_stepped(noise, request)
         if stepped:
             free = replace(free, method=Beltrami(patch=STEPPED_PATCH), time=STEPPED_TIME * request.strength)
@@ -88,12 +90,31 @@ def in_inverse_depths(data: RangeImage, request: Request, progress: Progress, re
         if chosen and not (found.after.z > 0)[~cleared.missing].all():  # far depths may leave what is finite
             return carried_out(planned(data, request), data, progress, record)
     done = replace(from_disparity(cleared, found.after), fixed=data.fixed, sigma=data.sigma)
-    parameters, about_noise = _of_inverses(found.parameters, inverse.unit, stepped), about.decided["noise"]
-    if not told and request.noise is None:
-        parameters["noise"] = replace(parameters["noise"], origin=about_noise.origin, why=about_noise.why)
-    if chosen:
-        parameters = _in_depths(parameters, noise, squares.typical, data.unit)
-    return replace(found, data=done, after=done, before=data, parameters=parameters, noise=noise, plan=None)
+    parameters = _in_depths(_of_inverses(found.parameters, inverse.unit, stepped), about, squares.typical, data.unit)
+    why = "planes stay planes in inverse depths" if chosen else ""
+    parameters["domain"] = Parameter("disparity", "", "default" if chosen else "given", why)
+    candidates = tuple(_of_depths(candidate, squares.typical**2) for candidate in found.candidates)
+    warnings = about.warnings + found.warnings
+    return replace(
+        found, data=done, after=done, before=data, parameters=parameters, noise=noise, candidates=candidates,
+        warnings=warnings, plan=None,
+    )  # fmt: skip
+
+
+def _limit_of(image: RangeImage, about: Plan) -> Array | None:
+    """The largest change of each inverse depth (h, w) with which no depth z leaves z +- m; None without a limit m.
+
+    1 / z may fall by m / (z (z + m)), and rise by more than that, m / (z (z - m)).
+
+    :param about: the plan in depths, with m.
+    """
+    z = np.where(image.missing, 1.0, image.depth.astype(np.float64)).reshape(-1, 1)
+    limit = about.limit(z)
+    if limit is None:
+        return None
+    m = np.broadcast_to(limit.most, z.shape)
+    most = np.divide(m, z + m, out=np.full(z.shape, np.inf), where=np.isfinite(m)) / z
+    return most.reshape(image.depth.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,31 +149,37 @@ def _is_stepped(noise: Noise, request: Request) -> bool:
 
 
 def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: bool) -> dict[str, Parameter]:
-    """The parameters of a run on inverse depths, in their units.
+    """The parameters of a run on inverse depths, in units of pixels and of inverse depths.
 
     :param stepped: whether the depths are quantized.
     """
     units = {"time": "pixels²", "dt": "pixels²", "contrast": f"pixels per {inverse}"}
     reported = {name: replace(p, unit=units.get(name, p.unit)) for name, p in parameters.items()}
-    reported["domain"] = Parameter("disparity", "", "given")
     if stepped:
         reported |= {name: replace(reported[name], origin="default", why=STEPPED) for name in ("patch", "time")}
         reported |= {name: replace(reported[name], origin="default") for name in ("method", "gamma", "sharpness")}
     return reported
 
 
-def _in_depths(parameters: Mapping[str, Parameter], noise: Noise, square: float, unit: str) -> dict[str, Parameter]:
-    """The parameters where the caller did not ask for inverse depths: noise, steps and risk are those of depths.
+def _in_depths(parameters: Mapping[str, Parameter], about: Plan, square: float, unit: str) -> dict[str, Parameter]:
+    """The parameters of a run on inverse depths with noise, steps, limit and risk of depths.
 
+    :param about: the plan in depths.
     :param square: of the median depth; ``unit``: of depths.
     """
-    reported = {**parameters, "domain": Parameter("disparity", "", "default", "planes stay planes in inverse depths")}
-    reported["noise"] = replace(reported["noise"], value=noise.sigma, unit=unit)
-    if "quantum" in reported:
-        reported["quantum"] = replace(reported["quantum"], value=noise.quantum, unit=unit)
-    if "risk" in reported:
-        risk = reported["risk"]
-        reported["risk"] = replace(
-            risk, value=float(risk.value) * square, unit=unit, why=f"{risk.why}, at the median depth"
-        )
+    own = parameters_of(about)
+    reported = {name: own[name] if name in OF_DEPTHS and name in own else p for name, p in parameters.items()}
+    for name in ("risk", "max_change"):
+        if name in parameters and reported[name] is parameters[name]:  # found in inverse depths
+            p = parameters[name]
+            reported[name] = replace(p, value=float(p.value) * square, unit=unit, why=f"{p.why}, at the median depth")
     return reported
+
+
+def _of_depths(candidate: Candidate, growth: float) -> Candidate:
+    """A candidate with its mean square errors of depths, at the median depth.
+
+    :param growth: by what the mean square of an error grows.
+    """
+    squares = tuple(growth * square for square in candidate.squares)
+    return replace(candidate, squares=squares, doubt=growth * candidate.doubt)
