@@ -263,3 +263,14 @@ def test_the_largest_of_many_samples_of_white_noise_is_no_impulse():
     assert found is not None
     assert found.impulses.sum() == 1
     assert found.impulses[2500, 2500]
+
+
+@pytest.mark.parametrize("sigma", [0.3, 1.0, 5.0])
+def test_the_quick_method_of_colours_stays_in_range_where_noise_is_weak(sigma):
+    rng = np.random.default_rng(2)
+    y, x = np.mgrid[:64, :64]
+    edges = np.where((x // 9 + y // 7) % 2, 200.0, 30.0)[..., None] * [1.0, 0.7, 0.4]
+    z = edges + sigma * rng.normal(size=edges.shape)
+    done = meshflow.smooth(z, kind="image", method="quick")
+    assert z.min() - 3 * sigma < done.min() and done.max() < z.max() + 3 * sigma
+    assert np.mean(np.square(done - edges)) < np.mean(np.square(z - edges))
