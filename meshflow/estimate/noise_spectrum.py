@@ -40,7 +40,8 @@ GAIN, BETTER = 30.0, 0.5
 SINGLE = ((1.25, 40.0, 0.0), (2.0, 20.0, 0.5))
 FEW, MISFIT, NARROWEST, WIDEST = 6, 0.2, 0.35, 0.0875
 # Less scatter of power between tiles is that of waves of a smooth surface (1.0 to 1.3); of noise it is 1.8 to 2.3.
-WAVES = 1.5
+# Fewer tiles than SCATTERED do not show it.
+WAVES, SCATTERED = 1.5, 24
 # If more than the share MIXED of it is white, which is usually white noise on a texture, or the exponent of the surface is below
 # LEVEL, one of OF_MIXED is demanded instead. If the lengths also differ by the factor SKEWED, as for lines of text and bricks,
 # the noise is not correlated.
@@ -186,14 +187,15 @@ def spectral_noise(tiles: Tiles, rows: bool = False, columns: bool = False) -> F
 def _scatter(tiles: Tiles, chosen: Array, spectrum: Spectrum, at: Frequencies) -> float:
     """The mean square over the squared mean of the power of tiles, the median over frequencies at which it is noise.
 
-    :returns: 2 for noise, whose power is distributed exponentially; about 1 for waves, which have the same power everywhere.
+    :returns: 2 for noise, whose power is distributed exponentially, and for few tiles; about 1 for waves, which have the same
+        power everywhere.
     """
     noise = spectrum.of_blurred(at)
     share, half = np.zeros(tiling(tiles.side).used.shape), tiles.side // 2
     share[tiling(tiles.side).used] = noise / (noise + spectrum.of_surface(at) + spectrum.white) * (at.weights > 0)
     clear = np.concatenate([share, share[half - 1 : 0 : -1]]) > 0.5
     clear[:, [0, -1]] = False  # real numbers, or nearly, scatter more
-    if not clear.any():
+    if not clear.any() or chosen.sum() < SCATTERED:
         return 2.0
     power = np.square(np.abs(tiles.transform[chosen][:, clear]))
     return float(np.median(np.square(power).mean(axis=0) / np.square(power.mean(axis=0))))
