@@ -265,7 +265,7 @@ def _each(plan: Plan, k: int) -> Array:
     noise, each = plan.noise, plan.data.sigma if isinstance(plan.data, HeightField) else None
     if isinstance(each, np.ndarray) and plan.request.noise is None:
         return np.where(plan.above.missing, noise.sigma, each)[None]
-    return np.reshape(noise.channels if len(noise.channels) == k and noise.how != "given" else noise.sigma, (-1, 1, 1))
+    return np.reshape(noise.of_channels(k), (-1, 1, 1))
 
 
 def _chosen(plan: Plan, found: Found, sigma: float, many: bool) -> Plan:

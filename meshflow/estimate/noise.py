@@ -88,6 +88,10 @@ class Noise:
         """Whether rounding is the only noise."""
         return 0 < self.sigma <= ROUNDING_ALONE * self.quantum / np.sqrt(12.0)
 
+    def of_channels(self, count: int) -> tuple[float, ...]:
+        """The standard deviation of each of ``count`` channels; a given noise is the same for all."""
+        return self.channels if len(self.channels) == count and self.how != "given" else (self.sigma,) * count
+
     def known(self, each: Array) -> "Noise":
         """The noise with given standard deviations of the samples (n,), as one number: the root mean square."""
         mean = float(np.sqrt(np.mean(np.square(each, dtype=np.float64))))

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from meshflow.estimate.noise import Noise
+from meshflow.estimate.probes import gain_of, root_of
 from meshflow.geometry.validation import Array
 
 __all__ = ["NoiseFields"]
@@ -39,23 +40,18 @@ class NoiseFields:
         count, noise = self.channels or 1, self.noise
         planes = [self._one((self.seed, run, channel), window) for channel in range(count)]
         if noise.between is not None and len(noise.between) == count > 1:
-            values, vectors = np.linalg.eigh(np.asarray(noise.between, np.float64))
-            root = ((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T).astype(np.float32)
-            planes = [_mixed(row, planes) for row in root]
-        planes = [np.float32(sigma) * plane for sigma, plane in zip(self._sigmas(count), planes, strict=True)]
+            planes = [_mixed(row, planes) for row in root_of(noise.between).astype(np.float32)]
+        planes = [np.float32(sigma) * plane for sigma, plane in zip(noise.of_channels(count), planes, strict=True)]
         return planes[0] if self.channels is None else np.stack(planes, axis=2)
-
-    def _sigmas(self, count: int) -> tuple[float, ...]:
-        """The deviation of each channel."""
-        noise = self.noise
-        each = len(noise.channels) == count and noise.how != "given"
-        return noise.channels if each else (noise.sigma,) * count
 
     def _one(self, seed: tuple[int, ...], window: tuple[slice, slice]) -> Array:
         """The field of one channel, of deviation 1."""
         rows, columns = window
         found = np.empty((rows.stop - rows.start, columns.stop - columns.start), np.float32)
-        gain = None if self.noise.correlation is None else _gain(self.noise.correlation)
+        gain = None
+        if self.noise.correlation is not None:
+            side = BLOCK + 2 * min(4 * max(self.noise.correlation.shape), BLOCK // 2)  # a block with a margin
+            gain = gain_of(self.noise.correlation, (side, side))
         for i, (at_row, in_row) in _blocks(rows):
             for j, (at_column, in_column) in _blocks(columns):
                 block = _white((*seed, i, j)) if gain is None else _correlated(seed, (i, j), gain)
@@ -98,13 +94,3 @@ def _correlated(seed: tuple[int, ...], at: tuple[int, int], gain: Array) -> Arra
     wide = around[inner, inner]
     filtered = np.fft.irfft2(np.fft.rfft2(wide) * gain, s=wide.shape)
     return filtered[margin : margin + BLOCK, margin : margin + BLOCK].astype(np.float32)
-
-
-def _gain(correlation: Array) -> Array:
-    """The square root of the spectrum of a correlation (2 r + 1, 2 r + 1), for a block with a margin."""
-    size = BLOCK + 2 * min(4 * max(correlation.shape), BLOCK // 2)
-    kernel = np.zeros((size, size))
-    rows, columns = (np.arange(length) - length // 2 for length in correlation.shape)
-    kernel[np.ix_(rows % size, columns % size)] = correlation
-    power = np.maximum(np.fft.fft2(kernel).real, 0.0)
-    return np.sqrt(power / power.mean())[:, : size // 2 + 1]

@@ -4,7 +4,7 @@ import numpy as np
 
 from meshflow.geometry.validation import Array
 
-__all__ = ["probes"]
+__all__ = ["gain_of", "probes", "root_of"]
 
 
 def probes(
@@ -31,7 +31,7 @@ def probes(
         return (2 * draw.integers(0, 2, (count, *shape), dtype=np.int8) - 1).astype(np.float32)
     found = _correlated(draw, (count, *shape), correlation)
     if between is not None:
-        found = np.einsum("ij,pjhw->pihw", _root(between), found)
+        found = np.einsum("ij,pjhw->pihw", root_of(between), found)
     return found.astype(np.float32)
 
 
@@ -41,16 +41,26 @@ def _correlated(draw: np.random.Generator, shape: tuple[int, int, int, int], cor
         return draw.standard_normal(shape, dtype=np.float32)
     p, k, *need = shape
     h, w = (max(have, side) for have, side in zip(need, correlation.shape, strict=True))
-    kernel = np.zeros((h, w))
+    white = draw.standard_normal((p, k, h, w), dtype=np.float32)
+    return np.fft.irfft2(np.fft.rfft2(white) * gain_of(correlation, (h, w)), s=(h, w))[..., : shape[2], : shape[3]]
+
+
+def gain_of(correlation: Array, shape: tuple[int, int]) -> Array:
+    """The square root of the spectrum of a correlation by lag, clipped at zero, of mean square 1.
+
+    :param correlation: (2r+1, 2r+1), 1 in the middle.
+    :param shape: (h, w), of a periodic field that is at least as large.
+    :returns: (h, w / 2 + 1), the factors of a real Fourier transform.
+    """
+    h, w = shape
+    kernel = np.zeros(shape)
     rows, columns = (np.arange(size) - size // 2 for size in correlation.shape)
     kernel[np.ix_(rows % h, columns % w)] = correlation
     power = np.maximum(np.fft.fft2(kernel).real, 0.0)
-    gain = np.sqrt(power / power.mean())[:, : w // 2 + 1]
-    white = draw.standard_normal((p, k, h, w), dtype=np.float32)
-    return np.fft.irfft2(np.fft.rfft2(white) * gain, s=(h, w))[..., : shape[2], : shape[3]]
+    return np.sqrt(power / power.mean())[:, : w // 2 + 1]
 
 
-def _root(matrix: Array) -> Array:
-    """The symmetric square root of a correlation matrix."""
+def root_of(matrix: Array) -> Array:
+    """The symmetric square root of a correlation matrix (k, k)."""
     values, vectors = np.linalg.eigh(np.asarray(matrix, np.float64))
     return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
