@@ -240,23 +240,22 @@ class Constraints:
 
         :param shape: of the original data, (h, w) or (h, w, k).
         """
-        changed = {}
-        for name in self.arrays:
-            array = np.asarray(getattr(self, name))
-            full = shape[:2] if array.shape == shape[:2] else shape
-            changed[name] = orientation.of(np.broadcast_to(array, full))
-        return replace(self, **changed)
+        return self._laid_out(orientation.of, shape)
 
     def of_columns(self, columns: Array, shape: tuple[int, ...]) -> "Constraints":
         """The constraints of these columns of a grid.
 
         :param shape: of the original data, (h, w) or (h, w, k).
         """
+        return self._laid_out(lambda array: np.take(array, columns, axis=1), shape)
+
+    def _laid_out(self, of: Callable[[Array], Array], shape: tuple[int, ...]) -> "Constraints":
+        """The constraints with each array broadcast to the data, and then laid out as its samples are."""
         changed = {}
         for name in self.arrays:
             array = np.asarray(getattr(self, name))
             full = shape[:2] if array.shape == shape[:2] else shape
-            changed[name] = np.take(np.broadcast_to(array, full), columns, axis=1)
+            changed[name] = of(np.broadcast_to(array, full))
         return replace(self, **changed)
 
     @property
