@@ -188,10 +188,7 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         )
     methods, setting, timed = _methods(data, request, noise.sigma), _setting(request), request.until_time
     lift = Lift(1.0, request.compute.diagonals, request.rim)
-    preserve, asked = (
-        request.constraints.preserve,
-        timed is not None or request.steps is not None or bool(request.stops),
-    )
+    preserve, asked = request.constraints.preserve, request.timed
     plan = Plan(
         data, request, noise, methods[0], lift, 0.0, mobility=mobility, preserve=preserve, setting=setting,
         decided=_of_shaped(request, noise),

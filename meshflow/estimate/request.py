@@ -145,11 +145,15 @@ class Request:
         return self.compute.search is not False and not isinstance(self.method, Quick)
 
     @property
+    def timed(self) -> bool:
+        """Whether the caller says when the flow ends."""
+        return self.until_time is not None or self.steps is not None or bool(self.stops)
+
+    @property
     def is_open(self) -> bool:
         """Whether the caller gave neither noise, nor method, nor end."""
-        timed = self.until_time is not None or self.steps is not None or bool(self.stops)
         named = self.named or isinstance(self.method, (PointMethod, Quick))
-        return self.noise is None and not timed and not named and self.searching
+        return self.noise is None and not self.timed and not named and self.searching
 
     @property
     def insisting(self) -> bool:
@@ -164,7 +168,7 @@ class Request:
     @property
     def asked(self) -> bool:
         """Whether the flow runs even where no noise is found."""
-        return self.until_time is not None or self.steps is not None or self.weighted or bool(self.stops)
+        return self.timed or self.weighted
 
     @property
     def rim(self) -> Boundary | None:

@@ -43,10 +43,8 @@ def smoothed_in_disparity(data: RangeImage, request: Request) -> bool:
     if request.domain != "auto":
         return request.domain == "disparity"
     free = request.constraints.data_weights is None and request.constraints.preserve is None
-    open_ = request.method is None and request.until_time is None and request.steps is None and not request.stops
-    plain = request.boundary is None and free and request.compute.search is None
-    plain = plain and data.time_unit == "footprint"
-    return has_disparity(data) and open_ and plain and _is_even(data)
+    plain = request.boundary is None and free and data.time_unit == "footprint"
+    return has_disparity(data) and _is_left_open(request) and plain and _is_even(data)
 
 
 def _is_even(data: RangeImage) -> bool:
@@ -144,8 +142,12 @@ def _with_noise(cleared: RangeImage, squares: _Squares, given: bool) -> HeightFi
 
 def _is_stepped(noise: Noise, request: Request) -> bool:
     """Whether rounding is the noise, so that no risk can be estimated, and the method is left open."""
-    timed = request.until_time is not None or request.steps is not None or bool(request.stops)
-    return noise.quantum > noise.sigma and request.method is None and not timed and request.compute.search is None
+    return noise.quantum > noise.sigma and _is_left_open(request)
+
+
+def _is_left_open(request: Request) -> bool:
+    """Whether the caller leaves method, end and search open."""
+    return request.method is None and not request.timed and request.compute.search is None
 
 
 def _of_inverses(parameters: Mapping[str, Parameter], inverse: str, stepped: bool) -> dict[str, Parameter]:
