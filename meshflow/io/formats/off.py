@@ -9,23 +9,22 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike
 
-from meshflow.errors import Fact, FormatError, InputError
+from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.document import Document, MeshSource
+from meshflow.io.document import Document
 from meshflow.io.formats import off_binary
 from meshflow.io.formats.obj import rewritten
+from meshflow.io.formats.off_source import OffSource, skin_of
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.polygons import must_be_small
-from meshflow.io.vertex_merging import Skin, is_soup
 from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Off", "read"]
 
 
 @dataclass(frozen=True, eq=False)
-class Off(MeshSource):
+class Off(OffSource):
     """An OFF file that was read.
 
     :param lines: its text, Latin-1.
@@ -34,15 +33,6 @@ class Off(MeshSource):
 
     lines: tuple[str, ...]
     rows: Array
-    skin: Skin
-
-    def writes(self, suffix: str) -> bool:
-        """Whether it is ``.off``."""
-        return suffix == ".off"
-
-    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
-        """An array of one number per vertex; an OFF file has no named attributes."""
-        return self.skin.samples(given, word, lambda name: (None, ()))
 
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the same file with another mesh; tags become comments at its end."""
@@ -105,13 +95,6 @@ def read(path: Path, options: ReadOptions) -> Document:
     if mesh is None or not faces:
         raise FormatError(f"{path.name}: no faces in {vertices} vertices; a mesh with triangles expected")
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    skin = Skin.of(points, triangles, split=is_soup(triangles, len(points)), moves=options.moves)
-    notes = skin.note
-    if faces != len(triangles):
-        notes += (
-            Fact(
-                f"{faces} polygons are smoothed as {len(triangles)} triangles; an OFF written again keeps the polygons"
-            ),
-        )
+    skin, notes = skin_of(points, triangles, faces, options)
     rows = np.array(filled[first : first + vertices])
-    return Document(skin.data, path, Off(tuple(lines), rows, skin), notes)
+    return Document(skin.data, path, Off(skin, tuple(lines), rows), notes)

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike
 
-from meshflow.errors import Fact, FormatError
+from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array
-from meshflow.io.document import Document, MeshSource
+from meshflow.io.document import Document
+from meshflow.io.formats.off_source import OffSource, skin_of
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.polygons import must_be_small
-from meshflow.io.vertex_merging import Skin, is_soup
 from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["is_binary", "read"]
@@ -24,7 +23,7 @@ _WORD, _FLOAT = np.dtype(">i4"), np.dtype(">f4")
 
 
 @dataclass(frozen=True, eq=False)
-class BinaryOff(MeshSource):
+class BinaryOff(OffSource):
     """A binary OFF that was read.
 
     :param content: its bytes; ``start``: of the positions; ``width``: floats per vertex.
@@ -33,15 +32,6 @@ class BinaryOff(MeshSource):
     content: bytes
     start: int
     width: int
-    skin: Skin
-
-    def writes(self, suffix: str) -> bool:
-        """Whether it is ``.off``."""
-        return suffix == ".off"
-
-    def samples(self, given: ArrayLike | None, word: str) -> ArrayLike | None:
-        """An array of one number per vertex; an OFF file has no named attributes."""
-        return self.skin.samples(given, word, lambda name: (None, ()))
 
     def save(self, data: Mesh, path: Path, target: Path, tags: Mapping[str, str]) -> tuple[str, ...]:
         """Write the same file with another mesh; a binary OFF has no room for tags."""
@@ -82,13 +72,8 @@ def read(path: Path, content: bytes, options: ReadOptions) -> Document:
         raise FormatError(f"{path.name}: no faces in {vertices} vertices; a mesh with triangles expected")
     faces = _triangles(path, content, at, count)
     points = np.frombuffer(content, _FLOAT, width * vertices, start).reshape(-1, width)[:, :3].astype(np.float32)
-    skin = Skin.of(points, faces, split=is_soup(faces, len(points)), moves=options.moves)
-    notes = skin.note
-    if count != len(faces):
-        notes += (
-            Fact(f"{count} polygons are smoothed as {len(faces)} triangles; an OFF written again keeps the polygons"),
-        )
-    return Document(skin.data, path, BinaryOff(content, start, width, skin), notes)
+    skin, notes = skin_of(points, faces, count, options)
+    return Document(skin.data, path, BinaryOff(skin, content, start, width), notes)
 
 
 def _triangles(path: Path, content: bytes, at: int, count: int) -> Array:
