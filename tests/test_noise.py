@@ -269,6 +269,15 @@ def test_noise_that_grows_with_depth_is_found_as_a_polynomial():
     assert noise_facts(meshflow.RangeImage(z, camera))["noise c (per depth²)"] == pytest.approx(0.002, rel=0.25)
 
 
+def test_a_band_of_one_depth_says_nothing_of_the_noise_of_others():
+    z = 2.0 + 0.004 * np.mgrid[0:120, 0:160][1] + 0.02 * np.random.default_rng(9).normal(size=(120, 160))
+    z[:10] = 10.0  # where a sensor ends
+    found = noise_growth(z, np.zeros(z.shape, bool))
+    assert found.at(np.array(2.3)) == pytest.approx(0.02, rel=0.15)
+    constant = noise_growth(np.full((64, 64), 3.0), np.zeros((64, 64), bool))
+    assert constant.at(np.array(3.0)) == 0.0
+
+
 def test_noise_that_grows_with_intensity_is_found_where_asked():
     rng = np.random.default_rng(6)
     level = 20 + 200 * np.mgrid[0:256, 0:256][1] / 256

@@ -9,17 +9,20 @@ from helpers import shapes
 from helpers.parts import parts
 
 import meshflow
+from meshflow.estimate import grid_search
 from meshflow.estimate.constraints import Fixed, Mask, MaxChange
+from meshflow.estimate.families import FAMILY, configurations
 from meshflow.estimate.grid_risk import probed
+from meshflow.estimate.grid_search import GridSearch, searched_on_grid
 from meshflow.estimate.pieces import pieces_of, spread, whole
 from meshflow.estimate.probes import probes
-from meshflow.estimate.reported import expected_error
+from meshflow.estimate.reported import risk_of
 from meshflow.estimate.risk import PROBE, TWICE, Candidate, Configuration
 from meshflow.estimate.sure import risks_on
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.family import Variant
-from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS, Beltrami, PeronaMalik
+from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS, Beltrami, PeronaMalik, Search
 from meshflow.flow.steppers import SuperTime
 from meshflow.flow.stops import Residual, Steps
 from meshflow.surfaces.grid import Lift
@@ -76,8 +79,8 @@ def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
 
 def test_an_error_estimated_below_zero_is_told_as_what_it_is():
     plain = Candidate(Configuration(Variant(), 1.0), (0.0, 1.0), (4.0, 1.0))
-    assert expected_error(plain, "m").why == "root mean square error to be expected"
-    below = expected_error(replace(plain, squares=(4.0, -0.1)), "m")
+    assert risk_of(plain, "m").why == "root mean square error to be expected"
+    below = risk_of(replace(plain, squares=(4.0, -0.1)), "m")
     assert below.value == 0.0
     assert below.why.startswith("below what can be measured; root mean square error")
 
@@ -337,3 +340,33 @@ def test_what_is_fixed_stays_to_the_bit_above_a_base():
     assert "base" in result.parameters
     np.testing.assert_array_equal(result.data[still], z.astype(np.float32)[still])
     assert np.array_equal(np.isnan(result.data), np.isnan(z))
+
+
+def test_a_steep_plane_is_given_to_the_heat_equation():
+    y, x = np.mgrid[:96, :96] * 10.0
+    truth = 5 * (0.8 * x + 0.6 * y)
+    found = meshflow.smooth(
+        truth + np.random.default_rng(1).normal(size=truth.shape),
+        spacing=10.0,
+        method=Search(second_stage=False),
+        result=True,
+    )
+    assert found.parameters["method"].value == "heat"
+    assert np.sqrt(np.mean(np.square(found.data - truth))) < 0.12
+
+
+def test_a_second_round_without_a_credible_estimate_keeps_what_the_first_found(monkeypatch):
+    z = ramps(512) + 2.0 * np.random.default_rng(3).normal(size=(512, 512))
+    grid = HeightField(z, 1.0).gridded(Lift())
+    best, rounds = grid_search._Runs.best, []
+
+    def fails_once(self, times, patience):
+        rounds.append(len(self.parts))
+        return [] if len(rounds) == 2 else best(self, times, patience)
+
+    monkeypatch.setattr(grid_search._Runs, "best", fails_once)
+    like = Variant(indicator=Beltrami().indicator, mass=Beltrami().mass)
+    made = configurations(FAMILY, 0.5, like, None)
+    found = searched_on_grid(grid, GridSearch(made, True, np.full((1, 1, 1), 2.0), None, (0.0,), threads=1))
+    assert len(rounds) > 1
+    assert found.candidates

@@ -13,7 +13,7 @@ from meshflow.geometry.validation import truth_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["expected_error", "parameters_of"]
+__all__ = ["risk_of", "parameters_of"]
 
 
 def parameters_of(plan: Plan) -> dict[str, Parameter]:
@@ -94,7 +94,7 @@ def _of_search(plan: Plan) -> dict[str, Parameter]:
     if plan.blend:
         words = [f"{part.weight:.2f} of {_brief(part)}" for part in plan.blend]
         found["blend"] = Parameter(", ".join(words), "", "estimated", "weights of least estimated risk")
-    return {**found, "risk": expected_error(plan.candidates[0], value_unit(plan.data), along)}
+    return {**found, "risk": risk_of(plan.candidates[0], value_unit(plan.data), along)}
 
 
 def _brief(part: Part) -> str:
@@ -103,7 +103,7 @@ def _brief(part: Part) -> str:
     return f"gamma {of.gamma:g}, sharpness {of.sharpness:g}, patch {of.patch:g} at time {part.time:.4g}"
 
 
-def expected_error(candidate: Candidate, unit: str, along: str = "") -> Parameter:
+def risk_of(candidate: Candidate, unit: str, along: str = "") -> Parameter:
     """The expected error of a candidate; a negative mean square is reported as below what can be measured."""
     words = f"root mean square error {along or 'to be expected'}"
     if candidate.least[1] <= 0:
