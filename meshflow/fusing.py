@@ -29,11 +29,11 @@ ENDS, ALIKE, CLASSES = (0.02, 0.98), 1.5, 12
 
 
 def fuse(frames: Iterable[Any], *, result: bool = False, progress: Progress = None, **options: Any) -> Any:
-    """Fuse depth frames of the same view into their mean, and smooth each pixel in proportion to its noise.
+    """Fuse depth frames of the same view into their mean, and smooth it.
 
-    The data is the mean of each pixel over the frames that have it. The noise of a pixel is the standard deviation over its
-    frames divided by the square root of their number. Pixels that flicker or were seen once are smoothed more than pixels on
-    which all frames agree.
+    The data is the mean of each pixel over the frames that have it. If the frames differ at some pixels more than at others, the
+    noise of a pixel is the standard deviation over its frames divided by the square root of their number: pixels that flicker or
+    were seen once are smoothed more than pixels on which all frames agree. If all differ alike, the noise is that of the mean.
 
     Example:
 
