@@ -131,7 +131,7 @@ def searched_on_grid(grid: Grid, search: GridSearch) -> Found:
         if runs.parts is parts:  # both rounds used the same samples
             least = min(best.square for best in fine)
             fine = [*fine, *(one for one in found if one.configuration not in known and one.square >= least)]
-        ranked = _simplest_first(sorted(fine, key=lambda best: best.square))
+        ranked = sorted(fine, key=lambda best: best.square)
         chosen, square = ranked[0], runs.parts[0].square
         gain = _error(chosen.risks - square * chosen.curve.sizes, chosen.curve.sizes)
         neumann = search.border and _less_at_the_border(grid, runs, chosen)
@@ -233,25 +233,13 @@ def _near(ranked: Sequence[_Best]) -> list[_Best]:
     """The best, and the best of other variants that may be better than it."""
     near = [ranked[0]]
     for other in ranked[1:]:
-        if len(near) >= MOST and not other.configuration.variant.linear:
-            continue
+        if len(near) == MOST:
+            break
         if other.configuration.variant in {one.configuration.variant for one in near}:
             continue
         if other.square <= near[0].square + NEAR * other.beyond(near[0]):
             near.append(other)
     return near
-
-
-def _simplest_first(ranked: list[_Best]) -> list[_Best]:
-    """The ranked runs, with the heat equation first where it is as good as the best, as far as can be told: it does the same to
-    all surfaces.
-    """
-    best = ranked[0]
-    for one in ranked[1:]:
-        known = len(one.risks) == len(best.risks)
-        if one.configuration.variant.linear and known and one.square <= best.square + NEAR * one.beyond(best):
-            return [one, *(other for other in ranked if other is not one)]
-    return ranked
 
 
 def _sharpened(runs: _Runs, fine: Sequence[_Best], unit: float) -> list[_Best]:
