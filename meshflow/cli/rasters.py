@@ -9,6 +9,7 @@ import numpy as np
 from meshflow.cli.flags import Given
 from meshflow.errors import FormatError, InputError
 from meshflow.geometry.validation import Array
+from meshflow.io.atomic_write import must_be_apart, sides_of
 from meshflow.io.document import Document, Writing
 from meshflow.io.files import writable, write
 from meshflow.results.expected_error import expected_error
@@ -65,8 +66,7 @@ class Beside:
     @property
     def paths(self) -> dict[str, Path]:
         """Those that are written, by what they hold."""
-        every = (("removed", self.removed), ("expected error", self.uncertainty))
-        return {word: path for word, path in every if path is not None}
+        return sides_of(self.removed, self.uncertainty)
 
     def must_be_writable(self, document: Document, target: Path) -> None:
         """Refuse what cannot be written, before the work.
@@ -78,9 +78,7 @@ class Beside:
         from meshflow.io.side_outputs import document_of, must_be_on_a_grid
         from meshflow.surfaces.data import array_of
 
-        files = [path.resolve() for path in (target, *self.paths.values())]
-        if len(set(files)) < len(files):
-            raise FormatError(f"{target}: each output needs a name of its own")
+        must_be_apart(target, self.paths)
         for word, path in self.paths.items():
             must_not_be(document.path, path)
             values = array_of(must_be_on_a_grid(document, word))

@@ -1,7 +1,7 @@
 """Atomic writing: a file is written beside the old one and replaces it only when it is complete."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import copymode
@@ -9,7 +9,7 @@ from uuid import uuid4
 
 from meshflow.errors import FormatError
 
-__all__ = ["beside", "must_be_free"]
+__all__ = ["beside", "must_be_apart", "must_be_free", "sides_of"]
 
 # Files that GDAL keeps beside a raster (statistics, overviews, mask) describe the old file and are removed with it.
 _SIDECARS = (".aux.xml", ".ovr", ".msk")
@@ -60,3 +60,20 @@ def beside(path: Path, *, several: bool = False) -> Iterator[Path]:
     finally:
         for left in path.parent.glob(f"{token}*"):
             left.unlink()
+
+
+def sides_of(removed: Path | None, uncertainty: Path | None) -> dict[str, Path]:
+    """The rasters beside a result that are asked for, by what they hold."""
+    every = (("removed", removed), ("expected error", uncertainty))
+    return {word: path for word, path in every if path is not None}
+
+
+def must_be_apart(target: Path, sides: Mapping[str, Path]) -> None:
+    """Refuse two outputs of one name.
+
+    :param target: where the result goes.
+    :raises FormatError: it says so.
+    """
+    files = [path.resolve() for path in (target, *sides.values())]
+    if len(set(files)) < len(files):
+        raise FormatError(f"{target}: each output needs a name of its own")

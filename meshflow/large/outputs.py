@@ -9,7 +9,7 @@ import numpy as np
 
 from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array
-from meshflow.io.atomic_write import must_be_free
+from meshflow.io.atomic_write import must_be_apart, must_be_free, sides_of
 from meshflow.io.document import WriteOptions
 from meshflow.io.formats.raster_encoding import DRIVERS, driver_of, encoding_for
 from meshflow.io.formats.raster_frame import Frame
@@ -47,8 +47,7 @@ class Output:
     @property
     def sides(self) -> dict[str, Path]:
         """The rasters beside the result, by what they hold."""
-        every = (("removed", self.removed), ("expected error", self.uncertainty))
-        return {word: path for word, path in every if path is not None}
+        return sides_of(self.removed, self.uncertainty)
 
     @property
     def options(self) -> WriteOptions:
@@ -70,9 +69,7 @@ def must_be_writable(target: Path, writing: Output) -> None:
             )
         if not path.parent.is_dir():
             raise FormatError(f"{path.parent} is no folder; make it first")
-    files = [path.resolve() for path in (target, *writing.sides.values())]
-    if len(set(files)) < len(files):
-        raise FormatError(f"{target}: each output needs a name of its own")
+    must_be_apart(target, writing.sides)
 
 
 def must_be_stored(reader: RasterReader, target: Path, writing: Output) -> None:
