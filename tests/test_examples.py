@@ -89,7 +89,7 @@ def test_stripes_follow_the_flow_past_a_cylinder(tmp_path):
     module = example("flow_past_cylinder")
     if not module.FIELD.exists():
         pytest.skip("../shared/data/fields/cylinder_Re35 is not there")
-    assert module.main(tmp_path / "a.png") > 5
+    assert module.main(tmp_path / "a.png", finer=2) > 5
     assert drawn(tmp_path / "a.png")
 
 
