@@ -29,6 +29,7 @@ FRAME = Path(__file__).parents[2] / "shared" / "data" / "range" / "icl_livingroo
 CAMERA, SHAPE, THREADS = Pinhole(525.0, 525.0, 319.5, 239.5), (480, 640), 2
 RUNS = (
     ("by default", {}),
+    ("domain length", {"domain": "length"}),
     ("time 5", {"time": 5}),
     ("time 15", {"time": 15}),
     ("time 15, gamma -1", {"time": 15, "gamma": -1}),
