@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.windows import by_windows, same
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,9 +13,7 @@ from meshflow import Beltrami, Compute, Fixed, Heat, Mask, MaxChange, Mobility
 from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.large.census import census_of, counted_in, joined
-from meshflow.large.sample import part_of, sample_of
-from meshflow.large.source import Held, grown, tiled
-from meshflow.large.windows import windowed
+from meshflow.large.source import Held, tiled
 from meshflow.results.run import run
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.height_field import HeightField
@@ -34,23 +33,6 @@ def terrain(h=H, w=W, dtype=np.float32, seed=0, holes=0.03, rows=False, level=0.
         return Image(np.stack([z + i * rng.normal(size=(h, w)) for i in range(k)], 2).astype(dtype), missing=missing)
     spacing = (np.linspace(1.0, 1.4, h), 1.2) if rows else (1.3, 0.8)
     return HeightField(z.astype(dtype), spacing, missing)
-
-
-def by_windows(data, request, sides, enough=1 << 22, side=16):
-    """All windows of a grid, one after the other."""
-    source = Held(data)
-    found = windowed(source.form, sample_of(source, enough, side), request)
-    bound = found.local.over(census_of(source, at_once=700))
-    done = np.full_like(array_of(data), np.nan)
-    for window in tiled(source.form.shape, sides):
-        outer = grown(window, found.halo, source.form.shape)
-        part = part_of(request.constraints, source.form.shape, outer)
-        done[window] = bound.moved((window, outer), *source.read(outer), part)
-    return done, found
-
-
-def same(one, other):
-    assert np.array_equal(one, other, equal_nan=True), f"{np.nanmax(np.abs(one - other)):.3g}"
 
 
 METHODS = {

@@ -84,9 +84,9 @@ def plan(data: Data, request: Request) -> Plan:
     stays = staying(data, request)
     data, request, mobility = constrained(data, request, stays)
     _must_fit(data, request)
-    data, how = (
-        (data, None) if isinstance(data, (Mesh, RangeImage)) else prepared(data, request.outliers, request.level)
-    )
+    how: Preparation | None = None
+    if not isinstance(data, (Mesh, RangeImage)):
+        data, how = prepared(data, request.outliers, request.level, still=not request.named)
     own = own_samples(data)
     data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)

@@ -1,4 +1,4 @@
-"""Prepares the samples of a grid for the flow, and restores them afterwards: outliers, offsets of lines, a far datum."""
+"""Prepares the samples of a grid for the flow, and restores them: outliers, level regions, offsets of lines, a far datum."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from meshflow.estimate.outliers import Outliers, large_pieces, outliers_of
+from meshflow.estimate.plateaus import level_among_noise, level_squares
 from meshflow.estimate.ring_fill import filled_from_ring
 from meshflow.estimate.stripes import Level, offsets_to_level
 from meshflow.geometry.validation import Array
@@ -13,7 +14,7 @@ from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["OutlierWord", "Preparation", "datum_between", "lowered_by", "prepared"]
+__all__ = ["OutlierWord", "Preparation", "datum_between", "level_said", "lowered_by", "prepared"]
 
 OutlierWord = Literal["keep", "repair", "include"]
 # The ratio of level to range at which a datum is subtracted; differences are exact, but single precision would lose them.
@@ -32,6 +33,7 @@ class Preparation:
     :ivar datum: subtracted from all values of a channel, () or (k,).
     :ivar levelled: whether offsets of lines were removed.
     :ivar insists: whether replaced samples stay replaced where no noise is found.
+    :ivar level: (h, w), samples of level regions beside noise, which do not move; None: there are none.
     """
 
     source: OnGrid
@@ -40,12 +42,14 @@ class Preparation:
     datum: Array
     levelled: bool = False
     insists: bool = False
+    level: Array | None = None
 
     @property
     def unseen(self) -> Array:
-        """The samples (h, w) that are not used for the noise: replaced ones, if they are few."""
+        """The samples (h, w) that are not used for the noise: level regions, and replaced samples, if they are few."""
         few = self.outliers is not None and not self.outliers.dense
-        return self.repaired if few else np.zeros_like(self.repaired)
+        unseen = self.repaired if few else np.zeros_like(self.repaired)
+        return unseen if self.level is None else unseen | self.level
 
     @property
     def rounding(self) -> float:
@@ -67,8 +71,10 @@ class Preparation:
         return self.repaired if self.insists or not idle else np.zeros_like(self.repaired)
 
     def warnings(self, idle: bool) -> tuple[str, ...]:
-        """Sentences about the outliers, and what became of them."""
-        return () if self.outliers is None else tuple(_said(self.outliers, self.replaced(idle)))
+        """Sentences about outliers and level regions, and what became of them."""
+        said = [] if self.outliers is None else _said(self.outliers, self.replaced(idle))
+        count = 0 if self.level is None or idle else int(self.level.sum())
+        return (*said, *([level_said(count)] if count else []))
 
     def beside(self, idle: str) -> str:
         """The reason why nothing was smoothed, with what was changed all the same."""
@@ -97,16 +103,18 @@ class Preparation:
 
 
 def prepared(
-    data: OnGrid, outliers: OutlierWord | None = None, level: Level | None = None
+    data: OnGrid, outliers: OutlierWord | None = None, level: Level | None = None, *, still: bool = True
 ) -> tuple[OnGrid, Preparation]:
     """The data for the flow, and its preparation.
 
     Outliers become missing or are replaced from their neighbours; offsets of lines are removed on request; a datum is
-    subtracted from values far from zero in single precision, so that no digits of their differences are lost.
+    subtracted from values far from zero in single precision, so that no digits of their differences are lost. Regions that are
+    exactly level beside noise, such as lakes, stay fixed.
 
     :param outliers: ``keep``: left out and unchanged; ``repair``: replaced; ``include``: taken as data. None: single ones of
         images are repaired, others kept.
     :param level: ``rows`` or ``columns``; None: none, but a warning where they are shifted against each other.
+    :param still: whether level regions stay.
     """
     # Sums depend on the order of memory; the result must not.
     values, missing = np.ascontiguousarray(array_of(data)), data.missing
@@ -118,25 +126,29 @@ def prepared(
         values, repaired = filled_from_ring(values, wanted, missing | (found.mask & ~wanted))
         missing = missing | (found.mask & ~repaired)
         if missing.all():
-            return prepared(data, "include", level)
+            return prepared(data, "include", level, still=still)
         insists = outliers == "repair" or found.dense
     if level is not None:
         values = (values - offsets_to_level(values, missing, level)).astype(values.dtype)
+    flat = level_among_noise(values, missing) if still else None
     datum = _datum(values, missing)
     values = _above(values, missing, datum)
-    how = Preparation(data, found, repaired, datum, level is not None, insists)
-    if values is array_of(data):
-        return data, how
-    return _with(data, values, missing), how
+    how = Preparation(data, found, repaired, datum, level is not None, insists, flat)
+    data = data if flat is None else replace(data, fixed=data.fixed | flat)
+    return (data if values is array_of(data) else _with(data, values, missing)), how
 
 
-def lowered_by(data: OnGrid, datum: Array) -> tuple[OnGrid, Preparation]:
-    """A window of a grid for the flow, and its preparation: a datum is subtracted, and nothing else is looked for.
+def lowered_by(data: OnGrid, datum: Array, *, still: bool = False) -> tuple[OnGrid, Preparation]:
+    """A window of a grid for the flow, and its preparation: a datum is subtracted, level regions stay, nothing else is done.
 
     :param datum: of the whole grid, () or (k,).
+    :param still: whether the whole grid has level regions beside noise.
     """
-    values = _above(np.ascontiguousarray(array_of(data)), data.missing, datum)
-    how = Preparation(data, None, np.zeros(data.missing.shape, bool), datum)
+    values = np.ascontiguousarray(array_of(data))
+    flat = level_squares(values, data.missing) if still else None
+    data = data if flat is None else replace(data, fixed=data.fixed | flat)
+    values = _above(values, data.missing, datum)
+    how = Preparation(data, None, np.zeros(data.missing.shape, bool), datum, level=flat)
     return (data if values is array_of(data) else _with(data, values, data.missing)), how
 
 
@@ -177,6 +189,11 @@ def datum_between(least: Array, greatest: Array) -> Array:
     low, high = least.astype(np.float64), greatest.astype(np.float64)
     middle = (0.5 * (low + high)).astype(np.float32).astype(np.float64)
     return np.where(np.abs(middle) > DISTANT * (high - low), middle, 0.0)
+
+
+def level_said(count: int) -> str:
+    """A sentence about level regions that stay."""
+    return f"{count} samples of level regions, such as lakes, were left unchanged"
 
 
 def _said(found: Outliers, repaired: Array) -> list[str]:

@@ -9,6 +9,7 @@ from meshflow.errors import InputError
 from meshflow.estimate.heights import as_they_are, by_rule
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.plan import Decided, Plan
+from meshflow.estimate.preparation import level_said
 from meshflow.estimate.request import Request
 from meshflow.estimate.spread import Tile
 from meshflow.estimate.unrounding import Unrounded, rival_risks, unrounded
@@ -119,4 +120,4 @@ def _in_words(found: Unrounded) -> str:
 
 def _of_plateaus(found: Unrounded) -> tuple[str, ...]:
     count = int(found.plateaus.sum())
-    return (f"{count} samples of level plateaus, such as lakes, were left unchanged",) if count else ()
+    return (level_said(count),) if count else ()

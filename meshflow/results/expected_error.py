@@ -124,6 +124,9 @@ class _Rerun:
         plan, after = self.plan, self.after
         if plan.preparation is None or not isinstance(after, (HeightField, Image)):
             raise InputError("expected error: of height fields and images")
+        if plan.preparation.level is not None:  # they have no noise
+            level = plan.preparation.level
+            values = np.where(level if values.ndim == 2 else level[..., None], array_of(after), values)
         made = (
             replace(after, z=values, missing=self.out)
             if isinstance(after, HeightField)
