@@ -1,6 +1,8 @@
 """What an implicit step solves on a grid: seven-point weights (nine where both diagonals are there), and no matrix."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,7 @@ from meshflow.errors import NotConverged
 from meshflow.geometry.validation import Array
 from meshflow.kernels.grid import grid_descended, grid_multiplied, grid_turned
 
-__all__ = ["GridSystem"]
+__all__ = ["GridSystem", "iterated"]
 
 # Residuals that rounding allows, relative to the right-hand side, by bytes of a number.
 REACHED = {4: 2e-6, 8: 1e-13}
@@ -82,31 +84,50 @@ class GridSystem:
 
         :raises NotConverged: with the residual reached and the iterations.
         """
-        shape = (right.shape[1], *self.inertia.shape)
-        kind = self.edges.dtype
-        weight = (self.inertia + dt * self.diagonal).astype(kind)
-        r = np.array(right.T.reshape(shape), dtype=kind, order="C")
-        goal = max(tolerance, REACHED[kind.itemsize]) * np.sqrt(np.square(r, dtype=np.float64).sum(axis=(1, 2)))
-        x, p, q = r / weight, np.zeros(shape, kind), np.empty(shape, kind)
-        curvature, sums, beta = np.empty(len(r)), np.empty((2, len(r))), np.zeros(len(r))
-        grid_multiplied(x, q, weight, self.edges, dt, curvature, self.threads)
-        r -= q
-        grid_descended(beta, p, q, x, r, weight, sums, self.threads)
-        limit = 20 * int(np.sqrt(self.inertia.size)) + 200
-        for _iteration in range(limit):
-            if (np.sqrt(sums[0]) <= goal).all():
-                return x.reshape(len(x), -1).T
-            rho = sums[1].copy()
-            grid_turned(beta, r, weight, p, self.threads)
-            grid_multiplied(p, q, weight, self.edges, dt, curvature, self.threads)
-            alpha = np.divide(rho, curvature, out=np.zeros_like(rho), where=curvature > 0)
-            grid_descended(alpha, p, q, x, r, weight, sums, self.threads)
-            beta = np.divide(sums[1], rho, out=np.zeros_like(rho), where=rho > 0)
-        worst = float(np.max(np.sqrt(sums[0]) / np.where(goal > 0, goal, 1.0))) * max(tolerance, REACHED[kind.itemsize])
-        raise NotConverged(
-            f"solver cg: relative residual {worst:.1e} after {limit} iterations, {tolerance:.1e} was asked for "
-            f"({self.inertia.size} samples); try solver='direct', a smaller dt, or a larger tolerance"
-        )
+        weight = (self.inertia + dt * self.diagonal).astype(self.edges.dtype)
+        return iterated(partial(self._multiply, weight, dt), weight, right, tolerance, self.threads)
+
+    def _multiply(self, weight: Array, dt: float, p: Array, q: Array, dots: Array) -> None:
+        grid_multiplied(p, q, weight, self.edges, dt, dots, self.threads)
+
+
+def iterated(
+    multiplied: Callable[[Array, Array, Array], None],
+    weight: Array,
+    right: Array,
+    tolerance: float,
+    threads: int | None,
+) -> Array:
+    """x (n, k) with the product of a matrix and x equal to right (n, k): conjugate gradients, preconditioned by the diagonal.
+
+    :param multiplied: of p (k, h, w) and q likewise: writes the product of the matrix and p to q, and p . q of each channel to a
+        third array.
+    :param weight: (h, w), the diagonal, of the number type that the iterations have.
+    :raises NotConverged: with the residual reached and the iterations.
+    """
+    shape, kind = (right.shape[1], *weight.shape), weight.dtype
+    r = np.array(right.T.reshape(shape), dtype=kind, order="C")
+    goal = max(tolerance, REACHED[kind.itemsize]) * np.sqrt(np.square(r, dtype=np.float64).sum(axis=(1, 2)))
+    x, p, q = r / weight, np.zeros(shape, kind), np.empty(shape, kind)
+    curvature, sums, beta = np.empty(len(r)), np.empty((2, len(r))), np.zeros(len(r))
+    multiplied(x, q, curvature)
+    r -= q
+    grid_descended(beta, p, q, x, r, weight, sums, threads)
+    limit = 20 * int(np.sqrt(weight.size)) + 200
+    for _iteration in range(limit):
+        if (np.sqrt(sums[0]) <= goal).all():
+            return x.reshape(len(x), -1).T
+        rho = sums[1].copy()
+        grid_turned(beta, r, weight, p, threads)
+        multiplied(p, q, curvature)
+        alpha = np.divide(rho, curvature, out=np.zeros_like(rho), where=curvature > 0)
+        grid_descended(alpha, p, q, x, r, weight, sums, threads)
+        beta = np.divide(sums[1], rho, out=np.zeros_like(rho), where=rho > 0)
+    worst = float(np.max(np.sqrt(sums[0]) / np.where(goal > 0, goal, 1.0))) * max(tolerance, REACHED[kind.itemsize])
+    raise NotConverged(
+        f"solver cg: relative residual {worst:.1e} after {limit} iterations, {tolerance:.1e} was asked for "
+        f"({weight.size} samples); try solver='direct', a smaller dt, or a larger tolerance"
+    )
 
 
 def _ends(end: tuple[int, int], shape: tuple[int, int]) -> tuple[Any, Any]:
