@@ -146,7 +146,7 @@ class VolumeFlow:
         digits = power * float(np.abs(sizes).max(initial=0.0))
         if digits > 300.0:
             raise InputError(
-                f"values from {least:.3g} to {greatest:.3g} at contrast {block.contrast:.3g} and spacing {min(block.spacing):.3g}: "
+                f"values from {least:.3g} to {greatest:.3g} at contrast {block.contrast:.3g}, spacing {min(block.spacing):.3g}: "
                 "powers of such slopes do not fit into double precision; scale the data, or give another contrast"
             )
         return np.dtype(np.float64) if digits > 36.0 or not self._alone else block.planes.dtype
