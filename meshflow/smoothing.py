@@ -22,14 +22,14 @@ from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.io.objects import Imported, from_object, opened, taken_in
 from meshflow.large.chunks import is_chunked, smooth_chunked
 from meshflow.large.outcome import Outcome
-from meshflow.large.stacks import is_stack, smooth_stack
+from meshflow.large.stacks import Slices, is_stack, smooth_stack
 from meshflow.results.domains import run_in_domain
 from meshflow.results.keywords import must_be_keywords, must_be_metadata
 from meshflow.results.multipart import Results, every_warning, one_by_one
 from meshflow.results.result import Result
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["Metadata", "estimate_noise", "noise_facts", "smooth", "smooth_object"]
+__all__ = ["Metadata", "estimate_noise", "noise_facts", "smooth", "smooth_lazily", "smooth_object"]
 
 Data = TypeVar("Data")
 
@@ -152,18 +152,26 @@ def smooth(
 
 def _answered(data: Any, asked: Request, progress: Progress, result: bool, metadata: Mapping[str, Any]) -> Any:
     """The result, or the data that it holds; the warnings of the latter are issued."""
-    options = ReadOptions.of(metadata)
-    if is_stack(data, options):
-        back, found = smooth_stack(data, asked, options, _Slice({**metadata, "slices": None}))
-        said = found.warnings
-    elif is_chunked(data):
-        back, found = smooth_chunked(data, asked, options)
+    if is_stack(data, ReadOptions.of(metadata)) or is_chunked(data):
+        back, found = smooth_lazily(data, asked, metadata)
         said = found.warnings
     else:
         back, found = smooth_object(data, asked, progress, record=result or None, metadata=metadata)
         said = every_warning(found)
     warn(() if result else said)
     return found if result else back
+
+
+def smooth_lazily(data: Any, request: Request, metadata: Mapping[str, Any]) -> tuple[Any, Slices | Outcome]:
+    """:func:`smooth` of an array of dask, a DataArray that holds one, or a stack of slices, for a request object.
+
+    :returns: the same kind of data, and what is known before it is computed.
+    :raises InputError: as :func:`smooth`.
+    """
+    options = ReadOptions.of(metadata)
+    if is_stack(data, options):
+        return smooth_stack(data, request, options, _Slice({**metadata, "slices": None}))
+    return smooth_chunked(data, request, options)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+# Some two hundred tests start a process: it reads what was compiled, as that of a user does.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Beside each other the threads of two processes wait for cores by turning in place: four times the work of one process.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -28,6 +28,7 @@ from meshflow.cli.many import Told, smooth_many
 from meshflow.cli.options import PLACING, READING, flags
 from meshflow.cli.rasters import Beside, without_type, writing_of
 from meshflow.cli.spoken import spoken
+from meshflow.cli.stores import is_of_stores, smooth_store
 from meshflow.cli.tables import methods_table, options_table
 from meshflow.errors import InputError, MissingPackage, NotConverged
 from meshflow.estimate.planner import words_on
@@ -38,6 +39,7 @@ from meshflow.io.files import writable, write
 from meshflow.io.grid_mesh import as_mesh_document
 from meshflow.io.incoming import STDIN, temporary
 from meshflow.large.outcome import Outcome
+from meshflow.large.stacks import Slices
 from meshflow.results.multipart import Results, every_warning
 from meshflow.results.result import Result, release
 from meshflow.smoothing import noise_facts, smooth_object
@@ -89,6 +91,7 @@ def about(
             *PLACING,
             "moves",
             "time_unit",
+            "slices",
             "dtype",
             "driver",
             "creation",
@@ -124,7 +127,7 @@ def smooth(given: Given) -> None:
         said(f"{source} → {target}: {f'{chr(10)}{result}' if given['verbose'] else result.summary}", notes)
     if piped:
         sys.stdout.buffer.write(given["target"].read_bytes())
-    if told.pictured is not None and not isinstance(result, Outcome):
+    if told.pictured is not None and not isinstance(result, (Outcome, Slices)):
         title = f"{source.name}, {result.stopped_because}"
         notes += _shown(given, result, pictured_as=(*told.pictured, title), name=source.name)
     if given["json"]:
@@ -140,6 +143,8 @@ def _also(given: Given) -> list[Path]:
 def _one(given: Given) -> Told:
     """Smooth one file; where it goes to stdout, the target that is given becomes the file that holds it."""
     source, target, overwrite = given["source"], given["target"], given["overwrite"]
+    if is_of_stores(given):
+        return smooth_store(given)
     memory = memory_for(given)
     if memory is not None:
         return smooth_by_windows(given, memory)

@@ -22,8 +22,10 @@ from meshflow.flow.progress import reporting
 from meshflow.geometry.validation import whole
 from meshflow.io.files import FORMATS
 from meshflow.io.incoming import STDIN
+from meshflow.io.stores import in_store
 from meshflow.kernels.library import default_threads
 from meshflow.large.outcome import Outcome, Removed
+from meshflow.large.stacks import Slices
 from meshflow.results.multipart import Results
 from meshflow.results.result import Result
 
@@ -46,7 +48,7 @@ class Told:
     :ivar pictured: the documents before and after, where both are in memory.
     """
 
-    result: Result | Results | Outcome
+    result: Result | Results | Slices | Outcome
     notes: tuple[str, ...] = ()
     pictured: tuple[Any, Any] | None = None
 
@@ -83,6 +85,8 @@ class Line:
         if self.told is None:
             return (str(self.source), "", "", "", "", "done before" if self.skipped else self.why)
         result, seconds = self.told.result, f"{self.seconds:.1f} s"
+        if isinstance(result, Slices):
+            return (str(self.source), "", "", "", seconds, f"{len(result)} slices")
         if isinstance(result, Results):
             return (str(self.source), "", "", "", seconds, result.stopped_because)
         removed = result.to_dict()["removed"]
@@ -98,7 +102,7 @@ def inputs_of(paths: Sequence[Path]) -> list[Path]:
     known = READ_ONLY.union(*(entry.written for entry in FORMATS))
     found: list[Path] = []
     for path in paths:
-        if path.is_dir():
+        if path.is_dir() and in_store(path) is None:
             inside = sorted(one for one in path.iterdir() if one.is_file() and one.suffix.lower() in known)
             inside = [one for one in inside if not one.name.startswith(".")]
         elif has_magic(str(path)) and not path.exists():
@@ -213,7 +217,9 @@ def _targets(sources: Sequence[Path], folder: Path) -> Iterator[Path | str]:
     taken: dict[Path, Path] = {}
     for source in sources:
         suffix = source.suffix.lower()
-        target = folder / (source.name if suffix not in READ_ONLY else f"{source.name.split('.')[0]}{RASTER}")
+        place = in_store(source)
+        name = source.name if suffix not in READ_ONLY else f"{source.name.split('.')[0]}{RASTER}"
+        target = folder / (name if place is None else place.store.name)
         if target in taken:
             yield f"{source.name}: {taken[target]} is written under the same name; give them folders of their own"
         elif target.exists() and source.exists() and target.samefile(source):

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 from meshflow.cli.flags import FIRST, Flag, only
-from meshflow.io.metadata import Kind
+from meshflow.io.metadata import Kind, SlicesWord
 
 __all__ = ["ALL", "DRAWING", "FILES", "PLACING", "READING", "flags"]
 
 INPUT, OUTPUT, LOOK = "Input file", "Output", "Appearance"
 FILES = (
     "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM; "
-    "organised PCD; PNG, JPEG; .npy, .npz."
+    "organised PCD; PNG, JPEG; .npy, .npz; DATA.zarr/VARIABLE."
 )
 QUANTITIES = Literal["curvature", "edges", "triangles", "samples"]
 COMPARED = Literal["removed", "curvature", "edges", "triangles", "samples"]
@@ -83,6 +83,12 @@ ALL: tuple[Flag, ...] = (
         "spacing",
         str | None,
         "Distance of neighbouring samples, DX or DX,DY; the raster's own by default, metres where it is in degrees.",
+        INPUT,
+    ),
+    Flag(
+        "slices",
+        SlicesWord | None,
+        "Of a Zarr variable with a further dimension, such as time: each slice by its own choice, or all alike.",
         INPUT,
     ),
     Flag(

@@ -1,0 +1,86 @@
+"""``meshflow smooth`` of a variable of a Zarr store: lazily, chunk by chunk."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+from meshflow.cli.asking import asked, narrowed
+from meshflow.cli.flags import Given
+from meshflow.cli.inputs import plain_sample, read_options
+from meshflow.cli.many import Told
+from meshflow.errors import InputError, need
+from meshflow.flow.methods import words_for
+from meshflow.flow.progress import Progress, reporting
+from meshflow.io.atomic_write import must_be_free
+from meshflow.io.stores import Delayed, Place, in_store, opened_variable, written_variable
+from meshflow.kernels.library import default_threads
+from meshflow.smoothing import smooth_lazily
+
+__all__ = ["is_of_stores", "smooth_store"]
+
+# What a variable may need beside its attributes.
+READ = ("kind", "nodata", "spacing", "unit", "slices")
+# Options of other files: they are read as a whole, or by GDAL.
+ELSEWHERE = (
+    "picture", "report", "removed", "uncertainty", "driver", "creation", "dtype", "window", "bounds", "crs", "most_memory",
+    "camera", "depth_scale", "measure", "band", "channels", "viewpoint", "moves", "time_unit",
+)  # fmt: skip
+
+
+def is_of_stores(given: Given) -> bool:
+    """Whether IN or OUT is a variable of a store."""
+    return any(in_store(given[name]) is not None for name in ("source", "target"))
+
+
+def smooth_store(given: Given) -> Told:
+    """Smooth a variable of a store into another store.
+
+    :raises InputError: where only one of both is a store, and for options of other files.
+    """
+    source, target = (_place(given, name) for name in ("source", "target"))
+    for name in ELSEWHERE:
+        if given[name] not in (None, [], ()):
+            raise InputError(f"{name}: not of a Zarr store; leave it out")
+    if source.store.resolve() == target.store.resolve():
+        raise InputError(f"{target}: it is the input; name another store")
+    must_be_free(target.store, given["overwrite"])
+    data = opened_variable(source)
+    word, suiting = given["method"], words_for(points=False)
+    request = asked(given, plain_sample, suiting)
+    back, found = smooth_lazily(data, request, read_options({name: given[name] for name in READ}))
+    threads = request.compute.threads or default_threads()
+    computed = _Computed(threads, None if given["quiet"] else True)
+    written_variable(back, target, overwrite=given["overwrite"], compute=computed)
+    return Told(found, (*narrowed(request, word, suiting), *found.warnings))
+
+
+def _place(given: Given, name: str) -> Place:
+    place = in_store(given[name])
+    if place is None:
+        raise InputError(f"{given[name]}: a Zarr store expected beside a Zarr store, as in IN.zarr/VARIABLE OUT.zarr")
+    return place
+
+
+@dataclass(frozen=True)
+class _Computed:
+    """Computes an object of dask with threads, and says how far it is."""
+
+    threads: int
+    progress: Progress
+
+    def __call__(self, delayed: Delayed) -> object:
+        """Compute it."""
+        callbacks = need("dask.callbacks", "dask")
+        done: list[object] = []
+        with ExitStack() as stack:
+            report = stack.enter_context(reporting(self.progress, "smoothing"))
+
+            def told(key: object, result: object, graph: Any, state: Any, worker: object) -> None:
+                """Count a task that is done."""
+                done.append(key)
+                report(
+                    len(done) / max(len(done) + sum(len(state[name]) for name in ("waiting", "ready", "running")), 1)
+                )
+
+            stack.enter_context(callbacks.Callback(posttask=told))
+            return delayed.compute(scheduler="threads", num_workers=self.threads)

@@ -1,0 +1,147 @@
+"""``meshflow smooth IN.zarr/VARIABLE OUT.zarr``: what is written equals what the library makes of the variable."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import meshflow
+from meshflow.cli.commands import app
+from meshflow.errors import FormatError, InputError
+from meshflow.io.stores import Place, in_store
+
+xarray = pytest.importorskip("xarray")
+pytest.importorskip("zarr")
+
+RUN = CliRunner()
+
+
+def made(folder, times=0, chunks=40):
+    """A store with noisy terrain on a UTM grid, its time steps, and a variable of one dimension."""
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[0:90, 0:100]
+    truth = 20 * np.sin(y / 15) * np.cos(x / 12)
+    shape = (times, 90, 100) if times else (90, 100)
+    z = (truth + rng.normal(size=shape)).astype(np.float32)
+    z[..., :10, :10] = np.nan
+    dims = ("time", "y", "x") if times else ("y", "x")
+    coords = {"y": 5e6 - 10.0 * np.arange(90), "x": 4e5 + 10.0 * np.arange(100)}
+    if times:
+        coords["time"] = np.arange(times).astype("datetime64[D]")
+    height = xarray.DataArray(z, coords, dims, "height", {"units": "m", "long_name": "height"})
+    data = xarray.Dataset({"height": height, "gauge": ("station", np.arange(3.0))})
+    sizes = {"y": chunks, "x": chunks, **({"time": 1} if times else {})}
+    data.chunk(sizes).to_zarr(folder / "in.zarr")
+    return folder / "in.zarr", truth
+
+
+def run(*words):
+    return RUN.invoke(app, ["smooth", *map(str, words)], catch_exceptions=True)
+
+
+def back(path):
+    return xarray.open_zarr(path, chunks=None)
+
+
+def test_a_variable_is_smoothed_as_the_library_does_and_keeps_coordinates_attributes_and_chunks(tmp_path):
+    store, truth = made(tmp_path)
+    found = run(store / "height", tmp_path / "out.zarr", "--json", "--quiet")
+    assert found.exit_code == 0, found.output
+    assert json.loads(found.stdout)["in"].endswith("in.zarr/height")
+    out = back(tmp_path / "out.zarr")["height"]
+    lazily = meshflow.smooth(xarray.open_zarr(store)["height"]).compute()
+    np.testing.assert_array_equal(out.values, lazily.values)
+    assert out.attrs["units"] == "m"
+    assert out.encoding["chunks"] == (40, 40)
+    np.testing.assert_array_equal(out.x, back(store).x)
+    gone = np.isnan(out.values)
+    assert gone[:10, :10].all()
+    assert gone.sum() == 100
+    assert np.sqrt(np.mean((out.values - truth)[~gone] ** 2)) < 0.5
+    assert sorted(os.listdir(tmp_path)) == ["in.zarr", "out.zarr"]
+
+
+@pytest.mark.parametrize("slices", ["each", "alike"])
+def test_a_series_is_smoothed_slice_by_slice_when_that_is_asked_for(tmp_path, slices):
+    store, truth = made(tmp_path, times=3)
+    found = run(store, tmp_path / "out.zarr/smooth", "--slices", slices, "--method", "quick")
+    assert found.exit_code == 0, found.output
+    out = back(tmp_path / "out.zarr")["smooth"]
+    assert out.dims == ("time", "y", "x")
+    assert np.sqrt(np.nanmean((out.values - truth) ** 2)) < 0.7
+
+
+def test_a_series_without_a_word_on_slices_is_refused(tmp_path):
+    store, _ = made(tmp_path, times=3)
+    found = run(store, tmp_path / "out.zarr")
+    assert isinstance(found.exception, InputError)
+    assert "slices" in str(found.exception)
+    assert not (tmp_path / "out.zarr").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("in.zarr/gauge", "out.zarr"), "no variable 'gauge'"),
+        (("in.zarr/none", "out.zarr"), "name one: .*height"),
+        (("in.zarr", "out.tif"), "Zarr store expected beside"),
+        (("in.zarr", "in.zarr"), "is the input"),
+        (("nothing.zarr", "out.zarr"), "no folder"),
+        (("empty.zarr", "out.zarr"), "no Zarr store"),
+        (("in.zarr", "there.zarr"), "exists"),
+        (("in.zarr", "out.zarr", "--picture", "p.png"), "picture"),
+        (("in.zarr", "out.zarr", "--area-loss", "0.1"), "not by windows"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(tmp_path, monkeypatch, words, why):
+    made(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    for name in ("empty.zarr", "there.zarr"):
+        Path(name).mkdir()
+    before = sorted(os.listdir())
+    found = run(*words)
+    assert isinstance(found.exception, (InputError, FormatError)), found.output
+    assert "\n" not in str(found.exception)
+    assert found.exception.args
+    with pytest.raises(type(found.exception), match=why):
+        raise found.exception
+    assert sorted(os.listdir()) == before
+
+
+def test_a_store_that_is_replaced_is_whole_or_as_it_was(tmp_path, monkeypatch):
+    store, _ = made(tmp_path)
+    assert run(store, tmp_path / "out.zarr", "--method", "quick").exit_code == 0
+    first = back(tmp_path / "out.zarr")["height"].values
+    assert run(store, tmp_path / "out.zarr", "--overwrite", "--method", "quick", "--strength", "2").exit_code == 0
+    second = back(tmp_path / "out.zarr")["height"].values
+    assert not np.array_equal(first, second, equal_nan=True)
+
+    def fails(self, delayed):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("meshflow.cli.stores._Computed.__call__", fails)
+    found = run(store, tmp_path / "out.zarr", "--overwrite")
+    assert "No space left" in str(found.exception)
+    np.testing.assert_array_equal(back(tmp_path / "out.zarr")["height"].values, second)
+    assert sorted(os.listdir(tmp_path)) == ["in.zarr", "out.zarr"]
+
+
+def test_several_stores_go_into_a_folder_and_each_has_a_line(tmp_path):
+    store, _ = made(tmp_path)
+    series = (tmp_path / "b").resolve()
+    series.mkdir()
+    other, _ = made(series, times=2)
+    other.rename(series / "series.zarr")
+    found = run(store, series / "series.zarr/height", "--output", tmp_path / "done", "--method", "quick")
+    assert found.exit_code == 1
+    assert "slices" in found.output
+    assert sorted(os.listdir(tmp_path / "done")) == ["in.zarr"]
+
+
+def test_places_in_a_store_are_named_by_the_folder_and_the_variable():
+    assert in_store(Path("a/b.zarr/g/z")) == Place(Path("a/b.zarr"), "g/z")
+    assert in_store(Path("b.ZARR")) == Place(Path("b.ZARR"))
+    assert in_store(Path("a/b.tif")) is None
