@@ -93,8 +93,9 @@ def test_stripes_follow_the_flow_past_a_cylinder(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
-def test_heights_that_move_alone_end_nearer_the_truth_than_points_that_move_in_space():
-    space, heights = example("compare_3d_and_graph_flow").main()
+def test_heights_that_move_alone_end_nearer_the_truth_than_points_that_move_in_space(tmp_path):
+    space, heights = example("compare_3d_and_graph_flow").main(tmp_path / "a.png")
+    assert drawn(tmp_path / "a.png")
     assert heights < 0.95 * space < 1.0
 
 
