@@ -1,7 +1,10 @@
 """A height field or an image as an explicit mesh: the same points and triangles, without what is missing."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import rasterio
 import trimesh
 from typer.testing import CliRunner
 
@@ -9,6 +12,8 @@ import meshflow
 from meshflow.cli.commands import app
 from meshflow.errors import InputError
 from meshflow.io.grid_mesh import mesh_of_grid
+
+DATA = Path(__file__).parents[1] / "data"
 
 
 def terrain():
@@ -53,6 +58,15 @@ def test_the_command_writes_a_mesh(tmp_path, suffix):
     mesh = trimesh.load_mesh(target)
     assert len(mesh.faces) == 64
     assert mesh.area == pytest.approx(meshflow.to_mesh(meshflow.HeightField(terrain().z)).area, rel=1e-5)
+
+
+def test_the_command_says_from_where_on_the_map_positions_count(tmp_path):
+    done = CliRunner().invoke(app, ["convert", str(DATA / "terrain.tif"), str(tmp_path / "a.ply")])
+    assert done.exit_code == 0, done.output
+    with rasterio.open(DATA / "terrain.tif") as raster:
+        east, north = raster.xy(0, 0)
+    assert f"({east:.9g}, {north:.10g} on the map), to east and north in m" in " ".join(done.output.split())
+    assert abs(trimesh.load_mesh(tmp_path / "a.ply").vertices[:, :2]).min() == 0
 
 
 def test_what_makes_no_sense_is_refused_in_words():

@@ -1,13 +1,12 @@
 """Soft constraints, and words of one number per sample by the name of an array. meshflow.flow.mobility, meshflow.io.metadata."""
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import pyvista
 import trimesh
+from helpers.command import run as command
 from helpers.mesh_files import ply
 from helpers.parts import parts
 from helpers.shapes import along_normals, sphere
@@ -315,8 +314,7 @@ def test_the_command_takes_the_name_of_an_attribute_in_the_file(tmp_path):
     assert np.array_equal(mark, NOISY[:, 0] > 0)
 
     def run(*words):
-        command = [sys.executable, "-m", "meshflow", "smooth", str(path), str(tmp_path / "o.ply"), "--overwrite"]
-        return subprocess.run([*command, "--method", "curvature", *words], capture_output=True, text=True, check=False)
+        return command("smooth", path, tmp_path / "o.ply", "--overwrite", "--method", "curvature", *words)
 
     for word, still in (("--fixed", mark), ("--mask", ~mark)):
         done = run(word, "mark")

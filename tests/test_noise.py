@@ -345,8 +345,7 @@ def test_terraces_of_a_rounded_surface_are_no_correlated_noise():
             assert found.correlation is None
 
 
-@pytest.mark.parametrize("size", [200, 256, 300])
-@pytest.mark.parametrize("period", [4, 5, 6, 9, 11])
+@pytest.mark.parametrize(("size", "period"), [(200, 4), (256, 5), (300, 6), (256, 9), (200, 11)])
 def test_the_waves_of_a_smooth_surface_are_no_correlated_noise(size, period):
     y, x = np.mgrid[:size, :size].astype(float)
     hills = 100 + 40 * np.sin(x / 23) * np.cos(y / 31)

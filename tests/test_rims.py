@@ -84,7 +84,7 @@ def from_curve(some, points, faces):
 LEFT = {"disk": 0.35, "square": 0.45, "vault": 0.75, "face": 0.45, "wavy": 0.55, "half sphere": 0.85}
 
 
-@pytest.mark.parametrize(("kind", "level"), [("iso", 0.1), ("iso", 0.3), ("iso", 0.6), ("nrm", 0.3)])
+@pytest.mark.parametrize(("kind", "level"), [("iso", 0.1), ("iso", 0.6), ("nrm", 0.3)])
 @pytest.mark.parametrize("name", PATCHES)
 def test_a_rim_loses_its_noise_and_nothing_folds_or_crosses(name, kind, level):
     points, faces = PATCHES[name]

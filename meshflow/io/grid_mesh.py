@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshflow.errors import InputError
+from meshflow.errors import Fact, InputError
 from meshflow.geometry.validation import Array, whole
 from meshflow.io.document import Document, Source
 from meshflow.surfaces.grid import Lift
@@ -43,7 +43,19 @@ def as_mesh_document(document: Document, every: int = 1) -> Document:
     data = document.data
     if not isinstance(data, (HeightField, Image)):
         raise InputError(f"convert: a terrain or an image expected, got {type(data).__name__}")
-    return Document(mesh_of_grid(data, every), document.path, Source(), document.notes)
+    return Document(mesh_of_grid(data, every), document.path, Source(), (*document.notes, *_origin(document.source)))
+
+
+def _origin(source: Source) -> tuple[Fact, ...]:
+    """A sentence about the place on the map from which positions count: single precision, as most formats have it, holds no
+    map coordinates to less than half a metre.
+    """
+    places = source.places((1, 1))
+    if places is None:
+        return ()
+    east, north = (float(place[0, 0]) for place in places)
+    place, unit = f"({east:.9g}, {north:.10g} on the map)", source.ground_unit or "map units"
+    return (Fact(f"positions count from the first sample {place}, to east and north in {unit}"),)
 
 
 def _thinned(data: HeightField | Image, every: int) -> tuple[Array, Array, tuple[Array | float, float]]:
