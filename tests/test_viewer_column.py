@@ -126,10 +126,11 @@ def test_the_method_control_of_a_mesh_begins_another_run_and_brings_its_own_cont
     before = window.timeline
     choice = window.column.controls["method"]
     items = window.desk.controls()[0]["items"]
-    choice.GetRepresentation().SetValue(items.index("curvature") + 0.3)  # it clicks to the nearest
-    for event in ("InteractionEvent", "EndInteractionEvent"):
-        choice.InvokeEvent(event)
-    assert choice.GetRepresentation().GetTitleText() == "method: curvature"
+    places = {choice.at(x, y): (x, y) for x in np.linspace(0, COLUMN, 40) for y in np.linspace(0, 1, 400)}
+    assert set(places) == {*items, None}, "each word has a place of its own"
+    choice.click(*places["curvature"])
+    assert choice.value == "curvature"
+    assert like(column(window)[int(0.6 * SIZE[1]) :], "#2b6cb0").any(), "the chosen word is blue"
     until(window, lambda: window.timeline is not before)
     assert window.desk.session.word == "curvature"
     assert set(window.column.controls) == {"method", "scale"}

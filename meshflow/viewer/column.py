@@ -9,6 +9,7 @@ import numpy as np
 
 from meshflow.view.numbers import plain, rounded
 from meshflow.view.vtk_scene import COLUMN
+from meshflow.viewer.choices import Choices
 from meshflow.viewer.curves import across, measures
 from meshflow.viewer.timeline import Timeline
 
@@ -23,6 +24,7 @@ _LETTER = 6.8  # pixels of width, about
 _PLOT = (0.42, 0.34)  # the curves: bottom and height
 _BAR = 0.4  # the height of the progress bar
 _CONTROLS = 0.34  # the uppermost control
+_BELOW = 0.05  # the room for the label of a slider below a list
 
 
 @dataclass(frozen=True)
@@ -104,17 +106,23 @@ class Column:
         return self._slider(moved, track, (0, last), at, "state", fmt="%.0f", interaction_event="always")
 
     def show_controls(self, controls: list[dict[str, Any]], turned: Callable[[str, Any], None]) -> None:
-        """Show the controls of a flow instead of the old ones; a choice is a slider that snaps to names."""
+        """Show the controls of a flow instead of the old ones; a choice is a list, the others are sliders."""
         for widget in self.controls.values():
             widget.Off()
         self.controls = {}
+        top = _CONTROLS
+        for control in controls:
+            if "items" in control:
+                name, place = control["name"], (0.02, COLUMN - 0.01, top)
+                self.controls[name] = Choices(
+                    self.plotter, control["items"], control["value"], place, lambda word, name=name: turned(name, word)
+                )
+                top -= Choices.height(len(control["items"])) + _BELOW
+        sliders = [control for control in controls if "items" not in control]
         with _Within(self.plotter):
-            for k, control in enumerate(controls):
-                height = _CONTROLS - k * (_CONTROLS - 0.04) / max(len(controls) - 1, 3)
+            for k, control in enumerate(sliders):
+                height = top - k * (top - 0.04) / max(len(sliders) - 1, 3 if top == _CONTROLS else 2)
                 track, name = _Track(0.02, COLUMN - 0.02, height), control["name"]
-                if "items" in control:
-                    self.controls[name] = self._choice(control, track, turned)
-                    continue
                 self.controls[name] = self._slider(
                     lambda value, name=name: turned(name, value),
                     track,
@@ -124,25 +132,6 @@ class Column:
                     fmt="%.3g",
                     interaction_event="end",
                 )
-
-    def _choice(self, control: dict[str, Any], track: _Track, turned: Callable[[str, Any], None]) -> Any:
-        items = control["items"]
-        at = items.index(control["value"]) if control["value"] in items else 0
-
-        def named(value: float, widget: Any) -> None:
-            """Show the name at the position of the slider."""
-            widget.GetRepresentation().SetTitleText(f"{control['label']}: {items[round(value)]}")
-
-        def let_go(widget: Any, _: Any) -> None:
-            """Snap to the nearest choice, and use it."""
-            shown = widget.GetRepresentation()
-            shown.SetValue(round(shown.GetValue()))
-            turned(control["name"], items[round(shown.GetValue())])
-
-        span = (0, len(items) - 1)
-        widget = self._slider(named, track, span, at, "", fmt="", interaction_event="always", pass_widget=True)
-        widget.AddObserver("EndInteractionEvent", let_go)
-        return widget
 
     def _slider(
         self,
