@@ -1,5 +1,6 @@
 """How long, and where north is: what stands below a picture is true of what is in it."""
 
+import imageio.v3 as imageio
 import numpy as np
 import pytest
 import rasterio
@@ -13,6 +14,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.view import page, show
+from meshflow.view.film import Reel, filmed
 from meshflow.view.look import Look
 from meshflow.view.scale_bar import Ground, ground_of, scale_bar_of
 from meshflow.view.scene import of_one
@@ -59,6 +61,21 @@ def test_a_bar_below_a_mesh_is_as_long_as_it_says(tmp_path):
     length = 3 / (wide[-1] + 1 - wide[0])
     words = scale_bar_of(length, "", UNIT, False).words
     assert bar(picture) * length == pytest.approx(float(words), rel=0.04)
+
+
+@pytest.mark.needs_gl
+@pytest.mark.parametrize("turn", [0.0, 40.0])
+def test_a_bar_in_a_film_of_a_mesh_is_as_long_as_it_says_in_all_frames(tmp_path, turn):
+    points, faces = np.asarray(SQUARE.points), SQUARE.faces
+    states = [(0.0, SQUARE), (1.0, Mesh(points + [0, 0, 0.1], faces))]
+    filmed(states, tmp_path / "a.gif", Look(size=SIZE), Reel(turn=turn))
+    frames = imageio.imread(tmp_path / "a.gif") / 255.0
+    bars = {bar(frame) for frame in frames[[0, -1]]}
+    assert len(bars) == 1
+    if not turn:
+        wide = np.flatnonzero((frames[0][60:540, :, :3].min(axis=2) < 0.97).any(axis=0))
+        length = 3 / (wide[-1] + 1 - wide[0])
+        assert bars.pop() * length == pytest.approx(float(scale_bar_of(length, "", UNIT, False).words), rel=0.05)
 
 
 def test_a_bar_is_round_and_at_most_an_eighth_of_the_page():

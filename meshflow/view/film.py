@@ -18,7 +18,8 @@ from meshflow.view.pictures import Pictured, writable
 from meshflow.view.quantity import Quantity, measured
 from meshflow.view.renderer import Renderer, renderer_for
 from meshflow.view.scale import Scale
-from meshflow.view.scene import Removed
+from meshflow.view.scale_bar import Ground
+from meshflow.view.scene import Removed, foot_of
 
 __all__ = ["Reel", "filmable", "filmed"]
 
@@ -51,11 +52,13 @@ class Reel:
     :param rate: frames per second.
     :param turn: degrees by which the camera moves around the surface during the film; 0: it does not move.
     :param time_unit: written after the time.
+    :param ground: the unit of lengths, and whether it is a map, for the scale bar.
     """
 
     rate: float = 12.0
     turn: float = 0.0
     time_unit: str = ""
+    ground: Ground = Ground()
 
 
 def filmed(
@@ -86,14 +89,13 @@ def filmed(
         plan = page.layout(
             look, renderer.aspect(geometries[0], keyframes[0].data), 1, labelled=True, scaled=scale is not None
         )
-        stay = round(_PAUSE * reel.rate)
+        length = renderer.length(keyframes[0].data, geometries[0], plan.panels[0].size)
+        foot, stay = foot_of(renderer, reel.ground, length, plan.unit), round(_PAUSE * reel.rate)
         for k, (keyframe, geometry) in enumerate(zip(keyframes, geometries, strict=True)):
             hue = None if scale is None or keyframe.scale is None else replace(scale, values=keyframe.scale.values)
             picture = renderer.panel(keyframe.data, geometry, plan.panels[0].size, hue)
             label = f"time {plain(keyframe.time, keyframes[-1].time)} {reel.time_unit}".rstrip()
-            drawing = page.single_page(
-                plan, picture, scale, page.Foot(renderer.foot()), renderer.pixel(keyframe.data), ((0.5, label),)
-            )
+            drawing = page.single_page(plan, picture, scale, foot, renderer.pixel(keyframe.data), ((0.5, label),))
             drawn = page.pixels(drawing)
             for _ in range(1 + stay * (k == len(keyframes) - 1)):
                 frames.add(drawn)

@@ -20,7 +20,7 @@ from meshflow.view.renderer import Renderer, renderer_for
 from meshflow.view.scale import Scale, ranging, showing, showing_both, together
 from meshflow.view.scale_bar import Ground, ground_of, scale_bar_of
 
-__all__ = ["Removed", "Shown", "Scene", "of_one", "of_two"]
+__all__ = ["Removed", "Shown", "Scene", "foot_of", "of_one", "of_two"]
 
 Removed = Literal["removed"]
 
@@ -61,9 +61,7 @@ class Scene:
         :param unit: pixels of this page per pixel of a page of 1600 x 1200.
         """
         one = self.shown[0]
-        length = self.renderer.length(one.data, one.geometry, size)
-        mapped = self.renderer.name == "hillshade" or self.look.seen == "front"
-        return Foot(self.renderer.foot(), scale_bar_of(length, self.ground.unit, unit, self.ground.north and mapped))
+        return foot_of(self.renderer, self.ground, self.renderer.length(one.data, one.geometry, size), unit)
 
     def picture(self, panel: int, size: tuple[int, int]) -> Array:
         """A panel as a picture (h, w, 3) in uint8: of the given size from VTK, or one pixel per sample as a relief."""
@@ -79,6 +77,16 @@ class Scene:
     def pixel(self) -> float:
         """Height over width of a pixel of a panel."""
         return self.renderer.pixel(self.shown[0].data)
+
+
+def foot_of(renderer: Renderer, ground: Ground, length: float | None, unit: float) -> Foot:
+    """The foot of a page: how it is drawn, the scale bar, and north on a map seen from above.
+
+    :param length: of a pixel, in the unit of the surface; None: it depends on the place.
+    :param unit: pixels of this page per pixel of a page of 1600 x 1200.
+    """
+    mapped = renderer.name == "hillshade" or renderer.look.seen == "front"
+    return Foot(renderer.foot(), scale_bar_of(length, ground.unit, unit, ground.north and mapped))
 
 
 def of_two(before: object, after: object, look: Look, quantity: Quantity | Removed, window: bool) -> Scene:

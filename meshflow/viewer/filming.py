@@ -13,6 +13,7 @@ from meshflow.view.film import Reel, filmable, filmed
 from meshflow.view.look import OF_PAIRS, Looks, looking
 from meshflow.view.pictures import Pictured
 from meshflow.view.quantity import Quantity
+from meshflow.view.scale_bar import ground_of
 from meshflow.view.scene import Removed
 
 __all__ = ["Films", "film"]
@@ -78,5 +79,6 @@ def film(
     surface, notes = taken(data, seen.own_colours)
     notes += flowing_together(data)
     states = flowing(surface, request or Request(), count, progress)
-    written = filmed(states, target, seen, Reel(rate, turn, squared_unit(surface)), quantity, overwrite)
+    reel = Reel(rate, turn, squared_unit(surface), ground_of(data, surface))
+    written = filmed(states, target, seen, reel, quantity, overwrite)
     return Pictured(written.path, written.renderer, (*notes, *written.notes))
