@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 
+import joblib
 import numpy as np
 import pytest
 
@@ -101,6 +102,20 @@ def test_a_child_can_be_forked_while_other_threads_are_at_work():
 def test_a_spawned_process_gets_the_same_bits():
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         assert pool.apply_async(summed, (3,)).get(120) == summed(3)
+
+
+@pytest.mark.parametrize("backend", ["loky", "threading"])
+def test_workers_of_joblib_give_the_same_bits_of_grids_and_of_meshes(backend):
+    noise = np.random.default_rng(2)
+    terrain = 5 * np.sin(np.add.outer(np.arange(40.0), np.arange(50.0)) / 9) + noise.normal(size=(40, 50))
+    points, faces = sphere(2).points, sphere(2).faces
+    ball = points + 0.02 * noise.normal(size=points.shape), faces
+    jobs = [(terrain, "quick"), (ball, "quick"), (terrain, "quick")]
+    here = [meshflow.smooth(data, method=method) for data, method in jobs]
+    workers = joblib.Parallel(n_jobs=2, backend=backend)
+    there = workers(joblib.delayed(meshflow.smooth)(data, method=method) for data, method in jobs)
+    for one, other in zip(here, there, strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
 
 
 @pytest.mark.parametrize("threads", [1, 3])
