@@ -11,7 +11,7 @@ import meshflow
 from meshflow.errors import InputError
 from meshflow.flow.blend import euler
 from meshflow.flow.compute import Compute
-from meshflow.flow.conductances import CONDUCTANCES
+from meshflow.flow.conductances import CONDUCTANCES, power_of
 from meshflow.flow.engines.conducting import Conducting
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.samples import SampleFlow
@@ -175,6 +175,31 @@ def test_the_fidelity_of_a_restoration_follows_from_the_noise(method):
     truth, noisy = cliff()
     found = meshflow.smooth(noisy, method=method, noise=1.0)
     assert rms(found - noisy) == pytest.approx(1.0, rel=0.03)
+
+
+@pytest.mark.parametrize(("q", "word"), [(1.0, "hypersurface"), (2.0, "rational"), (4.0, "geman-mcclure")])
+def test_the_potential_of_every_sharpness_joins_those_that_have_names(q, word):
+    s2 = np.linspace(0, 30, 200)
+    for near, tolerance in ((q, 1e-12), (q + 1e-7, 1e-5)):
+        found, known = power_of(near), CONDUCTANCES[word]
+        np.testing.assert_allclose(found.of(s2), known.of(s2), rtol=tolerance)
+        np.testing.assert_allclose(found.potential(s2), known.potential(s2), rtol=tolerance, atol=tolerance)
+
+
+@pytest.mark.parametrize("q", [0.5, 1.5, 3.0])
+def test_the_variational_way_of_every_sharpness_is_the_limit_of_its_flow_with_a_fidelity(q):
+    truth, noisy = cliff(16)
+    method = meshflow.HalfQuadratic(sharpness=q, contrast=0.5)
+    found = meshflow.smooth(noisy, method=method, time=2.0, boundary="neumann", compute=Compute(diagonals="forward"))
+    flow = MeshFlow(
+        Image(noisy).lifted(Lift(contrast=0.5, diagonals="forward", boundary="neumann")), metric=Conducting(power_of(q))
+    )
+    start = flow.start()
+    at_rest = flow.rate(found.reshape(-1, 1)) + (start - found.reshape(-1, 1)) / 2.0
+    assert np.abs(at_rest).max() < 1e-3 * np.abs(start - found.reshape(-1, 1)).max()
+    assert rms(meshflow.smooth(noisy, method=meshflow.HalfQuadratic(sharpness=q), noise=1.0) - truth) < 1.0
+    with pytest.raises(InputError, match="give one of them"):
+        meshflow.HalfQuadratic(potential="lorentz", sharpness=q)
 
 
 def test_total_variation_at_rest_is_the_minimum_of_its_functional():

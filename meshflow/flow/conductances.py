@@ -9,7 +9,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 
-__all__ = ["CONDUCTANCES", "Conductance", "ConductanceName", "conductance_of"]
+__all__ = ["CONDUCTANCES", "Conductance", "ConductanceName", "conductance_of", "power_of"]
 
 ConductanceName = Literal["rational", "exponential", "tukey", "hypersurface", "geman-mcclure"]
 
@@ -40,6 +40,19 @@ CONDUCTANCES: dict[str, Conductance] = {
     # Geman and McClure (ABBFC97): phi = s^2 / (1 + s^2) / 2.
     "geman-mcclure": Conductance(lambda s2: 1.0 / np.square(1.0 + s2), lambda s2: 0.5 * s2 / (1.0 + s2)),
 }
+
+
+def power_of(sharpness: float) -> Conductance:
+    """g = 1 / W^q, W^2 = 1 + s^2, as in the family of this project: q 1, 2 and 4 are hypersurface, rational, Geman-McClure.
+
+    :param sharpness: q, above 0.
+    """
+    q = sharpness
+    if q == 2.0:
+        return CONDUCTANCES["rational"]
+    return Conductance(
+        lambda s2: (1.0 + s2) ** (-q / 2.0), lambda s2: np.expm1((1.0 - q / 2.0) * np.log1p(s2)) / (2.0 - q)
+    )
 
 
 def conductance_of(word: str) -> Conductance:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 from meshflow.errors import InputError
-from meshflow.flow.conductances import conductance_of
+from meshflow.flow.conductances import conductance_of, power_of
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.conducting import Conducting
 from meshflow.flow.engines.mesh import MeshFlow
@@ -13,12 +13,14 @@ from meshflow.flow.methods.beltrami import MEAN, UnsearchedMethod
 from meshflow.flow.proximal import Proximal
 from meshflow.flow.steppers import Stepper, StepperName
 from meshflow.geometry.options import named_fields, option
+from meshflow.geometry.validation import positive
 from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["HalfQuadratic", "RudinOsherFatemi"]
 
 POTENTIALS = {"hypersurface": "hypersurface", "lorentz": "rational", "geman-mcclure": "geman-mcclure"}
+EXPONENTS = {"hypersurface": 1.0, "lorentz": 2.0, "geman-mcclure": 4.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +77,8 @@ class HalfQuadratic(_AtRest):
     The minimum of sum A phi(s) / contrast^2 + |u - f|^2 / (2 time), s = contrast |grad u|, by half-quadratic minimization
     (:class:`meshflow.flow.proximal.Proximal`). phi by name: ``hypersurface`` sqrt(1 + s^2) - 1, ``lorentz`` log(1 + s^2) / 2,
     ``geman-mcclure`` s^2 / (1 + s^2) / 2, those of P. Charbonnier, L. Blanc-Feraud, G. Aubert, M. Barlaud, IEEE Trans. Image
-    Process. 6 (1997), 298-311 (from the survey in shared/PEERS.md; the paper itself could not be checked). Without a time the
+    Process. 6 (1997), 298-311 (from the survey in shared/PEERS.md; the paper itself could not be checked). With a ``sharpness`` q
+    it is the potential of the flow with conductance 1 / W^q, ((1 + s^2)^(1 - q / 2) - 1) / (2 - q). Without a time the
     residual is made equal to the noise, or the estimated risk least (``balance="risk"``). Take it where a flow's time is hard to
     choose: its result is the end.
     """
@@ -88,20 +91,33 @@ class HalfQuadratic(_AtRest):
         "hypersurface", "Of the gradient: hypersurface is convex, lorentz and geman-mcclure keep edges more."
     )
 
+    sharpness: float | None = option(None, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.potential not in POTENTIALS:
             raise InputError(f"potential: {', '.join(POTENTIALS)} expected, got {self.potential!r}")
+        if self.sharpness is not None:
+            positive(self.sharpness, "sharpness")
+            if self.potential != "hypersurface":
+                raise InputError(f"potential={self.potential!r}, sharpness={self.sharpness:g}: give one of them")
 
     @property
     def edge(self) -> float:
         """Lower for potentials that grow more slowly, which would keep the noise."""
-        return {"lorentz": 0.5, "geman-mcclure": 0.25}.get(self.potential, super().edge)
+        q, plain = self._exponent, super().edge
+        return plain if q <= 1.0 else 1.0 / q if q >= 2.0 else plain + (q - 1.0) * (0.5 - plain)
 
     @property
     def metric(self) -> Conducting:
         """How triangles conduct, phi'(s) / s."""
-        return Conducting(conductance_of(POTENTIALS[self.potential]))
+        known = conductance_of(POTENTIALS[self.potential])
+        return Conducting(known if self.sharpness is None else power_of(self.sharpness))
+
+    @property
+    def _exponent(self) -> float:
+        """q of 1 / W^q."""
+        return EXPONENTS[self.potential] if self.sharpness is None else self.sharpness
 
 
 @named_fields
