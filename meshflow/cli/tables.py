@@ -23,7 +23,7 @@ def methods_table(json: bool, markdown: bool) -> None:
     for word, kind in METHODS.items():
         if not isinstance(kind, type):
             continue
-        names = ", ".join(f"--{o.flag.replace('_', '-')}" for o in _used(kind) if o.has_flag)
+        names = ", ".join(f"--{o.flag}" for o in _used(kind) if o.has_flag)
         text = inspect.getdoc(kind) or ""
         taken = re.search(r"Take\s+it .*?(?=\n\n|\Z)", text, re.DOTALL)
         what, when = _plain(text.split("\n\n")[0]), _plain(taken.group() if taken else "")
@@ -71,7 +71,7 @@ def _options_of_method(given: str, json: bool, markdown: bool) -> None:
         raise no_method(given)
     rows = []
     for one in _used(kind):
-        flag = f"--{one.flag.replace('_', '-')}" if one.has_flag else "(Python only)"
+        flag = f"--{one.flag}" if one.has_flag else "(Python only)"
         default = "from the data" if one.default is None else str(one.default)
         rows.append((flag, one.name, _named(_readable(one.kind)), one.unit, default, one.meaning))
     if not json and not markdown:

@@ -60,7 +60,7 @@ class Option:
         self.default = None if declared.default is MISSING else declared.default
         self.meaning: str = declared.metadata["meaning"]
         self.unit: str = declared.metadata["unit"]
-        self.flag: str = declared.metadata["flag"] or declared.name
+        self.flag: str = declared.metadata["flag"] or declared.name.replace("_", "-")
 
     @property
     def has_flag(self) -> bool:

@@ -70,7 +70,6 @@ class HeightMethod:
         None,
         "Filter groups of similar patches after the flow; height fields and images only. Default: yes where no method is "
         "named, it lowers the expected error, and the data has at most 2^20 values.",
-        flag="second-stage",
     )
     indicator: Indicator = option(
         "metric", "How steep places are recognized as edges; without effect where gamma is 0."
