@@ -68,13 +68,16 @@ if TYPE_CHECKING:
     from meshflow.results.result import Result
     from meshflow.smoothing import estimate_noise, smooth
     from meshflow.surfaces.camera import Orthographic, Pinhole
+    from meshflow.surfaces.curvilinear import Curvilinear
     from meshflow.surfaces.free import Axes, Rays
     from meshflow.surfaces.grid import Lift
     from meshflow.surfaces.height_field import HeightField
     from meshflow.surfaces.image import Image
     from meshflow.surfaces.mesh import Mesh
+    from meshflow.surfaces.on_sphere import OnSphere
     from meshflow.surfaces.range_image import RangeImage
     from meshflow.surfaces.scanner import Scanner, Spherical
+    from meshflow.surfaces.scattered import Scattered
     from meshflow.surfaces.surface import Surface
     from meshflow.viewer.filming import film
 
@@ -181,15 +184,18 @@ _HOMES = {
         "Orthographic",
         "Pinhole",
     ),
+    "surfaces.curvilinear": ("Curvilinear",),
     "surfaces.grid": ("Lift",),
     "surfaces.height_field": ("HeightField",),
     "surfaces.image": ("Image",),
     "surfaces.mesh": ("Mesh",),
+    "surfaces.on_sphere": ("OnSphere",),
     "surfaces.range_image": ("RangeImage",),
     "surfaces.scanner": (
         "Scanner",
         "Spherical",
     ),
+    "surfaces.scattered": ("Scattered",),
     "surfaces.free": ("Axes", "Rays"),
     "surfaces.surface": ("Surface",),
     "viewer.filming": ("film",),

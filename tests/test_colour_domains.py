@@ -19,14 +19,14 @@ WORDS = tuple(COLOUR_SPACES)
 THEIRS = {"luv": color.rgb2luv, "lab": color.rgb2lab}
 
 
-def colours(size=32, sigma=0.06, word=None):
+def colours(size=32, sigma=0.06, word=None, seed=0):
     """Two halves of one lightness and other hues, and noise: truth and noisy, shares of white.
 
     :param word: the space in which the noise is the same everywhere; it is sigma times the greatest value of white there.
     """
     truth = np.empty((size, size, 3))
     truth[:, : size // 2], truth[:, size // 2 :] = (0.7, 0.4, 0.3), (0.3, 0.55, 0.6)
-    noise = sigma * np.random.default_rng(0).normal(size=truth.shape)
+    noise = sigma * np.random.default_rng(seed).normal(size=truth.shape)
     if word is None:
         return truth, truth + noise
     space = COLOUR_SPACES[word]
@@ -108,11 +108,14 @@ def test_alpha_is_kept_to_the_bit(word):
 @pytest.mark.parametrize("word", WORDS)
 def test_colours_on_a_mesh_are_smoothed_likewise(word):
     grid = meshflow.to_mesh(meshflow.HeightField(np.zeros((24, 24))))
-    truth, noisy = colours(24)
-    mesh = Mesh(grid.vertices, grid.faces, noisy.reshape(-1, 3))
-    found = meshflow.smooth(mesh, domain=word, method="beltrami", time=3.0)
-    assert np.array_equal(found.points, mesh.points)
-    assert np.std(found.channels - truth.reshape(-1, 3)) < 0.6 * np.std(noisy - truth)
+    left = []
+    for seed in range(3):  # of one draw alone the chosen contrast is a matter of chance
+        truth, noisy = colours(24, seed=seed)
+        mesh = Mesh(grid.vertices, grid.faces, noisy.reshape(-1, 3))
+        found = meshflow.smooth(mesh, domain=word, method="beltrami", time=3.0)
+        assert np.array_equal(found.points, mesh.points)
+        left.append(np.std(found.channels - truth.reshape(-1, 3)) / np.std(noisy - truth))
+    assert np.mean(left) < 0.6
 
 
 def test_black_and_values_below_zero_are_told_and_stay_finite():

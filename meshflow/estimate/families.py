@@ -30,9 +30,9 @@ CHANNEL_FAMILY: Family = (
 # The same for meshes; the first one is the heat equation, which has no contrast.
 MESH_FAMILY: Family = (
     ({"linear": True}, (1.0,)),
-    ({}, (2.0,)),
-    ({"gamma": -1.0, "sharpness": 1.5}, (2.0, 5.0)),
-    ({"gamma": -1.0, "sharpness": 2.0}, (1.5,)),
+    ({}, (0.5, 1.2, 2.5)),
+    ({"gamma": -1.0, "sharpness": 1.5}, (0.6, 2.0, 5.0)),
+    ({"gamma": -1.0, "sharpness": 2.0}, (0.5, 1.5)),
 )
 # The same along rays, where the contrast is 1.
 RAY_FAMILY: tuple[dict[str, float], ...] = ({}, {"gamma": -1.0}, {"gamma": 1.0})

@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.estimate.base import base_of
 from meshflow.estimate.families import CHANNEL_FAMILY, FAMILY, MESH_FAMILY, RAY_FAMILY, Family, configurations
 from meshflow.estimate.grid_search import Found, GridSearch, searched_on_grid
-from meshflow.estimate.mesh_search import LOOKED_AT, MESH_ENOUGH, TIMES, MeshSearch, searched_on_mesh
+from meshflow.estimate.mesh_search import LOOKED_AT, TIMES, MeshSearch, searched_on_mesh
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import GIVEN, Decided, Part, Plan, size_of
@@ -114,12 +114,11 @@ def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = N
     if sigma == 0 and not request.asked:
         plan = replace(_begun(data, request, noise, mobility), idle=no_noise(noise))
         return plan.with_({"time": Decided("default", "nothing to remove")})
-    large = isinstance(data, Mesh) and len(data.points) > MESH_ENOUGH
     # A method given by exponents has a contrast by rule; a named method has a list of contrasts to choose from.
     ruled = request.named and asked.ruled
     known = timed is not None and (ruled or timed == 0)
     open_ = request.searching and sigma > 0 and request.steps is None and asked.searches_for(_channels(data))
-    if open_ and not (large or known or noise.is_rounded):
+    if open_ and not (known or noise.is_rounded):
         found = _searched(_begun(data, request, noise, mobility), sigma)
         if found is not None:
             return found

@@ -44,6 +44,9 @@ def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
     faces = inverse.reshape(-1, 3)
     for _ in range(RINGS):
         cut[faces[cut[faces].any(axis=1)]] = True
-    piece = replace(data, points=data.points[kept], faces=faces, channels=None, moves="points", fixed=data.fixed[kept])
+    alone = data.channels is None or data.moves == "points"
+    channels = None if data.channels is None or alone else data.channels[kept]
+    moves = "points" if alone else data.moves
+    piece = replace(data, points=data.points[kept], faces=faces, channels=channels, moves=moves, fixed=data.fixed[kept])
     counted = ~(cut | data.fixed[kept])
     return piece, counted if counted.any() else ~data.fixed[kept], kept

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.estimate.mesh_pieces import pieces
 from meshflow.estimate.risk import FINER, PROBE, Candidate, Configuration, ranked
 from meshflow.estimate.sure import Probed, risks_on
 from meshflow.estimate.vertex_numbers import signs_of
@@ -15,12 +16,12 @@ from meshflow.geometry.validation import Array
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
 
-__all__ = ["LOOKED_AT", "MESH_ENOUGH", "TIMES", "MeshSearch", "searched_on_mesh"]
+__all__ = ["LOOKED_AT", "TIMES", "MeshSearch", "searched_on_mesh"]
 
 # Times at which the risk is estimated, in squared sample distances; each is twice the one two places before it.
 TIMES = tuple(2.0**power * part for power in range(-3, 7) for part in (1.0, 1.5))
-# Limits of vertices and of squared sample distances for meshes, whose rate costs thirty times as much.
-MESH_ENOUGH, LOOKED_AT = 20_000, 16.0
+# The largest time for meshes, in squared sample distances; their rate costs thirty times as much.
+LOOKED_AT = 16.0
 # The largest number of refinements of the contrast.
 FINE = 3
 
@@ -94,13 +95,14 @@ def searched_on_mesh(data: Mesh, lift: Lift, search: MeshSearch) -> tuple[Candid
 
 
 def _probed(data: Mesh, lift: Lift, search: MeshSearch) -> Probed:
-    """A mesh, and a copy whose channels are perturbed by random signs."""
+    """A mesh, or pieces of a large one, and a copy whose channels are perturbed by random signs."""
+    data, counts, kept = pieces(data)
     if data.channels is None:
         raise InputError("search: a mesh with channels expected, got one without")
     channels = data.channels
     probe = signs_of(data.points, data.faces, channels)
     twin = replace(data, channels=channels + PROBE * search.sigma * probe)
-    counted = np.flatnonzero(~data.fixed)
-    copies = tuple(_Channels(one, lift, counted[None], search.speed) for one in (data, twin))
+    counted, speed = np.flatnonzero(counts), None if search.speed is None else search.speed[kept]
+    copies = tuple(_Channels(one, lift, counted[None], speed) for one in (data, twin))
     sigma = np.full((channels.shape[1], 1), search.sigma)
-    return Probed(copies, np.zeros(1, np.intp), probe[counted].T[None], sigma)
+    return Probed(copies, np.zeros(1, np.intp), probe[counted].T[None], sigma, implicit=True)

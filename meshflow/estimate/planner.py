@@ -58,7 +58,7 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         if data.channels is None or data.moves == "points":
             whole = data.points.shape[1] == 3
             return noise_by_parts(turned_alike(data)[0])[0] if whole else noise_on(data.points, data.faces)
-        return noise_on(data.channels, data.faces)
+        return noise_on(data.channels, data.faces, data.points)
     if isinstance(data, RangeImage):
         return _noise_along(data, _unseen(data.missing, mask))[0]
     data, how = prepared(data)

@@ -7,13 +7,14 @@ import scipy.sparse as sparse
 
 from meshflow.errors import InputError
 from meshflow.geometry.connectivity import Connectivity
-from meshflow.geometry.operator import fill_stiffness
+from meshflow.geometry.operator import fill_stiffness, stiffness
 from meshflow.geometry.validation import Array
 
 __all__ = [
     "Border",
     "border_pull",
     "cotangent_generator",
+    "cotangent_means",
     "neighbour_means",
     "scale_dependent_generator",
     "umbrella_generator",
@@ -107,3 +108,23 @@ def neighbour_means(faces: Array, n: int, border: Border) -> Any:
     many = np.bincount(rows, minlength=n)
     first = np.concatenate([[0], np.cumsum(many)])
     return sparse.csr_matrix((1.0 / many[rows], columns, first), shape=(n, n))
+
+
+def cotangent_means(points: Array, faces: Array) -> Any:
+    """The matrix (n, n) of the means of the neighbours with the weights of the cotangents; a vertex without neighbours is its
+    own.
+
+    On a plane linear functions of the place satisfy them, however irregular the triangles are.
+
+    Weights below zero, which a Delaunay triangulation does not have inside, are taken for zero.
+
+    :param points: (n, d).
+    :param faces: (m, 3).
+    """
+    weights = sparse.csr_matrix(-stiffness(points, faces))
+    weights.setdiag(0.0)
+    weights.data = np.maximum(weights.data, 0.0)
+    weights.eliminate_zeros()
+    total = np.asarray(weights.sum(axis=1)).ravel()
+    alone = sparse.diags((total == 0).astype(np.float64))
+    return sparse.csr_matrix(sparse.diags(1.0 / np.where(total > 0, total, 1.0)) @ weights + alone)

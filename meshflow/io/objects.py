@@ -1,16 +1,20 @@
 """Imports objects of other libraries, and converts results back to the same kind of object."""
 
 from collections.abc import Callable
+from functools import partial
 from os import PathLike
 from pathlib import Path
+
+from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.options import must_be_object
 from meshflow.io.document import Document, Imported
 from meshflow.io.files import read_with
-from meshflow.io.metadata import Metadata, ReadOptions
+from meshflow.io.metadata import Metadata, ReadOptions, as_given
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.irregular import Irregular
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -36,6 +40,9 @@ def taken_in(data: object, options: ReadOptions) -> Imported:
         if options.given:
             raise InputError(f"{type(data).__name__} already says {', '.join(options.given)}; set them there")
         return Imported(data, lambda same: same)
+    if isinstance(data, Irregular):
+        options.must_belong(f"a {type(data).__name__}, which says all of its samples", ())
+        return Imported(data.mesh, data.holding, samples=partial(_aligned, data))
     must_be_object(data, "data: an array or an object with data")
     data, options = opened(data, options)
     if isinstance(data, Document):
@@ -47,6 +54,11 @@ def taken_in(data: object, options: ReadOptions) -> Imported:
             "trimesh, pyvista, open3d or meshio, an xarray.DataArray, a path, or a data object of meshflow"
         )
     return adapter(data, options)
+
+
+def _aligned(data: Irregular, given: ArrayLike | None, word: str) -> ArrayLike | None:
+    """An option of one number per sample, in the order of the vertices."""
+    return data.aligned(as_given(given, word))
 
 
 def opened(data: object, options: ReadOptions) -> tuple[object, ReadOptions]:

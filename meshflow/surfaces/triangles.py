@@ -14,6 +14,7 @@ __all__ = [
     "Diagonals",
     "charts_of_rows",
     "grid_triangulations",
+    "triangles_of_cells",
     "triangles_there",
     "triangulations",
 ]
@@ -32,6 +33,9 @@ _CORNERS = (*_FORWARD, *_BACKWARD)
 TOUCHES = tuple(
     (r, c, sum(1 << bit for bit, corners in enumerate(_CORNERS) if (r, c) in corners)) for r in (0, 1) for c in (0, 1)
 )
+
+# Diagonals of a cell whose lengths differ by less than this share are equally long.
+ALIKE = 1e-9
 
 # Rows of cells handled at once, which keeps temporary arrays small.
 _ROWS = 256
@@ -97,6 +101,27 @@ def _triangles(there: Array, bit: int) -> Array:
     row, column = np.nonzero(there & (1 << bit))
     width = there.shape[1] + 1
     return np.stack([(row + r) * width + column + c for r, c in _CORNERS[bit]], axis=-1)
+
+
+def triangles_of_cells(places: Array, missing: Array) -> Array:
+    """Two triangles (m, 3) for each cell of a grid of any shape, cut by its shorter diagonal.
+
+    Where both are equally long, as in rectangles, the diagonals of one row of cells lean the other way than those of the next: no
+    direction is preferred, and every sample has six triangles and the same area.
+
+    :param places: (h, w, d).
+    :param missing: (h, w); a triangle with a missing corner is left out.
+    """
+    there = triangles_there(missing)
+    forward = np.linalg.norm(places[1:, :-1] - places[:-1, 1:], axis=-1)
+    backward = np.linalg.norm(places[:-1, :-1] - places[1:, 1:], axis=-1)
+    tie = np.abs(forward - backward) <= ALIKE * np.maximum(forward, backward)
+    leans = np.where(tie, (np.arange(len(there)) % 2 == 0)[:, None], forward < backward)
+    # Where one corner is missing, one of the four triangles is there, whichever diagonal is its own.
+    corners = [missing[r : r + there.shape[0], c : c + there.shape[1]] for r in (0, 1) for c in (0, 1)]
+    whole = ~np.logical_or.reduce(corners)
+    there = np.where(whole, there & np.where(leans, 3, 12).astype(np.uint8), there)
+    return np.concatenate([_triangles(there, bit) for bit in range(4)])
 
 
 def charts_of_rows(faces: Array, width: int, dx: Array, dy: float) -> Array:
