@@ -22,6 +22,8 @@ __all__ = ["OnSphere"]
 ONE_PLACE = 1e-9
 # A row ends where it begins if its ends are at most this many of its steps apart; a pole beyond the last row likewise.
 CLOSED = 1.5
+# healpy marks unseen pixels with -1.6375e30.
+UNSEEN = -1.6e30
 
 
 @named_fields
@@ -82,7 +84,8 @@ class OnSphere(Irregular):
         """
         array = real(np.ma.filled(values, np.nan), "HEALPix map")
         lon, lat = healpix_places(len(array), nest)
-        return cls(lon, lat, array, radius, missing=(array.reshape(len(array), -1) < -1.6e30).any(axis=1))
+        unseen = np.asarray((array.reshape(len(array), -1) < UNSEEN).any(axis=1))
+        return cls(lon, lat, array, radius, missing=unseen)
 
     @property
     def shape(self) -> tuple[int, ...]:
