@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from meshflow.estimate.jpeg import Jpeg
 from meshflow.estimate.noise_channels import spectra_of
 from meshflow.estimate.noise_growth import MAD, residuals
 from meshflow.estimate.noise_lines import line_offsets
@@ -59,8 +60,8 @@ class Noise:
     :ivar quantum: smallest step between values of quantized data; 0 for continuous values.
     :ivar channels: sigma of each channel.
     :ivar share: of the samples whose differences are multiples of the quantum; 0 without a quantum.
-    :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise, and rough surfaces), ``differences``, or ``nothing``
-        for too few samples.
+    :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise, and rough surfaces), ``differences``, the steps of a
+        compression, or ``nothing`` for too few samples.
     :ivar correlation: (2 r + 1, 2 r + 1), correlation of samples by lag in rows and columns, 1 in the middle; None: the noise
         is white.
     :ivar length: standard deviation, in samples, of the Gaussian filter that gives white noise the same correlation of
@@ -96,6 +97,13 @@ class Noise:
         """The noise with given standard deviations of the samples (n,), as one number: the root mean square."""
         mean = float(np.sqrt(np.mean(np.square(each, dtype=np.float64))))
         return replace(self, sigma=mean, channels=(mean,), how="given")
+
+    def of_compression(self, found: Jpeg | None) -> "Noise":
+        """The noise of a picture with the error of its compression; the same where other noise is stronger."""
+        if found is None or found.sigma <= self.sigma:
+            return self
+        how = f"the steps of JPEG compression, quality {found.quality}"
+        return Noise(found.sigma, 0.0, (found.sigma,) * len(self.channels), 0.0, how)
 
     def oriented(self, orientation: Orientation) -> "Noise":
         """The noise of a grid that is turned or mirrored."""

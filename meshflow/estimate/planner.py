@@ -72,7 +72,7 @@ def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | N
     noise = noise_of(array_of(data), _unseen(data.missing | way.of(how.unseen), mask))
     if 0 < noise.sigma <= how.rounding:
         return Noise(0.0, 0.0, (0.0,) * len(noise.channels), 0.0, noise.how)
-    return noise
+    return noise.of_compression(how.compression)
 
 
 def plan(data: Data, request: Request) -> Plan:

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from meshflow.estimate.jpeg import Jpeg, jpeg_of
 from meshflow.estimate.outliers import Outliers, large_pieces, outliers_of
 from meshflow.estimate.plateaus import level_among_noise, level_squares
 from meshflow.estimate.ring_fill import filled_from_ring
@@ -50,6 +51,11 @@ class Preparation:
         few = self.outliers is not None and not self.outliers.dense
         unseen = self.repaired if few else np.zeros_like(self.repaired)
         return unseen if self.level is None else unseen | self.level
+
+    @property
+    def compression(self) -> Jpeg | None:
+        """What JPEG has done to a picture; None where it has not."""
+        return jpeg_of(self.source.values, self.source.missing) if isinstance(self.source, Image) else None
 
     @property
     def rounding(self) -> float:
