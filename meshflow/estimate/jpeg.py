@@ -60,8 +60,8 @@ def jpeg_of(values: Array, missing: Array) -> Jpeg | None:
 
     :param values: (h, w), or (h, w, 3) in red, green and blue; ``missing``: (h, w).
     """
-    middle = tuple(slice(max(0, (side - PART) // 2), (side + PART) // 2) for side in missing.shape)
-    grey, missing = _luminance(values[middle]), missing[middle]
+    rows, columns = (slice(max(0, (side - PART) // 2), (side + PART) // 2) for side in missing.shape)
+    grey, missing = _luminance(values[rows, columns]), missing[rows, columns]
     if grey is None or missing.any() or min(grey.shape) < 4 * SIDE:
         return None
     best: tuple[float, int, Array] | None = None
@@ -108,7 +108,7 @@ def _coefficients(grey: Array, offset: tuple[int, int]) -> Array:
     blocks = grey[row : row + h * SIDE, column : column + w * SIDE].reshape(h, SIDE, w, SIDE)
     blocks = blocks.swapaxes(1, 2).reshape(-1, SIDE, SIDE)
     inside = (blocks.min(axis=(1, 2)) > 0) & (blocks.max(axis=(1, 2)) < 255)
-    return dctn(blocks[inside] - 128.0, axes=(1, 2), norm="ortho")
+    return np.asarray(dctn(blocks[inside] - 128.0, axes=(1, 2), norm="ortho"))
 
 
 def _score(found: Array, table: Array) -> float:
