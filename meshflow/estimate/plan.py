@@ -78,6 +78,7 @@ class Plan:
     :ivar max_change: what no sample leaves, a number or an array of the data's samples, unit of the values; None: no limit.
     :ivar pull: of the data weights, (n, k), (n, 1) or (1, 1), per time; None: none.
     :ivar preserve: what a mesh whose points move keeps.
+    :ivar recentred: whether the mean offsets of a mesh from its data along the normals are removed after the run.
     :ivar orientation: how the caller's grid was turned to become ``data``; the request's arrays were turned with it.
     :ivar setting: of a mesh whose points move; None of everything else.
     :ivar groups: the second stage, of groups of similar patches; None: the flow alone.
@@ -102,6 +103,7 @@ class Plan:
     max_change: Any = None
     pull: Array | None = None
     preserve: Keep | None = None
+    recentred: bool = False
     orientation: Orientation = AS_IT_IS
     setting: PointSetting | None = None
     base: Array | None = None

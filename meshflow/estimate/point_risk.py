@@ -84,6 +84,7 @@ class PointRisk:
     across: Array
     step: float
     at_start: float
+    label: Array
 
     @classmethod
     def of(cls, points: Array, faces: Array, counted: Array, noise: PointNoise) -> "PointRisk":
@@ -104,7 +105,8 @@ class PointRisk:
             normals = _outwards(normals_at(home, faces), x, faces)
             probe = _of_size(drawn(np.einsum("ij,ij->i", x - home, normals), numbers), sigma)
             starts, others = (x, home + probe[:, None] * normals), (x, home)
-        return cls(starts, others, probe, normals, counted, sigma, faces, across, step, start)
+        label = parts(faces, len(x))[1][counted]
+        return cls(starts, others, probe, normals, counted, sigma, faces, across, step, start, label)
 
     def of_states(self, states: tuple[Array, ...], least: float = np.inf) -> float:
         """The mean square error of a method at one time, squared unit of the points.
@@ -117,8 +119,8 @@ class PointRisk:
             far = FAR * self.sigma + FAR_EDGES * self.step
             if not np.isfinite(state).all() or np.abs(state - start).max() > far:
                 return np.inf
-        pairs = zip(states, self.others, strict=True)
-        off = [np.einsum("ij,ij->i", state - other, self.normals)[self.counted] for state, other in pairs]
+        trios = zip(states, self.starts, self.others, strict=True)
+        off = [self._off(*trio) for trio in trios]
         if self.probe is None:
             square = float(np.mean(np.square(off))) - self.sigma**2 * (1.0 + SPLIT**-2)
         else:
@@ -130,6 +132,12 @@ class PointRisk:
             return square
         folds = sum(folded(state, self.faces, self.across) for state in states) / len(states)
         return square + WEIGHT * self.sigma**2 * folds
+
+    def _off(self, state: Array, start: Array, other: Array) -> Array:
+        """The distances (k,) of the counted points from others along the normals, without the mean offset from their start."""
+        away, since = (np.einsum("ij,ij->i", state - one, self.normals)[self.counted] for one in (other, start))
+        mean = np.bincount(self.label, since) / np.maximum(np.bincount(self.label), 1)
+        return away - mean[self.label]
 
 
 def _outwards(normals: Array, x: Array, faces: Array) -> Array:

@@ -47,6 +47,7 @@ HOLLOW = 1e-6
 # The largest change after a search, in sigma. White noise of 0.03 to 1 edges needs 4.5 along the normals (30 cases), impulses 13;
 # where the noise is small, regularization of the sampling would go farther.
 MOST, MOST_OF_IMPULSES = 8.0, 20.0
+RECENTRED = Decided("estimated", "the noise has no mean along the normals, over many triangles between creases")
 # The time of the bi-Laplacian filter that removes steps of voxels, in squared edges.
 VOXELS = 3.0
 
@@ -221,6 +222,8 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         most = (MOST if _of_points(noise).kurtosis <= IMPULSIVE else MOST_OF_IMPULSES) * request.strength
         why = Decided("estimated", f"{most:g} sigma; what is farther is no noise")
         plan = plan.with_({"max_change": why}, max_change=most * noise.sigma)
+    if found and time > 0 and preserve is None and mobility is None and _along(request) == "all":
+        plan = plan.with_({"offsets": RECENTRED}, recentred=True)
     if not found and timed is None:
         much = FIXED_TIME[plan.method.word]
         time, when = much * data.step**2, Decided("default", f"{much:g} squared edges")

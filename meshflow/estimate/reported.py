@@ -128,6 +128,8 @@ def _of_constraints(plan: Plan) -> dict[str, Parameter]:
         found["fixed"] = _counted(plan.stays, "stay")
     if plan.preserve is not None:
         found["preserve"] = _decided(plan, "preserve", plan.preserve)
+    if plan.recentred:
+        found["offsets"] = _decided(plan, "offsets", "removed")
     if asked.min_component is not None:
         found["min_component"] = Parameter(float(asked.min_component), "samples", "given")
     return found

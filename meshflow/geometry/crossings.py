@@ -3,6 +3,7 @@
 import numpy as np
 
 from meshflow.geometry.folds import moved_without_folds, new_folds
+from meshflow.geometry.laplacians import neighbour_means
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_crossings as kernels
 
@@ -10,8 +11,9 @@ __all__ = ["crossing_pairs", "moved_without_harm", "new_crossings"]
 
 # The number of pairs for which memory is taken at first.
 SOME = 1024
-# Rounds in which what crosses or folds moves half as far, and then not at all, each time with one more ring around it.
-HALVED, STAYED = 3, 5
+# Rounds in which what crosses or folds is moved to the middle of its neighbours, then moves half as far, and then not at all,
+# each time with one more ring around it. The data is the last resort, because its noise folds and crosses.
+SMOOTHED, HALVED, STAYED = 8, 3, 5
 
 
 def crossing_pairs(points: Array, faces: Array) -> Array:
@@ -41,29 +43,36 @@ def new_crossings(before: Array, after: Array, faces: Array) -> Array:
 def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -> tuple[Array, int]:
     """The points (n, 3) after a motion, those that would fold the surface or let it cross itself moved otherwise.
 
-    Folds are mended first (:func:`moved_without_folds`). Then the corners of what still folds or crosses move half as far, again
-    and again, and at last not at all, together with their neighbours. If there is harm after all this, nothing moves.
+    Folds are mended first (:func:`moved_without_folds`). Then the corners of what still folds or crosses are moved to the middle
+    of their neighbours, again and again; where that does not help, half as far as they were to go, and at last not at all,
+    together with their neighbours. If there is harm after all this, nothing moves.
 
     :param before: points (n, 3), as ``after``.
     :param held: (n,), points that stay.
     :returns: the points, and how many of them are moved otherwise.
     """
-    points, bad = moved_without_folds(before, after, faces, held)[0], np.zeros(len(after), bool)
-    for turn in range(HALVED + STAYED + 1):
+    points, bad, mean = moved_without_folds(before, after, faces, held)[0], np.zeros(len(after), bool), None
+    for turn in range(SMOOTHED + HALVED + STAYED + 1):
         pairs = new_crossings(before, points, faces)
         if turn > 0:
             pairs = np.concatenate([pairs, new_folds(before, points, faces)])
         if not len(pairs):
             break
-        if turn == HALVED + STAYED:
+        points = points.copy()
+        if turn < SMOOTHED:
+            mean = neighbour_means(faces, len(before), "free") if mean is None else mean
+            worst = np.unique(faces[pairs])
+            worst = worst[~held[worst]]
+            points[worst] = mean[worst] @ points
+            continue
+        if turn == SMOOTHED + HALVED + STAYED:
             points = before
             break
-        if turn > HALVED:
+        if turn > SMOOTHED + HALVED:
             bad[faces[bad[faces].any(axis=1)]] = True
         bad[faces[pairs]] = True
         less = bad & ~held
-        points = points.copy()
-        points[less] = 0.5 * (before[less] + points[less]) if turn < HALVED else before[less]
+        points[less] = 0.5 * (before[less] + points[less]) if turn < SMOOTHED + HALVED else before[less]
     return points, int((points != after).any(axis=1).sum())
 
 

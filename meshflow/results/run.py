@@ -24,11 +24,12 @@ from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.mobility import slowed
+from meshflow.flow.offsets import without_offsets
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
 from meshflow.geometry.crossings import moved_without_harm
-from meshflow.geometry.validation import whole
+from meshflow.geometry.validation import Array, whole
 from meshflow.results.result import History, Result, release
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
@@ -78,6 +79,9 @@ def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None)
         history = History.joined((history, _measured(end, plan))) if record is not None else history
     if plan.groups is not None and plan.idle is None:
         end = _grouped(end, plan, plan.groups)
+        history = History.joined((history, _measured(end, plan))) if record is not None else history
+    if plan.recentred and plan.idle is None:
+        end = _recentred(end, plan)
         history = History.joined((history, _measured(end, plan))) if record is not None else history
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
@@ -253,7 +257,9 @@ def _without_harm(data: Data, done: Data, plan: Plan) -> tuple[Data, tuple[str, 
     """The result of a search on a mesh without new folds and crossings, and a sentence if points move less for that."""
     if not isinstance(done, Mesh) or not isinstance(data, Mesh) or not plan.candidates or done.moves != "points":
         return done, ()
-    points, less = moved_without_harm(data.points, done.points, done.faces, data.fixed)
+    points, less = moved_without_harm(data.points, done.points, done.faces, _free(plan, done) == 0)
+    if less and plan.request.constraints.max_change is not None and (limit := plan.limit(data.points)) is not None:
+        points = limit.hold(points)
     said = f"{less} of {len(points)} points were moved otherwise than by the method alone, which would fold or cross the surface"
     return replace(done, points=points), (said,) if less else ()
 
@@ -332,6 +338,15 @@ def _grouped(end: State, plan: Plan, groups: PatchGroups) -> State:
     return replace(end, u=u, dt=0.0, reason=f"{end.reason}; then groups of similar patches")
 
 
+def _recentred(end: State, plan: Plan) -> State:
+    """The end of a run on a mesh without mean offsets from its data, within the largest change."""
+    if not isinstance(plan.data, Mesh):
+        return end
+    limit = plan.limit(end.flow.start())
+    u = without_offsets(end.u, plan.data.points, plan.data.faces, _free(plan, plan.data) == 0)
+    return replace(end, u=u if limit is None else limit.hold(u), dt=0.0)
+
+
 def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | None]:
     """The stepper, and the control of its steps."""
     compute, time = plan.request.compute, plan.until.time
@@ -357,13 +372,17 @@ def _stepper(flow: Flow, plan: Plan) -> Stepper | StepperName:
 
 
 def _hold(plan: Plan, flow: Flow) -> Hold | None:
-    """The constraint that holds after every step."""
-    limit = plan.limit(flow.start())
+    """The constraint that holds after every step; the largest change only at the end where mean offsets are removed first."""
+    limit = None if plan.recentred else plan.limit(flow.start())
     if plan.preserve is None or not isinstance(plan.data, Mesh):
         return limit
-    free = free_of(plan.data.faces, plan.data.fixed, plan.mobility, rim=plan.lift.boundary == "fixed")
-    kept = Kept(plan.preserve, plan.data.faces, flow.start(), free)
+    kept = Kept(plan.preserve, plan.data.faces, flow.start(), _free(plan, plan.data))
     return kept if limit is None else Both(kept, limit)
+
+
+def _free(plan: Plan, data: Mesh) -> Array:
+    """The mobility (n,) of each point of a mesh, from 0 (fixed) to 1."""
+    return free_of(data.faces, data.fixed, plan.mobility, rim=plan.lift.boundary == "fixed")
 
 
 def _measured(state: State, plan: Plan) -> History:
