@@ -101,10 +101,10 @@ def test_sigma_of_impulses_is_their_root_mean_square_and_they_are_told_from_othe
     assert found.kurtosis > 3.8
 
 
-def test_sigma_of_correlated_noise_is_that_of_the_noise_and_not_of_its_differences():
+@pytest.mark.parametrize("shape", [shapes.sphere(4), shapes.cube(20), shapes.dome(3000)], ids=["ball", "cube", "dome"])
+def test_sigma_of_correlated_noise_is_that_of_the_noise_and_not_of_its_differences(shape):
     from meshflow.geometry.laplacians import neighbour_means
 
-    shape = shapes.sphere(4)
     mean = neighbour_means(shape.faces, len(shape.points), "free")
     off = np.random.default_rng(2).normal(size=len(shape.points))
     for _ in range(3):
@@ -115,6 +115,12 @@ def test_sigma_of_correlated_noise_is_that_of_the_noise_and_not_of_its_differenc
     assert found.sigma / shape.edge == pytest.approx(0.15, rel=0.2)
     after = meshflow.smooth((points, shape.faces))[0]
     assert normal_angle(after, shape.points, shape.faces) < 0.3 * normal_angle(points, shape.points, shape.faces)
+
+
+@pytest.mark.parametrize("shape", [BALL, shapes.cube(16, True), shapes.dome(2000)], ids=["ball", "cube", "dome"])
+def test_white_noise_is_not_taken_for_correlated(shape):
+    found = [noise_of_points(shape.noisy("nrm", level, seed), shape.faces) for seed in range(4) for level in (0.1, 0.4)]
+    assert [noise.spread for noise in found] == [0] * 8
 
 
 # Mean angles between normals, degrees, with a tenth to spare beside those that were measured.
@@ -327,7 +333,14 @@ def test_the_estimated_risk_of_a_method_is_its_error_on_what_it_was_given(shape,
     for method, time in methods:
         flow = method.engine(surface, PointSetting())
         states = tuple(next(method.states(flow, start, (time * edge**2,))) for start in risk.starts)
-        away = [np.einsum("ij,ij->i", state - shape.points, risk.normals) for state in states]
+        along = [np.einsum("ij,ij->i", state - shape.points, risk.normals) for state in states]
+        since = [
+            np.einsum("ij,ij->i", *at)
+            for at in ((s - o, risk.normals) for s, o in zip(states, risk.starts, strict=True))
+        ]
+        away = [
+            one - other.mean() for one, other in zip(along, since, strict=True)
+        ]  # mean offsets are removed in the end
         true = np.mean(np.square(away))
         folds = WEIGHT * np.mean([folded(state, shape.faces, risk.across) for state in states])
         off.append(risk.of_states(states) / noise.sigma**2 - folds - true / noise.sigma**2)
