@@ -137,7 +137,7 @@ def smooth(
         issued as :class:`MeshflowWarning` where it is not returned.
     :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh``); of grids ``spacing``, ``missing``,
         ``nodata``; of heights and depths ``unit``; of depths ``camera``, ``depth_scale`` (units per metre), ``measure``,
-        ``jump``, ``time_unit``; of meshes ``channels``, ``moves``.
+        ``jump``, ``time_unit``; of meshes ``channels``, ``moves``; of tables of points ``channels``, ``max_edge``.
     :returns: the same kind of data, smoothed. Integers are returned as floating point, because rounding would undo the smoothing.
     :raises InputError: for data that cannot be smoothed, or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.

@@ -255,11 +255,15 @@ def test_a_hole_in_a_terrain_is_missing():
 @pytest.mark.parametrize(
     "bend", [lambda x, y: (x + 0.1 * y, y), lambda x, y: (x**2, y), lambda x, y: (x, y + 0.2 * np.sin(x))]
 )
-def test_a_warped_grid_is_refused_with_the_way_out(bend):
+def test_a_warped_grid_is_a_mesh_above_x_and_y_unless_it_lies_above_itself(bend):
     x, y = np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij")
     grid = pyvista.StructuredGrid(*bend(x, y), x * 0)
+    taken = from_object(grid)
+    assert taken.data.points.shape == (20, 2)
+    assert np.array_equal(taken.to_object(taken.data).points, grid.points)
+    folded = pyvista.StructuredGrid(np.abs(x - 2), y, x * 0)
     with pytest.raises(InputError, match=r"\.extract_surface\(\)\.triangulate\(\)"):
-        from_object(grid)
+        from_object(folded)
     assert len(from_object(grid.extract_surface(algorithm="dataset_surface").triangulate()).data.faces) == 24
 
 
@@ -323,7 +327,7 @@ def terrain():
             {"fixed": np.zeros((4, 5), bool)},
             "fixed: a constraint, no option of a reader; give constraints=Fixed",
         ),
-        (terrain, {"channels": "z"}, "channels: no option of"),
+        (terrain, {"channels": "z"}, "the name of a point array expected"),
         (terrain, {"kind": "image"}, "kind='image'"),
     ],
 )

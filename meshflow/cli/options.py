@@ -12,7 +12,7 @@ __all__ = ["ALL", "DRAWING", "FILES", "PLACING", "READING", "flags"]
 INPUT, OUTPUT, LOOK = "Input file", "Output", "Appearance"
 FILES = (
     "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM; "
-    "organised PCD; PNG, JPEG; .npy, .npz; DATA.zarr/VARIABLE."
+    "organised PCD; CSV (points); PNG, JPEG; .npy, .npz; DATA.zarr/VARIABLE."
 )
 QUANTITIES = Literal["curvature", "edges", "triangles", "samples"]
 COMPARED = Literal["removed", "curvature", "edges", "triangles", "samples"]
@@ -115,7 +115,13 @@ ALL: tuple[Flag, ...] = (
         None,
         ("--z-unit",),
     ),
-    Flag("channels", str | None, "Vertex attribute of a mesh to smooth: its name, or 'colors'.", INPUT),
+    Flag(
+        "channels",
+        str | None,
+        "Vertex attribute of a mesh, or columns of a table, to smooth: name, or 'colors'.",
+        INPUT,
+    ),
+    Flag("max_edge", float | None, "Table of points: the longest edge of a triangle between them.", INPUT),
     Flag(
         "moves",
         Literal["points", "channels", "all"] | None,
@@ -294,7 +300,7 @@ ALL: tuple[Flag, ...] = (
     Flag("memory", int, "Megabytes of states to keep in memory; others are computed again.", LOOK, 1024),
 )
 READING = (
-    "kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "viewpoint", "allow_remote",
+    "kind", "camera", "depth_scale", "measure", "band", "nodata", "spacing", "channels", "max_edge", "viewpoint", "allow_remote",
 )  # fmt: skip
 # What of a raster is read, and where it lies.
 PLACING = ("window", "bounds", "crs", "unit")

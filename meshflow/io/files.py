@@ -27,6 +27,7 @@ __all__ = ["Document", "format_of", "read", "read_with", "writable", "write"]
 
 MESHES = frozenset({".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".vtp", ".vtu", ".vtk", ".vtm", ".3mf"})
 ARRAYS = frozenset({".npy", ".npz"})
+TABLES = frozenset({".csv", ".tsv", ".xyz"})
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 TIFF = frozenset({".tif", ".tiff"})
 # The extensions suggested where a format does not hold the data.
@@ -112,6 +113,12 @@ def _pictures() -> Format:
     return pictures
 
 
+def _point_tables() -> Format:
+    from meshflow.io.formats import point_tables
+
+    return point_tables
+
+
 def _rasters() -> Format:
     from meshflow.io.formats import rasters
 
@@ -144,6 +151,15 @@ def _is_mesh(path: Path, options: ReadOptions) -> bool:
     return options.kind == "mesh" or (options.kind is None and path.suffix.lower() in MESHES)
 
 
+def _is_point_table(path: Path, options: ReadOptions) -> bool:
+    suffix = path.suffix.lower()
+    if suffix != ".xyz" or options.kind != "terrain":
+        return suffix in (".csv", ".tsv")
+    from meshflow.io.formats.point_tables import is_scattered
+
+    return is_scattered(path)  # GDAL reads grids as lines of x, y, z
+
+
 def _is_depth_image(path: Path, options: ReadOptions) -> bool:
     return options.kind == "depth" or (options.kind is None and options.camera is not None)
 
@@ -162,6 +178,7 @@ FORMATS = (
     Entry(_range_grids, frozenset({".ply"}), _is_range_grid),
     Entry(_pcd, frozenset({".pcd"}), _is_pcd),
     Entry(_e57, frozenset({".e57"}), _is_e57),
+    Entry(_point_tables, TABLES, _is_point_table),
     Entry(_meshes, MESHES, _is_mesh),
     Entry(_depth_images, frozenset({".png"}) | TIFF, _is_depth_image),
     Entry(_pictures, PICTURES | TIFF, _is_picture),
@@ -173,8 +190,8 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
     """Read a file.
 
     Meshes are recognized by their extension, except that a PLY with a range grid is a range image. ``.npy`` and ``.npz`` are
-    arrays. A picture is a depth image if a camera is given, else an image. Everything else is a raster that GDAL opens: one
-    band is a terrain, several bands are an image.
+    arrays, ``.csv`` tables of points. A picture is a depth image if a camera is given, else an image. Everything else is a
+    raster that GDAL opens: one band is a terrain, several bands are an image.
 
     Example:
 
@@ -185,7 +202,7 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
     :param metadata: what the file does not contain itself (:class:`ReadOptions`): ``kind`` (``terrain | image | depth |
         mesh``), where the guess would be wrong; for rasters and arrays ``band``, ``nodata``, ``spacing``; for depths
         ``camera``, ``depth_scale`` (units per metre), ``measure``, ``time_unit``, ``jump``; for scans ``viewpoint``; for
-        meshes ``channels``, ``moves``.
+        meshes ``channels``, ``moves``; for tables of points ``channels``, ``max_edge``.
     :raises FormatError: when the file cannot be read; the message says why, and what can be read.
     :raises InputError: for an option that does not exist or does not apply to the file; the message lists those that do.
     """

@@ -73,6 +73,7 @@ class Metadata(TypedDict, total=False):
     unit: str | None
     channels: ArrayLike | None
     moves: Moves | None
+    max_edge: float | None
     camera: CameraLike | None
     depth_scale: float | None
     measure: Measure | None
@@ -99,6 +100,7 @@ class ReadOptions:
     :param unit: the name of the unit of heights or depths, for reports and pictures.
     :param channels: for a mesh: (n, k), or the name of an attribute of its vertices, or ``"colors"``.
     :param moves: for a mesh with channels: ``points | channels | all``.
+    :param max_edge: for scattered points: the longest edge of a triangle between them, in the unit of their places.
     :param camera: for depths: the camera itself, the name of a convention, or the path of a file
         (:func:`meshflow.read_camera`).
     :param depth_scale: units per metre of stored depths.
@@ -122,6 +124,7 @@ class ReadOptions:
     unit: str | None = None
     channels: ArrayLike | None = None
     moves: Moves | None = None
+    max_edge: float | None = None
     camera: CameraLike | None = None
     depth_scale: float | None = None
     measure: Measure | None = None

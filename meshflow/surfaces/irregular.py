@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError, NothingThere
-from meshflow.geometry.validation import Array, brief, mask_of, real
+from meshflow.geometry.validation import Array, mask_of, real
 from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["Irregular", "Vertices", "present", "used"]
@@ -39,8 +39,9 @@ class Vertices:
             home[there] = np.arange(len(there))
             return cls(home, there)
         _, first, which = np.unique(place[there], return_index=True, return_inverse=True)
-        home[there] = which.reshape(-1)
-        return cls(home, there[first])
+        order = np.argsort(first)  # of appearance
+        home[there] = np.argsort(order)[which.reshape(-1)]
+        return cls(home, there[first[order]])
 
     def means(self, values: Array) -> Array:
         """The values (v, k) of the vertices of those (n, k) of the samples: the means of samples at one place."""
@@ -116,8 +117,10 @@ class Irregular(ABC):
         return values.reshape(-1)[self.vertices.first]
 
     def __repr__(self) -> str:
-        gone = (self.vertices.home < 0).reshape(self.shape)
-        return brief(self, self.columns.reshape(*self.shape, -1), gone)
+        gone, (n, k) = int((self.vertices.home < 0).sum()), self.columns.shape
+        size = f"{n} points" if len(self.shape) == 1 else " x ".join(map(str, self.shape))
+        channels = f" x {k} channels" if k > 1 else ""
+        return f"{type(self).__name__}({size}{channels} {self.columns.dtype}, {gone} missing)"
 
 
 def present(values: ArrayLike, places: Array, missing: ArrayLike | None, what: str) -> tuple[Array, Array]:

@@ -6,13 +6,15 @@ import numpy as np
 import pyvista
 from numpy.typing import ArrayLike
 
-from meshflow.errors import InputError
+from meshflow.errors import Fact, InputError
 from meshflow.geometry.validation import Array, nowhere, spacing_of
 from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions, looked_up
 from meshflow.io.vertex_merging import fitted
+from meshflow.surfaces.curvilinear import Curvilinear
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["from_image_data", "from_structured_grid"]
 
@@ -62,12 +64,12 @@ def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
 
 
 def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> Imported:
-    """Import a StructuredGrid with one layer; z moves above evenly spaced x and y.
+    """Import a StructuredGrid with one layer; z moves above x and y, or, on the surface as it is, a named array.
 
-    :param options: ``spacing``, ``nodata``.
-    :raises InputError: for several layers, or x and y that are not evenly spaced along the axes; the message says what to do.
+    :param options: ``spacing``, ``nodata``; ``channels``, the name of an array of its points.
+    :raises InputError: for several layers, or cells that lie above each other; the message says what to do.
     """
-    options.must_belong("a StructuredGrid, of which z moves", ("kind", "spacing", "nodata"))
+    options.must_belong("a StructuredGrid, of which z moves", ("kind", "spacing", "nodata", "channels"))
     if options.kind not in (None, "terrain"):
         raise InputError(f"kind={options.kind!r}: a StructuredGrid is a terrain, its z moves; images come as ImageData")
     long = [size for size in grid.dimensions if size > 1]
@@ -77,12 +79,80 @@ def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> 
             "take its surface: .extract_surface().triangulate()"
         )
     points = np.array(grid.points)
-    order, steps = _laid_out(points, long[1], long[0])
+    if options.channels is not None:
+        return _on_surface(grid, points.reshape(long[1], long[0], 3), options)
+    laid_out = _laid_out(points, long[1], long[0])
+    if laid_out is None:
+        return _above_plane(grid, points.reshape(long[1], long[0], 3))
+    order, steps = laid_out
     if options.spacing is not None:
         steps = spacing_of(options.spacing, len(order))
     data = HeightField(points[order, 2], steps, nowhere(options.missing_in(points[order, 2])))
-    to_object = partial(_to_structured_grid, grid.copy(deep=True), order)
+    kept = grid.copy(deep=True)
+
+    def to_object(smoothed: HeightField) -> pyvista.StructuredGrid:
+        """The grid with other heights."""
+        return _to_structured_grid(kept, order, smoothed.z)
+
     return Imported(data, to_object, samples=partial(_samples, grid.point_data, order))
+
+
+def _above_plane(grid: pyvista.StructuredGrid, points: Array) -> Imported:
+    """The import of a terrain (h, w, 3) whose x and y are curved or unevenly spaced; z moves.
+
+    :raises InputError: for cells that lie above each other.
+    """
+    one, two = np.diff(points[:-1, :, :2], axis=1), np.diff(points[:, :-1, :2], axis=0)
+    turn = one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]
+    if not ((turn > 0).all() or (turn < 0).all()):
+        raise InputError(
+            "StructuredGrid: cells side by side in x and y expected, so that z alone moves; these lie above each other. As a "
+            "mesh that moves in space: .extract_surface().triangulate(); or name the array that moves: channels='name'"
+        )
+    data = Curvilinear(points[..., 0], points[..., 1], points[..., 2])
+
+    def to_object(mesh: Mesh) -> pyvista.StructuredGrid:
+        """The grid with other heights."""
+        return _to_structured_grid(grid, np.arange(grid.n_points), data.holding(mesh).columns[:, 0])
+
+    note = Fact("x and y are curved or unevenly spaced: z is smoothed on a mesh")
+    return Imported(data.mesh, to_object, (note,), partial(_vertices, grid.point_data, data))
+
+
+def _on_surface(grid: pyvista.StructuredGrid, points: Array, options: ReadOptions) -> Imported:
+    """The import of an array of the points (h, w, 3) of a surface, which moves.
+
+    :raises InputError: for an array that is not there.
+    """
+    options.must_belong("a StructuredGrid, of which an array moves", ("kind", "channels"))
+    name = options.attribute
+    if name is None or name not in grid.point_data:
+        there = ", ".join(grid.point_data.keys()) or "none"
+        raise InputError(
+            f"channels={options.attribute or '...'!r}: the name of a point array expected; there are {there}"
+        )
+    array = np.array(grid.point_data[name])
+    values = array.reshape(*points.shape[:2], *array.shape[1:])
+    data = Curvilinear(points[..., 0], points[..., 1], values, points[..., 2])
+
+    def to_object(mesh: Mesh) -> pyvista.StructuredGrid:
+        """The grid with another array."""
+        new = grid.copy(deep=True)
+        new.point_data[name] = data.holding(mesh).columns.reshape(array.shape)
+        return new
+
+    return Imported(data.mesh, to_object, (), partial(_vertices, grid.point_data, data))
+
+
+def _vertices(
+    data: pyvista.DataSetAttributes, grid: Curvilinear, given: ArrayLike | None, word: str
+) -> ArrayLike | None:
+    """One number per vertex: of the array of a name, or of an array with one for each point."""
+    if isinstance(given, str):
+        found = np.array(data[given]) if given in data else None
+        given = looked_up(given, word, (found, data.keys()))
+    values = np.asarray(given)
+    return grid.aligned(values.reshape(grid.shape) if values.size == np.prod(grid.shape) and values.ndim else given)
 
 
 def _samples(data: pyvista.DataSetAttributes, order: Array, given: ArrayLike | None, word: str) -> ArrayLike | None:
@@ -131,19 +201,17 @@ def _to_image_data(
     return new
 
 
-def _to_structured_grid(grid: pyvista.StructuredGrid, order: Array, data: HeightField) -> pyvista.StructuredGrid:
+def _to_structured_grid(grid: pyvista.StructuredGrid, order: Array, z: Array) -> pyvista.StructuredGrid:
+    """The grid with other heights."""
     new = grid.copy(deep=True)
     points = np.array(new.points)
-    points[order, 2] = data.z
+    points[order, 2] = z
     new.points = points
     return new
 
 
-def _laid_out(points: Array, rows: int, columns: int) -> tuple[Array, tuple[float, float]]:
-    """Where the points of a terrain stand, northmost row first: indices (h, w), and (dx, dy).
-
-    :raises InputError: when x and y are not evenly spaced along the axes.
-    """
+def _laid_out(points: Array, rows: int, columns: int) -> tuple[Array, tuple[float, float]] | None:
+    """Where the points of a terrain stand, northmost row first: indices (h, w), and (dx, dy); None where they are not even."""
     order = np.arange(len(points)).reshape(rows, columns)
     x, y = points[:, 0].astype(np.float64), points[:, 1].astype(np.float64)
     if abs(x[order[0, 1]] - x[order[0, 0]]) < abs(y[order[0, 1]] - y[order[0, 0]]):
@@ -157,8 +225,5 @@ def _laid_out(points: Array, rows: int, columns: int) -> tuple[Array, tuple[floa
     even_x = np.abs(x[order] - (x[order[0, 0]] + dx * np.arange(w))).max() if dx > 0 else np.inf
     even_y = np.abs(y[order] - (y[order[0, 0]] - dy * np.arange(h))[:, None]).max() if dy > 0 else np.inf
     if not (even_x <= _UNEVEN * dx and even_y <= _UNEVEN * dy):
-        raise InputError(
-            "StructuredGrid: x and y evenly spaced along the axes expected, so that z alone moves; these are not. "
-            "As a mesh that moves in space: .extract_surface().triangulate()"
-        )
+        return None
     return order, (float(dx), float(dy))

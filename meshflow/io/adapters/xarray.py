@@ -1,16 +1,19 @@
 """Imports xarray.DataArray; results keep dimensions, coordinates, attributes and CRS."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, Spacing, mask_of, real, spacing_of
+from meshflow.io.adapters.xarray_irregular import irregular_of, steps_of
 from meshflow.io.document import Imported
-from meshflow.io.metadata import ReadOptions
+from meshflow.io.metadata import ReadOptions, as_given
 from meshflow.io.spacing import (
     between_samples,
     columns_of_a_turn,
@@ -24,6 +27,8 @@ from meshflow.io.spacing import (
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.irregular import Irregular
+from meshflow.surfaces.mesh import Mesh
 
 if TYPE_CHECKING:
     from rasterio.crs import CRS
@@ -73,9 +78,14 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     Results are new DataArrays of float32 or float64, with a nodata value in the encoding, so that ``to_raster`` and
     ``to_netcdf`` neither quantize them nor lose missing samples.
 
+    Without even coordinates (two dimensions of lon and lat; uneven spacing) the samples are a mesh of which the values move.
+
     :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``, ``nodata``.
-    :raises InputError: for a Dataset, other dimensions with several entries, irregular coordinates, or other options.
+    :raises InputError: for a Dataset, other dimensions with several entries, or other options.
     """
+    uneven = _uneven(data, options)
+    if uneven is not None:
+        return uneven
     said = described(data, options)
     values = said.values()
     gone = _gone(said.array, values)
@@ -87,6 +97,36 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         found = HeightField(values, said.spacing, missing, unit=said.unit, period=period)
     notes = said.notes + said_of_turn(period)
     return Imported(found, lambda smoothed: said.holding(np.array(array_of(smoothed)), bool(gone.any())), notes)
+
+
+def _uneven(data: object, options: ReadOptions) -> Imported | None:
+    """The import of a DataArray without even coordinates; None where they are even, or the spacing is given."""
+    array = _data_array(data)
+    if options.spacing is not None or array.ndim < 2:
+        return None
+    layout = _layout(array)
+    ordered = array.transpose(*layout.order)
+    shape = ordered.shape[len(layout.leading) :]
+    values = real(ordered.to_numpy(), str(array.name or "DataArray")).reshape(shape)
+    gone = _gone(array, values)
+    found = irregular_of(array, (layout.y, layout.x), values, gone)
+    if found is None:
+        return None
+    options.must_belong("a DataArray without even coordinates", ("kind", "missing", "nodata"))
+    more = options.missing_in(values)
+    taken, note = found if more is None else (replace(found[0], missing=gone | more), found[1])
+    said = Described(array, ordered, shape, (1.0, 1.0), Image, "", ())
+
+    def to_object(mesh: Mesh) -> "DataArray":
+        """The DataArray with the values of the mesh."""
+        return said.holding(taken.holding(mesh).columns.reshape(shape), bool(gone.any()))
+
+    return Imported(taken.mesh, to_object, (note, *_unscaled(array)), partial(_aligned, taken))
+
+
+def _aligned(taken: Irregular, given: ArrayLike | None, word: str) -> ArrayLike | None:
+    """An option of one number per sample, in the order of the vertices."""
+    return taken.aligned(as_given(given, word))
 
 
 class Shaped(Protocol):
@@ -287,14 +327,12 @@ def _regular(coordinate: "DataArray") -> float:
     name = coordinate.name
     if along.dtype.kind not in "fiu" or along.size < 2:
         raise InputError(f"{name}: at least two numbers expected along it, got {along.size} of {along.dtype}")
-    rounding = 4 * float(np.finfo(along.dtype).eps) * float(np.abs(along).max()) if along.dtype.kind == "f" else 0.0
-    steps = np.diff(along.astype(np.float64))
-    step = float(steps.mean())
-    worst = float(np.abs(steps - step).max())
-    if not step or not worst <= 1e-3 * abs(step) + rounding:
+    step, even = steps_of(along)
+    if not even:
+        steps = np.diff(along.astype(np.float64))
         raise InputError(
-            f"{name}: regular coordinates expected, got steps of {steps.min():g} to {steps.max():g}; "
-            f"resample first: array.interp({name}=numpy.linspace(...)), or give spacing=(dx, dy)"
+            f"{name}: regular coordinates expected, got steps of {steps.min():g} to {steps.max():g}; load it first "
+            f"(array.load()), resample it: array.interp({name}=numpy.linspace(...)), or give spacing=(dx, dy)"
         )
     return abs(step)
 

@@ -37,7 +37,10 @@ _KNOWN = {
     ".gz": ("an archive", _ARCHIVE),
 }
 # GDAL reads some of these: grids as lines of x, y, z.
-_PERHAPS = {".xyz": ("a point cloud, not a grid in rows", CLOUD), ".zip": ("an archive", _ARCHIVE)}
+_PERHAPS = {
+    ".xyz": ("a point cloud, not a grid in rows", f"{CLOUD}; heights over x and y are read with kind='terrain'"),
+    ".zip": ("an archive", _ARCHIVE),
+}
 
 
 def must_be_known(path: Path) -> None:
