@@ -109,12 +109,12 @@ def _uneven(data: object, options: ReadOptions) -> Imported | None:
     shape = ordered.shape[len(layout.leading) :]
     values = real(ordered.to_numpy(), str(array.name or "DataArray")).reshape(shape)
     gone = _gone(array, values)
-    found = irregular_of(array, (layout.y, layout.x), values, gone)
+    more = options.missing_in(values)
+    found = irregular_of(array, (layout.y, layout.x), values, gone if more is None else gone | more)
     if found is None:
         return None
     options.must_belong("a DataArray without even coordinates", ("kind", "missing", "nodata"))
-    more = options.missing_in(values)
-    taken, note = found if more is None else (replace(found[0], missing=gone | more), found[1])
+    taken, note = found
     said = Described(array, ordered, shape, (1.0, 1.0), Image, "", ())
 
     def to_object(mesh: Mesh) -> "DataArray":
