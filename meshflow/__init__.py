@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
     from meshflow.flow.engines.grid import GridFlow
     from meshflow.flow.engines.mesh import MeshFlow
+    from meshflow.flow.engines.volume import VolumeFlow
     from meshflow.flow.family import Variant
     from meshflow.flow.march import State, march
     from meshflow.flow.methods import (
@@ -79,6 +80,7 @@ if TYPE_CHECKING:
     from meshflow.surfaces.scanner import Scanner, Spherical
     from meshflow.surfaces.scattered import Scattered
     from meshflow.surfaces.surface import Surface
+    from meshflow.surfaces.volume import Volume
     from meshflow.viewer.filming import film
 
 _HOMES = {
@@ -110,6 +112,7 @@ _HOMES = {
     ),
     "flow.engines.grid": ("GridFlow",),
     "flow.engines.mesh": ("MeshFlow",),
+    "flow.engines.volume": ("VolumeFlow",),
     "flow.march": (
         "State",
         "march",
@@ -198,6 +201,7 @@ _HOMES = {
     "surfaces.scattered": ("Scattered",),
     "surfaces.free": ("Axes", "Rays"),
     "surfaces.surface": ("Surface",),
+    "surfaces.volume": ("Volume",),
     "viewer.filming": ("film",),
 }
 __all__ = sorted(name for names in _HOMES.values() for name in names)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -112,10 +112,11 @@ def smooth(
         >>> round(result.noise.sigma)
         2
 
-    :param data: a numpy array of shape (h, w), a height field, or (h, w, k), an image of k channels; NaN and masked samples are
-        missing. ``(points, faces)`` is a mesh. Also ``trimesh.Trimesh``; ``pyvista`` PolyData, ImageData and StructuredGrid;
-        ``open3d`` meshes and depth images; ``meshio.Mesh``; ``xarray.DataArray``, and arrays of ``dask``, which come back lazy;
-        ``trimesh.Scene`` and ``pyvista.MultiBlock``, smoothed part by part; a data object of meshflow; a document; a path.
+    :param data: a numpy array of shape (h, w), a height field, or (h, w, k), an image of k channels; with ``kind="volume"``
+        (d, h, w), a volume; NaN and masked samples are missing. ``(points, faces)`` is a mesh. Also ``trimesh.Trimesh``;
+        ``pyvista`` PolyData, ImageData and StructuredGrid; ``open3d`` meshes and depth images; ``meshio.Mesh``;
+        ``xarray.DataArray``, and arrays of ``dask``, which come back lazy; ``trimesh.Scene`` and ``pyvista.MultiBlock``,
+        smoothed part by part; a data object of meshflow; a document; a path.
     :param method: a method such as ``PeronaMalik(sharpness=2)``, or its name, which stands for the class with its defaults.
         ``"quick"`` is one fixed choice for all data. None: a method is searched for.
     :param time: how long the flow runs, squared length; or ``scale``, of the equal Gaussian on flat data: time = scale² / 2.
@@ -135,9 +136,9 @@ def smooth(
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param result: return a :class:`Result`; of several parts, :class:`Results`; of lazy data, :class:`Outcome`. Its warnings are
         issued as :class:`MeshflowWarning` where it is not returned.
-    :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh``); of grids ``spacing``, ``missing``,
-        ``nodata``; of heights and depths ``unit``; of depths ``camera``, ``depth_scale`` (units per metre), ``measure``,
-        ``jump``, ``time_unit``; of meshes ``channels``, ``moves``; of tables of points ``channels``, ``max_edge``.
+    :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh | volume``); ``spacing``, ``missing``,
+        ``nodata`` of grids; ``unit`` of heights and depths; ``camera``, ``depth_scale`` (units per metre), ``measure``, ``jump``,
+        ``time_unit`` of depths; ``channels``, ``moves`` of meshes; ``channels``, ``max_edge`` of tables of points.
     :returns: the same kind of data, smoothed. Integers are returned as floating point, because rounding would undo the smoothing.
     :raises InputError: for data that cannot be smoothed, or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.

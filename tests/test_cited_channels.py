@@ -132,7 +132,7 @@ def test_steps_by_the_loss_of_area_shorten_as_the_noise_goes():
     ("shape", "words"),
     [
         ((500, 3), r"looks like points: a mesh is \(points, faces\).*kind='terrain'"),
-        ((12, 14, 16), "looks like a volume.*kind='image'"),
+        ((12, 14, 16), "looks like a volume.*kind='volume'.*kind='image'"),
         ((3, 40, 50), "3 channels that come first.*moveaxis"),
     ],
 )

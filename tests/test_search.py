@@ -9,15 +9,16 @@ from helpers import shapes
 from helpers.parts import parts
 
 import meshflow
-from meshflow.estimate import grid_search
+from meshflow.estimate import search_rounds
 from meshflow.estimate.constraints import Fixed, Mask, MaxChange
 from meshflow.estimate.families import FAMILY, configurations
 from meshflow.estimate.grid_risk import probed
-from meshflow.estimate.grid_search import GridSearch, searched_on_grid
+from meshflow.estimate.grid_search import searched_on_grid
 from meshflow.estimate.pieces import pieces_of, spread, whole
 from meshflow.estimate.probes import probes
 from meshflow.estimate.reported import risk_of
 from meshflow.estimate.risk import PROBE, TWICE, Candidate, Configuration
+from meshflow.estimate.search_rounds import GridSearch
 from meshflow.estimate.sure import risks_on
 from meshflow.flow.compute import Compute
 from meshflow.flow.engines.grid import GridFlow
@@ -160,7 +161,7 @@ def test_probes_correlate_as_the_noise_does(between):
 def test_where_nothing_is_surely_better_the_data_stays_to_the_bit(monkeypatch):
     _, z = noisy(n=48)
     assert meshflow.smooth(z, result=True).end.step > 0
-    monkeypatch.setattr("meshflow.estimate.grid_search._error", lambda differences, sizes: np.inf)
+    monkeypatch.setattr("meshflow.estimate.search_rounds._error", lambda differences, sizes: np.inf)
     result = meshflow.smooth(z, result=True)
     assert "data left unchanged" in result.stopped_because
     assert result.candidates
@@ -358,13 +359,13 @@ def test_a_steep_plane_is_given_to_the_heat_equation():
 def test_a_second_round_without_a_credible_estimate_keeps_what_the_first_found(monkeypatch):
     z = ramps(512) + 2.0 * np.random.default_rng(3).normal(size=(512, 512))
     grid = HeightField(z, 1.0).gridded(Lift())
-    best, rounds = grid_search._Runs.best, []
+    best, rounds = search_rounds.Runs.best, []
 
     def fails_once(self, times, patience):
         rounds.append(len(self.parts))
         return [] if len(rounds) == 2 else best(self, times, patience)
 
-    monkeypatch.setattr(grid_search._Runs, "best", fails_once)
+    monkeypatch.setattr(search_rounds.Runs, "best", fails_once)
     like = Variant(indicator=Beltrami().indicator, mass=Beltrami().mass)
     made = configurations(FAMILY, 0.5, like, None)
     found = searched_on_grid(grid, GridSearch(made, True, np.full((1, 1, 1), 2.0), None, (0.0,), threads=1))

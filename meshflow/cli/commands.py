@@ -31,7 +31,7 @@ from meshflow.cli.spoken import spoken
 from meshflow.cli.stores import is_of_stores, smooth_store
 from meshflow.cli.tables import methods_table, options_table
 from meshflow.errors import InputError, MissingPackage, NotConverged
-from meshflow.estimate.planner import words_on
+from meshflow.estimate.suits import words_on
 from meshflow.evaluate.facts import describe
 from meshflow.fusing import fuse_frames as fused
 from meshflow.io.document import Document, Writing

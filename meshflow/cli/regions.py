@@ -13,6 +13,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.options import nearest
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Document
+from meshflow.surfaces.data import on_surface
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -105,7 +106,7 @@ class _Names:
     @classmethod
     def of(cls, document: Document) -> "_Names":
         """The names of a document."""
-        data = document.data
+        data = on_surface(document.data, "regions by an expression")
         if isinstance(data, Mesh):
             arrays = dict(zip("xyz", np.asarray(data.points, np.float64).T, strict=False))
             return cls(document, (len(data.points),), arrays)

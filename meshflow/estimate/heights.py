@@ -6,22 +6,36 @@ from typing import Any
 import numpy as np
 
 from meshflow.estimate.base import base_of
+from meshflow.estimate.choices import (
+    HARM,
+    UNSURE,
+    begun,
+    channels_of,
+    chosen,
+    exponents_found,
+    filled,
+    no_noise,
+    of_twicing,
+    ruled,
+    timed,
+    what_is_known,
+)
 from meshflow.estimate.families import CHANNEL_FAMILY, FAMILY, MESH_FAMILY, RAY_FAMILY, Family, configurations
-from meshflow.estimate.grid_search import Found, GridSearch, searched_on_grid
+from meshflow.estimate.grid_search import searched_on_grid
 from meshflow.estimate.mesh_search import LOOKED_AT, TIMES, MeshSearch, searched_on_mesh
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
-from meshflow.estimate.plan import GIVEN, Decided, Part, Plan, size_of
+from meshflow.estimate.plan import GIVEN, Decided, Plan
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE, Configuration
+from meshflow.estimate.search_rounds import Found, GridSearch
 from meshflow.estimate.variational import at_rest
 from meshflow.flow.constraints import Limit
 from meshflow.flow.family import Variant
-from meshflow.flow.methods.beltrami import Beltrami, Heat, HeightMethod
 from meshflow.flow.methods.searched import Search
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Data, array_of
-from meshflow.surfaces.grid import Grid, Lift
+from meshflow.surfaces.data import Data, array_of, on_surface
+from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -49,10 +63,6 @@ EDGE = 1.5
 # panels, a ball and a box is 10 to 12 times that, for noise that grows with the depth and noise that does not.
 # The time is limited to RAY_MOST, since no camera has more noise.
 RAY_TIME, RAY_MOST = 10.0, 100.0
-HARM = "data left unchanged: every method was estimated to increase the error"
-UNSURE = (
-    "data left unchanged: no method lowers the error by more than its estimate may be wrong; give a method to smooth it"
-)
 STEPPED = (
     "the depths come in steps larger than their noise, so the risk cannot be estimated: no search was done, the time was "
     "chosen by the noise"
@@ -71,8 +81,8 @@ def as_they_are(data: Data, request: Request, noise: Noise, mobility: Array | No
         contrast, how = EDGE * data.step / sigma, Decided("estimated", f"{EDGE:g} h / sigma")
     else:
         contrast, how = 1.0, Decided("default", "lengths as they are")
-    plan = _begun(data, request, noise, mobility)
-    return _ruled(plan, contrast, how, MESH_TIME, "half a squared edge")
+    plan = begun(data, request, noise, mobility)
+    return ruled(plan, contrast, how, MESH_TIME, "half a squared edge")
 
 
 def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
@@ -81,8 +91,8 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
     :param mobility: (n, 1), of each sample.
     """
     asked, sigma = request.heights, noise.sigma * request.strength
-    plan, rounded = _begun(data, request, noise, mobility), noise.is_rounded
-    (exponents, edge), much = ONE if _channels(data) == 1 or isinstance(data, Mesh) else OF_CHANNELS, ONE_TIME
+    plan, rounded = begun(data, request, noise, mobility), noise.is_rounded
+    (exponents, edge), much = ONE if channels_of(data) == 1 or isinstance(data, Mesh) else OF_CHANNELS, ONE_TIME
     if request.named:
         edge, much = asked.edge, GRID_TIME * asked.slower
     elif rounded:
@@ -94,12 +104,12 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
     else:
         contrast, how = 1.0, Decided("default", "no noise found")
     if sigma <= 0 and asked.contrast is None and not plan.variant.linear:
-        plan = replace(plan, warnings=(f"{_found(noise)}; contrast 1 is taken", *plan.warnings))
+        plan = replace(plan, warnings=(f"{what_is_known(noise)}; contrast 1 is taken", *plan.warnings))
     if not request.named:
-        plan = replace(plan, method=_filled(request, replace(plan.variant, **exponents), contrast, 0.0))
+        plan = replace(plan, method=filled(request, replace(plan.variant, **exponents), contrast, 0.0))
         if sigma > 0 and not rounded and isinstance(data, (HeightField, Image)):
             plan = replace(plan, base=base_of(data.gridded(plan.lift), sigma, request.compute.threads))
-    plan = _ruled(plan, contrast, how, much, f"{much:g} h²")
+    plan = ruled(plan, contrast, how, much, f"{much:g} h²")
     if not asked.fits_noise or sigma <= 0 or request.until_time is not None or request.stops:
         return plan
     return at_rest(plan, sigma)
@@ -112,86 +122,17 @@ def tuned(data: Data, request: Request, noise: Noise, mobility: Array | None = N
     """
     asked, sigma, timed = request.heights, noise.sigma * request.strength, request.until_time
     if sigma == 0 and not request.asked:
-        plan = replace(_begun(data, request, noise, mobility), idle=no_noise(noise))
+        plan = replace(begun(data, request, noise, mobility), idle=no_noise(noise))
         return plan.with_({"time": Decided("default", "nothing to remove")})
     # A method given by exponents has a contrast by rule; a named method has a list of contrasts to choose from.
-    ruled = request.named and asked.ruled
-    known = timed is not None and (ruled or timed == 0)
-    open_ = request.searching and sigma > 0 and request.steps is None and asked.searches_for(_channels(data))
+    by_contrast = request.named and asked.ruled
+    known = timed is not None and (by_contrast or timed == 0)
+    open_ = request.searching and sigma > 0 and request.steps is None and asked.searches_for(channels_of(data))
     if open_ and not (known or noise.is_rounded):
-        found = _searched(_begun(data, request, noise, mobility), sigma)
+        found = _searched(begun(data, request, noise, mobility), sigma)
         if found is not None:
             return found
     return by_rule(data, request, noise, mobility)
-
-
-def _channels(data: Data) -> int:
-    """The number of values of a sample."""
-    (shape, n) = size_of(data)
-    return int(np.prod(shape)) // n
-
-
-def _begun(data: Data, request: Request, noise: Noise, mobility: Array | None) -> Plan:
-    """A plan with the given options and the exponents of the paper for the others, before anything is chosen."""
-    asked = request.heights
-    method: HeightMethod = asked
-    if isinstance(asked, Search):
-        method = Beltrami(indicator=asked.indicator, mass=asked.mass)
-    boundary = GIVEN if request.boundary else Decided("default", "weights of zero and above" if request.rim else "")
-    origin: Origin = "given" if request.named else "default"
-    decided = {name: Decided(origin) for name in ("method", "gamma", "sharpness", "patch")}
-    lift = Lift(1.0, request.compute.diagonals, request.rim)
-    return Plan(data, request, noise, method, lift, 0.0, {**decided, "boundary": boundary}, mobility=mobility)
-
-
-def _filled(request: Request, variant: Variant, contrast: float, twicing: float) -> HeightMethod:
-    """The named method, or that of the found exponents, with its numbers."""
-    asked = request.heights
-    if request.named:
-        return replace(asked, contrast=None if variant.linear else contrast, twicing=twicing)
-    if variant.linear:
-        return Heat(twicing=twicing, mass=asked.mass)
-    return Beltrami(
-        gamma=variant.gamma,
-        sharpness=variant.sharpness,
-        patch=variant.patch,
-        contrast=contrast,
-        twicing=twicing,
-        indicator=asked.indicator,
-        mass=asked.mass,
-    )
-
-
-def _with(request: Request, found: Configuration) -> HeightMethod:
-    """The method of a configuration that was found."""
-    return _filled(request, found.variant, found.contrast, found.twice)
-
-
-def _ruled(plan: Plan, contrast: float, how: Decided, much: float, words: str) -> Plan:
-    """The plan with a contrast, the given time or the time by rule, and the given twicing.
-
-    :param much: the time by rule, squared sample distances; ``words``: its description.
-    """
-    request = plan.request
-    time, when = _time(request, much * plan.data.step**2, Decided("default", words))
-    decided = {"contrast": how, "time": when, "twicing": _of_twicing(request)}
-    method = _filled(request, plan.variant, contrast, float(request.twicing or 0.0))
-    return plan.with_(decided, method=method, lift=replace(plan.lift, contrast=contrast), time=time)
-
-
-def _time(request: Request, found: float, how: Decided) -> tuple[float, Decided]:
-    """The given time, or else the found one, and its origin."""
-    given = request.until_time
-    if given is None:
-        return found, how
-    return float(given), Decided("given", "" if request.scale is None else f"scale {request.scale:g}")
-
-
-def _of_twicing(request: Request) -> Decided:
-    """The origin of the weight of twicing."""
-    if request.compute.triangles == "clamped":
-        return Decided("default", "it overshoots")
-    return GIVEN if request.twicing is not None else Decided()
 
 
 def _family(data: Data, request: Request) -> Family:
@@ -207,7 +148,7 @@ def _searched(plan: Plan, sigma: float) -> Plan | None:
     """The method, contrast and time of least estimated risk, for the options that the caller leaves open; None if no estimate
     is reliable.
     """
-    data, request = plan.data, plan.request
+    data, request = on_surface(plan.data, "a search on a surface"), plan.request
     asked, end = request.heights, request.until_time
     like = Variant(indicator=asked.indicator, mass=asked.mass, linear=asked.variant.linear)
     made = configurations(_family(data, request), data.step / _rough(plan.noise, sigma), like, asked.contrast)
@@ -223,7 +164,7 @@ def _searched(plan: Plan, sigma: float) -> Plan | None:
     else:
         grid = data.gridded(plan.lift)
         found = searched_on_grid(grid, _on_grid(plan, grid, made, twices))
-    return _chosen(plan, found, sigma, len(twices) > 1) if found.candidates else None
+    return chosen(plan, found, sigma, len(twices) > 1) if found.candidates else None
 
 
 def _rough(noise: Noise, sigma: float) -> float:
@@ -267,43 +208,6 @@ def _each(plan: Plan, k: int) -> Array:
     return np.reshape(noise.of_channels(k), (-1, 1, 1))
 
 
-def _chosen(plan: Plan, found: Found, sigma: float, many: bool) -> Plan:
-    """The plan with the best candidate.
-
-    :param many: whether several weights of twicing were tried.
-    """
-    request, best, candidates = plan.request, found.candidates[0].configuration, found.candidates
-    where = "least estimated risk"
-    contrast = GIVEN
-    if request.heights.contrast is None:
-        contrast = Decided("estimated", f"{best.contrast * sigma / plan.data.step:.3g} h / sigma, {where}")
-    twicing = Decided("estimated") if many else _of_twicing(request)
-    time, when = _time(request, candidates[0].least[0] if found.better else 0.0, Decided("estimated", where))
-    decided = {"contrast": contrast, "twicing": twicing, "time": when, **_exponents_found(request)}
-    idle = (HARM if isinstance(plan.data, Mesh) else UNSURE) if request.until_time is None and time == 0 else None
-    method = _with(request, best)
-    lift = replace(plan.lift, contrast=best.contrast)
-    blend = tuple(
-        Part(
-            weight,
-            _filled(request, one.configuration.variant, one.configuration.contrast, one.configuration.twice),
-            one.least[0],
-        )
-        for weight, one in zip(found.weights, candidates, strict=False)
-        if weight > 0
-    )
-    if found.neumann:
-        lift, decided["boundary"] = replace(lift, boundary="neumann"), Decided("estimated")
-    return plan.with_(decided, method=method, lift=lift, time=time, candidates=candidates, blend=blend, idle=idle)
-
-
-def _exponents_found(request: Request) -> dict[str, Decided]:
-    """The origins of the exponents of a search."""
-    if request.named:
-        return {}
-    return {name: Decided("estimated") for name in ("method", "gamma", "sharpness", "patch")}
-
-
 def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobility: Array | None = None) -> Plan:
     """A plan for a range image: gamma 0 and a time by rule, or, with a search, both with the least estimated risk.
 
@@ -312,15 +216,15 @@ def along_rays(data: RangeImage, request: Request, noise: Noise, why: str, mobil
     """
     asked, twicing = request.heights, float(request.twicing or 0.0)
     contrast = 1.0 if asked.contrast is None else float(asked.contrast)
-    plan = _begun(data, request, noise, mobility)
+    plan = begun(data, request, noise, mobility)
     decided = {
         "contrast": GIVEN if asked.contrast is not None else Decided("default", "lengths as they are"),
-        "twicing": _of_twicing(request),
+        "twicing": of_twicing(request),
     }
-    method = _filled(request, plan.variant, contrast, twicing)
+    method = filled(request, plan.variant, contrast, twicing)
     plan = plan.with_(decided, method=method, lift=replace(plan.lift, contrast=contrast))
     if noise.sigma == 0 or data.sigma is None:
-        time, when = _time(request, 0.0, Decided("default", "no noise was found"))
+        time, when = timed(request, 0.0, Decided("default", "no noise was found"))
         return plan.with_({"time": when}, time=time, idle=None if request.asked else no_noise(noise))
     plan = plan.with_({"noise": Decided("given" if noise.how == "given" else "estimated", why)})
     there = ~data.missing & (data.footprint > 0)
@@ -344,7 +248,7 @@ def _timed_along(plan: Plan, data: RangeImage, ratio: Array, footprint: Array) -
         words = f"noise of {float(np.median(ratio)):.3g} pixel widths: time is held at {RAY_MOST:g} squared footprints"
         words += "; are all depths in one unit, and the camera in pixels?"
         plan = replace(plan, warnings=(*plan.warnings, words))
-    time, when = _time(request, min(much, most), Decided("estimated", f"{RAY_TIME:g} sigma / h"))
+    time, when = timed(request, min(much, most), Decided("estimated", f"{RAY_TIME:g} sigma / h"))
     own = (
         noise.how == "given"
         and np.ndim(data.sigma if data.sigma is not None else 0.0) > 0
@@ -372,22 +276,11 @@ def _searched_along(plan: Plan, data: RangeImage, sigma: np.ndarray) -> Plan:
         return plan.with_({"time": Decided("default", "no estimate can be believed")}, time=end or 0.0, idle=UNSURE)
     candidates = found.candidates
     least = candidates[0].least[0] if found.better else 0.0
-    time, when = _time(request, least, Decided("estimated", "least estimated risk"))
-    method = _filled(request, candidates[0].configuration.variant, plan.lift.contrast, plan.twicing)
+    time, when = timed(request, least, Decided("estimated", "least estimated risk"))
+    method = filled(request, candidates[0].configuration.variant, plan.lift.contrast, plan.twicing)
     idle = UNSURE if end is None and time == 0 else None
-    decided = {"time": when, **_exponents_found(request)}
+    decided = {"time": when, **exponents_found(request)}
     return plan.with_(decided, method=method, time=time, candidates=candidates, idle=idle)
-
-
-def no_noise(noise: Noise) -> str:
-    """The reason why nothing is done where there is no noise."""
-    nothing = "" if noise.how == "nothing" else "nothing to remove, "
-    return f"{_found(noise)}: {nothing}nothing was changed"
-
-
-def _found(noise: Noise) -> str:
-    """What is known of the noise where there is none."""
-    return "too few samples to tell noise from data" if noise.how == "nothing" else "no noise was found"
 
 
 def limit_of(data: Data, request: Request, noise: Noise) -> tuple[Any, Origin]:

@@ -19,7 +19,7 @@ from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.orientation import Orientation
 
-__all__ = ["Lines", "Noise", "noise_of"]
+__all__ = ["ENOUGH", "Lines", "Noise", "Window", "noise_in_windows", "noise_of"]
 
 # The largest number of samples used, on tiles spread over the grid.
 ENOUGH = 300_000
@@ -38,6 +38,7 @@ LOWER = 0.85
 ROUNDING_ALONE = 1.01
 
 Part = tuple[Array, Array]
+Window = tuple[slice | int, ...]
 
 
 @dataclass(frozen=True)
@@ -184,10 +185,18 @@ def noise_of(values: Array, missing: Array) -> Noise:
     :param values: (h, w) or (h, w, k).
     :param missing: (h, w).
     """
+    return noise_in_windows(values, missing, spread_tiles(missing.shape, ENOUGH))
+
+
+def noise_in_windows(values: Array, missing: Array, windows: Sequence[Window]) -> Noise:
+    """:func:`noise_of` from windows, each an index of the samples that gives a part (rows, columns) of them.
+
+    :param values: (h, w), of a volume (d, h, w), and with channels after that.
+    :param missing: (h, w) or (d, h, w).
+    """
     stack = values.reshape(*missing.shape, -1)
-    windows = spread_tiles(missing.shape, ENOUGH)
     power = _power(stack, missing, windows)
-    seen = [_measured(channel, missing, windows, power) for channel in np.moveaxis(stack, 2, 0)]
+    seen = [_measured(channel, missing, windows, power) for channel in np.moveaxis(stack, -1, 0)]
     spectra = spectra_of([(one.parts, one.lines.rows > 0, one.lines.columns > 0) for one in seen])
     found = [_channel(one, spectrum, spectra.together) for one, spectrum in zip(seen, spectra.found, strict=True)]
     covariances = [one.covariance for one in found if one.covariance is not None]
@@ -211,8 +220,8 @@ def noise_of(values: Array, missing: Array) -> Noise:
     )
 
 
-def _power(stack: Array, missing: Array, windows: list[tuple[slice, slice]]) -> int:
-    """The power of two just above the largest magnitude of the present values in windows of a stack (h, w, k)."""
+def _power(stack: Array, missing: Array, windows: Sequence[Window]) -> int:
+    """The power of two just above the largest magnitude of the present values in windows of a stack of samples with channels."""
     largest = max(float(np.abs(stack[at][~missing[at]].astype(np.float64)).max(initial=0.0)) for at in windows)
     return int(np.frexp(largest)[1])
 
@@ -227,8 +236,8 @@ def _mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _measured(channel: Array, missing: Array, windows: list[tuple[slice, slice]], power: int) -> _Measured:
-    """Measurements of one channel (h, w), from windows of it, in a unit of 2^power."""
+def _measured(channel: Array, missing: Array, windows: Sequence[Window], power: int) -> _Measured:
+    """Measurements of one channel, from windows of it, in a unit of 2^power."""
     quantum, share = quantum_of(np.concatenate([channel[window][~missing[window]] for window in windows]))
     parts = [_patched(channel[window], ~missing[window], power) for window in windows]
     least, most = _range(parts)

@@ -29,6 +29,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume, WholeVolume
 
 __all__ = ["GIVEN", "Decided", "Part", "Plan", "size_of"]
 
@@ -84,7 +85,7 @@ class Plan:
     :ivar groups: the second stage, of groups of similar patches; None: the flow alone.
     :ivar base: (k, h, w), the base of a grid, relative to which it is smoothed; None: zero.
     :ivar preparation: of the samples of a grid before the flow; else None.
-    :ivar whole: of the grid of which ``data`` is a window; None: it is the whole.
+    :ivar whole: of the grid, or the volume, of which ``data`` is a window; None: it is the whole.
     """
 
     data: Data
@@ -109,16 +110,16 @@ class Plan:
     base: Array | None = None
     preparation: Preparation | None = None
     groups: PatchGroups | None = None
-    whole: Whole | None = None
+    whole: Whole | WholeVolume | None = None
 
     @property
     def above(self) -> HeightField | Image | RangeImage:
         """The grid to be smoothed: the data relative to its base.
 
-        :raises TypeError: for a mesh, which has no base.
+        :raises TypeError: for a mesh or a volume, which have no base.
         """
-        if isinstance(self.data, Mesh):
-            raise TypeError("above: a grid expected, got a mesh")
+        if isinstance(self.data, (Mesh, Volume)):
+            raise TypeError(f"above: a grid expected, got {self.data!r}")
         if self.base is None:
             return self.data
         return self.data.lowered(self.data.gridded(self.lift).planes.reshape(len(self.base), -1).T - self.base_columns)
@@ -130,7 +131,7 @@ class Plan:
 
     def _lowered(self, u: Array) -> Data:
         """The data at coordinates u (n, k) relative to its base; what did not move does not change in any bit."""
-        if self.base is None or isinstance(self.data, (Mesh, RangeImage)):
+        if self.base is None or isinstance(self.data, (Mesh, RangeImage, Volume)):
             return self.data.lowered(u)
         planes = self.data.gridded(self.lift).planes
         values = planes.reshape(len(planes), -1).T
@@ -140,7 +141,7 @@ class Plan:
     def result(self, u: Array | None = None) -> Data:
         """The data of the caller with coordinates u (n, k) of the flow; None: for a run that does nothing."""
         done = self.data if u is None else self._lowered(u)
-        if isinstance(done, (Mesh, RangeImage)):
+        if isinstance(done, (Mesh, RangeImage, Volume)):
             return done
         done = done.oriented(self.orientation.inverse)
         return done if self.preparation is None else self.preparation.restored(done, u is None)
@@ -222,7 +223,7 @@ class _Seen:
 def size_of(data: Data) -> tuple[tuple[int, ...], int]:
     """The shape of the moving coordinates for the caller, and the number of samples."""
     values = array_of(data)
-    n = len(data.points) if isinstance(data, Mesh) else int(np.prod(values.shape[:2]))
+    n = len(data.points) if isinstance(data, Mesh) else data.missing.size
     if isinstance(data, Mesh) and data.moves == "all":
         return (values.shape[0], data.points.shape[1] + values.shape[1]), n
     return values.shape, n

@@ -1,6 +1,7 @@
 """Makes the plan of a run from data and a request: given options are kept, the others are estimated."""
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,24 +21,27 @@ from meshflow.estimate.rims import with_smooth_rims
 from meshflow.estimate.schemes import within_noise
 from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.spikes import without_spikes
-from meshflow.flow.compute import Compute
+from meshflow.estimate.suits import must_suit
+from meshflow.estimate.volume_noise import noise_of_volume
 from meshflow.flow.constraints import Limit, trust_of
-from meshflow.flow.methods import words_for
-from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
-from meshflow.flow.methods.searched import Quick
 from meshflow.flow.mobility import speed_of
 from meshflow.geometry.validation import Array, mask_of
-from meshflow.surfaces.data import Data, array_of
+from meshflow.surfaces.data import Data, SurfaceData, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.joined import own_samples
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation, orientation_of
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume
 
-__all__ = ["constrained", "noise_in", "oriented", "plan", "plan_of_flow", "staying"]
+__all__ = [
+    "HELD", "constrained", "ended", "excessive", "held", "must_fit", "noise_in", "oriented", "plan_of_surface", "staying",
+    "stepped", "still",
+]  # fmt: skip
 
+Kept = TypeVar("Kept", bound=Data)
 # The end of a run that does not reach its stop, in squared sample distances.
 PATIENT = 100.0
 HELD = "no sample may move (Fixed, Mask, Mobility): nothing was changed"
@@ -61,6 +65,8 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         return noise_on(data.channels, data.faces, data.points)
     if isinstance(data, RangeImage):
         return _noise_along(data, _unseen(data.missing, mask))[0]
+    if isinstance(data, Volume):
+        return noise_of_volume(data.values, _unseen(data.missing, mask), data.spacing)
     data, how = prepared(data)
     way = orientation_of(array_of(data), data.missing, data.spacing)
     found = _noise_prepared(data.oriented(way), how, None if mask is None else way.of(mask), way)
@@ -75,15 +81,15 @@ def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | N
     return noise.of_compression(how.compression)
 
 
-def plan(data: Data, request: Request) -> Plan:
-    """The plan for data of any kind.
+def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
+    """The plan for data on a surface.
 
     :raises InputError: for options that do not apply to the kind of data, and constraints that do not fit it.
     """
-    _must_suit(data, request)
+    must_suit(data, request)
     stays = staying(data, request)
     data, request, mobility = constrained(data, request, stays)
-    _must_fit(data, request)
+    must_fit(data, request)
     how: Preparation | None = None
     if not isinstance(data, (Mesh, RangeImage)):
         data, how = prepared(data, request.outliers, request.level, still=not request.named)
@@ -100,13 +106,13 @@ def plan(data: Data, request: Request) -> Plan:
             warnings += spikes
     data, noise, why = _with_noise(data, request, mask, (how, way))
     data, rims = with_smooth_rims(data, request, noise)
-    warnings += _excessive(data, request, noise)
+    warnings += excessive(data, request, noise)
     if how is not None and request.level is None:
         warnings += _of_lines(noise.oriented(way.inverse))
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
         data = data.cleared(request.constraints.min_component)
-    request = _stepped(data, request)
-    if _still(data):  # nothing to search for
+    request = stepped(data, request)
+    if still(data):  # nothing to search for
         plain = replace(request, method=None if isinstance(request.method, PointMethod) else request.method)
         found = replace(as_they_are(data, plain, noise), idle=HELD, time=0.0)
         found = found.with_({"time": Decided("default", "nothing may move")})
@@ -124,7 +130,7 @@ def plan(data: Data, request: Request) -> Plan:
     found = replace(
         found, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=(*warnings, *found.warnings)
     )
-    return with_second_stage(_ended(within_noise(_held(found))))
+    return with_second_stage(ended(within_noise(held(found))))
 
 
 def _of_lines(noise: Noise) -> tuple[str, ...]:
@@ -135,15 +141,6 @@ def _of_lines(noise: Noise) -> tuple[str, ...]:
         for lines, size in found
         if size > 0
     )
-
-
-def plan_of_flow(data: Data, request: Request) -> Plan:
-    """:func:`plan` with states on the way: a flow also where the default is none.
-
-    :raises InputError: likewise.
-    """
-    found = plan(data, request)
-    return plan(data, replace(request, method=Quick())) if isinstance(found.method, LeastBending) else found
 
 
 def _unseen(missing: Array, mask: Array | None) -> Array:
@@ -159,7 +156,7 @@ def staying(data: Data, request: Request) -> Array:
     return fixed if given is None else fixed | mask_of(given, fixed.shape, "fixed")
 
 
-def constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Request, Array | None]:
+def constrained(data: Kept, request: Request, fixed: Array) -> tuple[Kept, Request, Array | None]:
     """The data with fixed samples; masks as booleans; the mobility (n, 1), None where all are free."""
     held = request.constraints
     if held.mask is not None:
@@ -174,7 +171,9 @@ def constrained(data: Data, request: Request, fixed: Array) -> tuple[Data, Reque
     )  # fmt: skip
 
 
-def _oriented(data: Data, request: Request, mobility: Array | None) -> tuple[Data, Request, Array | None, Orientation]:
+def _oriented(
+    data: SurfaceData, request: Request, mobility: Array | None
+) -> tuple[SurfaceData, Request, Array | None, Orientation]:
     """Data, request and mobility in the standard orientation, unless the caller names a diagonal.
 
     The result of rotated or reflected data is then the rotated or reflected result.
@@ -197,8 +196,8 @@ def oriented(
 
 
 def _with_noise(
-    data: Data, request: Request, mask: Array | None, made: tuple[Preparation | None, Orientation]
-) -> tuple[Data, Noise, str]:
+    data: SurfaceData, request: Request, mask: Array | None, made: tuple[Preparation | None, Orientation]
+) -> tuple[SurfaceData, Noise, str]:
     """The data with the noise of each depth, the noise, and a description of its growth.
 
     :param made: the preparation of a grid, and its orientation.
@@ -250,69 +249,7 @@ def _noise_along(data: RangeImage, missing: Array) -> tuple[Noise, RangeImage, s
     return Noise(typical, quantum, (typical,), 0.0, how), data, why
 
 
-def _must_suit(data: Data, request: Request) -> None:
-    """Refuse options that do not apply to this kind of data.
-
-    :raises InputError: the message says what applies.
-    """
-    kind = type(data).__name__
-    for word, given in (
-        ("MinComponent", request.constraints.min_component is not None),
-        ("domain='disparity'", request.domain == "disparity"),
-    ):
-        if given and not isinstance(data, RangeImage):
-            raise InputError(f"{word}: of range images only, got {kind}")
-    if request.compute.diagonals != Compute().diagonals and isinstance(data, Mesh):
-        raise InputError(f"diagonals: of grids, whose cells become triangles; got {kind}, which has its own triangles")
-    for word, given in (("outliers", request.outliers), ("level", request.level)):
-        if given is not None and isinstance(data, (Mesh, RangeImage)):
-            raise InputError(f"{word}: of height fields and images only, got {kind}")
-    if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
-        raise InputError(f"triangles: of meshes only, got {kind}")
-    _must_be_defined(data, request)
-    if isinstance(data, Mesh) and data.moves != "channels":
-        return
-    of_points = {
-        "PreserveVolume and PreserveArea": request.constraints.preserve is not None,
-        "triangles": request.compute.triangles not in ("auto", "clamped"),
-        "along": getattr(request.method, "along", "all") != "all",
-        "boundary='border-curve'": request.boundary == "border-curve",
-        f"method={getattr(request.method, 'word', '')!r}": isinstance(request.method, PointMethod),
-    }
-    for word, given in of_points.items():
-        if given:
-            what = "a mesh of which the channels move" if isinstance(data, Mesh) else kind
-            suits = f"; {_methods_on(data)}" if word.startswith("method") else ""
-            raise InputError(f"{word}: only for a mesh whose points move, got {what}{suits}")
-
-
-def _must_be_defined(data: Data, request: Request) -> None:
-    """Refuse a method for values above a base that is not defined on the data.
-
-    :raises InputError: with its name, and the methods that are.
-    """
-    method, rays = request.method, isinstance(data, RangeImage)
-    if not isinstance(method, HeightMethod):
-        return
-    moving = isinstance(data, Mesh) and data.moves != "channels"  # all but patches stand for mean curvature flow there
-    why = (method.variant if moving else method).misfit(rays, not isinstance(data, Mesh))
-    if not why:
-        return
-    inverse = "; domain='disparity' takes all methods of height fields" if rays else ""
-    raise InputError(f"method={method.word!r}: {why}; {_methods_on(data)}{inverse}")
-
-
-def words_on(data: Data) -> tuple[str, ...]:
-    """The names of the methods that are defined on the data."""
-    points = isinstance(data, Mesh) and data.moves != "channels"
-    return words_for(points, along_rays=isinstance(data, RangeImage), on_grid=not isinstance(data, Mesh))
-
-
-def _methods_on(data: Data) -> str:
-    return f"methods for this data are {', '.join(words_on(data))}"
-
-
-def _excessive(data: Data, request: Request, noise: Noise) -> tuple[str, ...]:
+def excessive(data: Data, request: Request, noise: Noise) -> tuple[str, ...]:
     """A warning about a given noise, or strength, with which the noise exceeds all variation of the data."""
     if request.noise is None and request.strength <= 1.0:
         return ()
@@ -329,7 +266,7 @@ def _excessive(data: Data, request: Request, noise: Noise) -> tuple[str, ...]:
     return (f"{given}: more than the largest difference of the values, {most:.4g}; {doubt}",)
 
 
-def _must_fit(data: Data, request: Request) -> None:
+def must_fit(data: Data, request: Request) -> None:
     """Refuse invalid numbers before the search."""
     (shape, n), held = size_of(data), request.constraints
     if held.max_change is not None and not isinstance(held.max_change, str):
@@ -337,7 +274,12 @@ def _must_fit(data: Data, request: Request) -> None:
     if held.data_weights is not None:
         trust_of(held.data_weights, shape, n, 1.0)
     time = request.until_time
-    if isinstance(data, (HeightField, Image)) and time is not None and not request.stops and request.steps is None:
+    if (
+        isinstance(data, (HeightField, Image, Volume))
+        and time is not None
+        and not request.stops
+        and request.steps is None
+    ):
         widest = WIDEST * data.step * max(shape[:2])
         if np.sqrt(2.0 * time) > widest:
             raise InputError(
@@ -346,7 +288,7 @@ def _must_fit(data: Data, request: Request) -> None:
             )
 
 
-def _stepped(data: Data, request: Request) -> Request:
+def stepped(data: Data, request: Request) -> Request:
     """The request with half the step of quantized data as the largest change, if that is requested.
 
     :raises InputError: if the data is not quantized.
@@ -356,7 +298,7 @@ def _stepped(data: Data, request: Request) -> Request:
     values = array_of(data)
     there = np.isfinite(values)
     if not isinstance(data, Mesh):
-        gone = data.missing if values.ndim == 2 else data.missing[..., None]
+        gone = data.missing if values.ndim == data.missing.ndim else data.missing[..., None]
         there = np.broadcast_to(~gone, values.shape)
     steps = steps_of(values[there])
     if steps is None:
@@ -366,13 +308,13 @@ def _stepped(data: Data, request: Request) -> Request:
     return replace(request, constraints=replace(request.constraints, max_change=steps.at(values) / 2.0))
 
 
-def _still(data: Data) -> bool:
+def still(data: Data) -> bool:
     """Whether no sample may move."""
     still = data.fixed if isinstance(data, Mesh) else data.fixed | data.missing
     return bool(still.all())
 
 
-def _held(found: Plan) -> Plan:
+def held(found: Plan) -> Plan:
     """The plan with the largest change and the data weights."""
     data, request = found.data, found.request
     limit, origin = limit_of(data, request, found.noise)
@@ -392,7 +334,7 @@ def _held(found: Plan) -> Plan:
     return found
 
 
-def _ended(found: Plan) -> Plan:
+def ended(found: Plan) -> Plan:
     """The plan with the latest end of a run with stops."""
     if not found.request.stops or found.request.until_time is not None:
         return found

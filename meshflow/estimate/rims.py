@@ -14,7 +14,7 @@ from meshflow.estimate.request import Request
 from meshflow.geometry.border import border_windows
 from meshflow.geometry.connectivity import Connectivity, connect
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Data
+from meshflow.surfaces.data import SurfaceData
 from meshflow.surfaces.mesh import Mesh
 
 __all__ = ["with_smooth_rims"]
@@ -67,7 +67,7 @@ class _Rim:
         return x[self.at] + np.asarray(spsolve(system, pull)).reshape(count, -1)
 
 
-def with_smooth_rims(data: Data, request: Request, noise: Noise) -> tuple[Data, str]:
+def with_smooth_rims(data: SurfaceData, request: Request, noise: Noise) -> tuple[SurfaceData, str]:
     """The mesh with its rim moved across the border curve, along and across the surface, and in words how much, if it was.
 
     The rim is a smoothing spline between its corners. Its weight is the one of the least risk, mean (y - x)^2 - s^2 +

@@ -10,6 +10,7 @@ from meshflow.estimate.vertex_numbers import signs_of
 from meshflow.flow.contract import Flow
 from meshflow.flow.proximal import Proximal
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.data import on_surface
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -88,7 +89,7 @@ def _time_of_least_risk(plan: Plan, sigma: float, longest: float) -> float:
 
 def _flow(plan: Plan) -> tuple[Flow, Array]:
     """The flow of a plan, and which samples (n,) move."""
-    data, method = plan.data, plan.request.heights
+    data, method = on_surface(plan.data, "a variational method"), plan.request.heights
     if isinstance(data, Mesh):
         return method.on_surface(data.lifted(plan.lift), False), ~data.fixed
     flow = method.on_grid(data.gridded(plan.lift), plan.request.compute.threads)

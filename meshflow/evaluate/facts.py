@@ -13,6 +13,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume
 
 __all__ = ["describe"]
 
@@ -29,6 +30,8 @@ def describe(data: Data) -> dict[str, Any]:
         >>> describe(HeightField(np.zeros((4, 5)), spacing=10.0))["rows x columns"]
         '4 x 5'
     """
+    if isinstance(data, Volume):
+        return _of_volume(data)
     surface = data.lifted(Lift(diagonals="forward"))
     faces = surface.triangulations[0]
     facts = _of_mesh(data, faces) if isinstance(data, Mesh) else _of_grid(data)
@@ -61,6 +64,22 @@ def _of_grid(data: HeightField | Image | RangeImage) -> dict[str, Any]:
     facts["least"], facts["greatest"] = float(valid.min()), float(valid.max())
     gone = int(missing.sum())
     return facts | {"missing": f"{gone} of {missing.size} samples ({gone / missing.size:.1%})"}
+
+
+def _of_volume(data: Volume) -> dict[str, Any]:
+    d, h, w = data.missing.shape
+    dz, dy, dx = data.spacing
+    there, gone = data.values[~data.missing], int(data.missing.sum())
+    return {
+        "kind": "volume",
+        "slices x rows x columns": f"{d} x {h} x {w}",
+        "type": str(data.values.dtype),
+        "spacing": f"{dz:.6g} x {dy:.6g} x {dx:.6g}{' ' if data.unit else ''}{data.unit}",
+        "channels": 1 if data.values.ndim == 3 else data.values.shape[3],
+        "least": float(there.min()),
+        "greatest": float(there.max()),
+        "missing": f"{gone} of {data.missing.size} samples ({gone / data.missing.size:.1%})",
+    }
 
 
 def _of_mesh(data: Mesh, faces: Array) -> dict[str, Any]:

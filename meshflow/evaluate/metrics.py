@@ -11,7 +11,7 @@ from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
 from meshflow.geometry.volume import is_closed, volume
-from meshflow.surfaces.data import Data
+from meshflow.surfaces.data import Data, on_surface
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -194,7 +194,8 @@ def compare(before: Data, after: Data) -> Comparison:
         raise InputError(f"compare: data of one kind expected, got {_name(before)} and {_name(after)}")
     if isinstance(before, Mesh) or isinstance(after, Mesh):
         return _compared_meshes(cast(Mesh, before), cast(Mesh, after))
-    return _compared_grids(before, after)
+    grids = [on_surface(one, "compare") for one in (before, after)]
+    return _compared_grids(*(one for one in grids if not isinstance(one, Mesh)))
 
 
 def _compared_grids(before: HeightField | Image | RangeImage, after: HeightField | Image | RangeImage) -> Comparison:

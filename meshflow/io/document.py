@@ -17,6 +17,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume
 
 if TYPE_CHECKING:
     import trimesh
@@ -37,7 +38,13 @@ __all__ = [
 
 # One of several meshes of a file: its name, and its vertices in the data (rows).
 Section = tuple[str, Array]
-_KINDS: Mapping[type, Kind] = {HeightField: "terrain", Image: "image", RangeImage: "depth", Mesh: "mesh"}
+_KINDS: Mapping[type, Kind] = {
+    HeightField: "terrain",
+    Image: "image",
+    RangeImage: "depth",
+    Mesh: "mesh",
+    Volume: "volume",
+}
 
 
 class Source:
@@ -129,7 +136,7 @@ class Document:
 
     @property
     def kind(self) -> Kind:
-        """``terrain | image | depth | mesh``."""
+        """``terrain | image | depth | mesh | volume``."""
         return kind_of(self.data)
 
     @property
@@ -262,11 +269,15 @@ def depths_of(document: Document) -> RangeImage:
 def samples_of(document: Document) -> HeightField | Image | RangeImage:
     """The data of a document of samples on a grid.
 
-    :raises InputError: for a mesh.
+    :raises InputError: for a mesh or a volume.
     """
     if isinstance(document.data, Mesh):
         raise InputError(
             f"{document.path.name}: samples on a grid expected, got a Mesh; write it as .ply, .obj or .vtp"
+        )
+    if isinstance(document.data, Volume):
+        raise InputError(
+            f"{document.path.name}: samples on a grid expected, got a Volume; write it as .npy, .nii.gz or .nrrd"
         )
     return document.data
 

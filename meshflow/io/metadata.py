@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 SlicesWord = Literal["each", "alike"]
-Kind = Literal["terrain", "image", "depth", "mesh"]
+Kind = Literal["terrain", "image", "depth", "mesh", "volume"]
 Jump = float | Literal["noise"] | None
 SpacingLike = float | Sequence[float | Array]
 # Options of one number per sample; each may be the name of an array in the data itself.
@@ -94,8 +94,9 @@ class Metadata(TypedDict, total=False):
 class ReadOptions:
     """Metadata that the caller gives for a file or an object; None: not given.
 
-    :param kind: ``terrain | image | depth | mesh``, where the guess would be wrong.
-    :param spacing: for samples on a grid: one number or (dx, dy) in the horizontal unit; dx may be one number per row.
+    :param kind: ``terrain | image | depth | mesh | volume``, where the guess would be wrong.
+    :param spacing: for samples on a grid: one number or (dx, dy) in the horizontal unit; dx may be one number per row. For a
+        volume: one number or (dz, dy, dx), in the order of the axes.
     :param missing: (h, w), samples that are missing; or one number, as ``nodata``.
     :param unit: the name of the unit of heights or depths, for reports and pictures.
     :param channels: for a mesh: (n, k), or the name of an attribute of its vertices, or ``"colors"``.
@@ -166,12 +167,12 @@ class ReadOptions:
         return tuple(field.name for field in fields(self) if getattr(self, field.name) is not field.default)
 
     def missing_in(self, values: Array) -> Array | None:
-        """The samples (h, w) that ``missing`` or ``nodata`` declare missing; None where neither is given.
+        """The samples (h, w), of a volume (d, h, w), that ``missing`` or ``nodata`` declare missing; None where neither is given.
 
         :param values: (h, w) or (h, w, k), as they are stored. A sample is missing where any of its channels is ``nodata``.
         :raises InputError: for a mask of another shape.
         """
-        given, shape = self.missing, values.shape[:2]
+        given, shape = self.missing, values.shape[: 3 if self.kind == "volume" else 2]
         marks = [mark for mark in (self.nodata, given if _is_number(given) else None) if mark is not None]
         if given is None and not marks:
             return None

@@ -17,6 +17,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.irregular import Irregular
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume
 
 __all__ = ["Imported", "from_object", "opened", "taken_in"]
 
@@ -24,8 +25,9 @@ __all__ = ["Imported", "from_object", "opened", "taken_in"]
 def from_object(data: object, metadata: Metadata | None = None) -> Imported:
     """Recognize and import data.
 
-    numpy arrays (h, w) are height fields, arrays (h, w, k) images; ``(points, faces)`` is a mesh. Objects of xarray, trimesh,
-    pyvista, open3d and meshio, documents of :func:`meshflow.read`, and data objects of meshflow are accepted. A path is read.
+    numpy arrays (h, w) are height fields, arrays (h, w, k) images, with ``kind="volume"`` arrays (d, h, w) volumes;
+    ``(points, faces)`` is a mesh. Objects of xarray, trimesh, pyvista, open3d and meshio, documents of :func:`meshflow.read`, and
+    data objects of meshflow are accepted. A path is read.
 
     :param metadata: what the object does not contain itself (:class:`ReadOptions`).
     :raises InputError: for any other object, and for an option that does not exist or does not apply.
@@ -36,7 +38,7 @@ def from_object(data: object, metadata: Metadata | None = None) -> Imported:
 
 def taken_in(data: object, options: ReadOptions) -> Imported:
     """:func:`from_object`, with options that have been checked."""
-    if isinstance(data, (HeightField, Image, RangeImage, Mesh)):
+    if isinstance(data, (HeightField, Image, RangeImage, Mesh, Volume)):
         if options.given:
             raise InputError(f"{type(data).__name__} already says {', '.join(options.given)}; set them there")
         return Imported(data, lambda same: same)

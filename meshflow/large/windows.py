@@ -9,7 +9,8 @@ from meshflow.estimate.base import base_of, base_reach
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.heights import limit_of
 from meshflow.estimate.plan import Plan
-from meshflow.estimate.planner import constrained, oriented, plan_of_flow, staying
+from meshflow.estimate.planner import constrained, oriented, staying
+from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.plateaus import LEVEL_REACH, equal_by_chance, level_squares
 from meshflow.estimate.preparation import lowered_by
 from meshflow.estimate.request import Request

@@ -11,7 +11,7 @@ from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import noise_in
-from meshflow.estimate.planner import plan as planned
+from meshflow.estimate.planner import plan_of_surface as planned
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import Candidate

@@ -22,12 +22,15 @@ from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers,
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume
 
 __all__ = ["History", "Result", "release"]
 
 
 # Those left out for range images, where they are always the same.
 ALONG_RAYS = ("sharpness", "patch", "contrast")
+# Shifts of the samples of a grid, and of a volume, half of them.
+SHIFTS, SHIFTS_OF_VOLUMES = ((0, 1), (1, 0), (1, 1), (1, -1)), ((0, 0, 1), (0, 1, 0), (1, 0, 0))
 # Values of a grid that are compared at a time.
 AT_ONCE = 1 << 20
 
@@ -128,6 +131,9 @@ class Result:
         On a flat grid the flow is the heat equation of this time, which leaves exp(-4 t) I0(4 t) of it, t in squared sample
         distances.
         """
+        if isinstance(self.before, Volume):
+            steps = np.array(self.before.spacing)
+            return self.noise.sigma * float(np.prod(np.sqrt(i0e(4.0 * self.end.time / steps**2))))
         step = 1.0 if self.parameters["time"].unit.startswith("pixel") else self.before.step
         return self.noise.sigma * float(i0e(4.0 * self.end.time / step**2))
 
@@ -135,8 +141,8 @@ class Result:
     def correlation(self) -> float | None:
         """How much what was removed differs from white noise; None for meshes, and where nothing was removed.
 
-        It is the root mean square of the autocorrelation at the eight nearest shifts of the grid, all channels together: 0 for
-        white noise, 1 for structure alone.
+        It is the root mean square of the autocorrelation at the eight nearest shifts of a grid, the six of a volume, all channels
+        together: 0 for white noise, 1 for structure alone.
         """
         return self._correlation
 
@@ -149,10 +155,10 @@ class Result:
         one, two = array_of(self.before)[rows].astype(np.float64), array_of(self.after)[rows]
         if isinstance(self.before, Mesh):
             return one - two
-        missing = np.zeros(one.shape[:2], bool) if self.before.missing is None else self.before.missing[rows]
+        missing = self.before.missing[rows]
         if isinstance(self.after, RangeImage) and self.after.missing is not None:
             missing = missing | self.after.missing[rows]  # dropped samples were not smoothed
-        gone = missing if one.ndim == 2 else missing[..., None]
+        gone = missing if one.ndim == missing.ndim else missing[..., None]
         return np.subtract(one, two, where=~gone, out=np.zeros_like(one))
 
     @cached_property
@@ -174,14 +180,13 @@ class Result:
     def _correlation(self) -> float | None:
         if isinstance(self.before, Mesh) or not self.removed.any():
             return None
-        planes = self.removed.reshape(*self.removed.shape[:2], -1)
         there = ~self.before.missing
+        planes = self.removed.reshape(*there.shape, -1)
         planes = np.where(there[..., None], planes - planes[there].mean(axis=0), 0.0)
         power, found = float(np.mean(planes[there] ** 2)), []
-        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            h, w = there.shape
-            a = np.s_[: h - down, max(0, -right) : w - max(0, right)]
-            b = np.s_[down:, max(0, right) : w + min(0, right)]
+        for shift in SHIFTS if there.ndim == 2 else SHIFTS_OF_VOLUMES:
+            a = tuple(slice(max(0, -by), size - max(0, by)) for by, size in zip(shift, there.shape, strict=True))
+            b = tuple(slice(max(0, by), size + min(0, by)) for by, size in zip(shift, there.shape, strict=True))
             both = there[a] & there[b]
             if both.any():
                 found.append(float(np.mean(planes[a][both] * planes[b][both])) / power)

@@ -7,8 +7,8 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.estimate.plan import Plan
-from meshflow.estimate.planner import plan as planned
-from meshflow.estimate.planner import plan_of_flow
+from meshflow.estimate.planning import plan as planned
+from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.schemes import held_back
@@ -20,6 +20,7 @@ from meshflow.flow.controls import Control, FixedStep, GivenSteps, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
+from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import VANISHED, State, march
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
@@ -32,11 +33,13 @@ from meshflow.geometry.crossings import moved_without_harm
 from meshflow.geometry.validation import Array, whole
 from meshflow.results.result import History, Result, release
 from meshflow.surfaces.data import Data, array_of
+from meshflow.surfaces.grid import Whole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.joined import Gridded, columns_around, cut_back, period_of, unrolled
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume, WholeVolume
 
 __all__ = ["carried_out", "end_of", "engine_of", "run", "states", "with_given_steps"]
 
@@ -54,7 +57,7 @@ def run(data: Data, request: Request, progress: Progress = None, *, record: bool
     :raises NotConverged: when a solver or a run fails.
     """
     with request.compute.running():
-        if isinstance(data, Mesh) or not period_of(data):
+        if isinstance(data, (Mesh, Volume)) or not period_of(data):
             return carried_out(planned(data, request), data, progress, record)
         wide, asked, margin = _around(data, request)
         found = carried_out(planned(wide, asked), wide, progress, record)
@@ -185,7 +188,7 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
     whole(count, "count", 2)
     if request.domain not in ("auto", "length"):
         raise InputError(f"domain={request.domain!r}: states can be shown for domain='length' only; leave it out")
-    if not isinstance(data, Mesh) and period_of(data):
+    if not isinstance(data, (Mesh, Volume)) and period_of(data):
         wide, asked, margin = _around(data, request)
         for time, state in states(wide, asked, count, progress):
             yield time, cut_back(data, state, margin)
@@ -232,8 +235,14 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
 
 def engine_of(plan: Plan) -> Flow:
     """The engine that moves the data."""
+    if isinstance(plan.data, Volume):
+        whole = plan.whole if isinstance(plan.whole, WholeVolume) else None
+        return VolumeFlow(
+            replace(plan.data.gridded(plan.lift), whole=whole), plan.variant, plan.request.compute.threads
+        )
     if not isinstance(plan.data, Mesh):
-        grid = replace(plan.above.gridded(plan.lift), whole=plan.whole)
+        whole = plan.whole if isinstance(plan.whole, Whole) else None
+        grid = replace(plan.above.gridded(plan.lift), whole=whole)
         threads = plan.request.compute.threads
         if isinstance(plan.method, HeightMethod):
             return plan.method.on_grid(grid, threads)
@@ -316,11 +325,11 @@ def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tup
 
 def _blended(plan: Plan, first: State) -> State:
     """The ends of all the runs of a blend with their weights; the first one is there."""
-    u = first.u.dtype.type(plan.blend[0].weight) * first.u
+    u = first.u.copy(order="K")
     for part in plan.blend[1:]:
         alone = plan.only(part)
         flow = _steered(engine_of(alone), alone)
-        u += u.dtype.type(part.weight) * _run(flow, alone, None, None)[1].u
+        u += u.dtype.type(part.weight) * (_run(flow, alone, None, None)[1].u - first.u)  # what stays keeps its bits
     words = f"{first.reason}; blended with {len(plan.blend) - 1} more"
     return replace(first, u=u, reason=words)
 

@@ -1,22 +1,37 @@
-"""The data objects: a height field, an image, a range image, or a mesh."""
+"""The data objects: a height field, an image, a range image, a mesh, or a volume."""
 
+from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume
 
-__all__ = ["Data", "array_of"]
+__all__ = ["Data", "SurfaceData", "array_of", "on_surface"]
 
-Data = HeightField | Image | RangeImage | Mesh
+# Data on a triangulated surface.
+SurfaceData = HeightField | Image | RangeImage | Mesh
+Data = SurfaceData | Volume
 
 
 def array_of(data: Data) -> Array:
     """The array of a data object that is smoothed.
 
-    It is z (h, w), values (h, w) or (h, w, k), depth (h, w), points (n, d) or channels (n, k); where points and channels of a
-    mesh both move, the channels.
+    It is z (h, w), values (h, w) or (h, w, k), those of a volume (d, h, w) or (d, h, w, k), depth (h, w), points (n, d) or
+    channels (n, k); where points and channels of a mesh both move, the channels.
     """
     if isinstance(data, Mesh):
         return data.points if data.channels is None or data.moves == "points" else data.channels
-    return data.z if isinstance(data, HeightField) else data.values if isinstance(data, Image) else data.depth
+    return data.z if isinstance(data, HeightField) else data.depth if isinstance(data, RangeImage) else data.values
+
+
+def on_surface(data: Data, what: str) -> SurfaceData:
+    """Data that is no volume.
+
+    :param what: what needs it, for the message.
+    :raises InputError: for a volume, with the way out.
+    """
+    if isinstance(data, Volume):
+        raise InputError(f"{what}: not for volumes; take a slice as an image, or an isosurface as a mesh")
+    return data

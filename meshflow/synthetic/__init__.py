@@ -2,6 +2,8 @@
 
 **Noisy data with its truth, one call each**: :func:`terrain`, :func:`picture`, :func:`depth_scene`, :func:`irregular_mesh`.
 
+**Volumes**: the phantoms :func:`shepp_logan`, :func:`head`, :func:`thorax`.
+
 **Heights**: :func:`steps`, :func:`mesas`, :func:`ramps`, :func:`fractal_terrain`; noise for them: :func:`noisy`,
 :func:`quantised`.
 
@@ -20,6 +22,7 @@ from meshflow.lazy import lazily
 
 if TYPE_CHECKING:
     from meshflow.synthetic.instruments import Camera, CorrelatedNoise, spiked, striped
+    from meshflow.synthetic.phantoms import head, shepp_logan, thorax
     from meshflow.synthetic.samples import depth_scene, irregular_mesh, picture, terrain
     from meshflow.synthetic.scenes import fractal_terrain, mesas, noisy, quantised, ramps, steps
     from meshflow.synthetic.sensors import Frame, StructuredLight, TimeOfFlight, observe, seen
@@ -43,6 +46,7 @@ __all__ = [
     "depth_scene",
     "dome",
     "fractal_terrain",
+    "head",
     "irregular_mesh",
     "mesas",
     "noisy",
@@ -54,17 +58,20 @@ __all__ = [
     "ramps",
     "ring",
     "seen",
+    "shepp_logan",
     "sphere",
     "spiked",
     "steps",
     "striped",
     "terrain",
+    "thorax",
 ]
 
 __getattr__, __dir__ = lazily(
     __name__,
     {
         "instruments": ("Camera", "CorrelatedNoise", "spiked", "striped"),
+        "phantoms": ("head", "shepp_logan", "thorax"),
         "samples": ("depth_scene", "irregular_mesh", "picture", "terrain"),
         "scenes": ("fractal_terrain", "mesas", "noisy", "quantised", "ramps", "steps"),
         "sensors": ("Frame", "StructuredLight", "TimeOfFlight", "observe", "seen"),

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Data
+from meshflow.surfaces.data import Data, SurfaceData, on_surface
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
@@ -108,7 +108,7 @@ def geometry_of(
     :param shown: for an image, its channels as colours: :func:`as_shown`.
     :raises InputError: when there is no triangle to draw.
     """
-    seen = look.seen
+    seen, data = look.seen, on_surface(data, "triangles")
     if isinstance(data, Mesh):
         points, faces, colours = _three(data.points), data.faces, _mesh_colours(data, look.own_colours)
         view = mesh_view(points, look.up, seen)
@@ -172,8 +172,9 @@ def as_shown(*images: Image) -> Callable[[Array], Array]:
     return shown
 
 
-def thinned(data: Data, step: int) -> Data:
+def thinned(data: Data, step: int) -> SurfaceData:
     """Every ``step``-th sample of a grid, in the same place; a mesh unchanged."""
+    data = on_surface(data, "pictures of samples")
     if step == 1 or isinstance(data, Mesh):
         return data
     every = (slice(None, None, step),) * 2

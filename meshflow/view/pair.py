@@ -7,7 +7,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Data
+from meshflow.surfaces.data import SurfaceData
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -31,8 +31,8 @@ class Pair:
     :param worn: for meshes that differ only in a scalar: its colours before and after.
     """
 
-    before: Data
-    after: Data
+    before: SurfaceData
+    after: SurfaceData
     removed: Scale
     notes: tuple[str, ...]
     worn: tuple[Scale, Scale] | None = None
@@ -74,7 +74,7 @@ def paired(before: object, after: object, unit: str | None, own_colours: bool = 
     return Pair(one, other, scale, tuple(dict.fromkeys((*notes, *equal))), worn)
 
 
-def _removed(before: Data, after: Data) -> tuple[Array, str]:
+def _removed(before: SurfaceData, after: SurfaceData) -> tuple[Array, str]:
     """Before minus after, NaN where either is missing, and its name."""
     if isinstance(before, Mesh) or isinstance(after, Mesh):
         return _removed_of_mesh(cast(Mesh, before), cast(Mesh, after))  # both are of one kind

@@ -10,7 +10,7 @@ from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import signed_mean
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Data
+from meshflow.surfaces.data import Data, on_surface
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -139,7 +139,7 @@ class _Triangles:
 def _local(data: Data, quantity: Quantity, contrast: float) -> Array:
     """A quantity of every sample (n,) of data that is triangulated as a whole."""
     factor = contrast if quantity == "edges" and isinstance(data, (HeightField, Image)) else 1.0
-    surface = data.lifted(Lift(diagonals="forward", contrast=factor))
+    surface = on_surface(data, quantity).lifted(Lift(diagonals="forward", contrast=factor))
     if isinstance(data, Mesh) and quantity == "curvature":
         surface = Surface(data.points, (data.faces,))
     there = _Triangles(surface, surface.triangulations[0])

@@ -13,7 +13,7 @@ from meshflow.errors import InputError
 from meshflow.estimate.command_line import flags_of
 from meshflow.estimate.parameters import Parameter, squared_unit
 from meshflow.estimate.plan import Plan
-from meshflow.estimate.planner import plan_of_flow
+from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
 from meshflow.flow.methods import POINT_METHODS, method_of

@@ -9,7 +9,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Data, array_of
+from meshflow.surfaces.data import Data, array_of, on_surface
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
@@ -113,7 +113,7 @@ def _bytes(data: Data) -> int:
 
 
 def _area(data: Data) -> float:
-    surface = data.lifted(Lift(diagonals="forward"))  # each triangle once
+    surface = on_surface(data, "the area").lifted(Lift(diagonals="forward"))  # each triangle once
     return operator.total_area(surface.points, surface.triangulations[0])
 
 

@@ -19,12 +19,14 @@ from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, doubtful_depths, in_metres
 from meshflow.io.document import Document, Imported, Source, WriteOptions, samples_of
 from meshflow.io.formats.cameras import calibration_for
+from meshflow.io.formats.volume_arrays import volume_from
 from meshflow.io.metadata import Found, Kind, ReadOptions, as_given
 from meshflow.io.vertex_merging import Skin, is_soup
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume
 
 __all__ = ["can_write", "from_object", "read", "write"]
 
@@ -194,11 +196,15 @@ def from_object(data: object, options: ReadOptions) -> Imported:
             f"data: an array expected, got {'nothing (None)' if data is None else f'{type(data).__name__} {shown(data):.40}'}"
             f"{'' if data is None else '; make it one: numpy.array(...)'}"
         )
+    if options.kind == "volume":
+        return volume_from(data, options)
     if options.kind is None and options.camera is None:
         _must_be_meant(data.shape)
     kind = options.kind or ("depth" if options.camera is not None else "image" if data.ndim == 3 else "terrain")
     if kind not in _TAKES:
-        raise InputError(f"kind: {', '.join(_TAKES)} expected for an array, got {kind!r}; a mesh is (points, faces)")
+        raise InputError(
+            f"kind: {', '.join(_TAKES)} or volume expected for an array, got {kind!r}; a mesh is (points, faces)"
+        )
     what, takes = _TAKES[kind]
     of_depths = [name for name in options.given if name in ("depth_scale", "measure", "jump", "time_unit")]
     if of_depths and kind != "depth" and options.kind is None:
@@ -267,8 +273,13 @@ def _must_be_meant(shape: tuple[int, ...]) -> None:
                 "numpy.moveaxis(array, 0, -1); or give kind='image'"
             )
         raise InputError(
-            f"an array of shape {shape} looks like a volume, which is no surface; smooth its slices one by one, or an isosurface "
-            f"as a mesh; for an image of {shape[2]} channels give kind='image'"
+            f"an array of shape {shape} looks like a volume; give kind='volume' to smooth it as one, slices first and with "
+            f"spacing=(dz, dy, dx); for an image of {shape[2]} channels give kind='image'"
+        )
+    if len(shape) == 4:
+        raise InputError(
+            f"an array of shape {shape}: which axis is what? A volume of {shape[3]} channels that are smoothed together has them "
+            "last: give kind='volume'; of a series smooth each volume: array[..., i]"
         )
 
 
@@ -302,11 +313,11 @@ def _no_name(name: str) -> Found:
     return None, {}
 
 
-def _values(data: HeightField | Image | RangeImage) -> Array:
+def _values(data: HeightField | Image | RangeImage | Volume) -> Array:
     match data:
         case HeightField():
             return data.z
-        case Image():
+        case Image() | Volume():
             return data.values
         case RangeImage():
             return data.depth
@@ -320,7 +331,7 @@ def _like(data: Array, values: Array) -> Array:
 
 
 def _marked(document: Document) -> Array:
-    data = samples_of(document)
+    data = document.data if isinstance(document.data, Volume) else samples_of(document)
     values = np.array(_values(data))
     if not isinstance(document.source, Stored):
         zero = isinstance(data, RangeImage) and not data.camera.signed

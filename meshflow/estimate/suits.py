@@ -1,0 +1,75 @@
+"""Which options and methods apply to a kind of data."""
+
+from meshflow.errors import InputError
+from meshflow.estimate.request import Request
+from meshflow.flow.compute import Compute
+from meshflow.flow.methods import words_for
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.points import PointMethod
+from meshflow.surfaces.data import Data
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
+
+__all__ = ["must_suit", "words_on"]
+
+
+def must_suit(data: Data, request: Request) -> None:
+    """Refuse options that do not apply to this kind of data.
+
+    :raises InputError: the message says what applies.
+    """
+    kind = type(data).__name__
+    for word, given in (
+        ("MinComponent", request.constraints.min_component is not None),
+        ("domain='disparity'", request.domain == "disparity"),
+    ):
+        if given and not isinstance(data, RangeImage):
+            raise InputError(f"{word}: of range images only, got {kind}")
+    if request.compute.diagonals != Compute().diagonals and isinstance(data, Mesh):
+        raise InputError(f"diagonals: of grids, whose cells become triangles; got {kind}, which has its own triangles")
+    for word, given in (("outliers", request.outliers), ("level", request.level)):
+        if given is not None and isinstance(data, (Mesh, RangeImage)):
+            raise InputError(f"{word}: of height fields and images only, got {kind}")
+    if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
+        raise InputError(f"triangles: of meshes only, got {kind}")
+    _must_be_defined(data, request)
+    if isinstance(data, Mesh) and data.moves != "channels":
+        return
+    of_points = {
+        "PreserveVolume and PreserveArea": request.constraints.preserve is not None,
+        "triangles": request.compute.triangles not in ("auto", "clamped"),
+        "along": getattr(request.method, "along", "all") != "all",
+        "boundary='border-curve'": request.boundary == "border-curve",
+        f"method={getattr(request.method, 'word', '')!r}": isinstance(request.method, PointMethod),
+    }
+    for word, given in of_points.items():
+        if given:
+            what = "a mesh of which the channels move" if isinstance(data, Mesh) else kind
+            suits = f"; {_methods_on(data)}" if word.startswith("method") else ""
+            raise InputError(f"{word}: only for a mesh whose points move, got {what}{suits}")
+
+
+def _must_be_defined(data: Data, request: Request) -> None:
+    """Refuse a method for values above a base that is not defined on the data.
+
+    :raises InputError: with its name, and the methods that are.
+    """
+    method, rays = request.method, isinstance(data, RangeImage)
+    if not isinstance(method, HeightMethod):
+        return
+    moving = isinstance(data, Mesh) and data.moves != "channels"  # all but patches stand for mean curvature flow there
+    why = (method.variant if moving else method).misfit(rays, not isinstance(data, Mesh))
+    if not why:
+        return
+    inverse = "; domain='disparity' takes all methods of height fields" if rays else ""
+    raise InputError(f"method={method.word!r}: {why}; {_methods_on(data)}{inverse}")
+
+
+def words_on(data: Data) -> tuple[str, ...]:
+    """The names of the methods that are defined on the data."""
+    points = isinstance(data, Mesh) and data.moves != "channels"
+    return words_for(points, along_rays=isinstance(data, RangeImage), on_grid=not isinstance(data, Mesh))
+
+
+def _methods_on(data: Data) -> str:
+    return f"methods for this data are {', '.join(words_on(data))}"

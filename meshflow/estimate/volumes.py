@@ -1,0 +1,198 @@
+"""Plans for volumes: method, contrast and time as given, by rule, or by search."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from meshflow.errors import InputError
+from meshflow.estimate.choices import begun, chosen, filled, no_noise, ruled
+from meshflow.estimate.families import Family, configurations
+from meshflow.estimate.heights import limit_of
+from meshflow.estimate.noise import Noise
+from meshflow.estimate.plan import GIVEN, Decided, Plan
+from meshflow.estimate.planner import HELD, constrained, ended, excessive, held, must_fit, staying, stepped, still
+from meshflow.estimate.request import Request
+from meshflow.estimate.risk import TWICE
+from meshflow.estimate.search_rounds import GridSearch
+from meshflow.estimate.volume_noise import noise_of_volume
+from meshflow.estimate.volume_search import searched_on_volume
+from meshflow.flow.constraints import Limit
+from meshflow.flow.family import Variant
+from meshflow.flow.methods import HEIGHT_METHODS
+from meshflow.flow.methods.beltrami import HeightMethod, Patches, UnsearchedMethod
+from meshflow.flow.methods.searched import Search
+from meshflow.geometry.validation import Array
+from meshflow.surfaces.volume import Volume
+
+__all__ = ["plan_of_volume", "volume_words"]
+
+# The configurations of a search where no method is named, with their contrasts in sample distances over the noise.
+VOLUME_FAMILY: Family = (
+    ({"linear": True}, (1.0,)),
+    ({"gamma": -1.0, "sharpness": 1.5}, (3.0, 5.0)),
+    ({"gamma": -1.0, "sharpness": 2.0}, (1.0, 2.0, 2.7)),
+    ({"gamma": -1.0, "sharpness": 3.0}, (0.7, 1.35)),
+)
+VOLUME_CHANNEL_FAMILY: Family = (({}, (1.5, 3.0)), ({"sharpness": 1.5}, (2.0,)), ({"linear": True}, (1.0,)))
+# Without a search: the member that is within a few percent of the best on three phantoms at three levels of noise.
+ONE, OF_CHANNELS, ONE_TIME = ({"gamma": -1.0, "sharpness": 1.5}, 3.0), ({}, 3.0), 4.0
+# A method of the caller, and where rounding is the noise.
+GIVEN_TIME, ROUNDED_EDGE, ROUNDED_TIME = 4.0, 1.0, 1.5
+
+
+def volume_words() -> tuple[str, ...]:
+    """The names of the methods that are defined on volumes."""
+    return ("search", "quick", *(kind.word for kind in HEIGHT_METHODS if not _without_engine(kind())))
+
+
+def _without_engine(method: HeightMethod) -> bool:
+    """Whether a method needs another engine than that of tetrahedra."""
+    return isinstance(method, (UnsearchedMethod, Patches)) or not method.searches or method.once
+
+
+def plan_of_volume(data: Volume, request: Request) -> Plan:
+    """The plan for a volume.
+
+    :raises InputError: for options that volumes do not have, and constraints that do not fit.
+    """
+    _must_suit(data, request)
+    stays = staying(data, request)
+    held_data, request, mobility = constrained(data, request, stays)
+    data = held_data if isinstance(held_data, Volume) else data
+    must_fit(data, request)
+    mask = request.constraints.mask
+    unseen = data.missing if mask is None or not np.any(mask) else data.missing | ~np.asarray(mask, bool)
+    noise = noise_of_volume(data.values, unseen, data.spacing)
+    if request.noise is not None:
+        noise = replace(noise, sigma=float(request.noise), how="given")
+    warnings = excessive(data, request, noise)
+    request = stepped(data, request)
+    if still(data):
+        found = replace(_by_rule(data, request, noise, mobility), idle=HELD, time=0.0)
+        found = found.with_({"time": Decided("default", "nothing may move")})
+    else:
+        found = _tuned(data, request, noise, mobility)
+    found = replace(found, mobility=mobility, stays=stays, warnings=(*warnings, *found.warnings))
+    return ended(held(found))
+
+
+def _must_suit(data: Volume, request: Request) -> None:
+    """Refuse what volumes do not have.
+
+    :raises InputError: with its name.
+    """
+    compute, constraints = request.compute, request.constraints
+    for word, given in (
+        (f"domain={request.domain!r}", request.domain not in ("auto", "length")),
+        ("outliers", request.outliers is not None),
+        ("level", request.level is not None),
+        ("MinComponent", constraints.min_component is not None),
+        ("PreserveVolume and PreserveArea", constraints.preserve is not None),
+        ("triangles", compute.triangles != "auto"),
+        (f"boundary={request.boundary!r}", request.boundary not in (None, "neumann", "fixed")),
+        ("second_stage", bool(request.heights.second_stage)),
+    ):
+        if given:
+            raise InputError(f"{word}: not for volumes; leave it out")
+    method = request.method
+    if method is None:
+        return
+    if not isinstance(method, HeightMethod) or _without_engine(method) or not method.searches_for(_channels(data)):
+        raise InputError(
+            f"method={method.word!r}: not for volumes; methods for volumes are {', '.join(volume_words())}"
+        )
+
+
+def _channels(data: Volume) -> int:
+    """The number of values of a sample."""
+    return 1 if data.values.ndim == 3 else data.values.shape[3]
+
+
+def _tuned(data: Volume, request: Request, noise: Noise, mobility: Array | None) -> Plan:
+    """Method, contrast and time with the least estimated risk, or without a search."""
+    asked, sigma, timed = request.heights, noise.sigma * request.strength, request.until_time
+    if sigma == 0 and not request.asked:
+        plan = replace(begun(data, request, noise, mobility), idle=no_noise(noise))
+        return plan.with_({"time": Decided("default", "nothing to remove")})
+    known = timed is not None and ((request.named and asked.ruled) or timed == 0)
+    if request.searching and sigma > 0 and request.steps is None and not known and not noise.is_rounded:
+        found = _searched(begun(data, request, noise, mobility), data, sigma)
+        if found is not None:
+            return found
+    return _by_rule(data, request, noise, mobility)
+
+
+def _by_rule(data: Volume, request: Request, noise: Noise, mobility: Array | None) -> Plan:
+    """One method for all volumes, or the named one, with contrast and time by rule."""
+    asked, sigma, much = request.heights, noise.sigma * request.strength, ONE_TIME
+    plan = begun(data, request, noise, mobility)
+    exponents, edge = ONE if _channels(data) == 1 else OF_CHANNELS
+    if request.named:
+        exponents, edge, much = {}, asked.edge, GIVEN_TIME * asked.slower
+    elif noise.is_rounded:
+        exponents, edge, much = {}, ROUNDED_EDGE, ROUNDED_TIME
+    if asked.contrast is not None:
+        contrast, how = float(asked.contrast), GIVEN
+    elif sigma > 0:
+        contrast, how = edge * data.step / sigma, Decided("estimated", f"{edge:g} h / sigma")
+    else:
+        contrast, how = 1.0, Decided("default", "no noise found")
+    if not request.named:
+        plan = replace(plan, method=filled(request, replace(plan.variant, **exponents), contrast, 0.0))
+    return ruled(plan, contrast, how, much, f"{much:g} h²")
+
+
+def _searched(plan: Plan, data: Volume, sigma: float) -> Plan | None:
+    """The method, contrast and time of least estimated risk, for the options that the caller leaves open; None if no estimate
+    is reliable.
+    """
+    request, noise, end = plan.request, plan.noise, plan.request.until_time
+    asked, k = request.heights, _channels(data)
+    like = Variant(indicator=asked.indicator, mass=asked.mass, linear=asked.variant.linear)
+    family = VOLUME_FAMILY if k == 1 else VOLUME_CHANNEL_FAMILY
+    if request.named:
+        family = ((asked.exponents, asked.contrasts),)
+    made = configurations(family, data.step / _rough(noise, sigma), like, asked.contrast)
+    alone = end is not None or request.weighted or bool(request.stops)
+    twices = (float(request.twicing),) if request.twicing is not None else (0.0,) if alone else TWICE
+    block = data.gridded(plan.lift)
+    limit = limit_of(data, request, noise)[0]
+    if limit is not None:
+        shape = data.values.shape
+        columns = Limit.of(np.zeros((data.missing.size, 1)), limit, shape).most
+        limit = np.broadcast_to(columns, (data.missing.size, k)).T.reshape(block.planes.shape)
+    search = GridSearch(
+        made,
+        free=asked.contrast is None and not like.linear,
+        sigma=np.reshape(noise.of_channels(k), (-1, 1, 1, 1)) * request.strength,
+        end=end,
+        weights=twices,
+        correlation=noise.correlation,
+        between=noise.between,
+        limit=limit,
+        speed=None if plan.mobility is None else plan.mobility.reshape(1, *block.shape),
+        blend=_blends(request),
+        threads=request.compute.workers,
+    )
+    found = searched_on_volume(block, search)
+    return chosen(plan, found, sigma, len(twices) > 1) if found.candidates else None
+
+
+def _blends(request: Request) -> bool:
+    """Whether the best runs are blended: by default where nothing is named, and as :class:`Search` says."""
+    if request.stops or request.timed or request.weighted:
+        return False
+    return request.method is None or (isinstance(request.method, Search) and request.method.blend)
+
+
+def _rough(noise: Noise, sigma: float) -> float:
+    """The noise in differences of neighbours, which is smaller than sigma for correlated noise."""
+    if noise.correlation is None:
+        return sigma
+    middle = tuple(size // 2 for size in noise.correlation.shape)
+    beside = [
+        noise.correlation[(*middle[:axis], middle[axis] + 1, *middle[axis + 1 :])]
+        for axis in range(3)
+        if noise.correlation.shape[axis] > 1
+    ]
+    return sigma * float(np.sqrt(max(1.0 - np.sum(beside) / 3.0, 0.01)))
