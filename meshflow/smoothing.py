@@ -97,8 +97,8 @@ def smooth(
 ) -> Any:
     """Smooth data on a triangulated surface; the same kind of data comes back, a new object.
 
-    With nothing else given the noise is estimated, and the method and the time are those of least estimated risk; of range images
-    the time follows from the noise. It is one function for all data, hence its many keywords; each is a part that checks itself.
+    With nothing else given the noise is estimated, and method and time are those of least estimated risk; of range images the time
+    follows from the noise. One function for all data has many keywords; each is a part that checks itself.
 
     Example:
 
@@ -114,9 +114,9 @@ def smooth(
 
     :param data: a numpy array of shape (h, w), a height field, or (h, w, k), an image of k channels; with ``kind="volume"``
         (d, h, w), a volume; NaN and masked samples are missing. ``(points, faces)`` is a mesh. Also ``trimesh.Trimesh``;
-        ``pyvista`` PolyData, ImageData and StructuredGrid; ``open3d`` meshes and depth images; ``meshio.Mesh``;
-        ``xarray.DataArray``, and arrays of ``dask``, which come back lazy; ``trimesh.Scene`` and ``pyvista.MultiBlock``,
-        smoothed part by part; a data object of meshflow; a document; a path.
+        ``pyvista`` PolyData, ImageData and StructuredGrid; ``open3d`` meshes and depth images; ``meshio.Mesh``; arrays of
+        ``xarray``, and of ``dask``, which come back lazy; ``trimesh.Scene`` and ``pyvista.MultiBlock``, smoothed part by part; a
+        data object of meshflow; a document; a path.
     :param method: a method such as ``PeronaMalik(sharpness=2)``, or its name, which stands for the class with its defaults.
         ``"quick"`` is one fixed choice for all data. None: a method is searched for.
     :param time: how long the flow runs, squared length; or ``scale``, of the equal Gaussian on flat data: time = scale² / 2.
@@ -136,6 +136,8 @@ def smooth(
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param result: return a :class:`Result`; of several parts, :class:`Results`; of lazy data, :class:`Outcome`. Its warnings are
         issued as :class:`MeshflowWarning` where it is not returned.
+    :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh | volume``); ``spacing``, ``missing``,
+        ``nodata`` of grids; ``unit`` of heights and depths; ``camera``, ``depth_scale`` (units per metre), ``measure``, ``jump``,
     :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh | volume``); ``spacing``, ``missing``,
         ``nodata`` of grids; ``unit`` of heights and depths; ``camera``, ``depth_scale`` (units per metre), ``measure``, ``jump``,
         ``time_unit`` of depths; ``channels``, ``moves`` of meshes; ``channels``, ``max_edge`` of tables of points.

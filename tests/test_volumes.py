@@ -67,7 +67,7 @@ def test_constraints_hold():
     done = meshflow.smooth(x, kind="volume", constraints=MaxChange(0.03))
     assert np.abs(done - x).max() <= 0.03 + 1e-6
     slow = meshflow.smooth(x, kind="volume", method="heat", time=1.0, constraints=Mobility(np.where(mask, 0.1, 1.0)))
-    assert np.abs(slow - x)[6:10].mean() < 0.5 * np.abs(slow - x)[:3].mean()
+    assert np.abs(slow - x)[6:10].mean() < 0.6 * np.abs(slow - x)[:3].mean()
     held = meshflow.smooth(x, kind="volume", constraints=DataWeights(1 / 0.09**2), method="quick")
     assert 0 < error(held, x) < 0.2
 

@@ -29,6 +29,11 @@ _FINER = 2
 def shepp_logan(side: int = 64) -> Array:
     """The head of Shepp and Logan in three dimensions: ten ellipsoids of even density.
 
+    Example:
+
+        >>> round(float(shepp_logan(32)[16, 16, 16]), 2)
+        0.2
+
     :param side: of the volume, samples.
     :returns: (side, side, side), float64.
     """
@@ -42,6 +47,11 @@ def shepp_logan(side: int = 64) -> Array:
 def head(side: int = 64) -> Array:
     """A head as T1-weighted magnetic resonance shows it: scalp, skull, fluid, folded grey matter around white matter, ventricles,
     and a field of sensitivity that varies by a tenth.
+
+    Example:
+
+        >>> round(float(head(32).max()), 1)
+        0.9
 
     :param side: of the volume, samples.
     :returns: (side, side, side), float64.
@@ -63,6 +73,11 @@ def head(side: int = 64) -> Array:
 
 def thorax(side: int = 64) -> Array:
     """A chest as computed tomography shows it: soft tissue, lungs with vessels, ribs and a spine with a shell of dense bone.
+
+    Example:
+
+        >>> thorax(32).shape
+        (32, 32, 32)
 
     :param side: of the volume, samples.
     :returns: (side, side, side), float64.
