@@ -97,8 +97,8 @@ def smooth(
 ) -> Any:
     """Smooth data on a triangulated surface; the same kind of data comes back, a new object.
 
-    With nothing else given the noise is estimated, and method and time are those of least estimated risk; of range images the time
-    follows from the noise. One function for all data has many keywords; each is a part that checks itself.
+    With nothing else given the noise is estimated, and method and time are those of least estimated risk; for range images the
+    time follows from the noise. One function for all data has many keywords; each is a part that checks itself.
 
     Example:
 
@@ -134,8 +134,7 @@ def smooth(
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
-    :param result: return a :class:`Result`; of several parts, :class:`Results`; of lazy data, :class:`Outcome`. Its warnings are
-        issued as :class:`MeshflowWarning` where it is not returned.
+    :param result: return a :class:`Result` (:class:`Results` of parts, :class:`Outcome` of lazy data); else its warnings are issued.
     :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh | volume``); ``spacing``, ``missing``,
         ``nodata`` of grids; ``unit`` of heights and depths; ``camera``, ``depth_scale`` (units per metre), ``measure``, ``jump``,
     :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh | volume``); ``spacing``, ``missing``,
