@@ -134,7 +134,7 @@ def smooth(
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
-    :param result: return a :class:`Result` (:class:`Results` of parts, :class:`Outcome` of lazy data); else its warnings are issued.
+    :param result: return a :class:`Result` (:class:`Results` of parts, :class:`Outcome` of lazy data); else warnings are issued.
     :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh | volume``); ``spacing``, ``missing``,
         ``nodata`` of grids; ``unit`` of heights and depths; ``camera``, ``depth_scale`` (units per metre), ``measure``, ``jump``,
     :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh | volume``); ``spacing``, ``missing``,
