@@ -21,7 +21,7 @@ from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
 from meshflow.flow.engines.volume import VolumeFlow
-from meshflow.flow.march import VANISHED, State, march
+from meshflow.flow.march import State, march
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.mobility import slowed
@@ -31,6 +31,7 @@ from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
 from meshflow.geometry.crossings import moved_without_harm
 from meshflow.geometry.validation import Array, whole
+from meshflow.results.afterwards import of_area, of_lone_samples
 from meshflow.results.result import History, Result, release
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Whole
@@ -42,11 +43,6 @@ from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.volume import Volume, WholeVolume
 
 __all__ = ["carried_out", "end_of", "engine_of", "run", "states", "with_given_steps"]
-
-# A warning is given where more than this number, and this share, of the samples have no triangle.
-ALONE, ALONE_SHARE = 10, 1e-3
-# The share of its area below which a mesh is warned of.
-LOST = 0.8
 
 
 def run(data: Data, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
@@ -88,12 +84,12 @@ def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None)
         history = History.joined((history, _measured(end, plan))) if record is not None else history
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
-        warnings += _of_area(done, plan, start, end)
+        warnings += of_area(done, plan, start, end)
         done, held = _without_harm(data, done, plan)
         warnings += held
         warnings += held_back(plan, end)
     if isinstance(engine, GridFlow):
-        warnings += _alone(engine, plan)
+        warnings += of_lone_samples(engine, plan)
     done = replace(done, fixed=data.fixed)
     if isinstance(done, Mesh) and isinstance(data, Mesh):
         done = replace(done, faces=data.faces)
@@ -271,30 +267,6 @@ def _without_harm(data: Data, done: Data, plan: Plan) -> tuple[Data, tuple[str, 
         points = limit.hold(points)
     said = f"{less} of {len(points)} points were moved otherwise than by the method alone, which would fold or cross the surface"
     return replace(done, points=points), (said,) if less else ()
-
-
-def _of_area(done: Data, plan: Plan, start: State, end: State) -> tuple[str, ...]:
-    """A warning about a surface that has vanished, or a mesh whose points move and that lost much of its area.
-
-    After a search it is the area of the noise.
-    """
-    if end.reason is not None and VANISHED in end.reason:
-        return (end.reason,)
-    if not isinstance(done, Mesh) or done.moves != "points" or plan.candidates or end.area > LOST * start.area:
-        return ()
-    return (f"the surface lost {1 - end.area / start.area:.0%} of its area; a smaller time keeps more",)
-
-
-def _alone(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
-    """A warning about samples that have no triangle, where they are more than a few."""
-    rays = isinstance(plan.data, RangeImage)
-    if plan.idle is not None or not (rays or engine.grid.missing.any() or engine.grid.cuts is not None):
-        return ()
-    lone, size = engine.grid.lone, int((~engine.grid.missing).sum())
-    if lone <= max(ALONE, ALONE_SHARE * size):
-        return ()
-    cut = ", cut off by discontinuities or by missing samples" if rays or engine.grid.cuts is not None else ""
-    return (f"{lone} of {size} samples have no triangle{cut}: they stay as they are",)
 
 
 def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tuple[State, State, History]:

@@ -1,7 +1,7 @@
 """Imports xarray.DataArray; results keep dimensions, coordinates, attributes and CRS."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Protocol, cast

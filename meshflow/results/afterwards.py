@@ -1,0 +1,39 @@
+"""Warnings about what a run has done to the data, and about what it could not move."""
+
+from meshflow.estimate.plan import Plan
+from meshflow.flow.engines.grid import GridFlow
+from meshflow.flow.march import VANISHED, State
+from meshflow.surfaces.data import Data
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.range_image import RangeImage
+
+__all__ = ["of_area", "of_lone_samples"]
+
+# A warning is given where more than this number, and this share, of the samples have no triangle.
+ALONE, ALONE_SHARE = 10, 1e-3
+# The share of its area below which a mesh is warned of.
+LOST = 0.8
+
+
+def of_area(done: Data, plan: Plan, start: State, end: State) -> tuple[str, ...]:
+    """A warning about a surface that has vanished, or a mesh whose points move and that lost much of its area.
+
+    After a search it is the area of the noise.
+    """
+    if end.reason is not None and VANISHED in end.reason:
+        return (end.reason,)
+    if not isinstance(done, Mesh) or done.moves != "points" or plan.candidates or end.area > LOST * start.area:
+        return ()
+    return (f"the surface lost {1 - end.area / start.area:.0%} of its area; a smaller time keeps more",)
+
+
+def of_lone_samples(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
+    """A warning about samples that have no triangle, where they are more than a few."""
+    rays = isinstance(plan.data, RangeImage)
+    if plan.idle is not None or not (rays or engine.grid.missing.any() or engine.grid.cuts is not None):
+        return ()
+    lone, size = engine.grid.lone, int((~engine.grid.missing).sum())
+    if lone <= max(ALONE, ALONE_SHARE * size):
+        return ()
+    cut = ", cut off by discontinuities or by missing samples" if rays or engine.grid.cuts is not None else ""
+    return (f"{lone} of {size} samples have no triangle{cut}: they stay as they are",)
