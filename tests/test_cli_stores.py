@@ -74,11 +74,28 @@ def test_a_series_is_smoothed_slice_by_slice_when_that_is_asked_for(tmp_path, sl
     assert np.sqrt(np.nanmean((out.values - truth) ** 2)) < 0.7
 
 
+def test_a_series_whose_chunks_hold_several_times_is_written_in_these_chunks(tmp_path):
+    store, _ = made(tmp_path, times=2)
+    xarray.open_zarr(store).chunk({"time": 2, "y": 90, "x": 50}).drop_encoding().to_zarr(tmp_path / "both.zarr")
+    found = run(tmp_path / "both.zarr", tmp_path / "out.zarr", "--slices", "alike", "--method", "quick")
+    assert found.exit_code == 0, found.output
+    assert back(tmp_path / "out.zarr")["height"].encoding["chunks"] == (2, 90, 50)
+
+
+def test_info_and_show_read_a_variable(tmp_path):
+    store, _ = made(tmp_path)
+    found = RUN.invoke(app, ["info", str(store / "height"), "--json"])
+    assert found.exit_code == 0, found.output
+    assert json.loads(found.stdout)["spacing"] == "10 x 10"
+    several = RUN.invoke(app, ["info", str(tmp_path / "none.zarr")])
+    assert "no folder" in str(several.exception)
+
+
 def test_a_series_without_a_word_on_slices_is_refused(tmp_path):
     store, _ = made(tmp_path, times=3)
     found = run(store, tmp_path / "out.zarr")
     assert isinstance(found.exception, InputError)
-    assert "slices" in str(found.exception)
+    assert "time; say how: --slices each or --slices alike" in str(found.exception)
     assert not (tmp_path / "out.zarr").exists()
 
 

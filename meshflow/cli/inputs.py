@@ -11,6 +11,8 @@ from meshflow.cli.regions import is_region, region
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
+from meshflow.io.objects import from_object
+from meshflow.io.stores import in_store, opened_variable
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
 
@@ -18,8 +20,12 @@ __all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "read_option
 
 
 def opened(path: Path, given: Given) -> Document:
-    """Read a file with the given options."""
-    return read(path, **read_options(given))
+    """Read a file, or a variable of a Zarr store as a whole, with the given options."""
+    place = in_store(path)
+    if place is None:
+        return read(path, **read_options(given))
+    found = from_object(opened_variable(place).load(), read_options(given))
+    return Document(found.data, path, notes=found.notes)
 
 
 def read_options(given: Given) -> Given:

@@ -83,7 +83,7 @@ class Line:
     def cells(self) -> tuple[str, ...]:
         """Of the table: file, noise, time, what was removed, seconds, and how it ended."""
         if self.told is None:
-            return (str(self.source), "", "", "", "", "done before" if self.skipped else self.why)
+            return (str(self.source), "", "", "", "", "done before" if self.skipped else spoken(self.why))
         result, seconds = self.told.result, f"{self.seconds:.1f} s"
         if isinstance(result, Slices):
             return (str(self.source), "", "", "", seconds, f"{len(result)} slices")

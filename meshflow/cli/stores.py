@@ -11,6 +11,7 @@ from meshflow.cli.many import Told
 from meshflow.errors import InputError, need
 from meshflow.flow.methods import words_for
 from meshflow.flow.progress import Progress, reporting
+from meshflow.io.adapters.xarray import further_dimensions
 from meshflow.io.atomic_write import must_be_free
 from meshflow.io.stores import Delayed, Place, in_store, opened_variable, written_variable
 from meshflow.kernels.library import default_threads
@@ -45,6 +46,11 @@ def smooth_store(given: Given) -> Told:
         raise InputError(f"{target}: it is the input; name another store")
     must_be_free(target.store, given["overwrite"])
     data = opened_variable(source)
+    further = further_dimensions(data)
+    if further and given["slices"] is None:
+        raise InputError(
+            f"{source} has more than rows and columns: {', '.join(map(str, further))}; say how: --slices each or --slices alike"
+        )
     word, suiting = given["method"], words_for(points=False)
     request = asked(given, plain_sample, suiting)
     back, found = smooth_lazily(data, request, read_options({name: given[name] for name in READ}))

@@ -116,6 +116,11 @@ class Noise:
         correlation = None if self.correlation is None else orientation.of(self.correlation)
         return replace(self, correlation=correlation, lengths=lengths, lines=lines)
 
+    @property
+    def warning(self) -> str:
+        """A sentence on why the estimate is uncertain; empty for a reliable one."""
+        return f"the estimate of the noise is uncertain: {self.doubt}; noise= sets it" if self.doubt else ""
+
     def sentences(self) -> tuple[str, ...]:
         """Sentences on the correlation of the noise and on doubts."""
         said = []
@@ -125,7 +130,7 @@ class Noise:
             each = f"{self.length:.2g} samples" if alike else f"{rows:.2g} rows and {columns:.2g} columns"
             said.append(f"the noise is correlated over about {each}")
         if self.doubt:
-            said.append(f"the estimate of the noise is uncertain: {self.doubt}; noise= sets it")
+            said.append(self.warning)
         return tuple(said)
 
     def to_dict(self) -> dict[str, object]:

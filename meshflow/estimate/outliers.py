@@ -85,7 +85,7 @@ class Outliers:
         return self.far | self.impulses
 
 
-def outliers_of(values: Array, missing: Array) -> Outliers | None:
+def outliers_of(values: Array, missing: Array, level: Array | None = None) -> Outliers | None:
     """The outliers of a grid; None where there are none.
 
     A sample is an outlier if one of its channels is. Far values are farther from the median than ten times the range of the
@@ -95,12 +95,13 @@ def outliers_of(values: Array, missing: Array) -> Outliers | None:
 
     :param values: (h, w) or (h, w, k).
     :param missing: (h, w).
+    :param level: (h, w), exactly level regions, beside which noise is no impulse; None: there are none.
     """
     stack = values.reshape(*missing.shape, -1)
     far, dense, impulses = np.zeros(missing.shape, bool), False, np.zeros(missing.shape, bool)
     for channel in np.moveaxis(stack, 2, 0):
         far |= _far(channel, ~missing)
-    there = ~(missing | far)
+    there = ~(missing | far) if level is None else ~(missing | far | level)
     if not there.any():
         return None
     for by_value in (True, False):

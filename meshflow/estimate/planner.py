@@ -109,6 +109,8 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     warnings += excessive(data, request, noise)
     if how is not None and request.level is None:
         warnings += _of_lines(noise.oriented(way.inverse))
+    if how is not None and request.noise is None and noise.warning:
+        warnings += (noise.warning,)
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
         data = data.cleared(request.constraints.min_component)
     request = stepped(data, request)

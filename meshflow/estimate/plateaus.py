@@ -1,5 +1,7 @@
 """Level regions: lakes and levelled tops of quantised heights, as opposed to the steps of slopes; exact ones beside noise."""
 
+from typing import Literal
+
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, find_objects
 from scipy.sparse import coo_array
@@ -7,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from meshflow.geometry.validation import Array
 
-__all__ = ["LEVEL_REACH", "equal_by_chance", "level_among_noise", "level_squares", "plateaus_of"]
+__all__ = ["LEVEL_REACH", "Level", "level_of", "level_rule", "plateaus_of"]
 
 # A plateau is kept if it has this width (samples from its middle to its shore) and this size, if this share of its neighbours
 # is on one side of it (above or below), and if it is so many times wider than the next step within BESIDE samples.
@@ -17,47 +19,77 @@ SHORE = 0.4
 # Values that are not quantised are level by intention where all samples of a square of this side are equal; unless this share of
 # the other neighbours is equal, too, as those of coarse steps are. So are equal samples up to so many steps from the squares.
 SQUARE, BY_CHANCE, STEPS = 4, 0.1, 12
+# Where at most this share of neighbours is equal by chance, three equal ones are no chance.
+HARDLY = 1e-4
 # So far from a sample lies what decides whether it is level.
 LEVEL_REACH = SQUARE - 1 + STEPS
+# Neighbours in rows and columns, and those and both diagonals.
+_NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
+_EVERY = (*_NEIGHBOURS, (np.s_[:-1, :-1], np.s_[1:, 1:]), (np.s_[:-1, 1:], np.s_[1:, :-1]))
 
 
-def level_among_noise(values: Array, missing: Array) -> Array | None:
-    """:func:`level_squares` of values with noise; None where there are none, and where equal values may be chance.
+Level = Literal["", "squares", "pieces"]
+
+
+def level_rule(values: Array, missing: Array, *, narrow: bool) -> Level:
+    """What is taken for level: nothing where many neighbours are equal, as those of coarse steps and of drawings are.
 
     :param values: (h, w) or (h, w, k); ``missing``: (h, w).
+    :param narrow: whether rivers and ponds count, too, where two equal neighbours are hardly ever chance.
     """
-    level = level_squares(values, missing)
-    return level if level.any() and not equal_by_chance(values, missing | level) else None
-
-
-def equal_by_chance(values: Array, missing: Array) -> bool:
-    """Whether many neighbours are equal, as those of coarse steps and of drawings are.
-
-    :param values: (h, w) or (h, w, k).
-    :param missing: (h, w), with the level regions.
-    """
-    pairs, equal = 0, 0
-    for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        both = ~(missing[one] | missing[two])
+    equals = _equal(values, missing)
+    if not any(same.any() for same in equals):
+        return "pieces" if narrow else "squares"
+    squares, pieces = _squares(*equals[:2]), _pieces(equals, missing.shape)
+    free = ~(missing | squares)
+    pairs, equal, alone = 0, 0, 0
+    for same, (one, two) in zip(equals, _EVERY, strict=True):
+        both = free[one] & free[two]
         pairs += int(both.sum())
-        equal += int((both & _alike(values[one], values[two])).sum())
-    return equal >= BY_CHANCE * max(pairs, 1)
+        equal += int((both & same).sum())
+        alone += int((both & same & ~(pieces[one] & pieces[two])).sum())
+    if equal >= BY_CHANCE * max(pairs, 1):
+        return ""
+    return "pieces" if narrow and alone <= HARDLY * pairs else "squares"
 
 
-def level_squares(values: Array, missing: Array) -> Array:
-    """Mask (h, w) of the samples of squares of equal values, and of equal ones around them: lakes, the sea, empty background.
+def level_of(values: Array, missing: Array, rule: Level) -> Array:
+    """Mask (h, w) of what is exactly level: lakes, rivers, the sea, empty background.
 
-    Noise leaves no such square. What is level can be told from a sample's surroundings alone, so that windows of a grid find the
-    same as the whole.
+    ``squares``: squares of equal values, which noise does not leave, and equal ones around them; ``pieces``: three and more
+    equal neighbours. Both can be told from a sample's surroundings alone, so that windows of a grid find the same as the whole.
 
     :param values: (h, w) or (h, w, k), all channels must be equal; ``missing``: (h, w).
     """
-    h, w = missing.shape
+    equals = _equal(values, missing)
+    return _pieces(equals, missing.shape) if rule == "pieces" else _squares(*equals[:2])
+
+
+def _equal(values: Array, missing: Array) -> tuple[Array, ...]:
+    """Where neighbours in a row (h, w - 1), in a column (h - 1, w), and along both diagonals are equal and present."""
+    return tuple(_alike(values[one], values[two]) & ~(missing[one] | missing[two]) for one, two in _EVERY)
+
+
+def _pieces(equals: tuple[Array, ...], shape: tuple[int, ...]) -> Array:
+    """The samples (h, w) of pieces of three and more equal neighbours."""
+    count = np.zeros(shape, np.uint8)
+    for same, (one, two) in zip(equals, _EVERY, strict=True):
+        count[one] += same
+        count[two] += same
+    middle = count >= 2
+    found = middle.copy()
+    for same, (one, two) in zip(equals, _EVERY, strict=True):
+        found[one] |= middle[two] & same
+        found[two] |= middle[one] & same
+    return found
+
+
+def _squares(along: Array, down: Array) -> Array:
+    """The samples (h, w) of squares of equal values, and of equal ones around them."""
+    h, w = along.shape[0], down.shape[1]
     level = np.zeros((h, w), bool)
     if min(h, w) < SQUARE:
         return level
-    along = _alike(values[:, :-1], values[:, 1:]) & ~(missing[:, :-1] | missing[:, 1:])
-    down = _alike(values[:-1], values[1:]) & ~(missing[:-1] | missing[1:])
     rows = along[:, :-2] & along[:, 1:-1] & along[:, 2:]
     left = down[:, : w - 3]
     corners = rows[:-3] & rows[1:-2] & rows[2:-1] & rows[3:] & left[:-2] & left[1:-1] & left[2:]
@@ -120,7 +152,7 @@ def _level_regions(values: Array, missing: Array) -> Array:
     """The number (h, w), from 0, of the region of equal values of each sample."""
     index = np.arange(missing.size).reshape(missing.shape)
     pairs = []
-    for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+    for one, two in _NEIGHBOURS:
         alike = (values[one] == values[two]) & ~missing[one] & ~missing[two]
         pairs.append(np.stack([index[one][alike], index[two][alike]]))
     ends = np.concatenate(pairs, axis=1)
@@ -131,7 +163,7 @@ def _level_regions(values: Array, missing: Array) -> Array:
 def _within(numbers: Array) -> Array:
     """Mask (h, w) of the samples whose four neighbours belong to the same region."""
     inside = np.ones(numbers.shape, bool)
-    for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+    for one, two in _NEIGHBOURS:
         same = numbers[one] == numbers[two]
         inside[one] &= same
         inside[two] &= same
@@ -141,7 +173,7 @@ def _within(numbers: Array) -> Array:
 def _beside(values: Array, numbers: Array, missing: Array, count: int) -> tuple[Array, Array]:
     """The numbers of higher and of lower neighbours of each region."""
     higher, lower = np.zeros(count), np.zeros(count)
-    for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+    for one, two in _NEIGHBOURS:
         known = ~missing[one] & ~missing[two]
         up, down = (values[two] > values[one]) & known, (values[two] < values[one]) & known
         higher += np.bincount(numbers[one][up], minlength=count) + np.bincount(numbers[two][down], minlength=count)

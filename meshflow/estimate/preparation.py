@@ -7,7 +7,8 @@ import numpy as np
 
 from meshflow.estimate.jpeg import Jpeg, jpeg_of
 from meshflow.estimate.outliers import Outliers, large_pieces, outliers_of
-from meshflow.estimate.plateaus import level_among_noise, level_squares
+from meshflow.estimate.plateaus import Level as LevelRule
+from meshflow.estimate.plateaus import level_of, level_rule
 from meshflow.estimate.ring_fill import filled_from_ring
 from meshflow.estimate.stripes import Level, offsets_to_level
 from meshflow.geometry.validation import Array
@@ -124,7 +125,8 @@ def prepared(
     """
     # Sums depend on the order of memory; the result must not.
     values, missing = np.ascontiguousarray(array_of(data)), data.missing
-    found = None if outliers == "include" else outliers_of(values, missing)
+    flat = _level(data, values, missing) if still else None
+    found = None if outliers == "include" else outliers_of(values, missing, flat)
     repaired, insists = np.zeros(missing.shape, bool), False
     if found is not None:
         keep = _kept(data, found, outliers)
@@ -136,7 +138,7 @@ def prepared(
         insists = outliers == "repair" or found.dense
     if level is not None:
         values = (values - offsets_to_level(values, missing, level)).astype(values.dtype)
-    flat = level_among_noise(values, missing) if still else None
+    flat = None if flat is None else flat & ~missing
     datum = _datum(values, missing)
     values = _above(values, missing, datum)
     how = Preparation(data, found, repaired, datum, level is not None, insists, flat)
@@ -144,14 +146,21 @@ def prepared(
     return (data if values is array_of(data) else _with(data, values, missing)), how
 
 
-def lowered_by(data: OnGrid, datum: Array, *, still: bool = False) -> tuple[OnGrid, Preparation]:
+def _level(data: OnGrid, values: Array, missing: Array) -> Array | None:
+    """The level regions (h, w) beside noise; None where there are none, and where nothing is beside them."""
+    rule = level_rule(values, missing, narrow=isinstance(data, HeightField))
+    level = level_of(values, missing, rule) if rule else None
+    return level if level is not None and level.any() and not (level | missing).all() else None
+
+
+def lowered_by(data: OnGrid, datum: Array, still: LevelRule = "") -> tuple[OnGrid, Preparation]:
     """A window of a grid for the flow, and its preparation: a datum is subtracted, level regions stay, nothing else is done.
 
     :param datum: of the whole grid, () or (k,).
-    :param still: whether the whole grid has level regions beside noise.
+    :param still: what is level in the whole grid.
     """
     values = np.ascontiguousarray(array_of(data))
-    flat = level_squares(values, data.missing) if still else None
+    flat = level_of(values, data.missing, still) if still else None
     data = data if flat is None else replace(data, fixed=data.fixed | flat)
     values = _above(values, data.missing, datum)
     how = Preparation(data, None, np.zeros(data.missing.shape, bool), datum, level=flat)

@@ -143,6 +143,8 @@ class ReadOptions:
     def __post_init__(self) -> None:
         if self.unit is not None and not isinstance(self.unit, str):
             raise InputError(f"unit: the name of a unit, as 'm', expected, got {self.unit!r}")
+        if self.nodata is not None and not _is_number(self.nodata):
+            raise InputError(f"nodata: the number that marks missing samples expected, got {self.nodata!r}")
 
     @classmethod
     def of(cls, metadata: Mapping[str, object]) -> "ReadOptions":

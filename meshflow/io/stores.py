@@ -102,8 +102,10 @@ def written_variable(
     need("zarr", "zarr")
     must_be_free(place.store, overwrite)
     group, _, name = place.variable.rpartition("/")
-    whole = data.rename(name or data.name or "values").to_dataset()
     encoding = {key: value for key, value in data.encoding.items() if key in KEPT}
+    if "chunks" in encoding:  # a chunk of the store is written by one task
+        data = data.chunk(dict(zip(data.dims, encoding["chunks"], strict=True)))
+    whole = data.rename(name or data.name or "values").to_dataset()
     with _beside(place.store) as temporary:
         delayed = whole.to_zarr(
             temporary, group=group or None, mode="w", compute=False, encoding={name or data.name or "values": encoding}

@@ -11,7 +11,7 @@ from meshflow.estimate.heights import limit_of
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import constrained, oriented, staying
 from meshflow.estimate.planning import plan_of_flow
-from meshflow.estimate.plateaus import LEVEL_REACH, equal_by_chance, level_squares
+from meshflow.estimate.plateaus import LEVEL_REACH, Level, level_rule
 from meshflow.estimate.preparation import lowered_by
 from meshflow.estimate.request import Request
 from meshflow.flow.engines.grid import GridFlow
@@ -41,14 +41,14 @@ class Local:
     :ivar plan: its data is replaced by that of a window.
     :ivar halo: how many samples around a window decide what it becomes.
     :ivar based: whether it is smoothed above a base.
-    :ivar still: whether level regions stay.
+    :ivar still: what is level and stays.
     """
 
     form: Form
     plan: Plan
     halo: int
     based: bool = False
-    still: bool = False
+    still: Level = ""
 
     def over(self, census: Census) -> "Bound":
         """The same with what a window must know of the samples of the whole."""
@@ -90,7 +90,7 @@ class Bound:
         """The plan of a window."""
         request = replace(self.plan.request, constraints=constraints)
         held, request, mobility = constrained(data, request, staying(data, request))
-        lowered, how = lowered_by(on_grid(held), self.datum, still=self.local.still)
+        lowered, how = lowered_by(on_grid(held), self.datum, self.local.still)
         turned, request, mobility = oriented(lowered, request, mobility, self.plan.orientation)
         most = limit_of(turned, request, self.plan.noise)[0]
         plan = replace(
@@ -189,15 +189,11 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     runs = [fixed, *(fixed.only(part) for part in fixed.blend[1:])]
     halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
     halo += 0 if found.base is None else base_reach(whole)
-    still = not request.named and not _steps_by_chance(on_grid(sample.data))
+    tiles = on_grid(sample.data)
+    narrow = isinstance(tiles, HeightField)
+    still = "" if request.named else level_rule(array_of(tiles), tiles.missing, narrow=narrow)
     halo += LEVEL_REACH if still else 0
     return Windowed(found, Local(form, plan, halo, found.base is not None, still), warnings)
-
-
-def _steps_by_chance(data: OnGrid) -> bool:
-    """Whether equal neighbours say nothing of level regions."""
-    values = array_of(data)
-    return equal_by_chance(values, data.missing | level_squares(values, data.missing))
 
 
 def _must_be_of_the_family(request: Request, values: Array) -> None:

@@ -91,7 +91,7 @@ def described(run: Described, removed: str) -> str:
     lines += [f"  {name:<12} {parameter}" for name, parameter in run.parameters.items()]
     lines += [f"  removed      {removed}"] if removed else []
     lines += _searched(run.candidates)
-    lines += [f"  noise        {sentence}" for sentence in run.noise.sentences()]
+    lines += [f"  noise        {sentence}" for sentence in run.noise.sentences() if sentence not in run.warnings]
     return "\n".join(lines + [f"  warning      {warning}" for warning in run.warnings])
 
 
