@@ -15,6 +15,11 @@ from meshflow.cli.commands import app
 RANDOM = np.random.default_rng(14)
 Z = np.sin(np.arange(48) / 5.0) + np.arange(40)[:, None] / 9.0 + RANDOM.normal(0, 0.05, (40, 48))
 UNDECLARED = np.where((np.arange(48) > 20) & (np.arange(48) < 27) & (np.arange(40)[:, None] < 9), -9999.0, Z)
+# Colours with noise, and an alpha without; a surface as rough as noise.
+TRANSPARENT = np.clip(128 + 12 * np.random.default_rng(5).normal(size=(48, 64, 4)), 0, 255).round()
+TRANSPARENT[..., 3] = np.add.outer(np.arange(48), np.arange(64))
+_STEPS = np.hypot(np.fft.fftfreq(128)[:, None], np.fft.rfftfreq(128)) + 1e-9
+ROUGH = np.fft.irfft2(np.fft.rfft2(np.random.default_rng(6).normal(size=(128, 128))) * _STEPS**-1.6, s=(128, 128))
 
 
 def ball():
@@ -35,6 +40,8 @@ CASES = [
     (lambda **how: meshflow.smooth(ball(), time=1e9, **how), "vanished"),
     (lambda **how: meshflow.smooth(ball(), time=0.1, **how), "of its area; a smaller time"),
     (lambda **how: meshflow.smooth(ball(), method="heat", **how), "no effect where points move"),
+    (lambda **how: meshflow.smooth(TRANSPARENT, **how), "if it is alpha"),
+    (lambda **how: meshflow.smooth(ROUGH, **how), "the estimate of the noise is uncertain: two estimates differ"),
 ]
 
 

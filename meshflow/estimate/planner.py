@@ -111,6 +111,7 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
         warnings += _of_lines(noise.oriented(way.inverse))
     if how is not None and request.noise is None and noise.warning:
         warnings += (noise.warning,)
+    warnings += _of_alpha(data, noise)
     if isinstance(data, RangeImage) and request.constraints.min_component is not None:
         data = data.cleared(request.constraints.min_component)
     request = stepped(data, request)
@@ -136,13 +137,23 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
 
 
 def _of_lines(noise: Noise) -> tuple[str, ...]:
-    """A warning about rows or columns that are shifted against each other, and the option that levels them."""
+    """A warning about rows or columns that are shifted against each other, and the option that levels them.
+
+    Offsets below half the step of quantized data are those of its rounding.
+    """
     found = (("rows", noise.lines.rows), ("columns", noise.lines.columns))
     return tuple(
         f"{lines} are shifted against each other by {size:.3g} (rms), as scan lines are: level={lines!r} levels them"
         for lines, size in found
-        if size > 0
+        if size > 0.5 * noise.quantum
     )
+
+
+def _of_alpha(data: Data, noise: Noise) -> tuple[str, ...]:
+    """A warning about a fourth channel without noise beside three with it, as that of transparency is."""
+    if not isinstance(data, Image) or len(noise.channels) != 4 or noise.channels[3] > 0 or not all(noise.channels[:3]):
+        return ()
+    return ("the fourth channel has no noise, and is smoothed with the others; if it is alpha, give values[..., :3]",)
 
 
 def _unseen(missing: Array, mask: Array | None) -> Array:
