@@ -80,6 +80,8 @@ if TYPE_CHECKING:
     from meshflow.surfaces.scanner import Scanner, Spherical
     from meshflow.surfaces.scattered import Scattered
     from meshflow.surfaces.surface import Surface
+    from meshflow.surfaces.tensors import Tensors
+    from meshflow.surfaces.vectors import Vectors
     from meshflow.surfaces.volume import Volume
     from meshflow.viewer.filming import film
 
@@ -201,6 +203,8 @@ _HOMES = {
     "surfaces.scattered": ("Scattered",),
     "surfaces.free": ("Axes", "Rays"),
     "surfaces.surface": ("Surface",),
+    "surfaces.tensors": ("Tensors",),
+    "surfaces.vectors": ("Vectors",),
     "surfaces.volume": ("Volume",),
     "viewer.filming": ("film",),
 }

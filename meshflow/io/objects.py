@@ -17,6 +17,8 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.irregular import Irregular
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tensors import Tensors
+from meshflow.surfaces.vectors import Vectors
 from meshflow.surfaces.volume import Volume
 
 __all__ = ["Imported", "from_object", "opened", "taken_in"]
@@ -42,6 +44,9 @@ def taken_in(data: object, options: ReadOptions) -> Imported:
         if options.given:
             raise InputError(f"{type(data).__name__} already says {', '.join(options.given)}; set them there")
         return Imported(data, lambda same: same)
+    if isinstance(data, (Tensors, Vectors)):
+        options.must_belong(f"a {type(data).__name__}, which says all of its samples", ())
+        return Imported(data.image, data.holding)
     if isinstance(data, Irregular):
         options.must_belong(f"a {type(data).__name__}, which says all of its samples", ())
         return Imported(data.mesh, data.holding, samples=partial(_aligned, data))

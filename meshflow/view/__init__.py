@@ -1,6 +1,7 @@
 """Pictures: of data, of data before and after, of what was removed, and of a comparison of flows.
 
-**Write a picture, or open a window**: :func:`compare` before and after, :func:`show` data, :func:`flows`.
+**Write a picture, or open a window**: :func:`compare` before and after, :func:`show` data, :func:`flows`,
+:func:`vectors`.
 
 **In a notebook**: :func:`plotter`. **What colours stand for**: :func:`measured`. **Whether VTK can draw here**:
 :func:`rendering`.
@@ -13,17 +14,19 @@ from typing import TYPE_CHECKING
 from meshflow.lazy import lazily
 
 if TYPE_CHECKING:
+    from meshflow.view.glyphs import vectors
     from meshflow.view.look import Look
     from meshflow.view.panels import flows
     from meshflow.view.pictures import Pictured, compare, plotter, show
     from meshflow.view.probe import Rendering, rendering
     from meshflow.view.quantity import measured
 
-__all__ = ["Look", "Pictured", "Rendering", "compare", "flows", "measured", "plotter", "rendering", "show"]
+__all__ = ["Look", "Pictured", "Rendering", "compare", "flows", "measured", "plotter", "rendering", "show", "vectors"]
 
 __getattr__, __dir__ = lazily(
     __name__,
     {
+        "glyphs": ("vectors",),
         "look": ("Look",),
         "panels": ("flows",),
         "pictures": ("Pictured", "compare", "plotter", "show"),

@@ -16,6 +16,7 @@ from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.vectors import Vectors
 
 if TYPE_CHECKING:
     pass
@@ -30,6 +31,8 @@ def multipart(data: object, options: ReadOptions) -> Multipart | None:
 
     :raises InputError: for a part that is no surface, and for a scene without surfaces.
     """
+    if isinstance(data, Vectors) and data.smoothed != "whole":
+        return _apart(data, options)
     if isinstance(data, Document):
         return _bands(data, options) if data.source.bands else _sections(data, options)
     for kind in type(data).__mro__:
@@ -39,6 +42,21 @@ def multipart(data: object, options: ReadOptions) -> Multipart | None:
         if home == ("pyvista", "MultiBlock"):
             return _multi_block(data, options)
     return None
+
+
+def _apart(data: Vectors, options: ReadOptions) -> Multipart:
+    """Directions and magnitudes of a vector field.
+
+    :raises InputError: for options, since the field says all of its samples.
+    """
+    taken_in(data, options)
+
+    def to_object(parts: Sequence[Data]) -> Vectors:
+        """The vectors of both."""
+        direction = next(one for one in parts if isinstance(one, Image))
+        return data.holding_parts(direction, next(one for one in parts if isinstance(one, HeightField)))
+
+    return Multipart(tuple((name, Imported(one, lambda same: same)) for name, one in data.parts), to_object, whole=True)
 
 
 def _scene(data: object, options: ReadOptions) -> Multipart | None:
