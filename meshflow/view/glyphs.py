@@ -69,7 +69,9 @@ def vectors(
         axis.imshow(field.magnitude, cmap="viridis", vmin=0.0, vmax=most, aspect=dy / dx)
         (_arrows if drawn == "arrows" else _streamlines)(axis, field.values, field.missing)
         axis.set(title=title, xticks=[], yticks=[], xlim=(-0.5, w - 0.5), ylim=(h - 0.5, -0.5))
-    figure.colorbar(axes[0].images[0], ax=axes, shrink=0.8, label=f"magnitude{f', {before.unit}' if before.unit else ''}")
+    figure.colorbar(
+        axes[0].images[0], ax=axes, shrink=0.8, label=f"magnitude{f', {before.unit}' if before.unit else ''}"
+    )
     with beside(target) as draft:
         figure.savefig(draft, format=target.suffix[1:].lower())
     return target
