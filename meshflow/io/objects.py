@@ -58,7 +58,7 @@ def taken_in(data: object, options: ReadOptions) -> Imported:
     if adapter is None:
         raise InputError(
             f"{type(data).__module__}.{type(data).__qualname__}: expected a numpy array, (points, faces), a mesh of "
-            "trimesh, pyvista, open3d or meshio, an xarray.DataArray, a path, or a data object of meshflow"
+            "trimesh, pyvista, open3d or meshio, an xarray.DataArray, a picture of Pillow, a path, or a data object of meshflow"
         )
     return adapter(data, options)
 
@@ -107,6 +107,8 @@ def _adapter(data: object) -> Callable[[object, ReadOptions], Imported] | None:
                 from meshflow.io.adapters.trimesh import from_object as adapter
             case "pyvista":
                 from meshflow.io.adapters.pyvista import from_object as adapter
+            case "PIL":
+                from meshflow.io.adapters.pillow import from_object as adapter
             case "open3d":
                 from meshflow.io.adapters.open3d import from_object as adapter
             case "meshio":
