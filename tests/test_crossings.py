@@ -96,3 +96,16 @@ def test_the_sampling_of_a_mesh_with_little_noise_goes_no_farther_than_the_noise
     result = meshflow.smooth((points, dome.faces), result=True)
     assert result.parameters["max_change"].value == pytest.approx(MOST * result.noise.sigma)
     assert np.linalg.norm(result.data[0] - points, axis=1).max() <= MOST * result.noise.sigma * (1 + 1e-12)
+
+
+def test_what_is_mended_at_a_crease_follows_the_planes_beside_it():
+    cube = shapes.cube(10)
+    at_crease = np.flatnonzero((np.abs(np.abs(cube.points) - 0.5) < 1e-9).sum(axis=1) == 2)
+    middle = at_crease[np.argmin(np.abs(cube.points[at_crease] - [0.5, 0.5, 0.0]).sum(axis=1))]
+    after = cube.points.copy()
+    after[middle] += [0.0, 0.0, 0.16]  # along the crease, beyond its neighbour
+    assert len(new_folds(cube.points, after, cube.faces)) > 0
+    found, less = moved_without_harm(cube.points, after, cube.faces, np.zeros(len(after), bool))
+    assert len(new_folds(cube.points, found, cube.faces)) == 0
+    assert 0 < less < 30
+    assert cube.distance(found).max() < 0.05 * cube.edge  # 0.29 edges where the mended corners do not follow

@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from meshflow.geometry.folds import moved_without_folds, new_folds
+from meshflow.geometry.connectivity import connect
+from meshflow.geometry.folds import moved_without_folds, new_folds, unfolded_normals
 from meshflow.geometry.laplacians import neighbour_means
+from meshflow.geometry.normals import followed
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_crossings as kernels
 
@@ -14,6 +16,8 @@ SOME = 1024
 # Rounds in which what crosses or folds is moved to the middle of its neighbours, then moves half as far, and then not at all,
 # each time with one more ring around it. The data is the last resort, because its noise folds and crosses.
 SMOOTHED, HALVED, STAYED = 8, 3, 5
+# Sweeps in which what was mended follows the normals around it, and rounds in which what does not fit is left as it is.
+FITTED, LEFT = 10, 3
 
 
 def crossing_pairs(points: Array, faces: Array) -> Array:
@@ -45,7 +49,8 @@ def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -
 
     Folds are mended first (:func:`moved_without_folds`). Then the corners of what still folds or crosses are moved to the middle
     of their neighbours, again and again; where that does not help, half as far as they were to go, and at last not at all,
-    together with their neighbours. If there is harm after all this, nothing moves.
+    together with their neighbours. If there is harm after all this, nothing moves. What was mended follows the normals of the
+    triangles that were not folded, so that creases are not rounded there.
 
     :param before: points (n, 3), as ``after``.
     :param held: (n,), points that stay.
@@ -73,7 +78,24 @@ def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -
         bad[faces[pairs]] = True
         less = bad & ~held
         points[less] = 0.5 * (before[less] + points[less]) if turn < SMOOTHED + HALVED else before[less]
+    points = _fitted(before, after, points, faces)
     return points, int((points != after).any(axis=1).sum())
+
+
+def _fitted(before: Array, after: Array, points: Array, faces: Array) -> Array:
+    """Points (n, 3) of which those that differ from ``after`` are moved to the planes of the triangles that were not folded."""
+    moved = (points != after).any(axis=1)
+    if not moved.any() or points is before:
+        return points
+    normals = unfolded_normals(after, faces)
+    fitted = followed(np.ascontiguousarray(points, np.float64), connect((faces,), len(points)), normals, ~moved, FITTED)
+    for _ in range(LEFT):
+        pairs = np.concatenate([new_crossings(before, fitted, faces), new_folds(points, fitted, faces)])
+        if not len(pairs):
+            return fitted.astype(points.dtype)
+        left = np.isin(faces, faces[pairs]).any(axis=1)
+        fitted[faces[left]] = points[faces[left]]
+    return points
 
 
 def _crossed(points: Array, faces: Array) -> Array:

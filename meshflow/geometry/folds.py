@@ -7,7 +7,7 @@ from meshflow.geometry.laplacians import neighbour_means
 from meshflow.geometry.normals import measured
 from meshflow.geometry.validation import Array
 
-__all__ = ["moved_without_folds", "new_folds"]
+__all__ = ["moved_without_folds", "new_folds", "unfolded_normals"]
 
 # The cosine between the normals of two neighbours below which the surface is folded there: they turn by more than 135 degrees.
 FOLDED = -0.7
@@ -58,6 +58,16 @@ def moved_without_folds(before: Array, after: Array, faces: Array, held: Array) 
     if _folded(points, faces, pairs).sum() > were.sum():
         points = before
     return points, int((points != after).any(axis=1).sum())
+
+
+def unfolded_normals(points: Array, faces: Array) -> Array:
+    """Unit normals (m, 3) of the triangles; zero for the smaller one of two that are folded over their edge."""
+    normals, areas = measured(points, faces)
+    one, other = shared_sides(faces)
+    pairs = np.stack([one // 3, other // 3], axis=1)
+    pairs = pairs[_folded(points, faces, pairs)]
+    normals[np.where(areas[pairs[:, 0]] < areas[pairs[:, 1]], pairs[:, 0], pairs[:, 1])] = 0.0
+    return normals
 
 
 def _folded(points: Array, faces: Array, pairs: Array) -> Array:
