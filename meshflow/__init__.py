@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         SelectiveSmoothing,
         SharedEdges,
         ShockFilter,
+        SmallerCurvature,
         TotalVariation,
     )
     from meshflow.flow.steppers import Explicit, SemiImplicit, SuperTime
@@ -145,6 +146,7 @@ _HOMES = {
         "SelectiveSmoothing",
         "SharedEdges",
         "ShockFilter",
+        "SmallerCurvature",
         "TotalVariation",
     ),
     "flow.family": ("Variant",),

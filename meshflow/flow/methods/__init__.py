@@ -31,6 +31,7 @@ from meshflow.flow.methods.searched import Quick, Search
 from meshflow.flow.methods.selective import SelectiveSmoothing
 from meshflow.flow.methods.shared_edges import SharedEdges
 from meshflow.flow.methods.shock import ShockFilter
+from meshflow.flow.methods.smaller_curvature import SmallerCurvature
 from meshflow.flow.methods.total_variation import TotalVariation
 from meshflow.geometry.options import must_be_object, refused, spelled
 from meshflow.geometry.validation import shown
@@ -51,7 +52,7 @@ Method = HeightMethod | PointMethod
 # Methods for values above a base (heights, channels, depths), and methods for the points of a mesh.
 HEIGHT_METHODS: tuple[type[HeightMethod], ...] = (
     Beltrami, GraphFlow, MeanCurvatureDiffusion, TotalVariation, PeronaMalik, GemanMcClure, Heat, Patches, PaperScheme,
-    SelectiveSmoothing, ShockFilter, MinMax, LowCurvature, SharedEdges,
+    SelectiveSmoothing, SmallerCurvature, ShockFilter, MinMax, LowCurvature, SharedEdges,
     HalfQuadratic, RudinOsherFatemi,
 )  # fmt: skip
 POINT_METHODS: tuple[type[PointMethod], ...] = (
