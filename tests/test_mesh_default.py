@@ -1,5 +1,7 @@
 """What a mesh gets by default: clean parts as they were, noise of any kind away, whatever its numbering and place."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -21,6 +23,7 @@ from meshflow.surfaces.surface import Surface
 from meshflow.synthetic import shapes
 
 MAKE = trimesh.creation
+MESHES = Path(__file__).parents[2] / "shared" / "data" / "meshes"
 ROUNDS = [[0, 0], [1, 0], [1, 0.3], [0.4, 0.5], [0.4, 2], [0.7, 2.2], [0.7, 2.6], [0, 2.6]]
 CLEAN = {
     "box": MAKE.box((3, 2, 1)),
@@ -353,3 +356,12 @@ def test_a_run_continues_while_its_risk_is_hardly_greater_and_is_ranked_by_its_l
     assert one.least == (2.0, 0.2)
     assert PointCandidate(NormalFilter(), one.times, one.squares).least == (1.0, 0.2)
     assert PointCandidate(NormalFilter(), (0.0, 1.0), (1.0, 1.01), alike=0.02).least == (0.0, 1.0)
+
+
+@pytest.mark.skipif(not MESHES.exists(), reason="no ../shared/data/meshes")
+def test_where_no_method_helps_the_rim_stays_as_well():
+    model = trimesh.load(MESHES / "attributes" / "fuze.obj", process=False)
+    points = np.array(model.vertices)
+    result = meshflow.smooth((points, np.array(model.faces)), result=True)
+    assert "data left unchanged" in result.stopped_because
+    assert np.array_equal(result.data[0], points)

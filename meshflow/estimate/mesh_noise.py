@@ -34,9 +34,9 @@ EDGES, SHARE = 24, 0.04
 # Time of the bi-Laplacian filter for the normals of the vertices, in squared edges. With strong noise the normals of the data
 # have errors of 30 degrees, and sigma along them would be 16 % too low.
 SETTLED = 1.0
-# Sigma, kurtosis and correlation are measured on the share CALMEST of vertices with the least curvature after the time CALM, as
-# the root mean square over AROUND rounds of neighbours. Single vertices would be chosen by their noise, which then seems
-# correlated.
+# Sigma and kurtosis are measured on the share CALMEST of vertices with the least curvature after the time CALM; correlation where
+# its root mean square over AROUND rounds of neighbours is least, because single vertices are chosen by their noise, which then
+# seems correlated.
 CALM, CALMEST, AROUND = 4.0, 0.5, 10
 # The kurtosis of Gaussian noise, the one above which noise is impulsive, and the largest number of rounds of neighbour means.
 GAUSSIAN, IMPULSIVE, SPREAD = 3.0, 3.8, 6
@@ -131,15 +131,16 @@ def noise_of_points(points: Array, faces: Array, counted: Array | None = None) -
     settled = filtered(even, x, SETTLED * step**2, 2)
     bend, rough = _along(umbrella, x, normals_at(settled, faces), gain)
     bends = _along(umbrella, filtered(even, x, CALM * step**2, 2), normals_at(settled, faces), gain)[0] ** 2
+    around = bends
     for _ in range(AROUND):
-        bends = bends - 0.5 * (umbrella @ bends)
-    calm = inner & (bends <= np.quantile(bends[inner], CALMEST))
+        around = around - 0.5 * (umbrella @ around)
+    calm, calm_region = (inner & (own <= np.quantile(own[inner], CALMEST)) for own in (bends, around))
     sigma = MAD * float(np.median(np.abs(rough[calm])))
     if sigma <= _rounding(points):
         return PointNoise(0.0, 0.0, (0.0,), how="differences")
-    found = _alternation(umbrella, bend, rough, calm)[1]
+    found = _alternation(umbrella, bend, rough, calm_region)[1]
     kurtosis = float(np.mean(rough[calm] ** 4) / np.mean(rough[calm] ** 2) ** 2)
-    spread, share = (0, 1.0) if kurtosis > SURE else _spread(umbrella, gain, calm, found, numbers_of(x, faces))
+    spread, share = (0, 1.0) if kurtosis > SURE else _spread(umbrella, gain, calm_region, found, numbers_of(x, faces))
     kurtosis = GAUSSIAN if spread else kurtosis
     sigma = sigma / share if kurtosis <= IMPULSIVE else float(np.sqrt(np.mean(rough[calm] ** 2)))
     return PointNoise(sigma, 0.0, (sigma,), how="differences", kurtosis=kurtosis, spread=spread)

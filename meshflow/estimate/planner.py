@@ -105,7 +105,7 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
             data, spikes = without_spikes(data)
             warnings += spikes
     data, noise, why = _with_noise(data, request, mask, (how, way))
-    data, rims = with_smooth_rims(data, request, noise)
+    (data, rims), rough = with_smooth_rims(data, request, noise), data
     warnings += excessive(data, request, noise)
     if how is not None and request.level is None:
         warnings += _of_lines(noise.oriented(way.inverse))
@@ -126,7 +126,9 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     else:
         found = None if isinstance(data, Mesh) else quantized(data, request, noise)
         found = found or tuned(data, request, noise, mobility)
-    found = found.with_({"boundary": Decided("estimated", rims)}) if rims else found
+    if rims:  # noise that no method removes is none at the rim either
+        moved = found.with_({"boundary": Decided("estimated", rims)})
+        found = moved if found.idle is None else replace(found, data=rough)
     if how is not None:
         warnings = (*how.warnings(found.idle is not None), *warnings)
         found = replace(found, idle=None if found.idle is None else how.beside(found.idle))
