@@ -11,7 +11,8 @@ from meshflow.cli.regions import is_region, region
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
-from meshflow.io.objects import from_object
+from meshflow.io.metadata import ReadOptions
+from meshflow.io.objects import taken_in
 from meshflow.io.stores import in_store, opened_variable
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
@@ -24,7 +25,7 @@ def opened(path: Path, given: Given) -> Document:
     place = in_store(path)
     if place is None:
         return read(path, **read_options(given))
-    found = from_object(opened_variable(place).load(), read_options(given))
+    found = taken_in(opened_variable(place).load(), ReadOptions.of(read_options(given)))
     return Document(found.data, path, notes=found.notes)
 
 

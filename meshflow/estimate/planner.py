@@ -92,7 +92,7 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     must_fit(data, request)
     how: Preparation | None = None
     if not isinstance(data, (Mesh, RangeImage)):
-        data, how = prepared(data, request.outliers, request.level, still=not request.named)
+        data, how = prepared(data, request.outliers, request.level, still=not (request.named or request.timed))
     own = own_samples(data)
     data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)

@@ -191,7 +191,7 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     halo += 0 if found.base is None else base_reach(whole)
     tiles = on_grid(sample.data)
     narrow = isinstance(tiles, HeightField)
-    still = "" if request.named else level_rule(array_of(tiles), tiles.missing, narrow=narrow)
+    still = "" if request.named or request.timed else level_rule(array_of(tiles), tiles.missing, narrow=narrow)
     halo += LEVEL_REACH if still else 0
     return Windowed(found, Local(form, plan, halo, found.base is not None, still), warnings)
 

@@ -1,9 +1,10 @@
 """Imports pictures of Pillow: grey, RGB and RGBA, of 8, 16 and 32 bits."""
 
 from functools import partial
-from typing import Any
 
 import numpy as np
+from PIL.Image import Image as Picture
+from PIL.Image import frombytes
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
@@ -18,7 +19,7 @@ __all__ = ["from_object"]
 COLOURS = {"L": 1, "LA": 1, "RGB": 3, "RGBA": 3, "I;16": 1, "I;16L": 1, "I;16B": 1, "I": 1, "F": 1}
 
 
-def from_object(data: Any, options: ReadOptions) -> Imported:
+def from_object(data: object, options: ReadOptions) -> Imported:
     """Import a picture; results are new ones of the same mode, size and metadata, rounded where the mode holds whole numbers.
 
     Transparency is kept and not smoothed.
@@ -26,6 +27,8 @@ def from_object(data: Any, options: ReadOptions) -> Imported:
     :param options: ``kind`` (image), ``missing``.
     :raises InputError: for a palette, two levels, and colours of other models, with what to convert to.
     """
+    if not isinstance(data, Picture):
+        raise InputError(f"an image of Pillow expected, got {type(data).__name__}")
     options.must_belong("a picture of Pillow", ("kind", "missing", "nodata"))
     if options.kind not in (None, "image"):
         raise InputError(
@@ -47,10 +50,8 @@ def _smoothed(stored: Array, mode: str) -> Array:
     return stored[..., 0] if COLOURS[mode] == 1 else stored[..., : COLOURS[mode]]
 
 
-def _to_object(source: Any, stored: Array, image: Image) -> Any:
+def _to_object(source: Picture, stored: Array, image: Image) -> Picture:
     """A picture of the smoothed values."""
-    from PIL import Image as Picture
-
     values = image.values if stored.ndim == 2 else image.values.reshape(*stored.shape[:2], -1)
     gone = np.broadcast_to(image.missing if values.ndim == 2 else image.missing[..., None], values.shape)
     whole, _ = rounded(values, gone, stored.dtype)
@@ -60,6 +61,6 @@ def _to_object(source: Any, stored: Array, image: Image) -> Any:
     else:
         count = whole.shape[2]
         samples[..., :count] = np.where(gone, stored[..., :count], whole)
-    made = Picture.frombytes(source.mode, source.size, np.ascontiguousarray(samples).tobytes())
+    made = frombytes(source.mode, source.size, np.ascontiguousarray(samples).tobytes())
     made.info = dict(source.info)
     return made
