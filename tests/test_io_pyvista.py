@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import pyvista
 
+import meshflow
 from meshflow.errors import InputError
 from meshflow.io.objects import from_object
 from meshflow.surfaces.height_field import HeightField
@@ -334,3 +335,34 @@ def terrain():
 def test_a_hint_that_does_not_fit_is_refused(make, hints, what):
     with pytest.raises(InputError, match=what):
         from_object(make(), hints)
+
+
+def test_quads_are_cut_from_their_first_corner_whatever_the_noise_and_concave_ones_where_they_are_whole():
+    rng = np.random.default_rng(3)
+    sheet = pyvista.Plane(i_resolution=50, j_resolution=50, i_size=4, j_size=4)
+    sheet.points[:, 2] += 0.02 * rng.normal(size=sheet.n_points)
+    found = meshflow.smooth(sheet, result=True)
+    quads = sheet.faces.reshape(-1, 5)[:, 1:]
+    for half, corners in ((0, [0, 1, 2]), (1, [0, 2, 3])):  # but where noise folds a quad
+        assert (found.after.faces[half::2] == quads[:, corners]).all(axis=1).mean() > 0.99
+    assert found.noise.sigma == pytest.approx(0.02, rel=0.1)
+    assert found.data.points[:, 2].std() < 0.2 * 0.02
+    arrow = pyvista.PolyData([[0, 0, 0], [2, 0, 0], [0.4, 0.4, 0], [0, 2, 0.0]], [4, 0, 1, 2, 3])
+    for turn in range(4):
+        arrow.faces = [4, *np.roll([0, 1, 2, 3], turn)]
+        mesh = from_object(arrow).data
+        corners = mesh.points[mesh.faces]
+        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
+        assert (areas > 0).all()
+        assert areas.sum() == pytest.approx(0.8)
+
+
+def test_polygons_of_all_sizes_and_strips_keep_their_cell_data_and_their_order():
+    points = np.array([[x, y, 0.0] for y in range(3) for x in range(6)], float)
+    poly = pyvista.PolyData(points)
+    poly.verts = np.zeros(0, int)
+    poly.faces = [4, 0, 1, 7, 6, 3, 1, 2, 7, 5, 2, 3, 9, 8, 7]
+    poly.strips = [4, 12, 13, 6, 7]
+    poly.cell_data["number"] = [10, 20, 30, 40]
+    made = from_object(poly).to_object(from_object(poly).data)
+    np.testing.assert_array_equal(made.cell_data["number"], [10, 10, 20, 30, 30, 30, 40, 40])

@@ -365,3 +365,11 @@ def test_where_no_method_helps_the_rim_stays_as_well():
     result = meshflow.smooth((points, np.array(model.faces)), result=True)
     assert "data left unchanged" in result.stopped_because
     assert np.array_equal(result.data[0], points)
+
+
+@pytest.mark.parametrize(("sides", "size"), [((10, 1, 1), 0.2), ((6, 6, 0.25), 0.2), ((4, 3, 2), 0.3)])
+def test_a_box_of_uneven_triangles_has_no_spikes_and_stays_to_the_bit(sides, size):
+    box = trimesh.creation.box(sides).subdivide_to_size(size)
+    found = meshflow.smooth(box, result=True)
+    np.testing.assert_array_equal(found.data.vertices, box.vertices)
+    assert not found.warnings

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import spsolve
 from meshflow.estimate.mesh_pieces import pieces
 from meshflow.estimate.noise_growth import MAD
 from meshflow.flow.low_pass import filtered
-from meshflow.geometry.connectivity import connect
+from meshflow.geometry.connectivity import connect, shared_sides
 from meshflow.geometry.laplacians import neighbour_means, umbrella_generator
 from meshflow.geometry.normals import mean_edge, normals_at
 from meshflow.geometry.validation import Array
@@ -23,6 +23,8 @@ __all__ = ["without_spikes"]
 AMONG, BEYOND = 2.5, 6.0
 # Spikes are noise if there are at least MANY, with at least the share EITHER on each side. The tip of a cone is not noise.
 MANY, EITHER = 8, 0.15
+# No spike is a vertex of which this share of the triangles is coplanar (to this cosine) with what lies across.
+FLAT, COSINE = 0.5, 1.0 - 1e-6
 # Time of the bi-Laplacian filter for the normals, in squared edges, and the largest number of rounds of detection.
 NORMALS, ROUNDS = 2.0, 6
 
@@ -50,10 +52,10 @@ def _put_all_back(data: Mesh) -> tuple[Array, Array]:
     umbrella: Any = sparse.csr_matrix(sparse.identity(n) - neighbour_means(faces, n, "free"))
     step = mean_edge(x, faces)
     even = umbrella_generator(connect((faces,), n), step, np.diff(umbrella.indptr) > 1, True)
-    spikes = np.zeros(n, bool)
+    spikes, flat = np.zeros(n, bool), _among_flat(x, faces)
     for _ in range(ROUNDS):
         normals = normals_at(filtered(even, x, NORMALS * step**2, 2), faces)
-        found = _spikes(umbrella, x, normals) & ~data.fixed
+        found = _spikes(umbrella, x, normals) & ~(data.fixed | flat)
         if not spikes.any():
             side = np.einsum("ij,ij->i", umbrella @ x, normals)[found] > 0
             if len(side) < MANY or not EITHER <= side.mean() <= 1.0 - EITHER:
@@ -63,6 +65,21 @@ def _put_all_back(data: Mesh) -> tuple[Array, Array]:
         spikes |= found
         x = _put_back(umbrella, x, normals, spikes)
     return x, spikes
+
+
+def _among_flat(x: Array, faces: Array) -> Array:
+    """Mask (n,) of the vertices most of whose triangles continue, in one plane, those across their opposite edges.
+
+    So do those of flat faces and straight edges, however uneven the triangles; a spike tilts all of its triangles.
+    """
+    one, two = shared_sides(faces)
+    normals = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    level = np.einsum("ij,ij->i", normals[one // 3], normals[two // 3]) > COSINE
+    count = np.zeros(len(x))
+    for side in (one, two):
+        np.add.at(count, faces[side // 3, side % 3][level], 1.0)
+    return count >= FLAT * np.maximum(np.bincount(faces.ravel(), minlength=len(x)), 1)
 
 
 def _spikes(umbrella: Any, x: Array, normals: Array) -> Array:

@@ -84,25 +84,63 @@ def _triangles(data: pyvista.PolyData) -> tuple[pyvista.PolyData, tuple[str, ...
 
 
 def _triangulated(data: pyvista.PolyData) -> pyvista.PolyData:
-    """A deep copy with triangles instead of polygons and strips; each triangle has the cell data of its polygon or strip.
-
-    The filter of VTK gets the polygons only: with lines and vertex cells beside them, it leaves their cell data uninitialized.
-    """
-    polygons = pyvista.PolyData(np.array(data.points))
-    polygons.verts = np.zeros(0, int)
-    polygons.faces, polygons.strips = np.array(data.faces), np.array(data.strips)
+    """A deep copy with triangles instead of polygons and strips; each triangle has the cell data of its polygon or strip."""
     first = data.n_verts + data.n_lines  # the order of cells in VTK: vertices, lines, polygons, strips
-    polygons.cell_data["came from"] = np.arange(first, data.n_cells)
-    triangles = polygons.triangulate()
-    source = np.concatenate([np.arange(first), triangles.cell_data["came from"]])
+    faces, came = _as_triangles(data)
+    source = np.concatenate([np.arange(first), first + came])
     poly = data.copy(deep=True)
     columns: dict[str, Array] = {name: np.array(values)[source] for name, values in poly.cell_data.items()}
     actives = poly.cell_data.active_scalars_name, poly.cell_data.active_normals_name
     poly.cell_data.clear()
-    poly.strips, poly.faces = np.zeros(0, int), np.array(triangles.faces)
+    poly.strips = np.zeros(0, int)
+    poly.faces = np.column_stack([np.full(len(faces), 3), faces]).ravel()
     poly.cell_data.update(columns)
     poly.cell_data.active_scalars_name, poly.cell_data.active_normals_name = actives
     return poly
+
+
+def _as_triangles(data: pyvista.PolyData) -> tuple[Array, Array]:
+    """Triangles (m, 3), and the polygon or strip of each, numbered from 0, in their order.
+
+    Quads are cut from their first corner, as other readers do, and not along the shorter diagonal as VTK does: which one is
+    shorter depends on the noise, and makes it look smaller than it is. Larger polygons and strips are cut by VTK.
+    """
+    polygons = data.GetPolys()
+    ends = pyvista.convert_array(polygons.GetOffsetsArray()).astype(np.int64)
+    corners = pyvista.convert_array(polygons.GetConnectivityArray()).astype(np.int64)
+    sizes, each = np.diff(ends), np.arange(len(ends) - 1)
+    three, four = each[sizes == 3], each[sizes == 4]
+    quads = corners[ends[four][:, None] + np.arange(4)]
+    halves = _halves(np.asarray(data.points, np.float64), quads)
+    found = [corners[ends[three][:, None] + np.arange(3)], *halves]
+    came = [three, four, four]
+    others = each[sizes > 4]
+    if len(others) or data.n_strips:
+        rest = pyvista.PolyData(np.array(data.points))
+        rest.verts = np.zeros(0, int)
+        listed = [np.concatenate([[sizes[k]], corners[ends[k] : ends[k + 1]]]) for k in others]
+        rest.faces, rest.strips = np.concatenate([*listed, np.zeros(0, int)]).astype(int), np.array(data.strips)
+        rest.cell_data["came from"] = np.concatenate([others, len(each) + np.arange(data.n_strips)])
+        cut = rest.triangulate()
+        found.append(cut.faces.reshape(-1, 4)[:, 1:])
+        came.append(np.asarray(cut.cell_data["came from"]))
+    source = np.concatenate(came)
+    order = np.argsort(source, kind="stable")
+    return np.concatenate(found)[order], source[order]
+
+
+def _halves(points: Array, quads: Array) -> tuple[Array, Array]:
+    """Two triangles (m, 3) of each quad (m, 4): from its first corner, or from the second where the quad has a corner inwards."""
+    one, two = quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]
+    turned = np.einsum("ij,ij->i", *(_cross(points[half]) for half in (one, two))) < 0
+    one, two = one.copy(), two.copy()
+    one[turned], two[turned] = quads[turned][:, [0, 1, 3]], quads[turned][:, [1, 2, 3]]
+    return one, two
+
+
+def _cross(corners: Array) -> Array:
+    """Twice the area of triangles (m, 3, 3), along their normals (m, 3)."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def _array_name(poly: pyvista.PolyData, name: str) -> str:
