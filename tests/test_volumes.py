@@ -156,3 +156,10 @@ def test_the_noise_is_found_also_where_it_is_correlated_between_slices():
 def test_what_is_no_volume_or_not_for_volumes_is_refused_with_the_way_out(values, options, words):
     with pytest.raises(InputError, match=words):
         meshflow.smooth(values, **options)
+
+
+def test_the_noise_is_that_of_the_signal_also_where_air_is_cut_off_or_of_magnitudes():
+    truth, rng = head(48), np.random.default_rng(0)
+    one, other = 0.06 * rng.normal(size=(2, *truth.shape))
+    for x in ((truth + one).clip(0), np.hypot(truth + one, other)):
+        assert meshflow.estimate_noise(x, kind="volume").sigma == pytest.approx(0.06, rel=0.15)

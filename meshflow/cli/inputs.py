@@ -30,16 +30,18 @@ def opened(path: Path, given: Given) -> Document:
 
 
 def read_options(given: Given) -> Given:
-    """The options of a reader that were given; ``--spacing DX,DY`` as a pair.
+    """The options of a reader that were given; ``--spacing DX,DY`` as a pair, DZ,DY,DX as three.
 
-    :raises InputError: for a spacing that is no number, and no two.
+    :raises InputError: for a spacing that is no number, and no two or three.
     """
     found = {name: value for name, value in given.items() if value is not None}
     if isinstance(found.get("spacing"), str):
         word = found["spacing"]
         parts = word.split(",")
-        if len(parts) > 2 or not all(map(_is_number, parts)):
-            raise InputError(f"spacing: a number, or two as DX,DY, expected, got {word!r}")
+        if len(parts) > 3 or not all(map(_is_number, parts)):
+            raise InputError(
+                f"spacing: a number, two as DX,DY, or three as DZ,DY,DX of a volume, expected, got {word!r}"
+            )
         found["spacing"] = float(word) if len(parts) == 1 else tuple(map(float, parts))
     return found
 

@@ -82,7 +82,8 @@ ALL: tuple[Flag, ...] = (
     Flag(
         "spacing",
         str | None,
-        "Distance of neighbouring samples, DX or DX,DY; the raster's own by default, metres where it is in degrees.",
+        "Distance of neighbouring samples, DX or DX,DY, of a volume DZ,DY,DX; by default that of the file, metres where it is in "
+        "degrees.",
         INPUT,
     ),
     Flag(

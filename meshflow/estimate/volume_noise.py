@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from meshflow.estimate.noise import ENOUGH, Noise, Window, noise_in_windows
 from meshflow.estimate.spread import spread_tiles
@@ -15,10 +16,20 @@ __all__ = ["noise_of_volume"]
 SLICES, TILES = 12, 4
 # The least number of samples along an axis whose correlation is estimated.
 LONG = 16
+# The share of samples at an end of the range above which noise is cut off there; the least share that remains.
+CUT, LEFT = 0.01, 0.1
+# Air lies below so many times its own deviation, and is at least this share of a volume; how far its spread may be from that of
+# magnitudes.
+AIR, OF_AIR, ALIKE = 4.5, 0.05, 0.15
 
 
 def noise_of_volume(values: Array, missing: Array, spacing: Steps) -> Noise:
     """Estimate the noise of a volume, as that of images (:func:`.noise.noise_of`), from slices spread over it.
+
+    Where many samples have the least or the greatest value, as the air has around a head, noise is cut off there: these samples
+    and those beside them are left out.
+
+    Of magnitudes, as magnetic resonance gives them, it is the noise where there is signal, which is larger than that of the air.
 
     Noise that is correlated within slices is taken for separable: its correlation along the third axis is that of slices that
     contain this axis.
@@ -27,10 +38,12 @@ def noise_of_volume(values: Array, missing: Array, spacing: Steps) -> Noise:
     :param missing: (d, h, w).
     :param spacing: (dz, dy, dx).
     """
+    missing = missing | _clipped(values, missing)
     across = int(np.argmax(spacing)) if max(spacing) > min(spacing) else 0
     found = noise_in_windows(values, missing, _windows(missing.shape, across))
     if found.correlation is None:
-        return found
+        magnitude = _of_magnitudes(values, missing, found.sigma)
+        return replace(found, sigma=magnitude, channels=(magnitude,)) if magnitude > found.sigma else found
     within = [axis for axis in range(3) if axis != across]
     other = within[0]
     planes, first = found.correlation, np.ones(1)
@@ -43,6 +56,37 @@ def noise_of_volume(values: Array, missing: Array, spacing: Steps) -> Noise:
             first = lags[:, middle]
     whole = np.moveaxis(first[:, None, None] * planes[None], 0, across)
     return replace(found, correlation=whole)
+
+
+def _of_magnitudes(values: Array, missing: Array, sigma: float) -> float:
+    """The noise of the signal of magnitude images, from their air; 0 where the air is not that of magnitudes.
+
+    Where there is no signal, a magnitude has the distribution of Rayleigh: its deviation is 0.655 of the noise in each part of
+    the signal, its median 1.177, and its deviation 0.523 of its mean (Gudbjartsson and Patz 1995).
+
+    :param sigma: the noise found, which is that of the air where most of the volume is air.
+    """
+    if values.ndim > 3 or sigma <= 0 or float(values.min(where=~missing, initial=np.inf)) < 0:
+        return 0.0
+    known = values[~missing]
+    air = known[known < AIR * sigma].astype(np.float64)
+    if air.size < OF_AIR * known.size or (air == 0).mean() > CUT:
+        return 0.0
+    alike = abs(float(air.std() / air.mean()) / 0.523 - 1.0) < ALIKE
+    return float(np.median(air)) / 1.177 if alike else 0.0
+
+
+def _clipped(values: Array, missing: Array) -> Array:
+    """The samples (d, h, w) at an end of the range that many have, and those within two samples of them."""
+    grey = values if values.ndim == 3 else values[..., 0]
+    there = ~missing
+    ends = grey.min(where=there, initial=np.inf), grey.max(where=there, initial=-np.inf)
+    cut = np.zeros(missing.shape, bool)
+    for end in ends:
+        at = there & (grey == end)
+        if at.sum() > CUT * there.sum():
+            cut |= binary_dilation(at, iterations=2)
+    return cut if (there & ~cut).sum() > LEFT * there.sum() else np.zeros(missing.shape, bool)
 
 
 def _windows(shape: tuple[int, ...], across: int) -> list[Window]:

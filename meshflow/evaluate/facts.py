@@ -74,7 +74,7 @@ def _of_volume(data: Volume) -> dict[str, Any]:
         "kind": "volume",
         "slices x rows x columns": f"{d} x {h} x {w}",
         "type": str(data.values.dtype),
-        "spacing": f"{dz:.6g} x {dy:.6g} x {dx:.6g}{' ' if data.unit else ''}{data.unit}",
+        "spacing": f"{dz:.6g} x {dy:.6g} x {dx:.6g}",
         "channels": 1 if data.values.ndim == 3 else data.values.shape[3],
         "least": float(there.min()),
         "greatest": float(there.max()),

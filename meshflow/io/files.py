@@ -17,11 +17,13 @@ from meshflow.io.formats.elsewhere import must_be_known
 from meshflow.io.formats.ply_layout import has_grid
 from meshflow.io.incoming import set_down
 from meshflow.io.metadata import Metadata, ReadOptions
+from meshflow.io.suffixes import suffix_of
 from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.volume import Volume
 
 __all__ = ["Document", "format_of", "read", "read_with", "writable", "write"]
 
@@ -30,12 +32,14 @@ ARRAYS = frozenset({".npy", ".npz"})
 TABLES = frozenset({".csv", ".tsv", ".xyz"})
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 TIFF = frozenset({".tif", ".tiff"})
+VOLUMES = frozenset({".nii", ".nii.gz", ".nrrd"})
 # The extensions suggested where a format does not hold the data.
 ROOM = {
     "mesh": tuple(sorted(MESHES)),
     "depth": (".png", ".tif", ".npy", ".exr", ".ply"),
     "image": (".png", ".tif", ".jpg", ".npy"),
     "terrain": (".tif", ".asc", ".npy"),
+    "volume": (".nii.gz", ".nrrd", ".npy", ".tif"),
 }
 
 
@@ -119,6 +123,18 @@ def _point_tables() -> Format:
     return point_tables
 
 
+def _volumes() -> Format:
+    from meshflow.io.formats import volumes
+
+    return volumes
+
+
+def _stacks() -> Format:
+    from meshflow.io.formats import stacks
+
+    return stacks
+
+
 def _rasters() -> Format:
     from meshflow.io.formats import rasters
 
@@ -160,6 +176,14 @@ def _is_point_table(path: Path, options: ReadOptions) -> bool:
     return is_scattered(path)  # GDAL reads grids as lines of x, y, z
 
 
+def _is_volume(path: Path, options: ReadOptions) -> bool:
+    return suffix_of(path) in VOLUMES
+
+
+def _is_stack(path: Path, options: ReadOptions) -> bool:
+    return options.kind == "volume" and path.suffix.lower() in TIFF
+
+
 def _is_depth_image(path: Path, options: ReadOptions) -> bool:
     return options.kind == "depth" or (options.kind is None and options.camera is not None)
 
@@ -174,6 +198,8 @@ def _is_anything(path: Path, options: ReadOptions) -> bool:
 
 FORMATS = (
     Entry(_arrays, ARRAYS, _is_array),
+    Entry(_volumes, VOLUMES, _is_volume),
+    Entry(_stacks, TIFF, _is_stack),
     Entry(_exr, frozenset({".exr"}), _is_exr),
     Entry(_range_grids, frozenset({".ply"}), _is_range_grid),
     Entry(_pcd, frozenset({".pcd"}), _is_pcd),
@@ -190,8 +216,8 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
     """Read a file.
 
     Meshes are recognized by their extension, except that a PLY with a range grid is a range image. ``.npy`` and ``.npz`` are
-    arrays, ``.csv`` tables of points. A picture is a depth image if a camera is given, else an image. Everything else is a
-    raster that GDAL opens: one band is a terrain, several bands are an image.
+    arrays, ``.csv`` tables of points, ``.nii.gz`` and ``.nrrd`` volumes. A picture is a depth image if a camera is given, else
+    an image. Everything else is a raster that GDAL opens: one band is a terrain, several bands are an image.
 
     Example:
 
@@ -200,7 +226,7 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
         ('terrain', (256, 256))
 
     :param metadata: what the file does not contain itself (:class:`ReadOptions`): ``kind`` (``terrain | image | depth |
-        mesh``), where the guess would be wrong; for rasters and arrays ``band``, ``nodata``, ``spacing``; for depths
+        mesh | volume``), where the guess would be wrong; for rasters and arrays ``band``, ``nodata``, ``spacing``; for depths
         ``camera``, ``depth_scale`` (units per metre), ``measure``, ``time_unit``, ``jump``; for scans ``viewpoint``; for
         meshes ``channels``, ``moves``; for tables of points ``channels``, ``max_edge``.
     :raises FormatError: when the file cannot be read; the message says why, and what can be read.
@@ -276,7 +302,7 @@ def _documented(data: object, path: Path) -> Document:
     """
     if isinstance(data, Document):
         return data
-    if isinstance(data, (HeightField, Image, RangeImage, Mesh)):
+    if isinstance(data, (HeightField, Image, RangeImage, Mesh, Volume)):
         return Document(data, path)
     if type(data) in (np.ndarray, tuple):
         from meshflow.io.formats.arrays import from_object
@@ -301,7 +327,7 @@ def writable(document: Document, path: str | Path, *, overwrite: bool = False, *
     if not path.parent.is_dir():
         raise FormatError(f"{path.parent} is no folder; make it first")
     named = options.get("driver") is not None
-    suffix = ".tif" if named else path.suffix.lower()
+    suffix = ".tif" if named else suffix_of(path)
     for entry in (FORMATS[-1],) if named or options.get("creation") else FORMATS:  # GDAL writes: it is a raster
         if suffix in entry.written and (found := entry.load()).can_write(document, suffix):
             strange = sorted(name for name in options if name not in found.WRITES)

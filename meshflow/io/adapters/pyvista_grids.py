@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import Fact, InputError
 from meshflow.geometry.validation import Array, nowhere, spacing_of
+from meshflow.io.adapters.pyvista_volumes import volume_of_image_data
 from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions, looked_up
 from meshflow.io.vertex_merging import fitted
@@ -23,19 +24,22 @@ _UNEVEN = 2e-3
 
 
 def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
-    """Import a flat ImageData; its active scalars, or the array that ``channels`` names, move.
+    """Import an ImageData, flat or a volume; its active scalars, or the array that ``channels`` names, move.
 
     One component is a height field (with ``kind="image"`` an image), several are an image. Integers are returned as floating
     point, so that nothing is rounded; colours (uint8, 3 or 4 components) keep their type.
 
-    :param options: ``kind`` (``terrain | image``), ``channels``, ``spacing``.
-    :raises InputError: for a volume, no array, or options that do not belong.
+    :param options: ``kind`` (``terrain | image | volume``), ``channels``, ``spacing``.
+    :raises InputError: for a single row, no array, or options that do not belong.
     """
     options.must_belong("an ImageData", ("kind", "channels", "spacing", "nodata"))
     kind = options.kind
-    if kind not in (None, "terrain", "image"):
-        raise InputError(f"kind={kind!r}: an ImageData is a terrain or an image")
+    if kind not in (None, "terrain", "image", "volume"):
+        raise InputError(f"kind={kind!r}: an ImageData is a terrain, an image or a volume")
     long = [axis for axis in range(3) if image.dimensions[axis] > 1]
+    if len(long) == 3 and kind in (None, "volume"):
+        data, name = _scalars(image, options.channels)
+        return volume_of_image_data(image, data, name, options)
     if len(long) != 2:
         raise InputError(
             f"ImageData of dimensions {tuple(image.dimensions)}: two dimensions above 1 expected; take a slice, "

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from meshflow.errors import FormatError
+from meshflow.io.suffixes import suffix_of
 
 __all__ = ["CLOUD", "must_be_known", "said_of"]
 
@@ -48,8 +49,9 @@ def must_be_known(path: Path) -> None:
 
     :raises FormatError: with the format and advice.
     """
-    if path.suffix.lower() in _KNOWN:
-        what, advice = _KNOWN[path.suffix.lower()]
+    suffix = suffix_of(path)
+    if suffix in _KNOWN:
+        what, advice = _KNOWN[suffix]
         raise FormatError(f"{path.name}: {what}, which is not read; {advice}")
 
 
