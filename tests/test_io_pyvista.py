@@ -280,7 +280,6 @@ def volume():
 @pytest.mark.parametrize(
     ("data", "what"),
     [
-        (volume(), r"\(3, 3, 3\).*slice"),
         (pyvista.ImageData(dimensions=(3, 3, 1)), "no arrays"),
         (pyvista.StructuredGrid(*np.meshgrid(*[np.arange(3.0)] * 3)), r"\(3, 3, 3\).*extract_surface"),
         (volume().cast_to_unstructured_grid(), "extract_surface"),

@@ -58,7 +58,7 @@ def cubes(block: Block, count: int) -> list[Cube]:
     for more in (1, 3, 9):
         numbers = np.clip(np.rint(room * (more * count / room.prod()) ** (1 / 3)), 1, np.maximum(room, 1)).astype(int)
         starts = [
-            np.unique(np.linspace(0, size - side, n + 2)[1:-1].round().astype(int))
+            np.unique(np.clip((np.arange(n) + 0.5) * size / n - 0.5 * side, 0, size - side).astype(int))
             for size, side, n in zip(block.shape, sides, numbers, strict=True)
         ]
         found = [

@@ -20,7 +20,7 @@ from meshflow.surfaces.volume import Block
 __all__ = ["searched_on_volume"]
 
 # The largest volumes that are searched whole, and the numbers of cubes of larger ones, in the first round and in the second.
-WHOLE, FEW, MANY = 40_000, 4, 12
+WHOLE, FEW, MANY = 40_000, 6, 16
 # Cubes that are run together.
 TOGETHER = 6
 
