@@ -184,3 +184,19 @@ def test_formats_without_room_for_a_camera_are_refused(tmp_path):
     write_camera(LENS, tmp_path / "a.json")
     with pytest.raises(FormatError, match="exists; name another file"):
         write_camera(LENS, tmp_path / "a.json")
+
+
+def test_a_dictionary_and_a_matrix_say_what_a_file_of_them_says():
+    depth = 2.0 + 0.01 * np.random.default_rng(0).normal(size=(40, 50))
+    same = meshflow.smooth(depth, camera=Pinhole(60.0, 61.0, 24.5, 19.5))
+    for camera in (
+        {"fx": 60, "fy": 61, "cx": 24.5, "cy": 19.5},
+        {"intrinsic": {"width": 50, "height": 40, "intrinsic_matrix": [60, 0, 0, 0, 61, 0, 24.5, 19.5, 1]}},
+        np.array([[60, 0, 24.5], [0, 61, 19.5], [0, 0, 1.0]]),
+    ):
+        np.testing.assert_array_equal(meshflow.smooth(depth, camera=camera), same)
+    for camera, word in (({"fx": 60}, "of a dictionary: no camera"), (np.eye(4), "of a matrix"), (3.0, "got float")):
+        with pytest.raises(InputError, match=word):
+            meshflow.smooth(depth, camera=camera)
+    with pytest.raises(InputError, match="saw 51 x 40 pixels"):
+        meshflow.smooth(depth, camera={"fx": 60, "fy": 60, "cx": 25, "cy": 20, "width": 51, "height": 40})

@@ -171,10 +171,8 @@ def test_a_json_that_is_no_camera_is_refused_with_an_example(tmp_path, words, ex
 def test_a_camera_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(FormatError, match=r"nowhere\.json cannot be read .*No such file"):
         calibration_for(tmp_path / "nowhere.json", (6, 8), "a.png")
-    with pytest.raises(
-        InputError, match="the path of a file, or a PinholeCameraIntrinsic of open3d expected, got dict"
-    ):
-        calibration_for(PLAIN, (6, 8), "a.png")
+    with pytest.raises(InputError, match="or a PinholeCameraIntrinsic of open3d expected, got tuple"):
+        calibration_for((60, 60, 4, 3), (6, 8), "a.png")
 
 
 def circle():

@@ -61,7 +61,7 @@ class Intrinsics(Protocol):
         ...
 
 
-CameraLike = Camera | str | PathLike[str] | Intrinsics
+CameraLike = Camera | str | PathLike[str] | Mapping[str, object] | Array | Intrinsics
 
 
 class Metadata(TypedDict, total=False):

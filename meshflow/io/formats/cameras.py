@@ -159,10 +159,14 @@ def _calibration(source: object, shape: tuple[int, int]) -> Calibration:
     if isinstance(source, Intrinsics):
         k = np.asarray(source.intrinsic_matrix)
         return Calibration(Pinhole(k[0, 0], k[1, 1], k[0, 2], k[1, 2]), (source.height, source.width))
+    if isinstance(source, Mapping):
+        return _told(source, Path("of a dictionary"), shape)
+    if isinstance(source, np.ndarray):
+        return _told({"intrinsic_matrix": source.tolist()}, Path("of a matrix"), shape)
     if not isinstance(source, (str, PathLike)):
         raise InputError(
-            "camera: a Pinhole or another camera, a name or the path of a file, or a PinholeCameraIntrinsic of open3d expected, "
-            f"got {type(source).__name__}; a dictionary of OpenCV or ROS is Pinhole(fx, fy, cx, cy, distortion)"
+            "camera: a Pinhole or another camera, a name or the path of a file, a dictionary (fx, fy, cx, cy), a matrix (3, 3), "
+            f"or a PinholeCameraIntrinsic of open3d expected, got {type(source).__name__}"
         )
     if str(source).lower() in CONVENTIONS:
         return CONVENTIONS[str(source).lower()]
@@ -189,8 +193,16 @@ def _calibration(source: object, shape: tuple[int, int]) -> Calibration:
             f"camera {path} cannot be read ({cause}); a name ({', '.join(CONVENTIONS)}), a camera_info YAML, or a JSON file "
             f"such as {_example(shape)} is expected"
         ) from cause
-    said = said.get("intrinsic", said) if isinstance(said, dict) else {}
-    said = said if isinstance(said, dict) else {}
+    return _told(said, path, shape)
+
+
+def _told(said: object, path: Path, shape: tuple[int, int]) -> Calibration:
+    """The calibration in the words of a file, or of a dictionary of the caller.
+
+    :raises FormatError: for what is no camera.
+    """
+    said = said.get("intrinsic", said) if isinstance(said, Mapping) else {}
+    said = said if isinstance(said, Mapping) else {}
     try:
         camera = _camera(said, path)
         size = tuple(int(said[key]) if key in said else None for key in ("height", "width"))
