@@ -166,7 +166,7 @@ def test_a_spacing_of_two_numbers_is_given_to_the_command(tmp_path):
         read(path, spacing=(30, 20)), method=Beltrami(contrast=5.0), time=900.0, noise=2.0, outliers="include"
     )
     assert array_of(read(tmp_path / "out.tif").data).tobytes() == array_of(whole.data).tobytes()
-    with pytest.raises(InputError, match="spacing: a number, or two as DX,DY, expected, got '30,x'"):
+    with pytest.raises(InputError, match="two as DX,DY, or three as DZ,DY,DX of a volume, expected, got '30,x'"):
         raise run(path, tmp_path / "no.tif", "--spacing", "30,x").exception
 
 

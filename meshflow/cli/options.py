@@ -187,7 +187,7 @@ ALL: tuple[Flag, ...] = (
         0.05,
     ),
     # Output.
-    Flag("fused", Path, "Where to write the result.", OUTPUT, ..., ("--out", "-o")),
+    Flag("fused", Path, "Where to write the result.", OUTPUT, ..., ("--out", "--output", "-o")),
     Flag("picture", Path | None, "Write a picture of before, after and what was removed (.png).", FIRST),
     Flag(
         "report",

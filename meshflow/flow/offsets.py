@@ -25,8 +25,9 @@ AVERAGED = 1000.0
 CONTRAST, SHARPNESS = 8.0, 4.0
 # A vertex moves along a direction only as far as the normals around it agree on it: share of the sum of their squares.
 RIDGE = 0.01
-# The relative residual of the averages, and their largest number of iterations.
-CLOSE, MOST = 1e-3, 600
+# The relative residual of the averages, so small that the numbers of the vertices do not count, and their largest number of
+# iterations.
+CLOSE, MOST = 1e-6, 1200
 
 
 def without_offsets(points: Array, before: Array, faces: Array, held: Array) -> Array:

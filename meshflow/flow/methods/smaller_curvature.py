@@ -109,7 +109,7 @@ class SmallerCurvature(SchemeMethod):
     word: ClassVar[str] = "smaller-curvature"
     aliases: ClassVar[tuple[str, ...]] = ("principal-curvature", "mdsb02")
 
-    presmoothing: float = option(2.0, "Standard deviation of the Gaussian before curvatures are measured.", "samples")
+    presmoothing: float = option(2.0, "Standard deviation of the Gaussian before edges are measured.", "samples")
     feature: float = option(12.0, "Curvatures above the inverse of this are creases.", "samples")
 
     def __post_init__(self) -> None:
