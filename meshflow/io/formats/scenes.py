@@ -130,6 +130,8 @@ def read(path: Path, options: ReadOptions) -> Document:
     suffix = path.suffix.lower()
     notes = list(lost(path)) if suffix in (".glb", ".gltf") else []
     is_ascii = suffix == ".stl" and _is_ascii_stl(path)
+    if suffix == ".stl" and not is_ascii:
+        _must_be_whole(path)
     if suffix in (".gltf", ".glb") and not options.allow_remote:
         advice = "move it there, or allow_remote=True"
         must_stay_inside(path, named(path), f"a {suffix[1:].upper()}", advice)
@@ -206,6 +208,19 @@ def _apart(corners: int, skin: Skin) -> str:
     if not skin.note:
         return Fact(said)
     return type(skin.note[0])(f"{said}; {skin.note[0]}")
+
+
+def _must_be_whole(path: Path) -> None:
+    """Refuse a binary STL that is shorter than its number of triangles says, by as much as a file that was cut off is.
+
+    :raises FormatError: it says how many are expected. What begins otherwise is refused by its reader.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(84)
+    count = int.from_bytes(head[80:84], "little")
+    if len(head) == 84 and size < 84 + 50 * count < 1000 * size:
+        raise FormatError(f"{path.name}: cut off, {count} triangles expected in {size} bytes; get the whole file")
 
 
 def _parts_of(title: str, scene: trimesh.Scene, suffix: str) -> tuple[Part, ...]:
