@@ -66,7 +66,7 @@ def test_the_estimated_risk_is_the_error_that_is_made(variant):
 @pytest.mark.parametrize("make", [ramps, mesas])
 @pytest.mark.parametrize("sigma", [0.7, 4.0])
 def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
-    truth, z = noisy(make, 128, sigma)
+    truth, z = noisy(make, 96, sigma)
     ours = rms(meshflow.smooth(z) - truth)
     best = min(
         rms(meshflow.smooth(z, **parts(contrast=a / sigma, time=t, **kind)) - truth)

@@ -38,7 +38,7 @@ FLAGS = (
     "-ffp-contract=off",  # fused products and sums would differ between tilings and instruction sets
 )
 # Flags of a library with sanitizers, according to MESHFLOW_SANITIZE; see .ci/sanitize.
-CHECKED = ("-fno-omit-frame-pointer", "-g", "-O1")
+CHECKED = ("-fno-omit-frame-pointer", "-g1", "-O1")
 SANITIZED = {
     "": (),
     "address": ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", *CHECKED),
