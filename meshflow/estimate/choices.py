@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import GIVEN, Decided, Part, Plan, size_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.search_rounds import Found
+from meshflow.flow.constraints import Limit
 from meshflow.flow.family import Variant
 from meshflow.flow.methods.beltrami import Beltrami, Heat, HeightMethod
 from meshflow.flow.methods.searched import Search
@@ -18,8 +20,8 @@ from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
 
 __all__ = [
-    "HARM", "UNSURE", "begun", "channels_of", "chosen", "exponents_found", "filled", "no_noise", "of_twicing", "ruled", "timed",
-    "what_is_known",
+    "HARM", "UNSURE", "begun", "beside", "channels_of", "chosen", "contrast_by_rule", "exponents_found", "filled",
+    "limit_of_planes", "no_noise", "of_twicing", "ruled", "timed", "what_is_known",
 ]  # fmt: skip
 
 HARM = "data left unchanged: every method was estimated to increase the error"
@@ -69,6 +71,41 @@ def ruled(plan: Plan, contrast: float, how: Decided, much: float, words: str) ->
     decided = {"contrast": how, "time": when, "twicing": of_twicing(request)}
     method = filled(request, plan.variant, contrast, float(request.twicing or 0.0))
     return plan.with_(decided, method=method, lift=replace(plan.lift, contrast=contrast), time=time)
+
+
+def contrast_by_rule(plan: Plan, sigma: float, edge: float) -> tuple[float, Decided]:
+    """The given contrast, or the one at which noise has so many sample distances, and its origin.
+
+    :param sigma: in the unit of the values; ``edge``: sample distances over noise.
+    """
+    given = plan.request.heights.contrast
+    if given is not None:
+        return float(given), GIVEN
+    if sigma > 0:
+        return edge * plan.data.step / sigma, Decided("estimated", f"{edge:g} h / sigma")
+    return 1.0, Decided("default", "no noise found")
+
+
+def beside(noise: Noise, sigma: float) -> float:
+    """The noise in differences of neighbours, which is smaller than sigma for correlated noise; the mean over all axes."""
+    if noise.correlation is None:
+        return sigma
+    middle = np.array(noise.correlation.shape) // 2
+    axes = [axis for axis in range(noise.correlation.ndim) if noise.correlation.shape[axis] > 1]
+    next_to = sum(float(noise.correlation[tuple(middle + (np.arange(len(middle)) == axis))]) for axis in axes)
+    return sigma * float(np.sqrt(max(1.0 - next_to / noise.correlation.ndim, 0.01)))
+
+
+def limit_of_planes(limit: ArrayLike, planes: Array) -> Array:
+    """The largest change of every value, in the layout of planes.
+
+    :param limit: one number, or one for each sample, in the layout of the data.
+    :param planes: (k, h, w), or (k, d, h, w) of a volume.
+    """
+    k, *shape = planes.shape
+    n = int(np.prod(shape))
+    columns = Limit.of(np.zeros((n, 1)), limit, tuple(shape) if k == 1 else (*shape, k)).most
+    return np.broadcast_to(columns, (n, k)).T.reshape(planes.shape)
 
 
 def timed(request: Request, found: float, how: Decided) -> tuple[float, Decided]:

@@ -10,10 +10,13 @@ from meshflow.estimate.choices import (
     HARM,
     UNSURE,
     begun,
+    beside,
     channels_of,
     chosen,
+    contrast_by_rule,
     exponents_found,
     filled,
+    limit_of_planes,
     no_noise,
     of_twicing,
     ruled,
@@ -30,7 +33,6 @@ from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE, Configuration
 from meshflow.estimate.search_rounds import Found, GridSearch
 from meshflow.estimate.variational import at_rest
-from meshflow.flow.constraints import Limit
 from meshflow.flow.family import Variant
 from meshflow.flow.methods.searched import Search
 from meshflow.geometry.validation import Array
@@ -97,12 +99,7 @@ def by_rule(data: Data, request: Request, noise: Noise, mobility: Array | None =
         edge, much = asked.edge, GRID_TIME * asked.slower
     elif rounded:
         exponents, edge, much = ({} if isinstance(data, Mesh) else ROUNDED), ROUNDED_EDGE, ROUNDED_TIME
-    if asked.contrast is not None:
-        contrast, how = float(asked.contrast), GIVEN
-    elif sigma > 0:
-        contrast, how = edge * data.step / sigma, Decided("estimated", f"{edge:g} h / sigma")
-    else:
-        contrast, how = 1.0, Decided("default", "no noise found")
+    contrast, how = contrast_by_rule(plan, sigma, edge)
     if sigma <= 0 and asked.contrast is None and not plan.variant.linear:
         plan = replace(plan, warnings=(f"{what_is_known(noise)}; contrast 1 is taken", *plan.warnings))
     if not request.named:
@@ -151,7 +148,7 @@ def _searched(plan: Plan, sigma: float) -> Plan | None:
     data, request = on_surface(plan.data, "a search on a surface"), plan.request
     asked, end = request.heights, request.until_time
     like = Variant(indicator=asked.indicator, mass=asked.mass, linear=asked.variant.linear)
-    made = configurations(_family(data, request), data.step / _rough(plan.noise, sigma), like, asked.contrast)
+    made = configurations(_family(data, request), data.step / beside(plan.noise, sigma), like, asked.contrast)
     alone = end is not None or request.weighted or bool(request.stops)
     twices = (float(request.twicing),) if request.twicing is not None else (0.0,) if alone else TWICE
     free = asked.contrast is None and not like.linear
@@ -167,23 +164,10 @@ def _searched(plan: Plan, sigma: float) -> Plan | None:
     return chosen(plan, found, sigma, len(twices) > 1) if found.candidates else None
 
 
-def _rough(noise: Noise, sigma: float) -> float:
-    """The noise in differences of neighbours, which is smaller than sigma for correlated noise."""
-    if noise.correlation is None:
-        return sigma
-    middle = len(noise.correlation) // 2
-    beside = 0.5 * (noise.correlation[middle, middle + 1] + noise.correlation[middle + 1, middle])
-    return sigma * float(np.sqrt(max(1.0 - beside, 0.01)))
-
-
 def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tuple[float, ...]) -> GridSearch:
     """The input of a search on a grid."""
     data, request, noise = plan.data, plan.request, plan.noise
     limit, k = limit_of(data, request, noise)[0], len(grid.planes)
-    if limit is not None:
-        shape = grid.shape if k == 1 else (*grid.shape, k)
-        columns = Limit.of(np.zeros((grid.missing.size, 1)), limit, shape).most
-        limit = np.broadcast_to(columns, (grid.missing.size, k)).T.reshape(grid.planes.shape)
     return GridSearch(
         made,
         free=request.heights.contrast is None and not plan.variant.linear,
@@ -192,7 +176,7 @@ def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tu
         weights=twices,
         correlation=noise.correlation,
         between=noise.between,
-        limit=limit,
+        limit=None if limit is None else limit_of_planes(limit, grid.planes),
         speed=None if plan.mobility is None else plan.mobility.reshape(1, *grid.shape),
         blend=isinstance(request.method, Search) and request.method.blend and not request.stops,
         border=request.boundary is None and grid.boundary != "neumann",

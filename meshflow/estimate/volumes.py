@@ -5,18 +5,27 @@ from dataclasses import replace
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.choices import begun, chosen, filled, no_noise, ruled
+from meshflow.estimate.choices import (
+    begun,
+    beside,
+    channels_of,
+    chosen,
+    contrast_by_rule,
+    filled,
+    limit_of_planes,
+    no_noise,
+    ruled,
+)
 from meshflow.estimate.families import Family, configurations
 from meshflow.estimate.heights import limit_of
 from meshflow.estimate.noise import Noise
-from meshflow.estimate.plan import GIVEN, Decided, Plan
+from meshflow.estimate.plan import Decided, Plan
 from meshflow.estimate.planner import HELD, constrained, ended, excessive, held, must_fit, staying, stepped, still
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE
 from meshflow.estimate.search_rounds import GridSearch
 from meshflow.estimate.volume_noise import noise_of_volume
 from meshflow.estimate.volume_search import searched_on_volume
-from meshflow.flow.constraints import Limit
 from meshflow.flow.family import Variant
 from meshflow.flow.methods import HEIGHT_METHODS
 from meshflow.flow.methods.beltrami import HeightMethod, Patches, UnsearchedMethod
@@ -97,15 +106,10 @@ def _must_suit(data: Volume, request: Request) -> None:
     method = request.method
     if method is None:
         return
-    if not isinstance(method, HeightMethod) or _without_engine(method) or not method.searches_for(_channels(data)):
+    if not isinstance(method, HeightMethod) or _without_engine(method) or not method.searches_for(channels_of(data)):
         raise InputError(
             f"method={method.word!r}: not for volumes; methods for volumes are {', '.join(volume_words())}"
         )
-
-
-def _channels(data: Volume) -> int:
-    """The number of values of a sample."""
-    return 1 if data.values.ndim == 3 else data.values.shape[3]
 
 
 def _tuned(data: Volume, request: Request, noise: Noise, mobility: Array | None) -> Plan:
@@ -126,17 +130,12 @@ def _by_rule(data: Volume, request: Request, noise: Noise, mobility: Array | Non
     """One method for all volumes, or the named one, with contrast and time by rule."""
     asked, sigma, much = request.heights, noise.sigma * request.strength, ONE_TIME
     plan = begun(data, request, noise, mobility)
-    exponents, edge = ONE if _channels(data) == 1 else OF_CHANNELS
+    exponents, edge = ONE if channels_of(data) == 1 else OF_CHANNELS
     if request.named:
         exponents, edge, much = {}, asked.edge, GIVEN_TIME * asked.slower
     elif noise.is_rounded:
         exponents, edge, much = {}, ROUNDED_EDGE, ROUNDED_TIME
-    if asked.contrast is not None:
-        contrast, how = float(asked.contrast), GIVEN
-    elif sigma > 0:
-        contrast, how = edge * data.step / sigma, Decided("estimated", f"{edge:g} h / sigma")
-    else:
-        contrast, how = 1.0, Decided("default", "no noise found")
+    contrast, how = contrast_by_rule(plan, sigma, edge)
     if not request.named:
         plan = replace(plan, method=filled(request, replace(plan.variant, **exponents), contrast, 0.0))
     return ruled(plan, contrast, how, much, f"{much:g} h²")
@@ -147,20 +146,16 @@ def _searched(plan: Plan, data: Volume, sigma: float) -> Plan | None:
     is reliable.
     """
     request, noise, end = plan.request, plan.noise, plan.request.until_time
-    asked, k = request.heights, _channels(data)
+    asked, k = request.heights, channels_of(data)
     like = Variant(indicator=asked.indicator, mass=asked.mass, linear=asked.variant.linear)
     family = VOLUME_FAMILY if k == 1 else VOLUME_CHANNEL_FAMILY
     if request.named:
         family = ((asked.exponents, asked.contrasts),)
-    made = configurations(family, data.step / _rough(noise, sigma), like, asked.contrast)
+    made = configurations(family, data.step / beside(noise, sigma), like, asked.contrast)
     alone = end is not None or request.weighted or bool(request.stops)
     twices = (float(request.twicing),) if request.twicing is not None else (0.0,) if alone else TWICE
     block = data.gridded(plan.lift)
     limit = limit_of(data, request, noise)[0]
-    if limit is not None:
-        shape = data.values.shape
-        columns = Limit.of(np.zeros((data.missing.size, 1)), limit, shape).most
-        limit = np.broadcast_to(columns, (data.missing.size, k)).T.reshape(block.planes.shape)
     search = GridSearch(
         made,
         free=asked.contrast is None and not like.linear,
@@ -169,7 +164,7 @@ def _searched(plan: Plan, data: Volume, sigma: float) -> Plan | None:
         weights=twices,
         correlation=noise.correlation,
         between=noise.between,
-        limit=limit,
+        limit=None if limit is None else limit_of_planes(limit, block.planes),
         speed=None if plan.mobility is None else plan.mobility.reshape(1, *block.shape),
         blend=_blends(request),
         threads=request.compute.workers,
@@ -183,16 +178,3 @@ def _blends(request: Request) -> bool:
     if request.stops or request.timed or request.weighted:
         return False
     return request.method is None or (isinstance(request.method, Search) and request.method.blend)
-
-
-def _rough(noise: Noise, sigma: float) -> float:
-    """The noise in differences of neighbours, which is smaller than sigma for correlated noise."""
-    if noise.correlation is None:
-        return sigma
-    middle = tuple(size // 2 for size in noise.correlation.shape)
-    beside = [
-        noise.correlation[(*middle[:axis], middle[axis] + 1, *middle[axis + 1 :])]
-        for axis in range(3)
-        if noise.correlation.shape[axis] > 1
-    ]
-    return sigma * float(np.sqrt(max(1.0 - np.sum(beside) / 3.0, 0.01)))
