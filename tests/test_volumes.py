@@ -163,3 +163,10 @@ def test_the_noise_is_that_of_the_signal_also_where_air_is_cut_off_or_of_magnitu
     one, other = 0.06 * rng.normal(size=(2, *truth.shape))
     for x in ((truth + one).clip(0), np.hypot(truth + one, other)):
         assert meshflow.estimate_noise(x, kind="volume").sigma == pytest.approx(0.06, rel=0.15)
+
+
+def test_a_limit_of_each_value_lies_as_the_data_lies():
+    values = np.random.default_rng(0).normal(size=(6, 7, 8, 1))
+    for limit in (0.1, np.full((6, 7, 8), 0.1), np.full((6, 7, 8, 1), 0.1)):
+        done = meshflow.smooth(Volume(values), constraints=meshflow.MaxChange(limit))
+        assert 0 < np.abs(done.values - values).max() < 0.1 + 1e-12

@@ -96,16 +96,15 @@ def beside(noise: Noise, sigma: float) -> float:
     return sigma * float(np.sqrt(max(1.0 - next_to / noise.correlation.ndim, 0.01)))
 
 
-def limit_of_planes(limit: ArrayLike, planes: Array) -> Array:
-    """The largest change of every value, in the layout of planes.
+def limit_of_planes(limit: ArrayLike, data: Data, planes: Array) -> Array:
+    """The largest change of every value of data, in the layout of its planes.
 
-    :param limit: one number, or one for each sample, in the layout of the data.
+    :param limit: one number, or one for each sample or value, in the layout of the data.
     :param planes: (k, h, w), or (k, d, h, w) of a volume.
     """
-    k, *shape = planes.shape
-    n = int(np.prod(shape))
-    columns = Limit.of(np.zeros((n, 1)), limit, tuple(shape) if k == 1 else (*shape, k)).most
-    return np.broadcast_to(columns, (n, k)).T.reshape(planes.shape)
+    shape, n = size_of(data)
+    columns = Limit.of(np.zeros((n, 1)), limit, shape).most
+    return np.broadcast_to(columns, (n, len(planes))).T.reshape(planes.shape)
 
 
 def timed(request: Request, found: float, how: Decided) -> tuple[float, Decided]:

@@ -176,7 +176,7 @@ def _on_grid(plan: Plan, grid: Grid, made: tuple[Configuration, ...], twices: tu
         weights=twices,
         correlation=noise.correlation,
         between=noise.between,
-        limit=None if limit is None else limit_of_planes(limit, grid.planes),
+        limit=None if limit is None else limit_of_planes(limit, data, grid.planes),
         speed=None if plan.mobility is None else plan.mobility.reshape(1, *grid.shape),
         blend=isinstance(request.method, Search) and request.method.blend and not request.stops,
         border=request.boundary is None and grid.boundary != "neumann",

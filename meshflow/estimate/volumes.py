@@ -164,7 +164,7 @@ def _searched(plan: Plan, data: Volume, sigma: float) -> Plan | None:
         weights=twices,
         correlation=noise.correlation,
         between=noise.between,
-        limit=None if limit is None else limit_of_planes(limit, block.planes),
+        limit=None if limit is None else limit_of_planes(limit, data, block.planes),
         speed=None if plan.mobility is None else plan.mobility.reshape(1, *block.shape),
         blend=_blends(request),
         threads=request.compute.workers,

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.grid_layout import Layout, border_samples
 from meshflow.flow.engines.grid_system import GridSystem
+from meshflow.flow.engines.planes import cleaned, fits_single
 from meshflow.flow.family import Variant
 from meshflow.geometry.operator import mass_kind
 from meshflow.geometry.validation import Array, whole
@@ -152,27 +152,15 @@ class GridFlow:
         """The number type of the planes; double precision where powers of their slopes would overflow."""
         grid, m = self.grid, self.variant
         least, greatest = _extent(grid.planes, grid.missing) if grid.whole is None else grid.whole.ends
-        steep = self._contrast / min(self._unit * self._all_widths.min(), self._unit * self._height)
-        sizes = np.array([greatest - least, steep * (greatest - least), steep, max(abs(least), abs(greatest))])
-        sizes = np.log10(sizes[sizes > 0])
+        nearest = min(self._unit * self._all_widths.min(), self._unit * self._height)
         alone = len(grid.planes) == 1 and grid.lines is None
         power = max((2.0 if alone else 4.0) * max(m.sharpness, 1.0), abs(m.gamma) + 2.0)
-        digits = power * float(np.abs(sizes).max(initial=0.0))
-        if digits > 300.0:
-            raise InputError(
-                f"values from {least:.3g} to {greatest:.3g} with contrast {grid.contrast:.3g} and spacing {self._unit:.3g}: "
-                "powers of such slopes do not fit into double precision; scale the data, or give another contrast"
-            )
-        return np.dtype(np.float64) if digits > 36.0 else grid.planes.dtype
+        fits = fits_single((least, greatest), self._contrast, nearest, power)
+        return grid.planes.dtype if fits else np.dtype(np.float64)
 
     def _cleaned(self) -> Array:
         """Planes (k, h, w) in a row, zero where missing; what came if that is so already."""
-        planes = self.grid.planes
-        if self.grid.missing.any():
-            planes = np.where(self.grid.missing, 0, planes)
-        planes = np.ascontiguousarray(planes, dtype=self.dtype).view()
-        planes.flags.writeable = False
-        return planes
+        return cleaned(self.grid.planes, self.grid.missing, self.dtype)
 
     @cached_property
     def _layout(self) -> Layout:

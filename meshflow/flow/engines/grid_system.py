@@ -1,6 +1,6 @@
 """What an implicit step solves on a grid: seven-point weights (nine where both diagonals are there), and no matrix."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -12,7 +12,7 @@ from meshflow.errors import NotConverged
 from meshflow.geometry.validation import Array
 from meshflow.kernels.grid import grid_descended, grid_multiplied, grid_turned
 
-__all__ = ["GridSystem", "iterated"]
+__all__ = ["GridSystem", "banded", "iterated"]
 
 # Residuals that rounding allows, relative to the right-hand side, by bytes of a number.
 REACHED = {4: 2e-6, 8: 1e-13}
@@ -67,15 +67,9 @@ class GridSystem:
 
     def matrix(self, dt: float) -> Any:
         """mass + dt stiffness, (n, n), in double precision."""
-        h, w = self.inertia.shape
-        diagonals: list[Array] = [self.inertia.ravel() + dt * self.diagonal.ravel().astype(np.float64)]
-        offsets: Any = [0]
-        for weights, (down, right) in zip(self.edges, ENDS, strict=True):
-            offset = down * w + right
-            line = -dt * weights.ravel()[: h * w - offset].astype(np.float64)
-            diagonals += [line, line]
-            offsets += [offset, -offset]
-        return sparse.csr_matrix(sparse.diags(diagonals, offsets))
+        w = self.inertia.shape[1]
+        ends = [down * w + right for down, right in ENDS]
+        return banded(self.inertia.ravel() + dt * self.diagonal.ravel().astype(np.float64), -dt, self.edges, ends)
 
     def conjugate_gradients(self, dt: float, right: Array, tolerance: float) -> Array:
         """x (n, k) with (mass + dt stiffness) x = right, preconditioned by the diagonal, all columns at once, in place.
@@ -89,6 +83,22 @@ class GridSystem:
 
     def _multiply(self, weight: Array, dt: float, p: Array, q: Array, dots: Array) -> None:
         grid_multiplied(p, q, weight, self.edges, dt, dots, self.threads)
+
+
+def banded(diagonal: Array, factor: float, edges: Array, ends: Sequence[int]) -> Any:
+    """The symmetric matrix (n, n) of weights of edges, in double precision.
+
+    :param diagonal: (n,).
+    :param factor: of the weights.
+    :param edges: (e, ...), n weights each; ``ends``: how far, in samples, the other end of each edge lies.
+    """
+    diagonals, offsets = [diagonal], [0]
+    for weights, end in zip(edges, ends, strict=True):
+        line = factor * weights.ravel()[: diagonal.size - end].astype(np.float64)
+        diagonals += [line, line]
+        offsets += [end, -end]
+    bands: Any = offsets
+    return sparse.csr_matrix(sparse.diags(diagonals, bands))
 
 
 def iterated(

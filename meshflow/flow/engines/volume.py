@@ -8,6 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.engines.grid import LARGE, ROUGHLY
+from meshflow.flow.engines.planes import cleaned, fits_single
 from meshflow.flow.engines.volume_system import VolumeSystem
 from meshflow.flow.family import Variant
 from meshflow.geometry.validation import Array, whole
@@ -139,26 +140,13 @@ class VolumeFlow:
         """The number type of the planes; double precision of several channels, and where powers of slopes would overflow."""
         block, m = self.block, self.variant
         least, greatest = block.ends
-        steep = self._contrast / min(block.spacing)
-        sizes = np.array([greatest - least, steep * (greatest - least), steep, max(abs(least), abs(greatest))])
-        sizes = np.log10(sizes[sizes > 0])
         power = max((2.0 if self._alone else 6.0) * max(m.sharpness, 1.0), abs(m.gamma) + 2.0)
-        digits = power * float(np.abs(sizes).max(initial=0.0))
-        if digits > 300.0:
-            raise InputError(
-                f"values from {least:.3g} to {greatest:.3g} at contrast {block.contrast:.3g}, spacing {min(block.spacing):.3g}: "
-                "powers of such slopes do not fit into double precision; scale the data, or give another contrast"
-            )
-        return np.dtype(np.float64) if digits > 36.0 or not self._alone else block.planes.dtype
+        fits = fits_single((least, greatest), self._contrast, min(block.spacing), power)
+        return block.planes.dtype if fits and self._alone else np.dtype(np.float64)
 
     def _cleaned(self) -> Array:
         """Channels (k, d, h, w) in a row, zero where missing; what came if that is so already."""
-        planes = self.block.planes
-        if self.block.missing.any():
-            planes = np.where(self.block.missing, 0, planes)
-        planes = np.ascontiguousarray(planes, dtype=self.dtype).view()
-        planes.flags.writeable = False
-        return planes
+        return cleaned(self.block.planes, self.block.missing, self.dtype)
 
     @cached_property
     def _there(self) -> Array | None:

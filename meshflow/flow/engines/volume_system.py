@@ -5,9 +5,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 
-from meshflow.flow.engines.grid_system import iterated
+from meshflow.flow.engines.grid_system import banded, iterated
 from meshflow.geometry.validation import Array
 from meshflow.kernels.volume import DIRECTIONS, volume_multiplied
 
@@ -56,15 +55,8 @@ class VolumeSystem:
     def matrix(self, dt: float) -> Any:
         """mass + dt stiffness, (n, n), in double precision."""
         _, h, w = self.inertia.shape
-        n = self.inertia.size
-        diagonals: list[Array] = [self.inertia.ravel() + dt * self.diagonal.ravel().astype(np.float64)]
-        offsets: Any = [0]
-        for weights, (x, y, z) in zip(self.edges, DIRECTIONS[: len(self.edges)], strict=True):
-            offset = (z * h + y) * w + x
-            line = -dt * weights.ravel()[: n - offset].astype(np.float64)
-            diagonals += [line, line]
-            offsets += [offset, -offset]
-        return sparse.csr_matrix(sparse.diags(diagonals, offsets))
+        ends = [(z * h + y) * w + x for x, y, z in DIRECTIONS[: len(self.edges)]]
+        return banded(self.inertia.ravel() + dt * self.diagonal.ravel().astype(np.float64), -dt, self.edges, ends)
 
     def conjugate_gradients(self, dt: float, right: Array, tolerance: float) -> Array:
         """x (n, k) with (mass + dt stiffness) x = right, preconditioned by the diagonal, all columns at once, in place.
