@@ -320,7 +320,7 @@ def _correlated(found: Found | None, least: float, together: bool) -> tuple[Arra
 
 
 def _doubt(one: float, other: float) -> str:
-    """The reason for doubt in two estimates of white noise; empty if they agree."""
-    if other > 0 and abs(np.log(one / other)) < APART:
+    """The reason for doubt in two estimates of white noise; empty unless the one of weak patches is larger, as with texture."""
+    if other > 0 and np.log(one / other) < APART:
         return ""
     return f"two estimates differ, {one:.3g} and {other:.3g}; texture may be counted in part"
