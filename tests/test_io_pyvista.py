@@ -8,6 +8,7 @@ import pyvista
 
 import meshflow
 from meshflow.errors import InputError
+from meshflow.io.adapters.pyvista import triangulated
 from meshflow.io.objects import from_object
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -106,19 +107,23 @@ def test_hard_edges_of_a_split_cube_stay_hard_and_closed():
     assert len(np.unique(back.points, axis=0)) == 8
 
 
-def test_polygons_and_strips_are_triangulated_and_that_is_said():
+def test_polygons_and_strips_are_smoothed_as_triangles_and_come_back_as_they_were():
     plane = pyvista.Plane(i_resolution=3, j_resolution=2)
     plane.cell_data["patch"] = np.arange(6, dtype=np.int32)
+    plane = plane.compute_normals(cell_normals=True, point_normals=False, consistent_normals=False)
     taken = from_object(plane)
     assert taken.data.faces.shape == (12, 3)
-    assert any("6 polygons triangulated: 6 faces became 12" in note for note in taken.notes)
-    back = taken.to_object(taken.data)
+    assert any("6 polygons are smoothed as 12 triangles; the result keeps them" in note for note in taken.notes)
+    back = taken.to_object(replace(taken.data, points=taken.data.points[:, [2, 0, 1]]))
+    assert np.array_equal(back.faces, plane.faces)
     assert back.cell_data["patch"].dtype == np.int32
-    np.testing.assert_array_equal(np.sort(back.cell_data["patch"]), np.repeat(np.arange(6), 2))
+    np.testing.assert_array_equal(back.cell_data["patch"], np.arange(6))
+    np.testing.assert_allclose(back.cell_data["Normals"], np.tile([1.0, 0, 0], (6, 1)), atol=1e-6)
     strip = pyvista.PolyData(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]]), strips=[4, 0, 1, 2, 3])
     taken = from_object(strip)
     assert taken.data.faces.shape == (2, 3)
-    assert any("1 strips triangulated" in note for note in taken.notes)
+    assert any("1 strips are smoothed as 2 triangles" in note for note in taken.notes)
+    assert taken.to_object(taken.data).n_strips == 1
 
 
 @pytest.mark.parametrize("faces", [[3, 0, 1, 2, 3, 0, 2, 3], [4, 0, 1, 2, 3]])
@@ -131,8 +136,9 @@ def test_lines_and_vertex_cells_stay_with_their_data(faces):
     assert any("1 vertex cells and 1 lines stay" in note for note in taken.notes)
     back = taken.to_object(replace(taken.data, points=taken.data.points[:, [2, 0, 1]]))
     assert (back.n_lines, back.n_verts, len(taken.data.faces)) == (1, 1, 2)
-    np.testing.assert_array_equal(back.cell_data["n"][:2], [0, 1])
-    np.testing.assert_array_equal(back.cell_data["Normals"], [[0, 0, 9], [0, 0, 9], [1, 0, 0], [1, 0, 0]])
+    np.testing.assert_array_equal(back.faces, faces)
+    np.testing.assert_array_equal(back.cell_data["n"], np.arange(poly.n_cells))
+    np.testing.assert_array_equal(back.cell_data["Normals"], [[0, 0, 9], [0, 0, 9], *[[1, 0, 0]] * (poly.n_cells - 2)])
 
 
 def test_a_named_array_returns_in_its_type_and_stays_active():
@@ -356,7 +362,7 @@ def test_quads_are_cut_from_their_first_corner_whatever_the_noise_and_concave_on
         assert areas.sum() == pytest.approx(0.8)
 
 
-def test_polygons_of_all_sizes_and_strips_keep_their_cell_data_and_their_order():
+def test_polygons_of_all_sizes_and_strips_keep_their_cell_data_and_their_order(tmp_path):
     points = np.array([[x, y, 0.0] for y in range(3) for x in range(6)], float)
     poly = pyvista.PolyData(points)
     poly.verts = np.zeros(0, int)
@@ -364,4 +370,25 @@ def test_polygons_of_all_sizes_and_strips_keep_their_cell_data_and_their_order()
     poly.strips = [4, 12, 13, 6, 7]
     poly.cell_data["number"] = [10, 20, 30, 40]
     made = from_object(poly).to_object(from_object(poly).data)
-    np.testing.assert_array_equal(made.cell_data["number"], [10, 10, 20, 30, 30, 30, 40, 40])
+    assert np.array_equal(made.faces, poly.faces)
+    assert np.array_equal(made.strips, poly.strips)
+    np.testing.assert_array_equal(made.cell_data["number"], [10, 20, 30, 40])
+    cut = triangulated(poly)  # for formats of triangles alone
+    assert cut.is_all_triangles
+    np.testing.assert_array_equal(cut.cell_data["number"], [10, 10, 20, 30, 30, 30, 40, 40])
+
+
+@pytest.mark.parametrize("suffix", [".vtp", ".vtu", ".vtk"])
+def test_quads_of_a_file_are_quads_of_the_file_that_is_written(suffix, tmp_path):
+    sheet = pyvista.Plane(i_resolution=6, j_resolution=5)
+    sheet.cell_data["patch"] = np.arange(30)
+    given = sheet.cast_to_unstructured_grid() if suffix == ".vtu" else sheet
+    given.save(tmp_path / f"in{suffix}")
+    document = meshflow.read(tmp_path / f"in{suffix}")
+    meshflow.write(meshflow.smooth(document, time=0.01), tmp_path / f"out{suffix}")
+    back = pyvista.read(tmp_path / f"out{suffix}")
+    assert back.n_cells == 30
+    assert all(back.get_cell(i).n_points == 4 for i in range(30))
+    np.testing.assert_array_equal(back.cell_data["patch"], np.arange(30))
+    meshflow.write(document, tmp_path / "out.stl")  # triangles alone
+    assert pyvista.read(tmp_path / "out.stl").n_cells == 60

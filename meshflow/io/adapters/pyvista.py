@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pyvista
 
-from meshflow.errors import InputError
+from meshflow.errors import Fact, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.pyvista_grids import from_image_data, from_structured_grid
 from meshflow.io.document import Imported
@@ -13,7 +13,7 @@ from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.mesh import Mesh
 
-__all__ = ["from_object"]
+__all__ = ["from_object", "triangulated"]
 
 # Classes that are refused, and what to do instead.
 _ELSEWHERE = {
@@ -28,7 +28,7 @@ _ELSEWHERE = {
 def from_object(data: object, options: ReadOptions) -> Imported:
     """Import a PolyData, a flat ImageData or a terrain (StructuredGrid); results are new ones with all arrays.
 
-    Polygons and strips are triangulated. Arrays keep their types; normals are recomputed.
+    Polygons and strips are smoothed as triangles, and kept. Arrays keep their types; normals are recomputed.
 
     :param options: for PolyData ``channels`` ((n, k), the name of a point array, or ``"colors"``), ``moves``;
         for grids ``kind`` (``terrain | image``), ``spacing``, ``channels`` (the name of an array).
@@ -49,8 +49,8 @@ def from_object(data: object, options: ReadOptions) -> Imported:
 
 def _from_polydata(data: pyvista.PolyData, options: ReadOptions) -> Imported:
     options.must_be_mesh("a PolyData")
-    poly, notes = _triangles(data)
-    faces = poly.faces.reshape(-1, 4)[:, 1:]
+    faces, source, notes = _triangles(data)
+    poly = data.copy(deep=True)
     name = None if options.attribute is None else _array_name(poly, options.attribute)
     values = options.channels if name is None else np.array(poly.point_data[name])
     if name is not None and options.attribute == "colors":
@@ -62,11 +62,11 @@ def _from_polydata(data: pyvista.PolyData, options: ReadOptions) -> Imported:
     )
     skin = Skin.of(poly.points, faces, split=split, channels=values, moves=options.moves)
     samples = partial(skin.samples, find=partial(_point_array, poly))
-    return Imported(skin.data, partial(_to_object, poly, faces, skin, name), (*skin.note, *notes), samples)
+    return Imported(skin.data, partial(_to_object, poly, (faces, source), skin, name), (*skin.note, *notes), samples)
 
 
-def _triangles(data: pyvista.PolyData) -> tuple[pyvista.PolyData, tuple[str, ...]]:
-    """A deep copy whose polygons are triangles, and notes."""
+def _triangles(data: pyvista.PolyData) -> tuple[Array, Array, tuple[str, ...]]:
+    """Triangles (m, 3), the polygon or strip of each, and notes."""
     if not data.GetNumberOfPolys() and not data.n_strips:
         raise InputError(
             f"PolyData: polygons expected, got {data.n_points} points, {data.n_lines} lines and none; a cloud has "
@@ -74,16 +74,17 @@ def _triangles(data: pyvista.PolyData) -> tuple[pyvista.PolyData, tuple[str, ...
         )
     others = [f"{count} {word}" for count, word in ((data.n_verts, "vertex cells"), (data.n_lines, "lines")) if count]
     notes = (f"{' and '.join(others)} stay, and follow their points",) if others else ()
+    faces, source = _as_triangles(data)
     sizes = np.diff(pyvista.convert_array(data.GetPolys().GetOffsetsArray()))
-    if not data.n_strips and (sizes == 3).all():
-        return data.copy(deep=True), notes
-    poly = _triangulated(data)
-    what = f"{int((sizes != 3).sum())} polygons" + (f" and {data.n_strips} strips" if data.n_strips else "")
-    notes += (f"{what} triangulated: {len(sizes) + data.n_strips} faces became {poly.GetNumberOfPolys()}",)
-    return poly, notes
+    many = int((sizes != 3).sum())
+    kinds = [f"{count} {word}" for count, word in ((many, "polygons"), (data.n_strips, "strips")) if count]
+    if kinds:
+        count = len(faces) - int((sizes == 3).sum())
+        notes += (Fact(f"{' and '.join(kinds)} are smoothed as {count} triangles; the result keeps them"),)
+    return faces, source, notes
 
 
-def _triangulated(data: pyvista.PolyData) -> pyvista.PolyData:
+def triangulated(data: pyvista.PolyData) -> pyvista.PolyData:
     """A deep copy with triangles instead of polygons and strips; each triangle has the cell data of its polygon or strip."""
     first = data.n_verts + data.n_lines  # the order of cells in VTK: vertices, lines, polygons, strips
     faces, came = _as_triangles(data)
@@ -163,12 +164,14 @@ def _normals_name(data: pyvista.DataSetAttributes) -> str | None:
     return data.active_normals_name or ("Normals" if "Normals" in data else None)
 
 
-def _to_object(poly: pyvista.PolyData, faces: Array, skin: Skin, name: str | None, data: Mesh) -> pyvista.PolyData:
+def _to_object(
+    poly: pyvista.PolyData, triangles: tuple[Array, Array], skin: Skin, name: str | None, data: Mesh
+) -> pyvista.PolyData:
     new = poly.copy(deep=True)
     points = skin.points_of(data)
     if skin.has_moved(data):
         new.points = points
-        _renew_normals(new, faces, skin.points)
+        _renew_normals(new, *triangles, skin.points)
     values = skin.channels_of(data)
     if name is not None and values is not None:
         array = new.point_data[name]  # in place, so that the active array stays active
@@ -176,17 +179,20 @@ def _to_object(poly: pyvista.PolyData, faces: Array, skin: Skin, name: str | Non
     return new
 
 
-def _renew_normals(poly: pyvista.PolyData, faces: Array, before: Array) -> None:
-    """Recompute normals of points and cells, where the object has them."""
+def _renew_normals(poly: pyvista.PolyData, faces: Array, source: Array, before: Array) -> None:
+    """Recompute normals of points and cells, where the object has them; those of a polygon are the mean of its triangles.
+
+    :param faces: (m, 3), triangles; ``source`` (m,), the polygon or strip of each.
+    """
     name = _normals_name(poly.point_data)
     if name is not None:
         normals = poly.point_data[name]
         np.copyto(normals, normals_after(np.asarray(poly.points), faces, before, np.array(normals)))
     name = _normals_name(poly.cell_data)
     if name is not None:
-        a, b, c = (np.asarray(poly.points, np.float64)[faces[:, k]] for k in range(3))
-        cross = np.cross(b - a, c - a)
-        length = np.linalg.norm(cross, axis=1, keepdims=True)
         first = poly.n_verts + poly.n_lines
         rows = poly.cell_data[name][first:]
+        cross = np.zeros((len(rows), 3))
+        np.add.at(cross, source, _cross(np.asarray(poly.points, np.float64)[faces]))
+        length = np.linalg.norm(cross, axis=1, keepdims=True)
         rows[:] = np.where(length > 0, cross / np.where(length > 0, length, 1), rows)

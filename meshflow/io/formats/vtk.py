@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError
-from meshflow.io.adapters.pyvista import from_object
+from meshflow.io.adapters.pyvista import from_object, triangulated
 from meshflow.io.document import Document, Imported, MeshSource
 from meshflow.io.formats.vtk_process import Other, read_apart
 from meshflow.io.formats.vtk_writing import save_surface
@@ -50,10 +50,11 @@ class VtkFile(MeshSource):
 
 
 def scene_mesh(poly: "pyvista.PolyData") -> "trimesh.Trimesh":
-    """A PolyData of triangles as a ``trimesh.Trimesh``: point and cell data are attributes, RGB and RGBA colours."""
+    """A PolyData as a ``trimesh.Trimesh``: point and cell data are attributes, RGB and RGBA colours."""
     import trimesh
     from trimesh.visual import TextureVisuals
 
+    poly = poly if poly.is_all_triangles else triangulated(poly)
     mesh: Any = trimesh.Trimesh(np.array(poly.points), np.array(poly.regular_faces), process=False)
     uv = poly.active_texture_coordinates
     for name in poly.point_data:
