@@ -1,5 +1,7 @@
 """Laws of the flow: what rests, what shrinks and how fast, what is conserved, and what it equals."""
 
+import itertools
+
 import naive
 import numpy as np
 import pytest
@@ -134,6 +136,20 @@ def test_natural_conserves_the_mass_weighted_mean():
                 moved = stepper.step(flow, u, Explicit().largest(flow, u), 0)
                 drift = np.abs((weights * (moved - u)).sum(0)).max() / (weights * np.abs(moved - u)).sum()
                 assert drift < 1e-12, (diagonals, gamma, stepper.name)
+
+
+@pytest.mark.parametrize("variant", [Variant(gamma=-1.0), Variant(gamma=-1.0, mass="ring"), Variant(linear=True)])
+def test_alternating_diagonals_conserve_one_mean_in_every_rate_amid_ragged_holes(variant):
+    rng = np.random.default_rng(7)
+    data = Image(rng.normal(size=(20, 24, 2)), (1.3, 0.8), missing=ragged(20, 24) | (rng.random((20, 24)) < 0.4))
+    flow = MeshFlow(data.lifted(Lift(diagonals="alternate")), variant)
+    one, two = (flow.system(flow.start(), turn) for turn in (0, 1))
+    weights = np.where(one.moves, one.mass, two.mass)[:, None]
+    both = one.moves & two.moves
+    assert np.allclose(one.mass[both], two.mass[both], rtol=1e-12)
+    for turn, stepper in itertools.product((0, 1), STEPPERS[:2]):
+        moved = stepper.step(flow, flow.start(), Explicit().largest(flow, flow.start()), turn) - flow.start()
+        assert np.abs((weights * moved).sum(0)).max() < 1e-12 * (weights * np.abs(moved)).sum()
 
 
 def test_mean_curvature_diffusion_conserves_the_plain_mean_for_all_time():

@@ -27,6 +27,25 @@ def scene(channels, holes, seed=0, shape=(9, 12)):
     return Image(3 * rng.normal(size=(*shape, channels)), (1.3, 0.8), missing)
 
 
+# The corners of the upper and of the lower triangle of a cell, the right-angled one first, of forward and backward diagonals.
+UPPER = ((0, 0), (0, 1), (1, 0)), ((0, 1), (0, 0), (1, 1))
+LOWER = ((1, 1), (1, 0), (0, 1)), ((1, 0), (1, 1), (0, 0))
+
+
+def counted(there, which):
+    """Of what each sample has in this triangulation, over that by which it counts in both: their mean, or 3/4 of the larger."""
+    counts = []
+    for corners in (UPPER[which], LOWER[which], UPPER[1 - which], LOWER[1 - which]):
+        at = [np.s_[c[0] : there.shape[0] - 1 + c[0], c[1] : there.shape[1] - 1 + c[1]] for c in corners]
+        present = np.logical_and.reduce([there[s] for s in at])
+        counts.append(np.zeros(there.shape))
+        for s in at:
+            counts[-1][s] += present
+    own, other = counts[0] + counts[1], counts[2] + counts[3]
+    area = np.maximum((own + other) / 2, 0.75 * np.maximum(own, other))
+    return np.where(area > 0, own / np.where(area > 0, area, 1), 1)
+
+
 def slowly(image, alpha, variant, which):
     """du/dt (h, w, k) on one triangulation, each triangle measured in the space of patches, one after the other."""
     z, there = np.where(image.missing[..., None], 0.0, image.values), ~image.missing
@@ -34,9 +53,7 @@ def slowly(image, alpha, variant, which):
     taps = np.concatenate([variant.taps[:0:-1], variant.taps])
     pull, mass, flat = np.zeros((h, w, k)), np.zeros((h, w)), np.zeros((h, w))
     for lower in (False, True):
-        p, q, r = [((1, 1), (1, 0), (0, 1)), ((1, 0), (1, 1), (0, 0))][which] if lower else (
-            [((0, 0), (0, 1), (1, 0)), ((0, 1), (0, 0), (1, 1))][which]
-        )  # fmt: skip
+        p, q, r = (LOWER if lower else UPPER)[which]
         at = [np.s_[c[0] : h - 1 + c[0], c[1] : w - 1 + c[1]] for c in (p, q, r)]
         present = np.logical_and.reduce([there[s] for s in at]).astype(float)
         a, b = z[at[1]] - z[at[0]], z[at[2]] - z[at[0]]
@@ -61,6 +78,8 @@ def slowly(image, alpha, variant, which):
                 mass[corner] += area / 3
                 flat[corner] += hx * hy / 6
     speed = np.where(mass > 0, flat / np.where(mass > 0, mass, 1), 1) ** variant.gamma
+    if variant.gamma == -1:  # then a mean is conserved
+        speed = speed * counted(there, which)
     return -pull * np.where(mass > 0, speed / np.where(mass > 0, mass, 1), 0)[..., None]
 
 

@@ -80,6 +80,12 @@ class Variant:
         return taps / (2.0 * taps.sum() - taps[0])
 
     @property
+    def conserves(self) -> bool:
+        """Whether s / M is one over the area of the base: with ``neumann`` borders the mean over that area is conserved."""
+        alike = self.linear or self.gamma == -1.0
+        return alike and self.mass != "voronoi" and (self.gamma == 0.0 or self.indicator == "metric")
+
+    @property
     def reach(self) -> int:
         """How many samples away a sample of a grid decides the rate of another one."""
         return len(self.taps) if self.patch > 0 else 1

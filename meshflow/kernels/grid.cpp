@@ -1,7 +1,7 @@
 #include "grid.h"
 
 MESHFLOW_LAYOUT(GridOptions, sharpness, gamma, floor, scale, small, across, down, first_sheet, last_sheet, mass, projection, lines,
-                gaps, by_forms)
+                gaps, by_forms, evened)
 MESHFLOW_LAYOUT(GridBlend, keep, dt, one, two, three)
 MESHFLOW_KERNEL(grid_rate)
 MESHFLOW_KERNEL(grid_measured)

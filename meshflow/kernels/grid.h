@@ -81,10 +81,12 @@ template <class T> struct Asking {
         task.mass = static_cast<MassKind>(o.mass), task.projection = o.projection != 0;
         task.lines = static_cast<LinesKind>(o.lines);
         task.pace = pace, task.taps = taps, task.far = p - 1, task.gaps = o.gaps != 0, task.by_forms = o.by_forms != 0, task.held = held;
+        task.evened = o.evened != 0;
         const bool sheets = o.first_sheet >= 0 && o.first_sheet < o.last_sheet && o.last_sheet <= 2;
         const bool kinds_known = o.mass >= 0 && o.mass <= 2 && o.lines >= 0 && o.lines <= 2;
+        const bool evens = !task.evened || (o.last_sheet - o.first_sheet == 1 && o.lines == CHANNELS);
         if (k < 1 || h < 2 || w < 2 || m < 1 || b != blocks_of(w) || p > WIDEST + 1 || !sheets || !kinds_known ||
-            (o.lines != CHANNELS && (k != 1 || p > 1)) || !placed(task, l, lines, where))
+            (o.lines != CHANNELS && (k != 1 || p > 1)) || !evens || !placed(task, l, lines, where))
             result = BAD_SIZES;
     }
 };

@@ -43,7 +43,7 @@ class GridOptions(Struct):
         *((name, ctypes.c_double) for name in ("sharpness", "gamma", "floor", "scale", "small", "across", "down")),
         *(
             (name, ctypes.c_int64)
-            for name in ("first_sheet", "last_sheet", "mass", "projection", "lines", "gaps", "by_forms")
+            for name in ("first_sheet", "last_sheet", "mass", "projection", "lines", "gaps", "by_forms", "evened")
         ),
     ]
 

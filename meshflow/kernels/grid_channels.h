@@ -130,7 +130,7 @@ void channel_row(const Task<T>& t, const ChannelLoops<T>& loops, const Tile& til
     for_runs(code, t.codes.kinds(side, r), t.w, most(tile.left - 1, 0), least(tile.right + 1, t.w), run);
 }
 
-template <class T> i64 channel_room(const Task<T>& t) { return Cells<T>::rows(t.k) + 2 * t.k + 7; }
+template <class T> i64 channel_room(const Task<T>& t) { return Cells<T>::rows(t.k) + 2 * t.k + 7 + EvenedMass<T>::ROWS; }
 
 // The area of the triangles of a tile. cells_of(side, r, cells): the contributions of a row of cells.
 template <class T, class F> Measured channel_area(const Task<T>& t, const Tile& tile, Room<T> room, const F& cells_of) {
@@ -150,6 +150,7 @@ template <class T, class F> Measured channel_tile(const Task<T>& t, Asked asked,
     const Cells<T> f = Cells<T>::of(room, t.k);
     T *given = room.take(t.k), *below = room.take(t.k), *mass = room.take(), *mass_below = room.take(), *pace = room.take();
     FlatMass<T> flat = FlatMass<T>::of(room);
+    EvenedMass<T> evened = EvenedMass<T>::of(room);
     const bool measuring = asked != MOVED, several = t.last_sheet - t.first_sheet > 1;
     // With gamma = -1 and barycentric masses, s / M is one over the flat mass.
     const bool light = t.quarters == -4 && !measuring;
@@ -157,7 +158,7 @@ template <class T, class F> Measured channel_tile(const Task<T>& t, Asked asked,
     for (i64 r = start; r < tile.end; ++r) {
         const bool cells = r < t.h - 1, alike = r - 2 >= start && cells && t.level(r) && t.level(r - 1);
         exchange(mass, mass_below);
-        if (!alike) exchange(flat.here, flat.below);
+        if (!alike) exchange(flat.here, flat.below), exchange(evened.other.here, evened.other.below);
         for (int side = t.first_sheet; side < t.last_sheet && cells; ++side) {
             const bool fresh = side == t.first_sheet;
             const i64 e = side ? -1 : 1;
@@ -167,10 +168,15 @@ template <class T, class F> Measured channel_tile(const Task<T>& t, Asked asked,
             if (!light) gather_thirds(fresh, n, e, f.upper, f.lower, mass, mass_below);
             if (t.indicated() && !alike) flat.gather(t, tile, fresh, side, r, first, last);
         }
+        if (t.evened && !alike) {
+            if (cells) evened.gather(t, tile, r, first, last);
+            evened_areas(n, flat.here, evened.other.here, evened.area);
+        }
         if (!cells) f.clear(t.k, -1, n + 1);
         const i64 e = t.last_sheet == 2 ? -1 : 1;
         if (r >= tile.begin && !(light && alike && !t.held)) {
-            if (light) paces<0>(n, t.gamma, T(0), t.thirds(), flat.here, flat.here, flat.here, pace);
+            const T* area = t.evened ? evened.area : flat.here;
+            if (light) paces<0>(n, t.gamma, T(0), t.thirds(), area, area, area, pace);
             else paces_of(t.quarters, n, t.gamma, T(0), t.thirds(), flat.here, mass, mass, pace);
             if (t.held && !measuring) stay(n, t.held + r * t.w + tile.left, pace);
         }

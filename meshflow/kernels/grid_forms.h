@@ -172,6 +172,9 @@ template <class T> LOOP void straight(i64 n, T small, T thirds, const T* mass, T
 template <class T> LOOP void all(i64 n, T value, T* row) {
     SIMD for (i64 j = 0; j < n; ++j) row[j] = value;
 }
+template <class T> LOOP void shared(i64 n, const T* part, const T* whole, T* row) {
+    SIMD for (i64 j = 0; j < n; ++j) row[j] *= whole[j] > T(0) ? part[j] / whole[j] : T(1);
+}
 template <class T> LOOP void over_mass(i64 n, T thirds, const T* mass, T* pace) {
     SIMD for (i64 j = 0; j < n; ++j) {
         const T by = T(1) / (thirds * mass[j]);
@@ -206,7 +209,7 @@ template <class T> class FormTile {
     static i64 rows(const Task<T>& t) {
         const i64 c = coordinates(t), all = c + still(t);
         const i64 places = t.lines != CHANNELS ? 12 : 2 * c;
-        return places + 8 + 4 + 4 + 2 * all + 9 + 2 + 1 + 10 * Room<T>::DOUBLE + (t.far > 0 ? Patches<T>::rows(t) : 0);
+        return places + 8 + 4 + 4 + EvenedMass<T>::ROWS + 2 * all + 9 + 2 + 1 + 10 * Room<T>::DOUBLE + (t.far > 0 ? Patches<T>::rows(t) : 0);
     }
 
     // reach: the number of measured elements beside the tile: 1, or 2 if the samples beside it are needed.
@@ -216,7 +219,8 @@ template <class T> class FormTile {
           last(least(of.right + reach, task.w) - of.left), coords(coordinates(task)), stills(still(task)),
           in_space(task.lines != CHANNELS), seeing(in_space && t.indicated() && !t.projection),
           here(places(room)), next(places(room)), forms(FormRows<T>::of(room)), 
-          corners(Corners<T>::of(room)), flat(FlatMass<T>::of(room)) {
+          corners(Corners<T>::of(room)), flat(FlatMass<T>::of(room)),
+          evened(EvenedMass<T>::of(room)) {
         pulls = room.take(coords + stills), pulls_below = room.take(coords + stills);
         mass = room.take(), mass_below = room.take(), area = room.take(), area_below = room.take();
         sight = room.take(), sight_below = room.take(), part = room.take(), whole = room.take(), pace = room.take();
@@ -267,7 +271,7 @@ template <class T> class FormTile {
             exchange(sight, sight_below), exchange(speed, speed_above);
             for (int i = 0; i < 4; ++i) exchange(bounds[i], bounds_above[i]);
             const bool alike = r - 2 >= start && cells && t.level(r) && t.level(r - 1);
-            if (!alike) exchange(flat.here, flat.below);
+            if (!alike) exchange(flat.here, flat.below), exchange(evened.other.here, evened.other.below);
             if (cells) place(next, r + 1);
             if (weights.edges && r >= tile.begin && !cells) keep_last(r);
             for (int side = t.first_sheet; side < t.last_sheet && cells; ++side) {
@@ -284,6 +288,7 @@ template <class T> class FormTile {
                 if (t.indicated() && !t.projection && !in_space && !alike)
                     gather_flat(fresh, side, r);
             }
+            if (t.evened && !alike && cells && asked != AREA) gather_evened(r);
             if (asked == AREA || (asked == MOVED && r < tile.begin)) continue;
             indicate();
             const T* time = t.pace ? t.pace + r * t.w + tile.left : nullptr;
@@ -367,11 +372,15 @@ template <class T> class FormTile {
         seen_cells(e, first, last, here.space.row(), next.space.row(), forms.third[0], forms.third[1], corners);
         gather_corners<false>(-ahead, n + ahead, e, corners, sight, sight_below);
     }
+    Tile wider() const { return {tile.begin, tile.end, tile.left - ahead, tile.right + ahead}; }
+    FlatMass<T> ahead_of(const FlatMass<T>& rows) const {
+        return {rows.upper - ahead, rows.lower - ahead, rows.here - ahead, rows.below - ahead};
+    }
     void gather_flat(bool fresh, int side, i64 r) {
-        Tile wider = tile;
-        wider.left -= ahead, wider.right += ahead;
-        FlatMass<T> at{flat.upper - ahead, flat.lower - ahead, flat.here - ahead, flat.below - ahead};
-        at.gather(t, wider, fresh, side, r, tile.left + first, tile.left + last);
+        ahead_of(flat).gather(t, wider(), fresh, side, r, tile.left + first, tile.left + last);
+    }
+    void gather_evened(i64 r) {
+        EvenedMass<T>{ahead_of(evened.other), evened.area}.gather(t, wider(), r, tile.left + first, tile.left + last);
     }
     // s of the samples, times the factor of time.
     void indicate() {
@@ -387,7 +396,12 @@ template <class T> class FormTile {
             seen_thirds(m, x, y, z, sight - ahead);
             return sped_of(t.quarters, m, t.gamma, T(EDGE_ON), sight - ahead, true_area, speed);
         }
-        if (!t.projection) return sped_of(t.quarters, m, t.gamma, T(0), flat.here - ahead, true_area, speed);
+        if (!t.projection) {
+            sped_of(t.quarters, m, t.gamma, T(0), flat.here - ahead, true_area, speed);
+            if (!t.evened) return;
+            evened_areas(m, flat.here - ahead, evened.other.here - ahead, evened.area - ahead);
+            return shared(m, flat.here - ahead, evened.area - ahead, speed);
+        }
         if (!in_space) {
             zero(free2, -ahead, n + ahead);
             for (i64 q = 0; q < coords; ++q) squares_added(m, t.scale, pulls + q * wide - ahead, free2 - ahead);
@@ -435,6 +449,7 @@ template <class T> class FormTile {
     FormRows<T> forms;
     Corners<T> corners;
     FlatMass<T> flat;
+    EvenedMass<T> evened;
     T *pulls, *pulls_below, *mass, *mass_below, *area, *area_below, *sight, *sight_below, *part, *whole, *pace, *onward[2], *free2;
     double *bounds[4], *bounds_above[4], *speed, *speed_above;
     Room<T> patch_room{};

@@ -16,6 +16,7 @@ struct GridOptions {
     i64 first_sheet, last_sheet;                   // triangulations that are averaged: 0 forward, 1 backward; last not included
     i64 mass, projection, lines, gaps;             // MassKind; whether the indicator is the projection; LinesKind; missing triangles
     i64 by_forms;                                  // whether the slow loops are used although there are fast ones
+    i64 evened;                                    // whether samples count by their areas in both triangulations (EvenedMass)
 };
 
 // keep u + dt rate + one (a - u) + two (b - u) + three c.
@@ -57,6 +58,7 @@ template <class T> struct Task {
     i64 far;              // taps beside the middle; -1 without patches
     bool gaps;            // triangles are missing
     bool by_forms;
+    bool evened;          // see EvenedMass
     const u8* held;       // (h, w), samples that do not move, or null
     T* out;               // null: nothing moves
     const T *a, *b, *c;
@@ -69,7 +71,7 @@ template <class T> struct Task {
     bool indicated() const { return quarters != 0; }
     // Whether rows r - 1 and r of cells, and the ground below them, are equal.
     bool level(i64 r) const {
-        for (int side = first_sheet; side < last_sheet; ++side)
+        for (int side = evened ? 0 : first_sheet; side < (evened ? 2 : last_sheet); ++side)
             if (!codes.same(side, r)) return false;
         const T* g = geometry + 7 * r + 4;
         return g[-7] == g[0] && g[0] == g[7];
@@ -229,6 +231,31 @@ template <class T> struct FlatMass {
             else presence(from, to, code + tile.left, above, under, upper, lower);
         });
         gather_thirds(fresh, tile.right - tile.left, side ? -1 : 1, upper, lower, here, below);
+    }
+};
+
+template <class T> LOOP void evened_areas(i64 n, const T* one, const T* two, T* area) {
+    SIMD for (i64 j = 0; j < n; ++j) {
+        const T larger = T(0.75) * (one[j] > two[j] ? one[j] : two[j]), half = T(0.5) * (one[j] + two[j]);
+        area[j] = half > larger ? half : larger;
+    }
+}
+
+// Masses of the flat grid where its two triangulations alternate. If each rate divided by the areas of its own triangulation, a
+// sample whose areas differ (at corners of the grid, and of holes) would weigh differently from rate to rate, and no mean would be
+// conserved. So both rates divide by the mean of the two areas: then they conserve what both triangulations together conserve. A
+// sample weighs at least 3/4 of its larger area, which it does not reach where one triangulation has less than half of the other:
+// no rate is more than 4/3 as fast, and explicit steps stay stable.
+template <class T> struct EvenedMass {
+    FlatMass<T> other;
+    T* area;
+    static EvenedMass of(Room<T>& room) {
+        const FlatMass<T> flat = FlatMass<T>::of(room);
+        return {flat, room.take()};
+    }
+    static constexpr i64 ROWS = 5;
+    void gather(const Task<T>& t, const Tile& tile, i64 r, i64 first, i64 last) {
+        other.gather(t, tile, true, 1 - t.first_sheet, r, first, last);
     }
 };
 

@@ -64,6 +64,9 @@ class GridFlow:
         by_area = m.mass != "voronoi" and (m.gamma == 0 or m.indicator == "metric") and m.patch == 0
         self._alone = by_area and len(grid.planes) == 1 and grid.lines is None
         self._by_rays = by_area and grid.lines is not None
+        # Where a mean is conserved, alternating triangulations count the samples alike.
+        alternating = grid.diagonals == "alternate" and grid.boundary == "neumann" and grid.lines is None
+        self._evened = alternating and m.conserves
         self._by_forms = False  # laws compare the loops for few coordinates with those for any number
 
     # --- the contract ---------------------------------------------------------------------------------------------------
@@ -188,7 +191,11 @@ class GridFlow:
     def _flat_bound(self) -> float:
         """What every triangle allows, whatever the data; per squared length."""
         x, y = self._all_widths, self._height
-        return float(np.maximum(6 / x**2 + 6 / y**2, 9 / np.minimum(x, y) ** 2).max()) / self._unit**2
+        bound = np.maximum(6 / x**2 + 6 / y**2, 9 / np.minimum(x, y) ** 2)
+        if self._evened:  # 4/3 of what a flat triangle allows, which is no more where cells are squares
+            a, b = 1 / x**2, 1 / y**2
+            bound = np.maximum(bound, 4 * (a + b + np.sqrt(a * a - a * b + b * b)))
+        return float(bound.max()) / self._unit**2
 
     @property
     def _rays(self) -> Array | None:
@@ -228,10 +235,14 @@ class GridFlow:
             kind, pitch = kernels.LINES, grid.lines.pitch
             if pitch is not None:
                 kind, across, down = kernels.PINHOLE, 1.0 / pitch[0], 1.0 / pitch[1]
+        gamma = (
+            -1.0 if self._evened else m.gamma
+        )  # 1/s is then the expansion of area, also where a linear flow has none
         scale, small = (self._contrast / self._unit) ** 2, ROUNDING[self.dtype.itemsize]
         gaps, forms = int(grid.there is not None), int(self._by_forms)
-        kinds = mass_kind(m.mass), int(m.indicator == "projection"), kind, gaps, forms
-        return kernels.GridOptions(m.sharpness, m.gamma, m.floor, scale, small, across, down, *span, *kinds)
+        projected = int(m.indicator == "projection" and not self._evened)
+        kinds = mass_kind(m.mass), projected, kind, gaps, forms, int(self._evened)
+        return kernels.GridOptions(m.sharpness, gamma, m.floor, scale, small, across, down, *span, *kinds)
 
     def _asked(self, u: Array, span: tuple[int, int]) -> Asked:
         """The parameters that all kernels of a surface have."""

@@ -99,7 +99,8 @@ class MeshFlow(Dense):
     def __init__(self, surface: Surface, variant: Variant | None = None, metric: Metric | None = None) -> None:
         self.surface, self.variant, metric = surface, variant or Variant(), metric or Given()
         self.variant.check(along_rays=surface.free.per_vertex, on_grid=False)
-        self._triangulations = triangulations_of(surface)
+        above = not surface.is_free and not surface.free.per_vertex and surface.boundary == "neumann"
+        self._triangulations = triangulations_of(surface, above and self.variant.conserves)
         self._metrics = tuple(metric.settled(surface, t, self.variant.mass) for t in self._triangulations)
         self._plain = surface.is_free and len(self._metrics) == 1 and surface.time_factor is None
         self.held = surface.fixed.copy()
@@ -209,6 +210,8 @@ class MeshFlow(Dense):
             if forms is None:
                 return dynamic
             bounds = operator.rate_bound(*operator.form_cotangents(forms), m.mass)
+            if (share := snapshot.triangulation.share) is not None:
+                bounds = bounds * share[snapshot.triangulation.connectivity.faces].max(axis=1)
             lighter = 1.0 if m.gamma >= -1 else self._lightening(snapshot)
             flat = max(flat, float(bounds.max(initial=0.0)) * lighter)
         return min(dynamic, flat)
@@ -293,8 +296,10 @@ class MeshFlow(Dense):
         return np.divide(inertia, speed, out=np.zeros_like(inertia), where=speed > 0)
 
     def _speed(self, snapshot: _Snapshot, gradient: Array | None) -> Array | None:
-        """Factor of time (n,): the edge indicator to the power gamma, times that of the surface; None: 1 everywhere."""
-        factor = self.surface.time_factor
+        """Factor of time (n,): the edge indicator to the power gamma, times those of surface and triangles; None: all are 1."""
+        factor, share = self.surface.time_factor, snapshot.triangulation.share
+        if share is not None:
+            factor = share if factor is None else share * factor
         if self.variant.gamma == 0.0 or self.surface.is_free:
             return factor
         by_metric = self.variant.indicator == "metric"

@@ -28,10 +28,7 @@ __all__ = [
     "UnsearchedMethod",
 ]
 
-MEAN = (
-    "the mean of the values, each weighted by the area of its sample, with neumann borders; with alternating diagonals up to the "
-    "corners of the grid and of holes"
-)
+MEAN = "the mean of the values, each weighted by the area of its sample, with neumann borders"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,11 +214,10 @@ class Beltrami(HeightMethod):
 class MeanCurvatureDiffusion(HeightMethod):
     """Mean curvature diffusion, du/dt = div(grad u / sqrt(1 + |grad u|^2)) [FEF98]: gamma = -1. It keeps edges somewhat.
 
-    With ``neumann`` borders the mean of the values is conserved: to rounding with one triangulation (``forward``, ``backward``)
-    or ``both``, each sample weighted by its area on the plane; with ``alternate`` the areas of samples in corners (of the grid,
-    of holes) alternate, too, and it is conserved up to them. G. Ford, A. El-Fallah, Pattern Recognition Letters 19 (1998),
-    433-437. Their explicit steps that follow the loss of area (section 5.6) are ``area_steps``. Take it as a gentle flow that
-    needs no exponent.
+    With ``neumann`` borders the mean of the values is conserved to rounding, each sample weighted by its area on the plane. With
+    ``alternate`` this is its mean area in the two triangulations, as with ``both``; where one of them has less than half of the
+    other, amid holes, it is 3/4 of the larger. G. Ford, A. El-Fallah, Pattern Recognition Letters 19 (1998), 433-437. Their
+    explicit steps that follow the loss of area (section 5.6) are ``area_steps``. Take it as a gentle flow that needs no exponent.
     """
 
     word: ClassVar[str] = "mean-curvature"

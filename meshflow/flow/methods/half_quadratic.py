@@ -33,7 +33,7 @@ class _AtRest(UnsearchedMethod):
         "Without a time, the weight of the data makes the residual equal to the noise, or is that of least estimated risk.",
     )
     unused: ClassVar[tuple[str, ...]] = ("indicator",)
-    conserves: ClassVar[str] = MEAN.partition("; with alternating")[0]  # there is one step, and it has both diagonals
+    conserves: ClassVar[str] = MEAN
 
     def misfit(self, along_rays: bool, on_grid: bool) -> str:
         """Why the method is not defined along rays; empty elsewhere."""
