@@ -235,3 +235,26 @@ def test_a_mesh_of_twenty_million_triangles_fits(way, tmp_path):
         f"\n{way}: {triangles:.3g} triangles, {each:.0f} bytes per vertex, {seconds:.0f} CPU s; 10 million {each / 100:.1f} GB"
     )
     assert each * 1e7 <= 24e9
+
+
+VOLUME = """
+import sys
+import numpy as np
+path, side = sys.argv[1], int(sys.argv[2])
+out = np.lib.format.open_memmap(path, "w+", np.float32, (side,) * 3)
+y, x = np.mgrid[:side, :side]
+for z in range(side):
+    ball = (x - side / 2) ** 2 + (y - side / 2) ** 2 + (z - side / 2) ** 2 < (side / 3) ** 2
+    rng = np.random.default_rng(z)
+    out[z] = 100 + 20 * np.sin(z / 40) * np.cos(y / 50) + 60 * ball + 5 * rng.standard_normal((side, side), np.float32)
+"""
+
+
+def test_a_volume_is_smoothed_by_default_in_four_gigabytes(tmp_path):
+    side, path = int(os.environ.get("BENCH_VOLUME", "512")), tmp_path / "in.npy"
+    subprocess.run([sys.executable, "-c", VOLUME, path, str(side)], check=True)
+    memory = float(os.environ.get("BENCH_MEMORY", "4e9"))
+    words = ("-q", "--kind", "volume", "--memory", f"{memory / 1e9:g}GB")
+    wall, seconds, peak = run("smooth", path, tmp_path / "out.npy", *words, limit=int(1.25 * memory))
+    print(f"\n{side}^3 by default in {memory / 1e9:g} GB: {wall:.0f} s, {seconds:.0f} CPU s, {peak / 1e9:.2f} GB")
+    assert peak <= memory

@@ -207,7 +207,7 @@ def test_coordinates_in_single_precision_count_as_regular(rio):
         (lambda: field().isel(y=0), {}, "at least two dimensions expected"),
         (lambda: field().assign_coords(x=list("abcdefgh")), {}, "x: at least two numbers expected along it"),
         (field, {"camera": 1, "moves": "all"}, "camera, moves: no option of a DataArray"),
-        (field, {"kind": "depth"}, "terrain or image expected for a DataArray, got 'depth'"),
+        (field, {"kind": "depth"}, "terrain, image or volume expected for a DataArray, got 'depth'"),
         (lambda: field().expand_dims(band=[1, 2]), {"kind": "terrain"}, r"band: one entry expected .*isel\(band=0\)"),
         (field, {"missing": np.zeros((2, 2), bool)}, r"missing: a mask of shape \(6, 8\) expected"),
         (lambda: field() > 0, {"fixed": 3}, "fixed: a constraint, no option of a reader; give constraints=Fixed"),

@@ -120,7 +120,7 @@ def test_the_order_of_windows_and_of_their_counts_does_not_matter():
     data = terrain(rows=True)
     source, shape = Held(data), (H, W)
     windows = list(tiled(shape, (9, 11)))
-    counts = [counted_in(window, *source.read(window), shape) for window in windows]
+    counts = [counted_in(window, *source.read(window), source.form) for window in windows]
     one, two = joined(counts, source.form), joined(counts[::-1], source.form)
     same(one.some, two.some)
     assert one.whole.ends == two.whole.ends == census_of(source).whole.ends
@@ -157,4 +157,4 @@ def test_a_grid_without_a_present_sample_is_refused():
     data = terrain()
     values, missing = array_of(data), np.ones((H, W), bool)
     with pytest.raises(InputError, match="all .* samples are missing"):
-        joined([counted_in((slice(0, H), slice(0, W)), values, missing, (H, W))], Held(data).form)
+        joined([counted_in((slice(0, H), slice(0, W)), values, missing, Held(data).form)], Held(data).form)

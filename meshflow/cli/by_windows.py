@@ -1,4 +1,4 @@
-"""``meshflow smooth`` of a raster that does not fit into the memory that it may take."""
+"""``meshflow smooth`` of a raster or a volume that does not fit into the memory that it may take."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,14 +11,18 @@ from meshflow.cli.many import Told
 from meshflow.cli.options import PLACING, READING
 from meshflow.cli.rasters import must_not_be, writing_of
 from meshflow.errors import InputError
+from meshflow.estimate.volumes import volume_words
 from meshflow.flow.methods import words_for
 from meshflow.io.files import format_of
+from meshflow.io.formats.volume_windows import BY_WINDOWS
 from meshflow.io.incoming import STDIN
 from meshflow.io.metadata import ReadOptions
+from meshflow.io.suffixes import suffix_of
 from meshflow.large.memory import SHARE, Budget, bytes_in, free_memory, needed
 
 if TYPE_CHECKING:
     from meshflow.large.outputs import Output
+    from meshflow.large.source import Form
 
 __all__ = ["memory_for", "smooth_by_windows", "tiles_together"]
 
@@ -26,14 +30,14 @@ __all__ = ["memory_for", "smooth_by_windows", "tiles_together"]
 SMALL = 1 << 20
 # What refers to other files, and may be small itself.
 REFERRING = (".vrt",)
-# The format that is read by windows, by its name.
-RASTER = "a raster"
+# The formats that are read by windows, by their names.
+RASTER, SCAN = "a raster", "a volume"
 # Formats of rasters that are not read by windows.
 AS_A_WHOLE = (".asc", ".zip")
 
 
 def memory_for(given: Given) -> float | None:
-    """Bytes in which IN must be smoothed by windows; None where it fits as a whole, and for everything but rasters."""
+    """Bytes in which IN must be smoothed by windows; None where it fits, and for everything but rasters and volumes."""
     source, words = given["source"], given["most_memory"]
     memory = None if words is None else bytes_in(words)
     if STDIN in (source, given["target"]) or not source.is_file() or source.suffix.lower() in AS_A_WHOLE:
@@ -41,13 +45,27 @@ def memory_for(given: Given) -> float | None:
     if memory is None and source.stat().st_size < SMALL and source.suffix.lower() not in REFERRING:
         return None
     options = _reading(given)
-    if format_of(source, options).NAME != RASTER:
+    if not _is_volume(source, options) and format_of(source, options).NAME != RASTER:
         return None
-    from meshflow.large.rasters import form_of
-
     memory = SHARE * free_memory() if memory is None else memory
     memory /= given["jobs"]
-    return memory if needed(form_of(source, options)) > memory else None
+    return memory if needed(_form(source, options)) > memory else None
+
+
+def _is_volume(source: Path, options: ReadOptions) -> bool:
+    """Whether a file is a volume that is read by windows."""
+    return suffix_of(source) in BY_WINDOWS and (options.kind == "volume" or format_of(source, options).NAME == SCAN)
+
+
+def _form(source: Path, options: ReadOptions) -> "Form":
+    """What a file holds; its samples are not read."""
+    if _is_volume(source, options):
+        from meshflow.large.volumes import form_of_volume
+
+        return form_of_volume(source)
+    from meshflow.large.rasters import form_of
+
+    return form_of(source, options)
 
 
 def smooth_by_windows(given: Given, memory: float) -> Told:
@@ -55,8 +73,6 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
 
     :raises InputError: for options that need the whole.
     """
-    from meshflow.large.rasters import smooth_raster
-
     source, target, quiet = given["source"], given["target"], given["quiet"]
     for name in ("picture", "report"):
         if given[name] is not None:
@@ -64,15 +80,29 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
                 f"--{name}: not by windows, it needs the whole, which does not fit into {memory / 1e6:.0f} MB (--memory)"
             )
     options = _reading(given)
-    options.must_belong(f"a raster ({source.name})", format_of(source, options).READS)
-    word, suiting = given["method"], words_for(points=False)
+    known = format_of(source, options)
+    options.must_belong(f"{known.NAME} ({source.name})", known.READS)
+    word, suiting = given["method"], _words(source, options)
     request = asked(given, plain_sample, suiting)
     writing = _output(given, memory)
     for path in writing.sides.values():
         must_not_be(source, path)
-    result = smooth_raster(source, target, request, options, writing, None if quiet else True)
+    progress = None if quiet else True
+    if _is_volume(source, options):
+        from meshflow.large.volumes import smooth_volume
+
+        result = smooth_volume(source, target, request, options, writing, progress)
+    else:
+        from meshflow.large.rasters import smooth_raster
+
+        result = smooth_raster(source, target, request, options, writing, progress)
     more = (word for word in result.warnings if word not in result.notes)
     return Told(result, (*narrowed(request, word, suiting), *result.notes, *more))
+
+
+def _words(source: Path, options: ReadOptions) -> tuple[str, ...]:
+    """The names of the methods that are defined on what a file holds."""
+    return volume_words() if _is_volume(source, options) else words_for(points=False)
 
 
 def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path]]) -> Iterator[tuple[Path, Told | Exception]]:

@@ -1,5 +1,6 @@
 """Smooths arrays of dask, and DataArrays of xarray that hold one: lazy in, lazy out, the same chunks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeGuard
 
@@ -20,8 +21,12 @@ from meshflow.large.source import Form, Window, grown
 from meshflow.large.windows import Local, Windowed, windowed
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.volume import Volume, steps_of
 
 __all__ = ["Chunked", "is_chunked", "run_of_given", "sample_of_chunked", "smooth_chunked"]
+
+# The names of axes.
+LETTERS = "ijkl"
 
 
 class Chunked(Protocol):
@@ -62,10 +67,10 @@ class Chunked(Protocol):
 class Lazy:
     """A grid whose samples are computed when they are asked for.
 
-    :ivar values: (h, w) or (h, w, k), float32 or float64, with all channels in each chunk.
+    :ivar values: (h, w) or (h, w, k), of a volume (d, h, w) or (d, h, w, k), float32 or float64, all channels in each chunk.
     :ivar form: of the grid.
     :ivar declared: values of missing samples.
-    :ivar missing: (h, w), further samples that are missing, in the chunks of the values; None: none.
+    :ivar missing: (h, w) or (d, h, w), further samples that are missing, in the chunks of the values; None: none.
     :ivar said: of a DataArray; None of a dask array.
     :ivar notes: sentences for the user.
     """
@@ -114,7 +119,7 @@ def smooth_chunked(
     back = grid.holding(done.rechunk(chunks) if said else done)
     found = replace(run.found, request=replace(run.found.request, compute=chosen))
     run = replace(run, found=found, warnings=(*grid.notes, *said, *run.warnings))
-    return back, Outcome(run, int(np.prod(done.numblocks[:2])), data=back)
+    return back, Outcome(run, int(np.prod(done.numblocks[: len(grid.form.shape)])), data=back)
 
 
 def _is_dask(data: object) -> TypeGuard[Chunked]:
@@ -124,26 +129,32 @@ def _is_dask(data: object) -> TypeGuard[Chunked]:
 def _lazy(data: object, options: ReadOptions) -> Lazy:
     """Imports an array of dask or a DataArray; no sample is read."""
     said, unit, notes = None, options.unit or "", ()
+    volume = options.kind == "volume"
     if _is_dask(data):
         options.must_belong("an array of dask", ("kind", "spacing", "missing", "nodata", "unit"))
-        if options.kind not in (None, "terrain", "image") or (options.kind == "terrain" and data.ndim != 2):
+        if options.kind not in (None, "terrain", "image", "volume") or (options.kind == "terrain" and data.ndim != 2):
             raise InputError(
-                f"kind: terrain of shape (h, w) or image expected, got {options.kind!r} of shape {data.shape}"
+                f"kind: terrain of shape (h, w), image or volume expected, got {options.kind!r} of shape {data.shape}"
             )
         values, kind = data, Image if data.ndim == 3 or options.kind == "image" else HeightField
-        spacing = spacing_of(1.0 if options.spacing is None else options.spacing, data.shape[0])
+        distances = 1.0 if options.spacing is None else options.spacing
+        kind, spacing = (Volume, steps_of(distances)) if volume else (kind, spacing_of(distances, data.shape[0]))
     else:
         said = described(data, options)
         values, kind = said.ordered.data.reshape(said.shape), said.kind
-        spacing, unit, notes = said.spacing, said.unit, said.notes
-    if values.ndim not in (2, 3) or any(np.isnan(values.shape)) or min(values.shape[:2]) < 2:
-        raise InputError(f"an array of shape (h, w) or (h, w, k), at least 2 x 2 samples, expected, got {values.shape}")
+        spacing, unit, notes = said.spacing, said.unit or unit, said.notes
+    axes = 3 if volume else 2
+    if values.ndim not in (axes, axes + 1) or any(np.isnan(values.shape)) or min(values.shape[:axes]) < 2:
+        letters, least = ("d, h, w", "2 x 2 x 2") if volume else ("h, w", "2 x 2")
+        raise InputError(
+            f"an array of shape ({letters}) or ({letters}, k), at least {least} samples, expected, got {values.shape}"
+        )
     dtype = real(np.zeros(1, values.dtype), "data").dtype
     values = values.astype(dtype)
-    if values.ndim == 3:
-        values = values.rechunk({2: -1})
-    h, w = values.shape[:2]
-    form = Form((h, w), values.shape[2] if values.ndim == 3 else None, dtype, spacing, kind, unit)
+    if values.ndim > axes:
+        values = values.rechunk({axes: -1})
+    shape = values.shape[:axes]
+    form = Form(shape, values.shape[axes] if values.ndim > axes else None, dtype, spacing, kind, unit)
     missing = options.missing
     is_mark = missing is not None and np.ndim(missing) == 0
     marks = (None if said is None else said.nodata, options.nodata, missing if is_mark else None)
@@ -157,21 +168,24 @@ def _lazy(data: object, options: ReadOptions) -> Lazy:
 
 
 def _chunked_as(grid: Lazy, given: Any, name: str) -> Chunked:
-    """Numbers per sample (h, w) or (h, w, k) in the chunks of the values; they may be lazy themselves."""
+    """Numbers per sample, or per value, in the chunks of the values; they may be lazy themselves."""
     import dask.array as da
 
     array = da.asarray(getattr(given, "data", given) if _is_dask(getattr(given, "data", None)) else given)
-    if array.shape not in (grid.values.shape, grid.values.shape[:2]):
+    if array.shape not in (grid.values.shape, grid.form.shape):
         raise InputError(f"{name}: one number per sample, shape {grid.form.shape}, expected, got {array.shape}")
     return array.rechunk(grid.values.chunks[: array.ndim])
 
 
-def _gone(values: Array, declared: tuple[Any, ...], missing: Array | None) -> Array:
-    """Missing samples (r, c) of a chunk."""
+def _gone(values: Array, declared: tuple[Any, ...], missing: Array | None, axes: int) -> Array:
+    """Missing samples of a chunk.
+
+    :param axes: of the samples, 2 or 3; one more of the values is that of their channels.
+    """
     gone = ~np.isfinite(values)
     for value in declared:
         gone |= values == values.dtype.type(value)
-    gone = gone if gone.ndim == 2 else np.logical_or.reduce(gone, axis=2)
+    gone = gone if gone.ndim == axes else np.logical_or.reduce(gone, axis=axes)
     return gone if missing is None else gone | missing
 
 
@@ -184,11 +198,11 @@ def _is_given(request: Request) -> bool:
 
 def _unseen(form: Form, request: Request, free: Constraints) -> Windowed | None:
     """The plan of a request that leaves nothing to be found; None where the steps depend on samples."""
-    size = max(form.shape)
-    values = np.zeros((2, size, *(() if form.channels is None else (form.channels,))), form.dtype)
-    data = form.data(values, np.zeros((2, size), bool), np.arange(2))
-    sample = Sample(data, Places(np.arange(2), np.arange(size), True))
-    run = windowed(form, sample, replace(request, constraints=free, outliers="include"))
+    shape = (2,) * len(form.shape) if form.kind is Volume else (2, max(form.shape))
+    data = form.data(np.zeros((*shape, *form.tail), form.dtype), np.zeros(shape, bool), np.arange(2))
+    sample = Sample(data, Places(tuple(map(np.arange, shape)), True))
+    asked = replace(request, constraints=free, outliers=None if form.kind is Volume else "include")
+    run = windowed(form, sample, asked)
     return run if isinstance(run.local.plan.request.compute.stepper, Explicit) else None
 
 
@@ -197,7 +211,8 @@ def _asked(grid: Lazy, request: Request, free: Constraints, sides: dict[str, Chu
     places = places_in(grid.form)
     parts = _taken([grid.values, *([] if grid.missing is None else [grid.missing]), *sides.values()], places)
     values, missing = parts[0], parts[1] if grid.missing is not None else None
-    sample = sample_from(grid.form, places, values, _gone(values, grid.declared, missing))
+    gone = _gone(values, grid.declared, missing, len(grid.form.shape))
+    sample = sample_from(grid.form, places, values, gone)
     own = dict(zip(sides, parts[len(parts) - len(sides) :], strict=True))
     return sample, replace(request, constraints=replace(free, **own))
 
@@ -218,7 +233,7 @@ def sample_of_chunked(data: object, options: ReadOptions, enough: int) -> tuple[
     grid = _lazy(data, options)
     places = places_in(grid.form, enough)
     parts = _taken([grid.values, *([] if grid.missing is None else [grid.missing])], places)
-    gone = _gone(parts[0], grid.declared, parts[1] if len(parts) > 1 else None)
+    gone = _gone(parts[0], grid.declared, parts[1] if len(parts) > 1 else None, len(grid.form.shape))
     return grid.form, sample_from(grid.form, places, parts[0], gone)
 
 
@@ -227,24 +242,29 @@ def _taken(arrays: list[Chunked], places: Places) -> list[Array]:
     import dask
 
     if not places.is_whole:
-        rows, columns = np.maximum(places.rows, 0), np.maximum(places.columns, 0)
-        arrays = [array[rows][:, columns] for array in arrays]
+        at = tuple(np.maximum(lines, 0) for lines in places.axes)
+        arrays = [_cut(array, at) for array in arrays]
     return [np.asarray(part) for part in dask.compute(*arrays)]  # type: ignore[attr-defined]
+
+
+def _cut(array: Chunked, at: tuple[Array, ...]) -> Chunked:
+    """Samples of an array at indices of each of its first axes."""
+    for axis, lines in enumerate(at):
+        array = array[(slice(None),) * axis + (lines,)]
+    return array
 
 
 def _in_chunks_of(grid: Lazy, sides: dict[str, Chunked], halo: int) -> tuple[Lazy, dict[str, Chunked], tuple[str, ...]]:
     """The grid in chunks that are no smaller than a halo, and a sentence where that changed them."""
     from dask.array.overlap import ensure_minimum_chunksize
 
-    chunks = grid.values.chunks
-    sized = [ensure_minimum_chunksize(min(halo, sum(one)), one) if min(one) < halo else one for one in chunks[:2]]
-    if tuple(sized) == chunks[:2]:
+    chunks, axes = grid.values.chunks, len(grid.form.shape)
+    sized = [ensure_minimum_chunksize(min(halo, sum(one)), one) if min(one) < halo else one for one in chunks[:axes]]
+    if tuple(sized) == chunks[:axes]:
         return grid, sides, ()
-    said = (
-        f"chunks of {min(chunks[0])} x {min(chunks[1])} samples are smaller than the halo of {halo}: they are computed in chunks "
-        f"of {min(sized[0])} x {min(sized[1])}",
-    )
-    values = grid.values.rechunk((*sized, *chunks[2:]))
+    before, after = (" x ".join(str(min(one)) for one in parts) for parts in (chunks[:axes], sized))
+    said = (f"chunks of {before} samples are smaller than the halo of {halo}: they are computed in chunks of {after}",)
+    values = grid.values.rechunk((*sized, *chunks[axes:]))
     missing = None if grid.missing is None else grid.missing.rechunk(tuple(sized))
     larger = {name: array.rechunk(values.chunks[: array.ndim]) for name, array in sides.items()}
     return replace(grid, values=values, missing=missing), larger, said
@@ -273,25 +293,25 @@ def _moved(grid: Lazy, local: Local, free: Constraints, sides: dict[str, Chunked
     import dask.array as da
     from dask.array.overlap import overlap
 
-    values = grid.values
-    depth = {axis: local.halo if len(values.chunks[axis]) > 1 else 0 for axis in (0, 1)}
+    values, axes = grid.values, len(grid.form.shape)
+    depth = {axis: local.halo if len(values.chunks[axis]) > 1 else 0 for axis in range(axes)}
     names = [*(["missing"] if grid.missing is not None else []), *sides]
     arrays = [values, *([] if grid.missing is None else [grid.missing]), *sides.values()]
-    wide = [overlap(array, {**depth, **({2: 0} if array.ndim == 3 else {})}, boundary="none") for array in arrays]
-    pairs = [part for array in wide for part in (array, "ijk"[: array.ndim])]
-    numbers = [da.from_array(np.arange(count), (1,)) for count in values.numblocks[:2]]  # type: ignore[arg-type]
-    lines = [part for array, index in zip(numbers, "ij", strict=True) for part in (array, index)]
+    wide = [overlap(array, {**depth, **({axes: 0} if array.ndim > axes else {})}, boundary="none") for array in arrays]
+    pairs = [part for array in wide for part in (array, LETTERS[: array.ndim])]
+    numbers = [da.from_array(np.arange(count), (1,)) for count in values.numblocks[:axes]]  # type: ignore[arg-type]
+    lines = [part for array, index in zip(numbers, LETTERS, strict=False) for part in (array, index)]
     return da.blockwise(
         _block,
-        "ijk"[: values.ndim],
+        LETTERS[: values.ndim],
         *lines,
         *pairs,
         dtype=values.dtype,
         align_arrays=False,
-        adjust_chunks=dict(zip("ijk", values.chunks, strict=False)),
+        adjust_chunks=dict(zip(LETTERS, values.chunks, strict=False)),
         meta=np.zeros((0,) * values.ndim, values.dtype),
         names=tuple(names),
-        task=_Task(local, values.chunks[:2], grid.declared, free, tuple(depth.values())),
+        task=_Task(local, values.chunks[:axes], grid.declared, free, tuple(depth.values())),
         census=census,
     )
 
@@ -300,8 +320,8 @@ def _moved(grid: Lazy, local: Local, free: Constraints, sides: dict[str, Chunked
 class _Task:
     """What every chunk is told.
 
-    :ivar chunks: of rows and of columns.
-    :ivar depth: how many rows and columns of its neighbours it has on each side.
+    :ivar chunks: of each axis.
+    :ivar depth: of each axis, how many lines of its neighbours it has on each side.
     """
 
     local: Local
@@ -311,30 +331,30 @@ class _Task:
     depth: tuple[int, ...]
 
 
-def _block(
-    rows: Array, columns: Array, values: Array, *sides: Array, names: tuple[str, ...], task: _Task, census: Census
-) -> Array:
-    """The smoothed values of a chunk; each array comes with its halo.
+def _block(*parts: Array, names: tuple[str, ...], task: _Task, census: Census) -> Array:
+    """The smoothed values of a chunk.
 
-    It has one parameter for each array of the graph, hence their number.
-
-    :param rows: (1,), the number of the chunk along them; ``columns``: likewise.
+    :param parts: of each axis (1,), the number of the chunk along it; its values; and what ``names`` names, with their halo.
     """
-    own = dict(zip(names, sides, strict=True))
-    missing = _gone(values, task.declared, own.pop("missing", None))
-    inner = _window(task.chunks, int(rows[0]), int(columns[0]))
+    axes = len(task.chunks)
+    values, own = parts[axes], dict(zip(names, parts[axes + 1 :], strict=True))
+    missing = _gone(values, task.declared, own.pop("missing", None), axes)
+    inner = _window(task.chunks, [int(number[0]) for number in parts[:axes]])
     bound = task.local.over(census)
     shape = task.local.form.shape
-    high, wide = (grown(inner, depth, shape)[axis] for axis, depth in enumerate(task.depth))
+    outer = tuple(grown(inner, depth, shape)[axis] for axis, depth in enumerate(task.depth))
     compute: Compute = bound.plan.request.compute
     with compute.running():
-        return bound.moved((inner, (high, wide)), values, missing, replace(task.free, **own))
+        return bound.moved((inner, outer), values, missing, replace(task.free, **own))
 
 
-def _window(chunks: tuple[tuple[int, ...], ...], row: int, column: int) -> Window:
-    """The window of a chunk."""
-    top, left = sum(chunks[0][:row]), sum(chunks[1][:column])
-    return slice(top, top + chunks[0][row]), slice(left, left + chunks[1][column])
+def _window(chunks: tuple[tuple[int, ...], ...], numbers: Sequence[int]) -> Window:
+    """The window of a chunk.
+
+    :param numbers: of the chunk along each axis.
+    """
+    begins = [sum(sizes[:i]) for sizes, i in zip(chunks, numbers, strict=True)]
+    return tuple(slice(begin, begin + sizes[i]) for begin, sizes, i in zip(begins, chunks, numbers, strict=True))
 
 
 def _census(grid: Lazy) -> Any:
@@ -342,23 +362,22 @@ def _census(grid: Lazy) -> Any:
     import dask
 
     count = dask.delayed(_counted)  # type: ignore[attr-defined]
-    blocks = grid.values.to_delayed().reshape(grid.values.numblocks[:2])
+    axes = len(grid.form.shape)
+    blocks = grid.values.to_delayed().reshape(grid.values.numblocks[:axes])
     masks = None if grid.missing is None else grid.missing.to_delayed()
     counts = [
         count(
-            _window(grid.values.chunks, i, j),
+            _window(grid.values.chunks[:axes], at),
             block,
-            None if masks is None else masks[i, j],
+            None if masks is None else masks[at],
             grid.declared,
-            grid.form.shape,
+            grid.form,
         )
-        for (i, j), block in np.ndenumerate(blocks)
+        for at, block in np.ndenumerate(blocks)
     ]
     return dask.delayed(joined)(counts, grid.form)  # type: ignore[attr-defined]
 
 
-def _counted(
-    window: Window, values: Array, missing: Array | None, declared: tuple[Any, ...], shape: tuple[int, int]
-) -> Counted:
+def _counted(window: Window, values: Array, missing: Array | None, declared: tuple[Any, ...], form: Form) -> Counted:
     """The count of one chunk."""
-    return counted_in(window, values, _gone(values, declared, missing), shape)
+    return counted_in(window, values, _gone(values, declared, missing, len(form.shape)), form)

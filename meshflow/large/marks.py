@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.geometry.validation import Array
 from meshflow.io.formats.raster_windows import RasterReader
 from meshflow.io.undeclared import Mark, mark_in, may_mark
-from meshflow.large.source import Window
+from meshflow.large.source import Window, rows_and_columns
 
 __all__ = ["marked"]
 
@@ -29,7 +29,7 @@ def marked(
         return reader, None
     counts, low, high = dict.fromkeys(asked, 0), np.inf, -np.inf
     for window in windows:
-        raw, gone = reader.stored(window)
+        raw, gone = reader.stored(rows_and_columns(window))
         known = raw[~gone]
         rest = np.ones(known.shape, bool)
         for end in asked:

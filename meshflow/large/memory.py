@@ -6,8 +6,12 @@ from dataclasses import dataclass
 from math import isqrt
 from pathlib import Path
 
+import numpy as np
+
 from meshflow.errors import InputError
+from meshflow.geometry.validation import Array
 from meshflow.large.source import Form
+from meshflow.surfaces.volume import Volume
 
 __all__ = ["Budget", "bytes_in", "free_memory", "needed"]
 
@@ -19,8 +23,8 @@ SHARE = 0.5
 LIBRARIES, OF_SAMPLE = 250e6, 0.5
 # Windows are multiples of this many samples, as the tiles of files are; the largest one has this many values.
 MULTIPLE, LARGEST = 256, 1 << 25
-# A band of whole rows is taken where its halo is a smaller share of it.
-BANDS = 4
+# A band of whole rows is taken where its halo is a smaller share of it. The least side of a block of a volume.
+BANDS, LEAST_BLOCK = 4, 8
 _SIZE = re.compile(r"\s*([0-9.]+)\s*([kmgt]?)i?b?\s*", re.IGNORECASE)
 # Bytes below which a number was meant in another unit.
 LEAST = 1e6
@@ -84,14 +88,19 @@ class Budget:
 
     def counted(self, form: Form) -> int:
         """The number of values that are counted at a time."""
-        return max(form.shape[1], min(1 << 22, int(self.room / (4.0 * form.dtype.itemsize))))
+        least = 1 if form.kind is Volume else form.shape[1]
+        return max(least, min(1 << 22, int(self.room / (4.0 * form.dtype.itemsize))))
 
-    def sides(self, form: Form, halo: int) -> tuple[int, int]:
-        """Rows and columns of the windows: bands of whole rows where their halo is a small part of them, else squares.
+    def sides(self, form: Form, halo: int) -> tuple[int, ...]:
+        """The sides of the windows: bands of whole rows where their halo is a small part of them, else squares.
+
+        Of a volume they are blocks, those of which the samples with all halos are fewest.
 
         :raises InputError: where no window with its halo fits; the least memory that works is named.
         """
         each = IN_WINDOW * form.dtype.itemsize * (form.channels or 1)
+        if form.kind is Volume:
+            return self._blocks(form, halo, each)
         (h, w), fits = form.shape, min(int(self.room / each), LARGEST)
         high = fits // w - 2 * halo
         if high >= min(h, max(MULTIPLE, BANDS * halo)):
@@ -99,8 +108,33 @@ class Budget:
         side = (isqrt(fits) - 2 * halo) // MULTIPLE * MULTIPLE
         if side >= MULTIPLE:
             return side, side
-        least = LIBRARIES + each * (MULTIPLE + 2 * halo) ** 2
-        raise InputError(
-            f"memory of {self.memory / 1e6:.0f} MB: too little for a window of {MULTIPLE} samples with its halo of {halo}; "
-            f"{least / 1e6:.0f} MB is the least"
+        raise self._too_little(f"a window of {MULTIPLE} samples", halo, each * (MULTIPLE + 2 * halo) ** 2)
+
+    def _blocks(self, form: Form, halo: int, each: float) -> tuple[int, ...]:
+        """The sides of the blocks of a volume.
+
+        :param each: bytes of a sample.
+        """
+        counts = [np.arange(1, max(1, size // LEAST_BLOCK) + 1) for size in form.shape]
+        sides = [-(-size // count) for size, count in zip(form.shape, counts, strict=True)]
+        wide = [np.minimum(side + 2 * halo, size) for side, size in zip(sides, form.shape, strict=True)]
+        samples = _products(wide)
+        fits = each * samples <= self.room
+        if not fits.any():
+            raise self._too_little(f"a block of {LEAST_BLOCK} samples", halo, each * float(samples.min()))
+        work = np.where(fits, samples * _products(counts), np.inf)
+        best = np.unravel_index(int(np.argmin(work)), work.shape)
+        return tuple(int(side[i]) for side, i in zip(sides, best, strict=True))
+
+    def _too_little(self, what: str, halo: int, bytes_: float) -> InputError:
+        """The refusal of a memory in which not one window fits."""
+        return InputError(
+            f"memory of {self.memory / 1e6:.0f} MB: too little for {what} with its halo of {halo}; "
+            f"{(LIBRARIES + bytes_) / 1e6:.0f} MB is the least"
         )
+
+
+def _products(sides: list[Array]) -> Array:
+    """The products of one number of each of three lists, as floating point."""
+    first, second, third = np.ix_(*sides)
+    return first * second.astype(float) * third

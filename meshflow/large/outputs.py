@@ -13,13 +13,13 @@ from meshflow.io.atomic_write import must_be_apart, must_be_free, sides_of
 from meshflow.io.document import WriteOptions
 from meshflow.io.formats.raster_encoding import DRIVERS, driver_of, encoding_for
 from meshflow.io.formats.raster_frame import Frame
+from meshflow.io.formats.raster_place import Part
 from meshflow.io.formats.raster_windows import Layout, RasterReader, RasterWriter, raster_written
 from meshflow.io.formats.rasters import lossy, marking, must_suit, type_for
 from meshflow.io.rounding import mark_outside, rounded
 from meshflow.io.side_outputs import side_frame
 from meshflow.large.census import Census
 from meshflow.large.memory import Budget
-from meshflow.large.source import Window
 
 __all__ = ["Output", "Written", "must_be_stored", "must_be_writable", "opened_beside", "stored_as"]
 
@@ -123,7 +123,7 @@ class Written:
             encoding = replace(encoding, creation={"NUM_THREADS": threads, **encoding.creation})
         return cls(stack.enter_context(raster_written(path, layout, stored.frame, stored.kind, encoding, tags)), stored)
 
-    def write(self, window: Window, values: Array, gone: Array, alpha: Array | None = None) -> tuple[str, ...]:
+    def write(self, window: Part, values: Array, gone: Array, alpha: Array | None = None) -> tuple[str, ...]:
         """Write values (k, r, c) of a window; returns notes.
 
         :param gone: (1 or k, r, c), missing samples; ``alpha``: (r, c).

@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.constraints import Constraints
-from meshflow.estimate.noise_fields import NoiseFields
 from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress, reporting
 from meshflow.geometry.validation import Array, Spacing, spacing_of
@@ -16,19 +14,20 @@ from meshflow.io.formats.raster_windows import RasterReader, raster_read
 from meshflow.io.formats.rasters import notes_on, period_of, spacing_in, unlike_bands
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.spacing import height_unit, said_of_turn
-from meshflow.large.census import Census, census_of
+from meshflow.large.census import Census, bands, census_of
 from meshflow.large.marks import marked
 from meshflow.large.memory import Budget
 from meshflow.large.outcome import Outcome, Removed
 from meshflow.large.outputs import Output, Written, must_be_stored, must_be_writable, opened_beside, stored_as
-from meshflow.large.sample import ENOUGH, Sample, part_of, sample_of
-from meshflow.large.source import Form, Source, Window, grown, moved_by, tiled, within
-from meshflow.large.windows import Bound, Windowed, windowed
-from meshflow.results.expected_error import must_have_error, spread_around
+from meshflow.large.running import Run, smoothed
+from meshflow.large.sample import ENOUGH, Sample, sample_of
+from meshflow.large.source import Form, Source, Window, moved_by, rows_and_columns, tiled
+from meshflow.large.windows import windowed
+from meshflow.results.expected_error import must_have_error
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["Gridded", "Run", "Sheet", "counted", "form_of", "gridded", "smooth_raster", "written"]
+__all__ = ["Gridded", "Sheet", "counted", "form_of", "gridded", "smooth_raster", "written"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,7 @@ class Gridded:
 
     def read(self, window: Window) -> tuple[Array, Array]:
         """Values (r, c) or (r, c, k) of a window, and those (r, c) that are missing."""
-        values, gone = self.reader.values(window)
+        values, gone = self.reader.values(rows_and_columns(window))
         return self.laid(values), np.logical_or.reduce(gone)
 
     def laid(self, bands: Array) -> Array:
@@ -126,7 +125,7 @@ def counted(source: Gridded, budget: Budget, progress: Progress) -> tuple[Gridde
     """
     notes: tuple[str, ...] = ()
     at_once = budget.counted(source.form)
-    windows = list(tiled(source.form.shape, (max(1, at_once // source.form.shape[1]), source.form.shape[1])))
+    windows = bands(source.form, at_once)
     while True:
         with reporting(progress, "reading") as report:
             census = census_of(source, report, at_once)
@@ -143,7 +142,7 @@ def _stored_ends(source: Gridded, census: Census, windows: list[Window]) -> tupl
         return float(census.ends[:, 0].min()), float(census.ends[:, 1].max())
     low, high = np.inf, -np.inf
     for window in windows:
-        raw, gone = source.reader.stored(window)
+        raw, gone = source.reader.stored(rows_and_columns(window))
         known = raw[~gone].astype(np.float64)
         low, high = float(known.min(initial=low)), float(known.max(initial=high))
     return low, high
@@ -164,19 +163,6 @@ def _must_be_alike(source: Gridded, sample: Sample, options: ReadOptions) -> Non
             f"{source.reader.path.name}: {len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}); by windows choose "
             "one (band=1), or smooth them together (kind='image')"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """What is run on the windows of a raster.
-
-    :ivar census: of the raster; ``bound``: knows that of the grid in which it lies.
-    """
-
-    found: Windowed
-    bound: Bound
-    census: Census
-    request: Request
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,78 +195,14 @@ def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Pro
         into = Written.opened(stack, (target, stored, reader.layout), writing, threads, tags)
         sides = opened_beside(stack, reader, writing, threads, tags)
         for i, window in enumerate(windows):
-            done = _one(sheet, run, window, writing.uncertainty is not None)
-            removed.add(*done.counted)
-            clipped |= dict.fromkeys(into.write(window, done.after, done.gone, reader.alpha_of(window)), 0)
+            part = rows_and_columns(window)
+            done = smoothed(sheet.grid, run, moved_by(window, sheet.place), with_error=writing.uncertainty is not None)
+            removed.add(done.before, done.after, done.missing)
+            # A band may be missing where others are there.
+            gone = done.missing[None] if form.channels is None else reader.values(part)[1]
+            bands = sheet.file.bands
+            clipped |= dict.fromkeys(into.write(part, bands(done.after), gone, reader.alpha_of(part)), 0)
             for word, side in sides.items():
-                side.write(window, done.side(word), done.gone)
+                side.write(part, bands(done.side(word)), gone)
             report((i + 1) / len(windows))
     return replace(outcome, notes=(*notes, *clipped))
-
-
-@dataclass(frozen=True, eq=False)
-class _Done:
-    """A window that was smoothed: bands (k, r, c) before and after, and missing samples (1 or k, r, c).
-
-    :ivar missing: (r, c), samples that are missing in any band.
-    :ivar error: (k, r, c), the expected error; None: it was not asked for.
-    """
-
-    before: Array
-    after: Array
-    gone: Array
-    missing: Array
-    error: Array | None = None
-
-    @property
-    def counted(self) -> tuple[Array, Array, Array]:
-        """Values (r, c, k) before and after, and those that are missing."""
-        return np.moveaxis(self.before, 0, 2), np.moveaxis(self.after, 0, 2), self.missing
-
-    def side(self, word: str) -> Array:
-        """The bands of a raster beside the result."""
-        return self.before.astype(np.float64) - self.after if word == "removed" or self.error is None else self.error
-
-
-def _one(sheet: Sheet, run: Run, window: Window, with_error: bool) -> _Done:
-    """A window of the file, smoothed."""
-    source, shape, halo = sheet.file, sheet.grid.form.shape, run.found.halo
-    inner = moved_by(window, sheet.place)
-    wide = grown(inner, halo, shape) if with_error else inner
-    outer = grown(wide, halo, shape)
-    values, missing = sheet.grid.read(outer)
-    constraints = part_of(run.request.constraints, shape, outer)
-    done = run.bound.moved((wide, outer), values, missing, constraints)
-    at, core = within(inner, outer), within(inner, wide)
-    error = source.bands(_error_of(run, (inner, wide), done, missing[within(wide, outer)])) if with_error else None
-    # A band may be missing where others are there.
-    gone = missing[at][None] if source.form.channels is None else source.reader.values(window)[1]
-    return _Done(source.bands(values[at]), source.bands(done[core]), gone, missing[at], error)
-
-
-def _error_of(run: Run, windows: tuple[Window, Window], done: Array, missing: Array) -> Array:
-    """The expected error (r, c) or (r, c, k) of a window.
-
-    :param windows: the one that is asked for, and it with its halo.
-    :param done: the result in the latter; ``missing``: (r, c).
-    """
-    inner, wide = windows
-    at, found = within(inner, wide), run.found.found
-    if found.idle is not None:
-        return np.full_like(done[at], found.noise.sigma)
-    again = _Again(run, windows, missing, part_of(run.request.constraints, run.bound.local.form.shape, wide))
-    return spread_around(done, (at, wide), again, NoiseFields(found.noise, run.bound.local.form.channels))
-
-
-@dataclass(frozen=True, eq=False)
-class _Again:
-    """Runs the plan of windows on other values of one."""
-
-    run: Run
-    windows: tuple[Window, Window]
-    missing: Array
-    constraints: Constraints
-
-    def __call__(self, values: Array) -> Array:
-        """The smoothed values."""
-        return self.run.bound.moved(self.windows, values, self.missing, self.constraints)

@@ -193,13 +193,13 @@ def _side_by_side(form: Form, samples: list[Sample]) -> Sample:
     """Samples of slices below each other, with a row of missing ones between them."""
     rows, values, missing = [], [], []
     for sample in samples:
-        z = array_of(sample.data)
-        rows += [sample.places.rows, np.array([-1])]
+        z, gone = array_of(sample.data), sample.data.missing
+        rows += [sample.places.axes[0], np.array([-1])]
         values += [z, np.zeros((1, *z.shape[1:]), z.dtype)]
-        missing += [sample.data.missing, np.ones((1, z.shape[1]), bool)]
+        missing += [gone, np.ones((1, *gone.shape[1:]), bool)]
     joined = np.concatenate(rows[:-1])
     data = form.data(np.concatenate(values[:-1]), np.concatenate(missing[:-1]), np.maximum(joined, 0))
-    return Sample(data, Places(joined, samples[0].places.columns, True))
+    return Sample(data, Places((joined, *samples[0].places.axes[1:]), True))
 
 
 def _as_planned(
@@ -208,7 +208,7 @@ def _as_planned(
     """A slice in memory, smoothed as planned; what was removed is counted."""
     imported = from_object(part, options)
     data: OnGrid = on_grid(imported.data)
-    whole = slice(0, data.missing.shape[0]), slice(0, data.missing.shape[1])
+    whole = tuple(slice(0, size) for size in data.missing.shape)
     held = part_of(request.constraints, data.missing.shape, whole)
     before = array_of(data)
     after = run.local.over(census_of(Held(data))).moved((whole, whole), before, data.missing, held)

@@ -15,12 +15,13 @@ from meshflow.geometry.validation import Array
 from meshflow.io.formats.raster_windows import raster_read
 from meshflow.io.formats.rasters import spacing_in
 from meshflow.io.metadata import ReadOptions
-from meshflow.large.census import Census, Counted, counted_in, joined
+from meshflow.large.census import Census, Counted, bands, counted_in, joined
 from meshflow.large.outcome import Outcome
 from meshflow.large.outputs import Output, must_be_stored, must_be_writable
-from meshflow.large.rasters import Gridded, Run, Sheet, counted, gridded, written
+from meshflow.large.rasters import Gridded, Sheet, counted, gridded, written
+from meshflow.large.running import Run
 from meshflow.large.sample import ENOUGH, sample_of
-from meshflow.large.source import Form, Window, moved_by, tiled
+from meshflow.large.source import Form, Window, moved_by
 from meshflow.large.windows import windowed
 
 __all__ = ["Survey", "smooth_together"]
@@ -62,9 +63,8 @@ class Survey:
 
     def read(self, window: Window) -> tuple[Array, Array]:
         """Values (r, c) or (r, c, k) of a window, and those (r, c) that are missing."""
-        rows, columns = window
-        shape = rows.stop - rows.start, columns.stop - columns.start
-        values = np.zeros((*shape, *(() if self.form.channels is None else (self.form.channels,))), self.form.dtype)
+        shape = tuple(part.stop - part.start for part in window)
+        values = np.zeros((*shape, *self.form.tail), self.form.dtype)
         missing = np.ones(shape, bool)
         for tile in self.tiles:
             common = [_common(one, other) for one, other in zip(window, tile.place, strict=True)]
@@ -79,9 +79,8 @@ class Survey:
     def counts(self, at_once: int) -> Iterator[Counted]:
         """The count of each tile, by bands of its rows."""
         for tile in self.tiles:
-            h, w = tile.file.form.shape
-            for window in tiled((h, w), (max(1, at_once // w), w)):
-                yield counted_in(moved_by(window, tile.place), *tile.file.read(window), self.form.shape)
+            for window in bands(tile.file.form, at_once):
+                yield counted_in(moved_by(window, tile.place), *tile.file.read(window), self.form)
 
 
 def smooth_together(

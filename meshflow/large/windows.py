@@ -1,4 +1,6 @@
-"""Runs a grid by windows: with a plan of which every number is fixed, and a halo of as many samples as its rates reach."""
+"""Runs a grid, of two or three axes, by windows: with a plan of which every number is fixed, and a halo as wide as its rates
+reach.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -14,17 +16,17 @@ from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.plateaus import LEVEL_REACH, Level, level_rule
 from meshflow.estimate.preparation import lowered_by
 from meshflow.estimate.request import Request
-from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.methods.beltrami import Patches
 from meshflow.geometry.validation import Array
 from meshflow.large.census import Census
 from meshflow.large.sample import Sample
 from meshflow.large.source import Form, OnGrid, Window, within
-from meshflow.results.run import end_of, engine_of, with_given_steps
+from meshflow.results.run import end_of, engine_of, is_uniform, with_given_steps
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.grid import Whole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.volume import Volume
 
 __all__ = ["Bound", "Local", "Windowed", "must_be_local", "windowed"]
 
@@ -52,6 +54,8 @@ class Local:
 
     def over(self, census: Census) -> "Bound":
         """The same with what a window must know of the samples of the whole."""
+        if self.form.kind is Volume:
+            return Bound(self, replace(self.plan, whole=census.whole_volume), census.datum)
         way, whole = census.orientation(self.plan.request.compute), census.whole
         turned = replace(whole, spacing=way.of_spacing(whole.spacing))
         return Bound(self, replace(self.plan, orientation=way, whole=turned), census.datum)
@@ -75,7 +79,7 @@ class Bound:
         """The smoothed values of a window: the same bits as those of the whole.
 
         :param windows: the one whose values are returned, and it with its halo (:func:`.source.grown`).
-        :param values: (r, c) or (r, c, k), of the window with its halo; ``missing``: (r, c).
+        :param values: (r, c) or (r, c, k), of the window with its halo; ``missing``: (r, c); of a volume with one axis more.
         :param constraints: likewise.
         """
         inner, outer = windows
@@ -90,13 +94,16 @@ class Bound:
         """The plan of a window."""
         request = replace(self.plan.request, constraints=constraints)
         held, request, mobility = constrained(data, request, staying(data, request))
-        lowered, how = lowered_by(on_grid(held), self.datum, self.local.still)
+        if isinstance(held, Volume):
+            most = limit_of(held, request, self.plan.noise)[0]
+            return replace(self.plan, data=held, request=request, mobility=mobility, max_change=most)
+        lowered, how = lowered_by(held, self.datum, self.local.still)
         turned, request, mobility = oriented(lowered, request, mobility, self.plan.orientation)
         most = limit_of(turned, request, self.plan.noise)[0]
         plan = replace(
             self.plan, data=turned, request=request, mobility=mobility, preparation=how, max_change=most, base=None
         )
-        if not self.local.based:
+        if not self.local.based or not isinstance(plan.whole, Whole):
             return plan
         grid = replace(turned.gridded(plan.lift), whole=plan.whole)
         sigma = plan.noise.sigma * request.strength
@@ -123,12 +130,12 @@ class Windowed:
 
 
 def on_grid(data: object) -> OnGrid:
-    """A height field or an image as such.
+    """A height field, an image or a volume as such.
 
     :raises InputError: for anything else.
     """
-    if not isinstance(data, (HeightField, Image)):
-        raise InputError(f"windows: a height field or an image expected, got {type(data).__name__}")
+    if not isinstance(data, (HeightField, Image, Volume)):
+        raise InputError(f"windows: a height field, an image or a volume expected, got {type(data).__name__}")
     return data
 
 
@@ -165,16 +172,14 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     :raises InputError: for what cannot be done by windows.
     """
     must_be_local(request)
-    _must_be_of_the_family(request, array_of(sample.data))
+    _must_be_of_the_family(request, form.channels or 1)
     found, warnings = _found(sample.data, replace(request, constraints=sample.of(request.constraints, form.shape)))
     if not sample.is_whole:
-        share = sample.data.missing.size / (form.shape[0] * form.shape[1])
+        share = sample.data.missing.size / form.samples
         warnings += (f"noise and choice are from tiles spread over the whole, {share:.1%} of it",)
-    way, values = found.orientation, array_of(found.data)
-    known = values[~on_grid(found.data).missing]
-    whole = Whole(way.of_spacing(form.spacing), (float(known.min()), float(known.max())))
+    whole = _whole_of(form, found)
     fixed, rates = with_given_steps(replace(found, whole=whole, preparation=None))
-    found = replace(found, noise=found.noise.oriented(way.inverse))
+    found = replace(found, noise=found.noise.oriented(found.orientation.inverse))
     plan = replace(
         fixed,
         noise=found.noise,
@@ -188,21 +193,35 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     )
     runs = [fixed, *(fixed.only(part) for part in fixed.blend[1:])]
     halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
-    halo += 0 if found.base is None else base_reach(whole)
-    tiles = on_grid(sample.data)
-    narrow = isinstance(tiles, HeightField)
-    still = "" if request.named or request.timed else level_rule(array_of(tiles), tiles.missing, narrow=narrow)
+    halo += 0 if found.base is None or whole is None else base_reach(whole)
+    still = "" if request.named or request.timed else _level_in(sample.data)
     halo += LEVEL_REACH if still else 0
     return Windowed(found, Local(form, plan, halo, found.base is not None, still), warnings)
 
 
-def _must_be_of_the_family(request: Request, values: Array) -> None:
+def _whole_of(form: Form, found: Plan) -> Whole | None:
+    """What the sample of a grid takes from the whole; None of a volume, whose sample is run as if it were one."""
+    if form.kind is Volume:
+        return None
+    known = array_of(found.data)[~on_grid(found.data).missing]
+    return Whole(found.orientation.of_spacing(form.plane), (float(known.min()), float(known.max())))
+
+
+def _level_in(data: OnGrid) -> Level:
+    """The rule of what is level in a grid and stays; there is none of volumes."""
+    if isinstance(data, Volume):
+        return ""
+    return level_rule(array_of(data), data.missing, narrow=isinstance(data, HeightField))
+
+
+def _must_be_of_the_family(request: Request, channels: int) -> None:
     """Refuse methods whose rates or steps no window can have as the whole has them.
 
+    :param channels: their number.
     :raises InputError: it names the method.
     """
     asked = request.heights
-    if request.named and not asked.searches_for(1 if values.ndim == 2 else values.shape[2]):
+    if request.named and not asked.searches_for(channels):
         raise InputError(
             f"method={asked.word!r}: not by windows, it is a scheme of its own; take a method of the family, such as beltrami or "
             "perona-malik"
@@ -215,10 +234,11 @@ def _must_be_of_the_family(request: Request, values: Array) -> None:
 
 def _few(data: OnGrid) -> OnGrid:
     """A few samples of data, to keep its kind."""
-    some = np.zeros((FEW, FEW, *array_of(data).shape[2:]), array_of(data).dtype)
-    if isinstance(data, HeightField):
-        return HeightField(some, unit=data.unit)
-    return Image(some)
+    axes = data.missing.ndim
+    some = np.zeros((*(FEW,) * axes, *array_of(data).shape[axes:]), array_of(data).dtype)
+    if isinstance(data, Volume):
+        return Volume(some, unit=data.unit)
+    return HeightField(some, unit=data.unit) if isinstance(data, HeightField) else Image(some)
 
 
 def _found(data: OnGrid, request: Request) -> tuple[Plan, tuple[str, ...]]:
@@ -244,5 +264,4 @@ def _found(data: OnGrid, request: Request) -> tuple[Plan, tuple[str, ...]]:
 
 def _uniform(plan: Plan) -> bool:
     """Whether the steps of a plan do not depend on the data."""
-    engine = engine_of(plan)
-    return isinstance(engine, GridFlow) and engine.uniform
+    return is_uniform(engine_of(plan))

@@ -42,7 +42,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.volume import Volume, WholeVolume
 
-__all__ = ["carried_out", "end_of", "engine_of", "run", "states", "with_given_steps"]
+__all__ = ["carried_out", "end_of", "engine_of", "is_uniform", "run", "states", "with_given_steps"]
 
 
 def run(data: Data, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
@@ -142,7 +142,7 @@ def _given_steps(plan: Plan) -> tuple[Compute, int]:
     stepper, control = _stepping(flow, plan)
     until = _until(plan)
     stepper = stepper_for(stepper or Explicit(), flow, until.time)
-    if not isinstance(engine, GridFlow) or not engine.uniform:
+    if not is_uniform(engine):
         raise InputError(
             f"method={plan.method.word!r}: the length of its steps depends on all samples; take one with gamma "
             "of -1 or above (for several channels 0), and mass barycentric or ring"
@@ -161,6 +161,11 @@ def _given_steps(plan: Plan) -> tuple[Compute, int]:
     given = GivenSteps(tuple(lengths)) if lengths else None
     rates = [stepper.count(dt, explicit) if isinstance(stepper, SuperTime) else 1 for dt in lengths]
     return replace(plan.request.compute, stepper=stepper, dt=None, control=given), sum(rates)
+
+
+def is_uniform(engine: Flow) -> bool:
+    """Whether the steps of an engine do not depend on the data: then a window moves as the whole does."""
+    return isinstance(engine, (GridFlow, VolumeFlow)) and engine.uniform
 
 
 def _until(plan: Plan) -> Until:

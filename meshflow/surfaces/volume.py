@@ -9,12 +9,22 @@ import numpy as np
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, mask_of, must_have_squares, nowhere, positive, real, shown
-from meshflow.surfaces.grid import Lift, held
+from meshflow.surfaces.grid import Lift, Spacing, held
 from meshflow.surfaces.orientation import lattice
 from meshflow.surfaces.surface import Boundary, known_boundary
 from meshflow.surfaces.triangles import Diagonals, triangulations
 
-__all__ = ["Block", "Steps", "Volume", "WholeVolume", "diagonal_order", "steps_of"]
+__all__ = [
+    "Block",
+    "Steps",
+    "Volume",
+    "WholeVolume",
+    "coarse_lattice",
+    "diagonal_order",
+    "in_plane",
+    "order_by",
+    "steps_of",
+]
 
 # (dz, dy, dx).
 Steps = tuple[float, float, float]
@@ -168,16 +178,30 @@ def diagonal_order(planes: Array, missing: Array) -> tuple[int, ...]:
 
     :param planes: (k, d, h, w); ``missing``: (d, h, w).
     """
-    places = [lattice(size)[:: max(1, size // 128)] for size in missing.shape]
-    places = [np.union1d(at, size - 1 - at) for at, size in zip(places, missing.shape, strict=True)]
-    there = ~missing[np.ix_(*places)]
-    some = np.where(there, planes[(slice(None), *np.ix_(*places))], 0).astype(np.float64)
+    at = np.ix_(*map(coarse_lattice, missing.shape))
+    return order_by(planes[(slice(None), *at)], ~missing[at], missing.shape)
+
+
+def coarse_lattice(size: int) -> Array:
+    """Indices along an axis, symmetric about its middle: the slices that tell the order of the diagonals."""
+    at = lattice(size)[:: max(1, size // 128)]
+    return np.union1d(at, size - 1 - at)
+
+
+def order_by(some: Array, there: Array, shape: tuple[int, ...]) -> tuple[int, ...]:
+    """:func:`diagonal_order` for the samples of the :func:`coarse_lattice` along each axis.
+
+    :param some: (k, ...); ``there``: those that are present.
+    :param shape: (d, h, w), of the whole volume.
+    """
+    some = np.ascontiguousarray(np.where(there, some, 0), np.float64)
     some /= float(np.abs(some).max(initial=0.0)) or 1.0
     mean = some.sum(axis=(1, 2, 3), keepdims=True) / max(int(there.sum()), 1)
     energy = np.where(there, np.square(some - mean).sum(axis=0), 0.0)
     ways, spreads = [], []
-    for axis, (at, size) in enumerate(zip(places, missing.shape, strict=True)):
-        along, t = energy.sum(axis=tuple(i for i in range(3) if i != axis)), (2.0 * at - (size - 1)) / (size - 1)
+    for axis, size in enumerate(shape):
+        t = (2.0 * coarse_lattice(size) - (size - 1)) / (size - 1)
+        along = energy.sum(axis=tuple(i for i in range(3) if i != axis))
         ways.append(-1 if any(_below_zero(along, weight) for weight in (t, t**3)) else 1)
         spreads.append(float((along * t * t).sum()))
     first = np.array(ways)
@@ -225,6 +249,16 @@ def _samples(values: Any, missing: Any) -> tuple[Array, Array]:
     if gone.all():
         raise NothingThere(f"volume: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth")
     return array, gone
+
+
+def in_plane(spacing: Spacing | Steps) -> Spacing:
+    """(dx, dy) of a grid of two axes, where a volume is possible.
+
+    :raises TypeError: for the distances of a volume.
+    """
+    if len(spacing) == 3:
+        raise TypeError(f"(dx, dy) expected, got the distances of a volume, {spacing}")
+    return spacing
 
 
 def steps_of(spacing: Any) -> Steps:

@@ -4,14 +4,16 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import partial
 from types import ModuleType
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array, Spacing, mask_of, real, spacing_of
-from meshflow.io.adapters.xarray_irregular import irregular_of, steps_of
+from meshflow.io.adapters.xarray_described import Described, as_data_array, regular, several, unscaled
+from meshflow.io.adapters.xarray_irregular import irregular_of
+from meshflow.io.adapters.xarray_volumes import described_volume, volume_from
 from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions, as_given
 from meshflow.io.spacing import (
@@ -29,6 +31,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.irregular import Irregular
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.volume import in_plane
 
 if TYPE_CHECKING:
     from rasterio.crs import CRS
@@ -36,21 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Described", "described", "from_object", "further_dimensions"]
 
-_CHANNELS = ("band", "bands", "channel", "channels", "rgb")
 _NAMES = (("y", "x"), ("lat", "lon"), ("latitude", "longitude"))
-# How the file was packed. If it were kept, rioxarray would silently write smoothed heights as integers.
-_PACKING = (
-    "dtype",
-    "rasterio_dtype",
-    "scale_factor",
-    "add_offset",
-    "_FillValue",
-    "missing_value",
-    "source",
-    "preferred_chunks",
-    "chunksizes",
-)
-_NODATA = -9999.0
 
 
 @dataclass(frozen=True)
@@ -80,9 +69,13 @@ def from_object(data: object, options: ReadOptions) -> Imported:
 
     Without even coordinates (two dimensions of lon and lat; uneven spacing) the samples are a mesh of which the values move.
 
-    :param options: ``kind`` (``terrain`` or ``image``), ``spacing``, ``missing``, ``nodata``.
+    A volume (``kind="volume"``) has three dimensions beside that of its channels, in the order of the array.
+
+    :param options: ``kind`` (``terrain``, ``image`` or ``volume``), ``spacing``, ``missing``, ``nodata``.
     :raises InputError: for a Dataset, other dimensions with several entries, or other options.
     """
+    if options.kind == "volume":
+        return volume_from(data, options)
     uneven = _uneven(data, options)
     if uneven is not None:
         return uneven
@@ -91,17 +84,18 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     gone = _gone(said.array, values)
     missing = gone | mask_of(options.missing_in(values), gone.shape, "missing")
     period = 0 if options.spacing is not None else _period(said, values)
+    spacing = in_plane(said.spacing)
     if said.kind is Image:
-        found: HeightField | Image = Image(values, said.spacing, missing, period=period)
+        found: HeightField | Image = Image(values, spacing, missing, period=period)
     else:
-        found = HeightField(values, said.spacing, missing, unit=said.unit, period=period)
+        found = HeightField(values, spacing, missing, unit=said.unit, period=period)
     notes = said.notes + said_of_turn(period)
     return Imported(found, lambda smoothed: said.holding(np.array(array_of(smoothed)), bool(gone.any())), notes)
 
 
 def _uneven(data: object, options: ReadOptions) -> Imported | None:
     """The import of a DataArray without even coordinates; None where they are even, or the spacing is given."""
-    array = _data_array(data)
+    array = as_data_array(data)
     if options.spacing is not None or array.ndim < 2:
         return None
     layout = _layout(array)
@@ -121,7 +115,7 @@ def _uneven(data: object, options: ReadOptions) -> Imported | None:
         """The DataArray with the values of the mesh."""
         return said.holding(taken.holding(mesh).columns.reshape(shape), bool(gone.any()))
 
-    return Imported(taken.mesh, to_object, (note, *_unscaled(array)), partial(_aligned, taken))
+    return Imported(taken.mesh, to_object, (note, *unscaled(array)), partial(_aligned, taken))
 
 
 def _aligned(taken: Irregular, given: ArrayLike | None, word: str) -> ArrayLike | None:
@@ -129,72 +123,19 @@ def _aligned(taken: Irregular, given: ArrayLike | None, word: str) -> ArrayLike 
     return taken.aligned(as_given(given, word))
 
 
-class Shaped(Protocol):
-    """An array of numpy or of dask."""
-
-    @property
-    def dtype(self) -> np.dtype:
-        """Its number type."""
-        ...
-
-    def reshape(self, shape: tuple[int, ...], /) -> object:
-        """It in another shape."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Described:
-    """What a DataArray says of its samples; none of them is read.
-
-    :ivar array: as it came.
-    :ivar ordered: its dimensions in the order in which samples are read.
-    :ivar shape: (h, w) or (h, w, k).
-    :ivar spacing: (dx, dy).
-    :ivar kind: the class of its data.
-    :ivar unit: of heights.
-    :ivar notes: sentences for the user.
-    """
-
-    array: "DataArray"
-    ordered: "DataArray"
-    shape: tuple[int, ...]
-    spacing: Spacing
-    kind: type[HeightField | Image]
-    unit: str
-    notes: tuple[str, ...]
-
-    def values(self) -> Array:
-        """The samples (h, w) or (h, w, k), as float32 or float64."""
-        return real(self.ordered.to_numpy(), str(self.array.name or "DataArray")).reshape(self.shape)
-
-    @property
-    def nodata(self) -> object:
-        """The declared value of missing samples of an array that was opened without masking; None: there is none."""
-        return self.array.attrs.get("_FillValue", self.array.attrs.get("nodata"))
-
-    def holding(self, values: Shaped, anything_missing: bool) -> "DataArray":
-        """The DataArray with other values (h, w) or (h, w, k), of numpy or of dask."""
-        array = self.array
-        smoothed = self.ordered.copy(data=values.reshape(self.ordered.shape)).transpose(*array.dims)
-        smoothed.encoding = {key: value for key, value in array.encoding.items() if key not in _PACKING}
-        declared = array.encoding.get("_FillValue", _NODATA if anything_missing else None)
-        if declared is not None and "_FillValue" not in array.attrs:
-            fits = np.isnan(declared) or abs(float(declared)) <= np.finfo(values.dtype).max
-            smoothed.encoding["_FillValue"] = values.dtype.type(declared if fits else _NODATA)
-        return smoothed
-
-
 def described(data: object, options: ReadOptions) -> Described:
     """What a DataArray says of its samples.
 
     :raises InputError: as :func:`from_object`.
     """
-    array = _data_array(data)
+    array = as_data_array(data)
+    if options.kind == "volume":
+        return described_volume(array, options)
     options.must_belong("a DataArray", ("kind", "spacing", "missing", "nodata"))
     layout = _layout(array)
     _check_kind(options.kind, array, layout)
     ordered = array.transpose(*layout.order)
-    shape, notes = ordered.shape[len(layout.leading) :], _unscaled(array)
+    shape, notes = ordered.shape[len(layout.leading) :], unscaled(array)
     if options.spacing is None:
         spacing, more = _spacing(array, layout)
         notes += more
@@ -206,19 +147,10 @@ def described(data: object, options: ReadOptions) -> Described:
     return Described(array, ordered, shape, spacing, HeightField, unit, notes + units_disagree(_crs(array), unit))
 
 
-def _data_array(data: object) -> "DataArray":
-    if not hasattr(data, "dims") or not hasattr(data, "encoding") or hasattr(data, "data_vars"):
-        names = ", ".join(map(str, getattr(data, "data_vars", ())))
-        raise InputError(
-            f"an xarray.DataArray expected, got {type(data).__name__}; choose one of its variables: {names or '(none)'}"
-        )
-    return cast("DataArray", data)
-
-
 def _check_kind(kind: str | None, array: "DataArray", layout: _Layout) -> None:
     if kind not in (None, "terrain", "image"):
         raise InputError(
-            f"kind: terrain or image expected for a DataArray, got {kind!r}; give depths as an array with a camera"
+            f"kind: terrain, image or volume expected for a DataArray, got {kind!r}; give depths as an array with a camera"
         )
     if kind == "terrain" and layout.channel:
         raise InputError(
@@ -227,22 +159,11 @@ def _check_kind(kind: str | None, array: "DataArray", layout: _Layout) -> None:
         )
 
 
-def _unscaled(array: "DataArray") -> tuple[str, ...]:
-    scale, offset = array.attrs.get("scale_factor", 1), array.attrs.get("add_offset", 0)
-    if (scale, offset) == (1, 0):
-        return ()
-    return (
-        f"scale_factor {scale:g} and add_offset {offset:g} are in the attributes and were not applied; "
-        "open with mask_and_scale=True to smooth true values",
-    )
-
-
 def _layout(array: "DataArray") -> _Layout:
     if array.ndim < 2:
         raise InputError(f"a DataArray of at least two dimensions expected, got {array.dims} of shape {array.shape}")
     y, x = _plane(array)
-    several = [name for name in array.dims if name not in (y, x) and array.sizes[name] > 1]
-    channel = next((name for name in several if str(name).lower() in _CHANNELS), None)
+    _, channel = several(array, (y, x))
     for name in further_dimensions(array):
         raise InputError(
             f"{name}: one entry expected beside {y} and {x}, got {array.sizes[name]}; slices='each' smooths each slice by its "
@@ -254,9 +175,8 @@ def _layout(array: "DataArray") -> _Layout:
 def further_dimensions(array: "DataArray") -> tuple[Hashable, ...]:
     """The dimensions with several entries beside rows, columns and channels."""
     y, x = _plane(array)
-    several = [name for name in array.dims if name not in (y, x) and array.sizes[name] > 1]
-    channel = next((name for name in several if str(name).lower() in _CHANNELS), None)
-    return tuple(name for name in several if name != channel)
+    found, channel = several(array, (y, x))
+    return tuple(name for name in found if name != channel)
 
 
 def _plane(array: "DataArray") -> tuple[Hashable, Hashable]:
@@ -296,7 +216,7 @@ def _spacing(array: "DataArray", layout: _Layout) -> tuple[Spacing, tuple[str, .
             return between_samples(crs, turned, shape)
         return (1.0, 1.0), (f"no coordinates along {layout.y} and {layout.x}: the spacing is 1; give spacing=(dx, dy)",)
     rows, columns = array.coords[layout.y], array.coords[layout.x]
-    dy, dx = _regular(rows), _regular(columns)
+    dy, dx = regular(rows), regular(columns)
     if crs is not None and is_cylindrical(crs):
         return on_ground(crs, float(columns.mean()), rows.to_numpy().astype(np.float64), dx, dy)
     if crs is not None and not crs.is_geographic:
@@ -312,29 +232,13 @@ def _period(said: "Described", values: Array) -> int:
     layout, crs = _layout(said.array), _crs(said.array)
     if layout.x not in said.array.coords or np.ndim(said.spacing[0]) == 0:
         return 0
-    return columns_of_a_turn(crs if crs is not None else _wgs84(), _regular(said.array.coords[layout.x]), values)
+    return columns_of_a_turn(crs if crs is not None else _wgs84(), regular(said.array.coords[layout.x]), values)
 
 
 def _wgs84() -> "CRS":
     from rasterio.crs import CRS
 
     return CRS.from_epsg(4326)
-
-
-def _regular(coordinate: "DataArray") -> float:
-    """The step of a coordinate, ascending or descending, whose steps are equal within 1e-3."""
-    along = np.asarray(coordinate)
-    name = coordinate.name
-    if along.dtype.kind not in "fiu" or along.size < 2:
-        raise InputError(f"{name}: at least two numbers expected along it, got {along.size} of {along.dtype}")
-    step, even = steps_of(along)
-    if not even:
-        steps = np.diff(along.astype(np.float64))
-        raise InputError(
-            f"{name}: regular coordinates expected, got steps of {steps.min():g} to {steps.max():g}; load it first "
-            f"(array.load()), resample it: array.interp({name}=numpy.linspace(...)), or give spacing=(dx, dy)"
-        )
-    return abs(step)
 
 
 def _gone(array: "DataArray", values: Array) -> Array:

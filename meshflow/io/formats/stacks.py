@@ -9,9 +9,9 @@ from PIL import ImageSequence
 
 from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import nowhere
-from meshflow.io.atomic_write import beside
 from meshflow.io.document import Document, Source, WriteOptions
 from meshflow.io.formats.volume_arrays import must_be_no_labels
+from meshflow.io.formats.volume_storage import as_pages, volume_written
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.volume import Volume, steps_of
 
@@ -73,7 +73,6 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     """
     if not isinstance(document.data, Volume):
         raise FormatError(f"{path.name}: a volume expected, got a {document.kind}")
-    pages = [Picture.fromarray(np.array(page, np.float32)) for page in document.data.values]
-    with beside(path) as temporary:
-        pages[0].save(temporary, format="TIFF", save_all=True, append_images=pages[1:])
+    with volume_written(path, as_pages(document.data.values.shape)) as writer:
+        writer.write((), document.data.values)
     return (Fact(f"{path.name}: float32; a TIFF stack does not hold the spacing"),)

@@ -1,10 +1,8 @@
 """Volumes in files: NIfTI (nibabel) and NRRD (pynrrd); affine, units, number type and everything else of the header is kept."""
 
-import gzip
-import json
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,48 +10,25 @@ import numpy as np
 
 from meshflow.errors import Fact, FormatError, InputError, need
 from meshflow.geometry.validation import Array, nowhere
-from meshflow.io.atomic_write import beside
-from meshflow.io.document import Document, Source, WriteOptions
+from meshflow.io.document import Document, WriteOptions
 from meshflow.io.formats.volume_arrays import must_be_no_labels
+from meshflow.io.formats.volume_storage import Layout, Scan, as_nifti, as_nrrd, volume_written
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import rounded
 from meshflow.io.suffixes import suffix_of
 from meshflow.surfaces.volume import Steps, Volume, steps_of
 
-__all__ = ["can_write", "read", "write"]
+__all__ = [
+    "NIFTI", "broken", "can_write", "layout_of", "nifti_opened", "placed_by_header", "read", "spacing_along",
+    "stored_type", "three", "write",
+]  # fmt: skip
 
 NAME: str = "a volume"
 READS: tuple[str, ...] = ("kind", "spacing", "nodata", "unit")
 WRITES: tuple[str, ...] = ("dtype",)
 NIFTI, NRRD = (".nii", ".nii.gz"), (".nrrd",)
-# The least cosine between two axes that counts as shear; the code of a comment in NIfTI.
-SHEAR, COMMENT = 1e-3, 6
-
-
-@dataclass(frozen=True, eq=False)
-class Scan(Source):
-    """What a file contains besides the samples.
-
-    :param image: the image of nibabel, for NIfTI; else None.
-    :param header: of NRRD.
-    :param dtype: in which the samples were stored.
-    :param unit: of lengths; empty where the file does not say it.
-    """
-
-    image: Any = None
-    header: Mapping[str, Any] = field(default_factory=dict)
-    dtype: str = "float32"
-    unit: str = ""
-
-    @property
-    def ground_unit(self) -> str:
-        """The unit of the lengths between samples."""
-        return self.unit
-
-    @property
-    def stored_as(self) -> str:
-        """The type in which the samples were stored."""
-        return self.dtype
+# The least cosine between two axes that counts as shear.
+SHEAR = 1e-3
 
 
 def read(path: Path, options: ReadOptions) -> Document:
@@ -70,7 +45,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         raise InputError(f"{path.name}: a volume is read as one, got kind={options.kind!r}; leave it out")
     values, affine, source = _nifti(path) if suffix_of(path) in NIFTI else _nrrd(path)
     must_be_no_labels(values, path.name)
-    spacing = _spacing(path, affine) if options.spacing is None else steps_of(options.spacing)
+    spacing = spacing_along(path, affine) if options.spacing is None else steps_of(options.spacing)
     given = options.missing_in(values)
     floating = values if values.dtype.kind == "f" else values.astype(np.float32 if values.itemsize <= 2 else np.float64)
     data = Volume(np.ascontiguousarray(floating), spacing, nowhere(given), unit=options.unit or source.unit)
@@ -94,37 +69,70 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     if not isinstance(document.data, Volume):
         raise FormatError(f"{path.name}: a volume expected, got a {document.kind}")
     source = document.source if isinstance(document.source, Scan) else Scan()
-    data, kept = document.data, source.dtype if np.dtype(source.dtype).kind == "f" else "float32"
+    data = document.data
+    kind, notes = stored_type(path, source, options)
+    layout = layout_of(path, data.values.shape, kind, (data.spacing, data.unit), source, options.tags)
+    values, clipped = rounded(data.values, np.broadcast_to(~np.isfinite(data.values), data.values.shape), kind)
+    with volume_written(path, layout) as writer:
+        writer.write((), values)
+    return (*notes, *clipped)
+
+
+def stored_type(path: Path, source: Scan, options: WriteOptions) -> tuple[np.dtype, tuple[str, ...]]:
+    """The number type of a volume that is written, and notes on it."""
+    kept = source.dtype if np.dtype(source.dtype).kind == "f" else "float32"
     kind = np.dtype(source.dtype if options.dtype == "source" else options.dtype or kept)
     notes: tuple[str, ...] = ()
-    values = np.array(data.values)
     if kind.kind in "iu":
-        values, clipped = rounded(values, np.broadcast_to(~np.isfinite(values), values.shape), kind)
-        notes = (f"{path.name}: rounded to {kind}, which puts back an error of up to half a step", *clipped)
+        notes = (f"{path.name}: rounded to {kind}, which puts back an error of up to half a step",)
     elif source.dtype != str(kind) and options.dtype is None:
         notes = (Fact(f"{path.name}: written as {kind}; dtype='source' rounds to the {source.dtype} of the file"),)
     if source.header and suffix_of(path) in NIFTI:
         notes += (f"{path.name}: the spacing is kept, the place of the NRRD in space is not",)
-    content = (_as_nifti if suffix_of(path) in NIFTI else _as_nrrd)(values.astype(kind), data, source, options.tags)
-    if suffix_of(path) == ".nii.gz":
-        content = gzip.compress(content, 6, mtime=0)
-    with beside(path) as temporary:
-        temporary.write_bytes(content)
-    return notes
+    return kind, notes
+
+
+def layout_of(
+    path: Path,
+    shape: tuple[int, ...],
+    dtype: np.dtype,
+    placed: tuple[Steps, str],
+    source: Scan,
+    tags: Mapping[str, str],
+) -> Layout:
+    """How the samples of a volume are stored in a file of this name; six parameters say all of it.
+
+    :param placed: spacing and its unit, for a source without a header.
+    """
+    if suffix_of(path) not in NIFTI:
+        return as_nrrd(shape, dtype, placed, source, tags)
+    layout = as_nifti(shape, dtype, placed, source, tags)
+    return replace(layout, packed="all") if suffix_of(path) == ".nii.gz" else layout
 
 
 def _nifti(path: Path) -> tuple[Array, Array, Scan]:
     """Samples, the affine (3, 3) and the rest of a NIfTI file."""
+    samples, affine, source = nifti_opened(path)
+    try:
+        raw = np.asanyarray(samples)
+    except (OSError, EOFError, ValueError, zlib.error) as cause:
+        raise broken(path, cause) from cause
+    return three(path, raw), affine, source
+
+
+def nifti_opened(path: Path) -> tuple[Any, Array, Scan]:
+    """The samples of a NIfTI file as nibabel reads them when they are asked for, the affine (3, 3) and the rest.
+
+    :raises FormatError: for a file that cannot be read.
+    """
     nibabel = need("nibabel", "volumes")
     try:
-        image: Any = nibabel.load(str(path))
-        raw = np.asanyarray(image.dataobj)
+        image = nibabel.load(str(path))
     except (nibabel.filebasedimages.ImageFileError, OSError, EOFError, ValueError, zlib.error) as cause:
-        raise _broken(path, cause) from cause
+        raise broken(path, cause) from cause
     word = image.header.get_xyzt_units()[0]
     unit = str({"unknown": "", "meter": "m", "micron": "µm"}.get(word, word))
-    stored = image.header.get_data_dtype()
-    return _three(path, raw), image.affine[:3, :3], Scan(image, dtype=str(stored), unit=unit)
+    return image.dataobj, image.affine[:3, :3], Scan(image, dtype=str(image.header.get_data_dtype()), unit=unit)
 
 
 def _nrrd(path: Path) -> tuple[Array, Array, Scan]:
@@ -133,21 +141,28 @@ def _nrrd(path: Path) -> tuple[Array, Array, Scan]:
     try:
         raw, header = nrrd.read(str(path))
     except (nrrd.NRRDError, OSError, EOFError, ValueError, zlib.error) as cause:
-        raise _broken(path, cause) from cause
+        raise broken(path, cause) from cause
+    source = Scan(header=header, dtype=str(raw.dtype))
+    return three(path, raw), *placed_by_header(source)
+
+
+def placed_by_header(source: Scan) -> tuple[Array, Scan]:
+    """The affine (3, 3) of a NRRD file by its header, and what the file contains, with its unit."""
+    header = source.header or {}
     directions = header.get("space directions")
     if directions is None:
         directions = np.diag(np.nan_to_num(np.asarray(header.get("spacings", (1.0, 1.0, 1.0)), float)[:3], nan=1.0))
     units = header.get("space units") or header.get("units") or ("",)
-    values = _three(path, raw)
-    return values, np.asarray(directions, float)[:3].T, Scan(header=header, dtype=str(raw.dtype), unit=units[0])
+    return np.asarray(directions, float)[:3].T, replace(source, unit=units[0])
 
 
-def _broken(path: Path, cause: Exception) -> FormatError:
+def broken(path: Path, cause: Exception) -> FormatError:
+    """The refusal of a file that cannot be read."""
     reason = " ".join(str(cause).split())[:200] or type(cause).__name__
     return FormatError(f"{path.name} cannot be read ({reason})")
 
 
-def _three(path: Path, values: Array) -> Array:
+def three(path: Path, values: Array) -> Array:
     """Samples of three axes; a fourth one of length 1 is dropped.
 
     :raises InputError: for a series.
@@ -162,7 +177,7 @@ def _three(path: Path, values: Array) -> Array:
     return values
 
 
-def _spacing(path: Path, affine: Array) -> Steps:
+def spacing_along(path: Path, affine: Array) -> Steps:
     """The distances along the axes, from the columns of the affine.
 
     :raises InputError: for axes that are not at right angles.
@@ -178,43 +193,3 @@ def _spacing(path: Path, affine: Array) -> Steps:
             "with nibabel.processing.conform, or give spacing= for the samples as they lie"
         )
     return float(lengths[0]), float(lengths[1]), float(lengths[2])
-
-
-def _as_nifti(values: Array, data: Volume, source: Scan, tags: Mapping[str, str]) -> bytes:
-    """The bytes of a NIfTI file."""
-    nibabel = need("nibabel", "volumes")
-    if source.image is None:
-        made = nibabel.Nifti1Image(values, np.diag([*data.spacing, 1.0]))
-        made.header.set_xyzt_units({"m": "meter", "µm": "micron", "mm": "mm"}.get(data.unit, "unknown"))
-    else:
-        header = source.image.header.copy()
-        header.set_data_dtype(values.dtype)
-        header.set_slope_inter(1.0, 0.0)
-        made = type(source.image)(values, source.image.affine, header)
-    if tags:
-        made.header.extensions.append(nibabel.nifti1.Nifti1Extension(COMMENT, json.dumps(dict(tags)).encode()))
-    return made.to_bytes()
-
-
-def _as_nrrd(values: Array, data: Volume, source: Scan, tags: Mapping[str, str]) -> bytes:
-    """The bytes of a NRRD file."""
-    from tempfile import TemporaryDirectory
-
-    nrrd = need("nrrd", "volumes")
-    units, words = [data.unit] * 3, {name.replace(":", "_"): word for name, word in tags.items()}
-    own: dict[str, Any] = {
-        "encoding": "gzip",
-        "spacings": list(data.spacing),
-        **({"units": units} if data.unit else {}),
-    }
-    if source.image is not None:  # NIfTI counts to the right, the front and the top
-        affine = source.image.affine
-        own = {"encoding": "gzip", "space": "right-anterior-superior", "space directions": affine[:3, :3].T}
-        own |= {"space origin": affine[:3, 3], **({"space units": units} if data.unit else {})}
-    header = {**(dict(source.header) or own), **words}
-    for name in ("type", "endian", "sizes", "dimension", "data file", "datafile"):
-        header.pop(name, None)
-    with TemporaryDirectory() as folder:
-        inside = Path(folder) / "volume.nrrd"
-        nrrd.write(str(inside), values, header, custom_field_map=dict.fromkeys(words, "string"))
-        return inside.read_bytes()

@@ -1,0 +1,93 @@
+"""Runs one window of a grid, whatever file it lies in: the smoothed values, and the expected error of each sample."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshflow.estimate.noise_fields import NoiseFields
+from meshflow.estimate.request import Request
+from meshflow.geometry.validation import Array
+from meshflow.large.census import Census
+from meshflow.large.sample import part_of
+from meshflow.large.source import Source, Window, grown, rows_and_columns, within
+from meshflow.large.windows import Bound, Windowed
+from meshflow.results.expected_error import spread_around
+
+__all__ = ["Done", "Run", "smoothed"]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What is run on the windows of a file.
+
+    :ivar census: of the file; ``bound``: knows that of the grid in which it lies.
+    """
+
+    found: Windowed
+    bound: Bound
+    census: Census
+    request: Request
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """A window that was smoothed.
+
+    :ivar before: (r, c) or (r, c, k), of a volume with one axis more; ``after``: likewise.
+    :ivar missing: its samples that are missing.
+    :ivar error: the expected error of each value; None: it was not asked for.
+    """
+
+    before: Array
+    after: Array
+    missing: Array
+    error: Array | None = None
+
+    def side(self, word: str) -> Array:
+        """The values of a file beside the result."""
+        return self.before.astype(np.float64) - self.after if word == "removed" or self.error is None else self.error
+
+
+def smoothed(grid: Source, run: Run, inner: Window, *, with_error: bool = False) -> Done:
+    """A window of a grid, smoothed.
+
+    :param with_error: estimate the error of each sample, too; of grids of two axes.
+    """
+    shape, halo = grid.form.shape, run.found.halo
+    wide = grown(inner, halo, shape) if with_error else inner
+    outer = grown(wide, halo, shape)
+    values, missing = grid.read(outer)
+    done = run.bound.moved((wide, outer), values, missing, part_of(run.request.constraints, shape, outer))
+    at = within(inner, outer)
+    error = _error_of(run, (inner, wide), done, missing[within(wide, outer)]) if with_error else None
+    return Done(values[at], done[within(inner, wide)], missing[at], error)
+
+
+def _error_of(run: Run, windows: tuple[Window, Window], done: Array, missing: Array) -> Array:
+    """The expected error (r, c) or (r, c, k) of a window.
+
+    :param windows: the one that is asked for, and it with its halo.
+    :param done: the result in the latter; ``missing``: (r, c).
+    """
+    inner, wide = windows
+    at, found = within(inner, wide), run.found.found
+    if found.idle is not None:
+        return np.full_like(done[at], found.noise.sigma)
+    again = _Again(run, windows, missing)
+    fields = NoiseFields(found.noise, run.bound.local.form.channels)
+    return spread_around(done, (rows_and_columns(at), rows_and_columns(wide)), again, fields)
+
+
+@dataclass(frozen=True, eq=False)
+class _Again:
+    """Runs the plan of windows on other values of one."""
+
+    run: Run
+    windows: tuple[Window, Window]
+    missing: Array
+
+    def __call__(self, values: Array) -> Array:
+        """The smoothed values."""
+        run = self.run
+        constraints = part_of(run.request.constraints, run.bound.local.form.shape, self.windows[1])
+        return run.bound.moved(self.windows, values, self.missing, constraints)
