@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from meshflow.flow.controls import AreaChange, Embedded, FixedStep, Until
     from meshflow.flow.engines.grid import GridFlow
     from meshflow.flow.engines.mesh import MeshFlow
+    from meshflow.flow.engines.tetrahedra import TetFlow
     from meshflow.flow.engines.volume import VolumeFlow
     from meshflow.flow.family import Variant
     from meshflow.flow.march import State, march
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     from meshflow.surfaces.scattered import Scattered
     from meshflow.surfaces.surface import Surface
     from meshflow.surfaces.tensors import Tensors
+    from meshflow.surfaces.tet_mesh import TetMesh
     from meshflow.surfaces.vectors import Vectors
     from meshflow.surfaces.volume import Volume
     from meshflow.viewer.filming import film
@@ -115,6 +117,7 @@ _HOMES = {
     ),
     "flow.engines.grid": ("GridFlow",),
     "flow.engines.mesh": ("MeshFlow",),
+    "flow.engines.tetrahedra": ("TetFlow",),
     "flow.engines.volume": ("VolumeFlow",),
     "flow.march": (
         "State",
@@ -206,6 +209,7 @@ _HOMES = {
     "surfaces.free": ("Axes", "Rays"),
     "surfaces.surface": ("Surface",),
     "surfaces.tensors": ("Tensors",),
+    "surfaces.tet_mesh": ("TetMesh",),
     "surfaces.vectors": ("Vectors",),
     "surfaces.volume": ("Volume",),
     "viewer.filming": ("film",),

@@ -114,9 +114,9 @@ def smooth(
 
     :param data: a numpy array of shape (h, w), a height field, or (h, w, k), an image of k channels; with ``kind="volume"``
         (d, h, w), a volume; NaN and masked samples are missing. ``(points, faces)`` is a mesh. Also ``trimesh.Trimesh``;
-        ``pyvista`` PolyData, ImageData and StructuredGrid; ``open3d`` meshes and depth images; ``meshio.Mesh``; pictures of
-        Pillow; arrays of ``xarray``, and of ``dask``, which come back lazy; ``trimesh.Scene`` and ``pyvista.MultiBlock``,
-        smoothed part by part; a data object of meshflow; a document; a path.
+        ``pyvista`` PolyData, ImageData, StructuredGrid, RectilinearGrid and UnstructuredGrid; ``open3d`` meshes and depth images;
+        ``meshio.Mesh``; pictures of Pillow; arrays of ``xarray``, and of ``dask``, which come back lazy; ``trimesh.Scene`` and
+        ``pyvista.MultiBlock``, smoothed part by part; a data object of meshflow; a document; a path.
     :param method: a method such as ``PeronaMalik(sharpness=2)``, or its name, which stands for the class with its defaults.
         ``"quick"`` is one fixed choice for all data. None: a method is searched for.
     :param time: how long the flow runs, squared length; or ``scale``, of the equal Gaussian on flat data: time = scale² / 2.

@@ -20,7 +20,7 @@ def test_a_mesh_of_pyvista_smooths_itself_and_stays_what_it_was():
     assert np.array_equal(found.points, smooth(ball, method="curvature", time=0.001).points)
     assert np.array_equal(ball.points, before)
     assert ball.meshflow.smooth(method="curvature", time=0.001, result=True).stopped_because.startswith("reached time")
-    with pytest.raises(InputError, match="a surface expected"):
+    with pytest.raises(InputError, match="cells that fill space expected"):
         pyvista.UnstructuredGrid().meshflow.smooth()
 
 

@@ -288,9 +288,9 @@ def volume():
     [
         (pyvista.ImageData(dimensions=(3, 3, 1)), "no arrays"),
         (pyvista.StructuredGrid(*np.meshgrid(*[np.arange(3.0)] * 3)), r"\(3, 3, 3\).*extract_surface"),
-        (volume().cast_to_unstructured_grid(), "extract_surface"),
+        (pyvista.Plane().cast_to_unstructured_grid(), "extract_surface"),
         (pyvista.MultiBlock([pyvista.Cube()]), "one by one"),
-        (pyvista.RectilinearGrid([0.0, 1, 3], [0.0, 1]), "cast_to_structured_grid"),
+        (pyvista.RectilinearGrid([0.0, 1, 3], [0.0, 1]), "say which array"),
         (pyvista.PolyData(np.eye(3)), "reconstruct_surface"),
         (pyvista.Line(), "reconstruct_surface"),
         (pyvista.PointSet(np.eye(3)), "no surface"),

@@ -42,6 +42,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 
 __all__ = ["HARM", "along_rays", "as_they_are", "by_rule", "limit_of", "no_noise", "tuned"]
 
@@ -271,6 +272,6 @@ def limit_of(data: Data, request: Request, noise: Noise) -> tuple[Any, Origin]:
     """The largest change of a sample, unit of the values, None for no limit, and its origin."""
     if request.constraints.max_change is not None:
         return request.constraints.max_change, "given"
-    if isinstance(data, (Mesh, RangeImage)):
+    if isinstance(data, (Mesh, RangeImage, TetMesh)):
         return None, "default"
     return (noise.quantum / 2.0, "estimated") if noise.is_rounded else (None, "default")

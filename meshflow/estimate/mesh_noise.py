@@ -19,7 +19,7 @@ from meshflow.geometry.normals import mean_edge, normals_at
 from meshflow.geometry.planarity import beside_flat_edges
 from meshflow.geometry.validation import Array
 
-__all__ = ["PointNoise", "noise_of_points", "noise_on"]
+__all__ = ["PointNoise", "noise_beside", "noise_of_points", "noise_on"]
 
 # Residuals are clipped at this many of their deviations.
 CLIPPED = 2.5
@@ -81,12 +81,24 @@ def noise_on(channels: Array, faces: Array, points: Array | None = None) -> Nois
     :param points: (n, d), the places of the vertices; None: the mean is a plain one.
     """
     mean = neighbour_means(faces, len(channels), "free") if points is None else cotangent_means(points, faces)
+    near = np.zeros(len(channels), bool)
+    if points is not None:
+        rim = connect((faces,), len(channels)).rim
+        near = rim | (mean @ rim > 0)
+    return noise_beside(channels, mean, ~near)
+
+
+def noise_beside(channels: Array, mean: Any, asked: Array) -> Noise:
+    """:func:`noise_on` by the means of neighbours.
+
+    :param channels: (n, k).
+    :param mean: (n, n), the matrix of these means.
+    :param asked: (n,), the vertices that are used, if any of them has neighbours.
+    """
     umbrella: Any = sparse.csr_matrix(sparse.identity(len(channels)) - mean)
     gain = _gain(umbrella)
     inner = gain > 0
-    if points is not None:
-        far = inner & ~_near_border(faces, umbrella)
-        inner = far if far.any() else inner
+    inner = inner & asked if (inner & asked).any() else inner
     rough = (umbrella @ (umbrella @ channels.astype(np.float64))).T
     sigmas = [MAD * float(np.median(np.abs(r[inner] / gain[inner]))) if inner.any() else 0.0 for r in rough]
     sigmas = [0.0 if sigma <= _rounding(channels) else sigma for sigma in sigmas]
@@ -94,11 +106,6 @@ def noise_on(channels: Array, faces: Array, points: Array | None = None) -> Nois
     whole = float(np.sqrt(np.mean(np.square(sigmas))))
     how = "differences" if inner.any() else "nothing"
     return Noise(whole, max(q for q, _ in quanta), tuple(sigmas), max(s for _, s in quanta), how)
-
-
-def _near_border(faces: Array, umbrella: Any) -> Array:
-    """The vertices (n,) of the border, and those with a weight of one."""
-    return (abs(umbrella) @ connect((faces,), umbrella.shape[0]).rim) > 0
 
 
 def noise_of_points(points: Array, faces: Array, counted: Array | None = None) -> PointNoise:

@@ -16,7 +16,7 @@ from meshflow.geometry.validation import Array
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
 
-__all__ = ["LOOKED_AT", "TIMES", "MeshSearch", "searched_on_mesh"]
+__all__ = ["LOOKED_AT", "TIMES", "MeshSearch", "searched", "searched_on_mesh"]
 
 # Times at which the risk is estimated, in squared sample distances; each is twice the one two places before it.
 TIMES = tuple(2.0**power * part for power in range(-3, 7) for part in (1.0, 1.5))
@@ -78,7 +78,11 @@ class _Channels:
 
 def searched_on_mesh(data: Mesh, lift: Lift, search: MeshSearch) -> tuple[Candidate, ...]:
     """The candidates of a search on the channels of a mesh, the best first."""
-    probed = _probed(data, lift, search)
+    return searched(_probed(data, lift, search), search)
+
+
+def searched(probed: Probed, search: MeshSearch) -> tuple[Candidate, ...]:
+    """The candidates of a search on probed data without a grid, the best first."""
     found = ranked(one for configuration in search.configurations for one in search.tried(probed, configuration))
     factors = [FINER, 1.0 / FINER]
     for _ in range(FINE if search.free and found else 0):

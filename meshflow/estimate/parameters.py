@@ -13,6 +13,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = ["Origin", "Parameter", "Parameters", "contrast_unit", "squared_unit", "value_unit"]
@@ -126,6 +127,8 @@ def squared_unit(data: Data) -> str:
         return "pixel footprints²" if data.time_unit != "length" else f"{data.unit}²" if data.unit else "squared length"
     if isinstance(data, HeightField) and data.unit:
         return f"{data.unit}²"
+    if isinstance(data, TetMesh):
+        return f"{data.unit}²" if data.unit else "squared length"
     if isinstance(data, Volume):
         return f"{data.unit}²" if data.unit else "voxels²" if data.spacing == (1.0, 1.0, 1.0) else "squared length"
     if isinstance(data, Image) and np.ndim(data.spacing[0]) == 0 and data.spacing == (1.0, 1.0):
@@ -139,4 +142,4 @@ def contrast_unit(data: Data) -> str:
         return "pixels per unit" if squared_unit(data) == "pixels²" else "length per unit"
     if isinstance(data, Volume):
         return "voxels per unit" if squared_unit(data) == "voxels²" else "length per unit"
-    return "length per unit" if isinstance(data, Mesh) and data.moves != "points" else ""
+    return "length per unit" if isinstance(data, TetMesh) or (isinstance(data, Mesh) and data.moves != "points") else ""

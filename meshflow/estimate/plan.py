@@ -29,6 +29,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume, WholeVolume
 
 __all__ = ["GIVEN", "Decided", "Part", "Plan", "size_of"]
@@ -116,9 +117,9 @@ class Plan:
     def above(self) -> HeightField | Image | RangeImage:
         """The grid to be smoothed: the data relative to its base.
 
-        :raises TypeError: for a mesh or a volume, which have no base.
+        :raises TypeError: for a mesh, a volume and tetrahedra, which have no base.
         """
-        if isinstance(self.data, (Mesh, Volume)):
+        if isinstance(self.data, (Mesh, TetMesh, Volume)):
             raise TypeError(f"above: a grid expected, got {self.data!r}")
         if self.base is None:
             return self.data
@@ -131,7 +132,7 @@ class Plan:
 
     def _lowered(self, u: Array) -> Data:
         """The data at coordinates u (n, k) relative to its base; what did not move does not change in any bit."""
-        if self.base is None or isinstance(self.data, (Mesh, RangeImage, Volume)):
+        if self.base is None or isinstance(self.data, (Mesh, RangeImage, TetMesh, Volume)):
             return self.data.lowered(u)
         planes = self.data.gridded(self.lift).planes
         values = planes.reshape(len(planes), -1).T
@@ -141,7 +142,7 @@ class Plan:
     def result(self, u: Array | None = None) -> Data:
         """The data of the caller with coordinates u (n, k) of the flow; None: for a run that does nothing."""
         done = self.data if u is None else self._lowered(u)
-        if isinstance(done, (Mesh, RangeImage, Volume)):
+        if isinstance(done, (Mesh, RangeImage, TetMesh, Volume)):
             return done
         done = done.oriented(self.orientation.inverse)
         return done if self.preparation is None else self.preparation.restored(done, u is None)

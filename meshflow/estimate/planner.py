@@ -22,6 +22,7 @@ from meshflow.estimate.schemes import within_noise
 from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.spikes import without_spikes
 from meshflow.estimate.suits import must_suit
+from meshflow.estimate.tet_search import noise_in_body
 from meshflow.estimate.volume_noise import noise_of_volume
 from meshflow.flow.constraints import Limit, trust_of
 from meshflow.flow.methods.points import PointMethod
@@ -34,6 +35,7 @@ from meshflow.surfaces.joined import own_samples
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation, orientation_of
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = [
@@ -67,6 +69,8 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         return _noise_along(data, _unseen(data.missing, mask))[0]
     if isinstance(data, Volume):
         return noise_of_volume(data.values, _unseen(data.missing, mask), data.spacing)
+    if isinstance(data, TetMesh):
+        return noise_in_body(data, mask)
     data, how = prepared(data)
     way = orientation_of(array_of(data), data.missing, data.spacing)
     found = _noise_prepared(data.oriented(way), how, None if mask is None else way.of(mask), way)

@@ -6,9 +6,10 @@ from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import plan_of_surface
 from meshflow.estimate.quantized import LeastBending
 from meshflow.estimate.request import Request
-from meshflow.estimate.volumes import plan_of_volume
+from meshflow.estimate.volumes import plan_of_solid
 from meshflow.flow.methods.searched import Quick
 from meshflow.surfaces.data import Data
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = ["plan", "plan_of_flow"]
@@ -19,7 +20,7 @@ def plan(data: Data, request: Request) -> Plan:
 
     :raises InputError: for options that do not apply to the kind of data, and constraints that do not fit it.
     """
-    return plan_of_volume(data, request) if isinstance(data, Volume) else plan_of_surface(data, request)
+    return plan_of_solid(data, request) if isinstance(data, (Volume, TetMesh)) else plan_of_surface(data, request)
 
 
 def plan_of_flow(data: Data, request: Request) -> Plan:

@@ -12,6 +12,7 @@ from meshflow.geometry.options import options_of
 from meshflow.geometry.validation import truth_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 
 __all__ = ["risk_of", "parameters_of"]
 
@@ -72,7 +73,7 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
     )
     if plan.base is not None:
         found["base"] = Parameter("the data at a larger scale", "", "default", "a slope is no edge")
-    if not isinstance(plan.data, Mesh):
+    if not isinstance(plan.data, (Mesh, TetMesh)):
         found["diagonals"] = Parameter(plan.lift.diagonals)
     if plan.setting is not None:
         thin = plan.decided.get("triangles", Decided()).origin == "estimated"

@@ -1,4 +1,4 @@
-"""Plans for volumes: method, contrast and time as given, by rule, or by search."""
+"""Plans for values in a body, a volume or tetrahedra: method, contrast and time as given, by rule, or by search."""
 
 from dataclasses import replace
 
@@ -18,22 +18,36 @@ from meshflow.estimate.choices import (
 )
 from meshflow.estimate.families import Family, configurations
 from meshflow.estimate.heights import limit_of
+from meshflow.estimate.mesh_search import LOOKED_AT, TIMES, MeshSearch
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.plan import Decided, Plan
-from meshflow.estimate.planner import HELD, constrained, ended, excessive, held, must_fit, staying, stepped, still
+from meshflow.estimate.planner import (
+    HELD,
+    constrained,
+    ended,
+    excessive,
+    held,
+    must_fit,
+    noise_in,
+    staying,
+    stepped,
+    still,
+)
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE
-from meshflow.estimate.search_rounds import GridSearch
-from meshflow.estimate.volume_noise import noise_of_volume
+from meshflow.estimate.search_rounds import Found, GridSearch
+from meshflow.estimate.tet_search import searched_on_tetrahedra
 from meshflow.estimate.volume_search import searched_on_volume
 from meshflow.flow.family import Variant
 from meshflow.flow.methods import HEIGHT_METHODS
 from meshflow.flow.methods.beltrami import HeightMethod, Patches, UnsearchedMethod
 from meshflow.flow.methods.searched import Search
 from meshflow.geometry.validation import Array
+from meshflow.surfaces.data import SolidData
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["plan_of_volume", "volume_words"]
+__all__ = ["plan_of_solid", "volume_words"]
 
 # The configurations of a search where no method is named, with their contrasts in sample distances over the noise.
 VOLUME_FAMILY: Family = (
@@ -41,6 +55,13 @@ VOLUME_FAMILY: Family = (
     ({"gamma": -1.0, "sharpness": 1.5}, (3.0, 5.0)),
     ({"gamma": -1.0, "sharpness": 2.0}, (1.0, 2.0, 2.7)),
     ({"gamma": -1.0, "sharpness": 3.0}, (0.7, 1.35)),
+)
+# On tetrahedra, whose rates cost more: contrasts between these are tried, too.
+TET_FAMILY: Family = (
+    ({"linear": True}, (1.0,)),
+    ({"gamma": -1.0, "sharpness": 1.5}, (4.0,)),
+    ({"gamma": -1.0, "sharpness": 2.0}, (1.8,)),
+    ({"gamma": -1.0, "sharpness": 3.0}, (1.0,)),
 )
 VOLUME_CHANNEL_FAMILY: Family = (({}, (1.5, 3.0)), ({"sharpness": 1.5}, (2.0,)), ({"linear": True}, (1.0,)))
 # Without a search: the member that is within a few percent of the best on three phantoms at three levels of noise.
@@ -59,19 +80,17 @@ def _without_engine(method: HeightMethod) -> bool:
     return isinstance(method, (UnsearchedMethod, Patches)) or not method.searches or method.once
 
 
-def plan_of_volume(data: Volume, request: Request) -> Plan:
-    """The plan for a volume.
+def plan_of_solid(data: SolidData, request: Request) -> Plan:
+    """The plan for a volume, or a mesh of tetrahedra.
 
-    :raises InputError: for options that volumes do not have, and constraints that do not fit.
+    :raises InputError: for options that they do not have, and constraints that do not fit.
     """
     _must_suit(data, request)
     stays = staying(data, request)
-    held_data, request, mobility = constrained(data, request, stays)
-    data = held_data if isinstance(held_data, Volume) else data
+    data, request, mobility = constrained(data, request, stays)
     must_fit(data, request)
     mask = request.constraints.mask
-    unseen = data.missing if mask is None or not np.any(mask) else data.missing | ~np.asarray(mask, bool)
-    noise = noise_of_volume(data.values, unseen, data.spacing)
+    noise = noise_in(data, mask if mask is None or not np.any(mask) else np.asarray(mask, bool))
     if request.noise is not None:
         noise = replace(noise, sigma=float(request.noise), how="given")
     warnings = excessive(data, request, noise)
@@ -85,12 +104,13 @@ def plan_of_volume(data: Volume, request: Request) -> Plan:
     return ended(held(found))
 
 
-def _must_suit(data: Volume, request: Request) -> None:
+def _must_suit(data: SolidData, request: Request) -> None:
     """Refuse what volumes do not have.
 
     :raises InputError: with its name.
     """
     compute, constraints = request.compute, request.constraints
+    name = "volumes" if isinstance(data, Volume) else "meshes of tetrahedra"
     for word, given in (
         (f"domain={request.domain!r}", request.domain not in ("auto", "length")),
         ("outliers", request.outliers is not None),
@@ -102,17 +122,15 @@ def _must_suit(data: Volume, request: Request) -> None:
         ("second_stage", bool(request.heights.second_stage)),
     ):
         if given:
-            raise InputError(f"{word}: not for volumes; leave it out")
+            raise InputError(f"{word}: not for {name}; leave it out")
     method = request.method
     if method is None:
         return
     if not isinstance(method, HeightMethod) or _without_engine(method) or not method.searches_for(channels_of(data)):
-        raise InputError(
-            f"method={method.word!r}: not for volumes; methods for volumes are {', '.join(volume_words())}"
-        )
+        raise InputError(f"method={method.word!r}: not for {name}; methods for {name} are {', '.join(volume_words())}")
 
 
-def _tuned(data: Volume, request: Request, noise: Noise, mobility: Array | None) -> Plan:
+def _tuned(data: SolidData, request: Request, noise: Noise, mobility: Array | None) -> Plan:
     """Method, contrast and time with the least estimated risk, or without a search."""
     asked, sigma, timed = request.heights, noise.sigma * request.strength, request.until_time
     if sigma == 0 and not request.asked:
@@ -126,7 +144,7 @@ def _tuned(data: Volume, request: Request, noise: Noise, mobility: Array | None)
     return _by_rule(data, request, noise, mobility)
 
 
-def _by_rule(data: Volume, request: Request, noise: Noise, mobility: Array | None) -> Plan:
+def _by_rule(data: SolidData, request: Request, noise: Noise, mobility: Array | None) -> Plan:
     """One method for all volumes, or the named one, with contrast and time by rule."""
     asked, sigma, much = request.heights, noise.sigma * request.strength, ONE_TIME
     plan = begun(data, request, noise, mobility)
@@ -141,19 +159,31 @@ def _by_rule(data: Volume, request: Request, noise: Noise, mobility: Array | Non
     return ruled(plan, contrast, how, much, f"{much:g} h²")
 
 
-def _searched(plan: Plan, data: Volume, sigma: float) -> Plan | None:
+def _searched(plan: Plan, data: SolidData, sigma: float) -> Plan | None:
     """The method, contrast and time of least estimated risk, for the options that the caller leaves open; None if no estimate
     is reliable.
     """
     request, noise, end = plan.request, plan.noise, plan.request.until_time
     asked, k = request.heights, channels_of(data)
     like = Variant(indicator=asked.indicator, mass=asked.mass, linear=asked.variant.linear)
-    family = VOLUME_FAMILY if k == 1 else VOLUME_CHANNEL_FAMILY
+    alike = TET_FAMILY if isinstance(data, TetMesh) else VOLUME_FAMILY
+    family = alike if k == 1 else VOLUME_CHANNEL_FAMILY
     if request.named:
         family = ((asked.exponents, asked.contrasts),)
     made = configurations(family, data.step / beside(noise, sigma), like, asked.contrast)
     alone = end is not None or request.weighted or bool(request.stops)
     twices = (float(request.twicing),) if request.twicing is not None else (0.0,) if alone else TWICE
+    if isinstance(data, TetMesh):
+        parts = (0.25, 0.5, 1.0, *((2.0,) if max(twices) > 0 else ()))
+        times = (
+            tuple(t * data.step**2 for t in TIMES if t <= LOOKED_AT)
+            if end is None
+            else tuple(end * part for part in parts)
+        )
+        free = asked.contrast is None and not like.linear
+        tried = MeshSearch(made, times, free, sigma, end, twices, plan.mobility)
+        found = Found(searched_on_tetrahedra(data, plan.lift, tried), better=True)
+        return chosen(plan, found, sigma, len(twices) > 1) if found.candidates else None
     block = data.gridded(plan.lift)
     limit = limit_of(data, request, noise)[0]
     search = GridSearch(

@@ -6,6 +6,7 @@ import numpy as np
 
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import boundary_edges
+from meshflow.geometry.tetrahedra import Tetrahedra
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data
 from meshflow.surfaces.grid import Lift
@@ -13,6 +14,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = ["describe"]
@@ -32,6 +34,8 @@ def describe(data: Data) -> dict[str, Any]:
     """
     if isinstance(data, Volume):
         return _of_volume(data)
+    if isinstance(data, TetMesh):
+        return _of_tetrahedra(data)
     surface = data.lifted(Lift(diagonals="forward"))
     faces = surface.triangulations[0]
     facts = _of_mesh(data, faces) if isinstance(data, Mesh) else _of_grid(data)
@@ -79,6 +83,25 @@ def _of_volume(data: Volume) -> dict[str, Any]:
         "least": float(there.min()),
         "greatest": float(there.max()),
         "missing": f"{gone} of {data.missing.size} samples ({gone / data.missing.size:.1%})",
+    }
+
+
+def _of_tetrahedra(data: TetMesh) -> dict[str, Any]:
+    there, gone = data.values[~data.missing], int(data.missing.sum())
+    volumes = Tetrahedra.of(data.points, data.tetrahedra).volumes
+    return {
+        "kind": "tetrahedra",
+        "points": len(data.points),
+        "type": str(data.values.dtype),
+        "extent": " x ".join(f"{size:.6g}" for size in np.ptp(data.points, axis=0)),
+        "mean edge": data.step,
+        "channels": 1 if data.values.ndim == 1 else data.values.shape[1],
+        "least": float(there.min()),
+        "greatest": float(there.max()),
+        "missing": f"{gone} of {data.missing.size} vertices ({gone / data.missing.size:.1%})",
+        "tetrahedra": len(volumes),
+        "volume": float(volumes.sum()),
+        "tetrahedra without volume": int((volumes <= 0).sum()),
     }
 
 

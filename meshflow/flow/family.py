@@ -98,6 +98,19 @@ class Variant:
         if why := self.misfit(along_rays, on_grid):
             raise InputError(why)
 
+    def check_on_tetrahedra(self) -> None:
+        """Refuse options that are not defined for volumes.
+
+        :raises InputError: with the option.
+        """
+        for word, given in (
+            ("patch", self.patch > 0),
+            ("mass='voronoi'", self.mass == "voronoi"),
+            ("indicator='projection'", self.indicator == "projection" and self.gamma != 0),
+        ):
+            if given:
+                raise InputError(f"{word}: not defined for volumes, whose cells are tetrahedra; leave it out")
+
     def misfit(self, along_rays: bool, on_grid: bool) -> str:
         """Why the options are not defined on a surface; empty where they are.
 

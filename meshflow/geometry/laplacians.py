@@ -15,6 +15,7 @@ __all__ = [
     "border_pull",
     "cotangent_generator",
     "cotangent_means",
+    "means_of",
     "neighbour_means",
     "scale_dependent_generator",
     "umbrella_generator",
@@ -121,7 +122,15 @@ def cotangent_means(points: Array, faces: Array) -> Any:
     :param points: (n, d).
     :param faces: (m, 3).
     """
-    weights = sparse.csr_matrix(-stiffness(points, faces))
+    return means_of(stiffness(points, faces))
+
+
+def means_of(stiffness: Any) -> Any:
+    """The means of the neighbours (n, n) with the weights of a stiffness; a vertex without neighbours is its own.
+
+    Weights below zero are taken for zero.
+    """
+    weights = sparse.csr_matrix(-stiffness)
     weights.setdiag(0.0)
     weights.data = np.maximum(weights.data, 0.0)
     weights.eliminate_zeros()

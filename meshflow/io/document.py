@@ -17,6 +17,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ _KINDS: Mapping[type, Kind] = {
     RangeImage: "depth",
     Mesh: "mesh",
     Volume: "volume",
+    TetMesh: "tetrahedra",
 }
 
 
@@ -269,7 +271,7 @@ def depths_of(document: Document) -> RangeImage:
 def samples_of(document: Document) -> HeightField | Image | RangeImage:
     """The data of a document of samples on a grid.
 
-    :raises InputError: for a mesh or a volume.
+    :raises InputError: for a mesh, a volume and tetrahedra.
     """
     if isinstance(document.data, Mesh):
         raise InputError(
@@ -279,6 +281,8 @@ def samples_of(document: Document) -> HeightField | Image | RangeImage:
         raise InputError(
             f"{document.path.name}: samples on a grid expected, got a Volume; write it as .npy, .nii.gz or .nrrd"
         )
+    if isinstance(document.data, TetMesh):
+        raise InputError(f"{document.path.name}: samples on a grid expected, got a TetMesh; write it as .vtu")
     return document.data
 
 

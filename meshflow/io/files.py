@@ -23,6 +23,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = ["Document", "format_of", "read", "read_with", "writable", "write"]
@@ -40,6 +41,7 @@ ROOM = {
     "image": (".png", ".tif", ".jpg", ".npy"),
     "terrain": (".tif", ".asc", ".npy"),
     "volume": (".nii.gz", ".nrrd", ".npy", ".tif"),
+    "tetrahedra": (".vtu", ".vtk", ".msh"),
 }
 
 
@@ -135,6 +137,12 @@ def _stacks() -> Format:
     return stacks
 
 
+def _bodies() -> Format:
+    from meshflow.io.formats import bodies
+
+    return bodies
+
+
 def _rasters() -> Format:
     from meshflow.io.formats import rasters
 
@@ -164,7 +172,7 @@ def _is_e57(path: Path, options: ReadOptions) -> bool:
 
 
 def _is_mesh(path: Path, options: ReadOptions) -> bool:
-    return options.kind == "mesh" or (options.kind is None and path.suffix.lower() in MESHES)
+    return options.kind in ("mesh", "tetrahedra") or (options.kind is None and path.suffix.lower() in MESHES)
 
 
 def _is_point_table(path: Path, options: ReadOptions) -> bool:
@@ -178,6 +186,10 @@ def _is_point_table(path: Path, options: ReadOptions) -> bool:
 
 def _is_volume(path: Path, options: ReadOptions) -> bool:
     return suffix_of(path) in VOLUMES
+
+
+def _is_msh(path: Path, options: ReadOptions) -> bool:
+    return path.suffix.lower() == ".msh"
 
 
 def _is_stack(path: Path, options: ReadOptions) -> bool:
@@ -205,6 +217,7 @@ FORMATS = (
     Entry(_pcd, frozenset({".pcd"}), _is_pcd),
     Entry(_e57, frozenset({".e57"}), _is_e57),
     Entry(_point_tables, TABLES, _is_point_table),
+    Entry(_bodies, frozenset({".vtu", ".vtk", ".msh"}), _is_msh),
     Entry(_meshes, MESHES, _is_mesh),
     Entry(_depth_images, frozenset({".png"}) | TIFF, _is_depth_image),
     Entry(_pictures, PICTURES | TIFF, _is_picture),
@@ -302,7 +315,7 @@ def _documented(data: object, path: Path) -> Document:
     """
     if isinstance(data, Document):
         return data
-    if isinstance(data, (HeightField, Image, RangeImage, Mesh, Volume)):
+    if isinstance(data, (HeightField, Image, RangeImage, Mesh, Volume, TetMesh)):
         return Document(data, path)
     if type(data) in (np.ndarray, tuple):
         from meshflow.io.formats.arrays import from_object

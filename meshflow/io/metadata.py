@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 SlicesWord = Literal["each", "alike"]
-Kind = Literal["terrain", "image", "depth", "mesh", "volume"]
+Kind = Literal["terrain", "image", "depth", "mesh", "volume", "tetrahedra"]
 Jump = float | Literal["noise"] | None
 SpacingLike = float | Sequence[float | Array]
 # Options of one number per sample; each may be the name of an array in the data itself.

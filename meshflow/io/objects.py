@@ -18,6 +18,7 @@ from meshflow.surfaces.irregular import Irregular
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.tensors import Tensors
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.vectors import Vectors
 from meshflow.surfaces.volume import Volume
 
@@ -40,7 +41,7 @@ def from_object(data: object, metadata: Metadata | None = None) -> Imported:
 
 def taken_in(data: object, options: ReadOptions) -> Imported:
     """:func:`from_object`, with options that have been checked."""
-    if isinstance(data, (HeightField, Image, RangeImage, Mesh, Volume)):
+    if isinstance(data, (HeightField, Image, RangeImage, Mesh, Volume, TetMesh)):
         if options.given:
             raise InputError(f"{type(data).__name__} already says {', '.join(options.given)}; set them there")
         return Imported(data, lambda same: same)

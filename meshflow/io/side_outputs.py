@@ -15,6 +15,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = ["difference_of", "document_of", "must_be_on_a_grid", "side_frame"]
@@ -72,6 +73,6 @@ def must_be_on_a_grid(document: Document, word: str) -> HeightField | Image | Ra
     """
     if isinstance(document.data, Mesh):
         raise InputError(f"{word}: of samples on a grid only, got a mesh; compare shows what changed")
-    if isinstance(document.data, Volume):
+    if isinstance(document.data, (TetMesh, Volume)):
         raise InputError(f"{word}: of grids of two axes only, got a volume")
     return document.data

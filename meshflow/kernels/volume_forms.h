@@ -1,10 +1,7 @@
-// Tetrahedra of several channels.
-//
-// With p_c = alpha (a_c / x, b_c / y, c_c / z) the gradient of channel c in a tetrahedron, P the sum of p_c p_c^T and s the stretch of
-// the sharpness, its metric over the ground is I + s P. Its volume is V0 sqrt(det(I + s P)), and the gradient of the volume along
-// the legs of channel c is V0 adj(I + s P) p_c / sqrt(det(I + s P)), over alpha and the spacing. det and adj are sums of the
-// principal minors of P, which are computed in double precision: engines give these loops numbers of that type.
+// Tetrahedra of several channels: the formula of tetrahedron.h, with p_c = alpha (a_c / x, b_c / y, c_c / z) of the legs along the axes,
+// in double precision: engines give these loops numbers of that type.
 #pragma once
+#include "tetrahedron.h"
 #include "volume_cells.h"
 
 namespace meshflow::volume {
@@ -60,16 +57,9 @@ LOOP void metrics(i64 i, i64 n, T q, const Ground<T>& g, const Rows<Lane<T>> the
         l = corner(there, to_corner(ORDER_, 1), i), o = corner(there, 7, i);
     }
     SIMD for (i64 j = 0; j < n; ++j) {
-        const T xx = form[0][j], yy = form[1][j], zz = form[2][j], yz = form[3][j], xz = form[4][j], xy = form[5][j];
-        const T trace = xx + yy + zz, s = W::stretch(trace, q);
-        const T mx = yy * zz - yz * yz, my = xx * zz - xz * xz, mz = xx * yy - xy * xy;
-        const T minors = mx + my + mz, cube = xx * mx - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
-        const T det = T(1) + s * (trace + s * ((minors > T(0) ? minors : T(0)) + s * (cube > T(0) ? cube : T(0))));
-        const T root = std::sqrt(det), by = g.whole / root;
-        form[0][j] = by * (T(1) + s * ((yy + zz) + s * mx)), form[1][j] = by * (T(1) + s * ((xx + zz) + s * my));
-        form[2][j] = by * (T(1) + s * ((xx + yy) + s * mz));
-        form[3][j] = by * s * (s * (xy * xz - yz * xx) - yz), form[4][j] = by * s * (s * (xy * yz - xz * yy) - xz);
-        form[5][j] = by * s * (s * (xz * yz - xy * zz) - xy);
+        T xx = form[0][j], yy = form[1][j], zz = form[2][j], yz = form[3][j], xz = form[4][j], xy = form[5][j];
+        const T root = lifted<W>(q, g.whole, xx, yy, zz, yz, xz, xy);
+        form[0][j] = xx, form[1][j] = yy, form[2][j] = zz, form[3][j] = yz, form[4][j] = xz, form[5][j] = xy;
         quarter[j] = g.quarter * root;
     }
     if (!m) return;

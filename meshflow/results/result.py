@@ -22,6 +22,7 @@ from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers,
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = ["History", "Result", "release"]
@@ -134,6 +135,8 @@ class Result:
         if isinstance(self.before, Volume):
             steps = np.array(self.before.spacing)
             return self.noise.sigma * float(np.prod(np.sqrt(i0e(4.0 * self.end.time / steps**2))))
+        if isinstance(self.before, TetMesh):
+            return self.noise.sigma * float(i0e(4.0 * self.end.time / self.before.step**2)) ** 1.5
         step = 1.0 if self.parameters["time"].unit.startswith("pixel") else self.before.step
         return self.noise.sigma * float(i0e(4.0 * self.end.time / step**2))
 
@@ -178,7 +181,7 @@ class Result:
 
     @cached_property
     def _correlation(self) -> float | None:
-        if isinstance(self.before, Mesh) or not self.removed.any():
+        if isinstance(self.before, (Mesh, TetMesh)) or not self.removed.any():
             return None
         there = ~self.before.missing
         planes = self.removed.reshape(*there.shape, -1)

@@ -20,6 +20,7 @@ from meshflow.flow.controls import Control, FixedStep, GivenSteps, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
+from meshflow.flow.engines.tetrahedra import TetFlow
 from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import State, march
 from meshflow.flow.methods.beltrami import HeightMethod
@@ -40,6 +41,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.joined import Gridded, columns_around, cut_back, period_of, unrolled
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume, WholeVolume
 
 __all__ = ["carried_out", "end_of", "engine_of", "is_uniform", "run", "states", "with_given_steps"]
@@ -53,7 +55,7 @@ def run(data: Data, request: Request, progress: Progress = None, *, record: bool
     :raises NotConverged: when a solver or a run fails.
     """
     with request.compute.running():
-        if isinstance(data, (Mesh, Volume)) or not period_of(data):
+        if isinstance(data, (Mesh, TetMesh, Volume)) or not period_of(data):
             return carried_out(planned(data, request), data, progress, record)
         wide, asked, margin = _around(data, request)
         found = carried_out(planned(wide, asked), wide, progress, record)
@@ -189,7 +191,7 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
     whole(count, "count", 2)
     if request.domain not in ("auto", "length"):
         raise InputError(f"domain={request.domain!r}: states can be shown for domain='length' only; leave it out")
-    if not isinstance(data, (Mesh, Volume)) and period_of(data):
+    if not isinstance(data, (Mesh, TetMesh, Volume)) and period_of(data):
         wide, asked, margin = _around(data, request)
         for time, state in states(wide, asked, count, progress):
             yield time, cut_back(data, state, margin)
@@ -241,6 +243,8 @@ def engine_of(plan: Plan) -> Flow:
         return VolumeFlow(
             replace(plan.data.gridded(plan.lift), whole=whole), plan.variant, plan.request.compute.threads
         )
+    if isinstance(plan.data, TetMesh):
+        return TetFlow(plan.data, plan.lift, plan.variant, plan.request.compute.threads)
     if not isinstance(plan.data, Mesh):
         whole = plan.whole if isinstance(plan.whole, Whole) else None
         grid = replace(plan.above.gridded(plan.lift), whole=whole)

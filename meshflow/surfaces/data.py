@@ -1,4 +1,4 @@
-"""The data objects: a height field, an image, a range image, a mesh, or a volume."""
+"""The data objects: a height field, an image, a range image, a mesh, a volume, or a mesh of tetrahedra."""
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
@@ -6,20 +6,23 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["Data", "SurfaceData", "array_of", "on_surface"]
+__all__ = ["Data", "SolidData", "SurfaceData", "array_of", "on_surface"]
 
 # Data on a triangulated surface.
 SurfaceData = HeightField | Image | RangeImage | Mesh
-Data = SurfaceData | Volume
+# Data in a body.
+SolidData = Volume | TetMesh
+Data = SurfaceData | SolidData
 
 
 def array_of(data: Data) -> Array:
     """The array of a data object that is smoothed.
 
-    It is z (h, w), values (h, w) or (h, w, k), those of a volume (d, h, w) or (d, h, w, k), depth (h, w), points (n, d) or
-    channels (n, k); where points and channels of a mesh both move, the channels.
+    It is z (h, w), values (h, w) or (h, w, k), those of a volume (d, h, w) or (d, h, w, k), of tetrahedra
+    (n,) or (n, k), depth (h, w), points (n, d) or channels (n, k); where points and channels of a mesh both move, the channels.
     """
     if isinstance(data, Mesh):
         return data.points if data.channels is None or data.moves == "points" else data.channels
@@ -27,11 +30,15 @@ def array_of(data: Data) -> Array:
 
 
 def on_surface(data: Data, what: str) -> SurfaceData:
-    """Data that is no volume.
+    """Data that is no volume and no mesh of tetrahedra.
 
     :param what: what needs it, for the message.
-    :raises InputError: for a volume, with the way out.
+    :raises InputError: for these, with the way out.
     """
+    if isinstance(data, TetMesh):
+        raise InputError(
+            f"{what}: not for meshes of tetrahedra; take their skin as a mesh: Mesh(points, data.skin, values)"
+        )
     if isinstance(data, Volume):
         raise InputError(f"{what}: not for volumes; take a slice as an image, or an isosurface as a mesh")
     return data

@@ -11,8 +11,9 @@ from meshflow.io.files import Document
 from meshflow.io.objects import from_object
 from meshflow.surfaces.data import SurfaceData
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
-from meshflow.view.slices import three_slices
+from meshflow.view.slices import skin_mesh, three_slices
 from meshflow.view.texture import Textured, image_of, texture_of
 
 __all__ = ["carried", "flowing_together", "taken"]
@@ -29,7 +30,8 @@ _OF_COLOUR = (
 
 
 def taken(data: object, own_colours: bool = False) -> tuple[SurfaceData, tuple[str, ...]]:
-    """The data of an object or a file as a height field, image, range image or mesh, and notes; of a volume three slices.
+    """The data of an object or a file as a height field, image, range image or mesh, and notes; of a volume three slices, of
+    tetrahedra their skin.
 
     :param data: a :class:`meshflow.Document`, or anything that :func:`meshflow.io.objects.from_object` recognizes.
     :param own_colours: for a mesh: add the colours (n, 3) of its vertices, or of its texture at the vertices, as channels, and
@@ -43,6 +45,8 @@ def taken(data: object, own_colours: bool = False) -> tuple[SurfaceData, tuple[s
         surface, notes = imported.data, imported.notes
     if isinstance(surface, Volume):
         surface = three_slices(surface)
+    if isinstance(surface, TetMesh):
+        surface = skin_mesh(surface)
     if not own_colours:
         return surface, notes
     if not isinstance(surface, Mesh):

@@ -1,12 +1,14 @@
-"""Volumes in pictures: the three slices through the middle, side by side, as one image."""
+"""Bodies in pictures: the three slices of a volume through the middle, side by side, and the skin of tetrahedra."""
 
 import numpy as np
 
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["three_slices"]
+__all__ = ["skin_mesh", "three_slices"]
 
 # Pixels between two slices, as a share of the widest.
 GAP = 0.04
@@ -30,6 +32,13 @@ def three_slices(volume: Volume) -> Image:
     values = [_padded(part, high, wide, 0.0) for part in parts]
     missing = [_padded(part, high, wide, True) for part in gone]
     return Image(np.concatenate(values, axis=1)[:, :-wide], (least, least), np.concatenate(missing, axis=1)[:, :-wide])
+
+
+def skin_mesh(body: TetMesh) -> Mesh:
+    """The surface of a body, and of its holes, with its values as channels."""
+    vertices, faces = np.unique(body.skin, return_inverse=True)
+    values = body.values.reshape(len(body.points), -1)[vertices]
+    return Mesh(body.points[vertices], faces.reshape(-1, 3), values, "channels")
 
 
 def _repeated(part: Array, steps: list[float], least: float) -> Array:

@@ -51,14 +51,7 @@ class VolumeFlow:
         self._by_forms = False  # laws compare the loop for one channel with that for several
 
     def _check(self) -> None:
-        m = self.variant
-        for word, given in (
-            ("patch", m.patch > 0),
-            ("mass='voronoi'", m.mass == "voronoi"),
-            ("indicator='projection'", m.indicator == "projection" and m.gamma != 0),
-        ):
-            if given:
-                raise InputError(f"{word}: not defined for volumes, whose cells are tetrahedra; leave it out")
+        self.variant.check_on_tetrahedra()
         if len(self.block.planes) > kernels.MOST_CHANNELS:
             raise InputError(
                 f"a volume of up to {kernels.MOST_CHANNELS} channels expected, got {len(self.block.planes)}"

@@ -1,16 +1,20 @@
-"""Imports meshio.Mesh: triangles and quadrilaterals move; all blocks, data and sets are kept."""
+"""Imports meshio.Mesh: triangles and quadrilaterals move, of solid cells the values; all blocks, data and sets are kept."""
 
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meshflow.errors import Fact, InputError, need
+from meshflow.geometry.splitting import CellKind, split
 from meshflow.geometry.validation import Array
 from meshflow.io.document import Imported
-from meshflow.io.metadata import Found, ReadOptions
+from meshflow.io.metadata import Found, ReadOptions, looked_up
 from meshflow.io.vertex_merging import Skin, fitted, is_soup, normals_after
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.tet_mesh import TetMesh
 
 if TYPE_CHECKING:
     import meshio
@@ -19,11 +23,20 @@ __all__ = ["from_object"]
 
 # Blocks of lower dimension, which follow their points.
 _FOLLOW = ("vertex", "line")
+# Blocks of cells that fill space, and the names under which they are split.
+_SOLID: Mapping[str, CellKind] = {
+    "tetra": "tetrahedron",
+    "hexahedron": "hexahedron",
+    "wedge": "wedge",
+    "pyramid": "pyramid",
+}
 _NORMALS = ("Normals", "normals")
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
     """Import a meshio.Mesh; results are new ones with the same cells.
+
+    Of tetrahedra, hexahedra, wedges and pyramids an array of the points moves; the points stay.
 
     The surface consists of the triangles, and of quadrilaterals as two triangles each; vertices and lines follow their points.
     Normals in the point data are recomputed.
@@ -31,8 +44,11 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     :param options: ``channels`` (n, k), or the name of point data, which is then updated; ``moves``.
     :raises InputError: for a point cloud, solid or curved cells, an unknown name, or an option that does not apply.
     """
-    options.must_be_mesh("a meshio mesh")
+    if options.kind != "tetrahedra":
+        options.must_be_mesh("a meshio mesh")
     mesh = _mesh(data).copy()
+    if any(block.type in _SOLID for block in mesh.cells):
+        return _body(mesh, options)
     faces, quads = _triangles(mesh)
     name, values = options.attribute, options.channels
     if name is not None:
@@ -50,6 +66,43 @@ def _mesh(data: object) -> "meshio.Mesh":
     if isinstance(data, need("meshio", "meshio").Mesh):
         return cast("meshio.Mesh", data)
     raise InputError(f"meshio.{type(data).__name__}: a meshio.Mesh expected")
+
+
+def _body(mesh: "meshio.Mesh", options: ReadOptions) -> Imported:
+    """The import of values on solid cells; blocks of fewer dimensions follow their points.
+
+    :raises InputError: for curved cells beside them, and if it is not clear which array moves.
+    """
+    others = [block.type for block in mesh.cells if block.type not in (*_SOLID, *_FOLLOW, "triangle", "quad")]
+    if others:
+        raise InputError(
+            f"meshio.Mesh with cells {others[0]}: tetra, hexahedron, wedge and pyramid expected; make others linear"
+        )
+    options.must_belong("a meshio mesh of solid cells, of which an array of the points moves", ("kind", "channels"))
+    there = {name: array for name, array in mesh.point_data.items() if np.asarray(array).dtype.kind == "f"}
+    name = options.attribute or (next(iter(there)) if len(there) == 1 else None)
+    if name is None or name not in mesh.point_data:
+        raise InputError(
+            f"channels={name or '...'!r}: the name of point data expected, which moves on solid cells; there are "
+            f"{', '.join(mesh.point_data) or 'none'}. For the surface alone take "
+            "pyvista.from_meshio(mesh).extract_surface().triangulate()"
+        )
+    cells = [split(_SOLID[block.type], np.asarray(block.data)) for block in mesh.cells if block.type in _SOLID]
+    values = np.array(mesh.point_data[name])
+    data = TetMesh(mesh.points, np.concatenate(cells), values[:, 0] if values.shape[1:] == (1,) else values)
+    key = name
+
+    def to_object(smoothed: TetMesh) -> "meshio.Mesh":
+        """The mesh with another array."""
+        new = mesh.copy()
+        new.point_data[key] = np.array(smoothed.values).reshape(values.shape)
+        return new
+
+    def samples(given: ArrayLike | None, word: str) -> ArrayLike | None:
+        """One number per vertex: the array of a name, or as it is."""
+        return looked_up(given, word, _point_data(mesh, given)) if isinstance(given, str) else given
+
+    return Imported(data, to_object, (), samples)
 
 
 def _triangles(mesh: "meshio.Mesh") -> tuple[Array, int]:

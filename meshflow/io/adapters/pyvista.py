@@ -7,6 +7,7 @@ import pyvista
 
 from meshflow.errors import Fact, InputError
 from meshflow.geometry.validation import Array
+from meshflow.io.adapters.pyvista_cells import from_rectilinear_grid, from_unstructured_grid
 from meshflow.io.adapters.pyvista_grids import from_image_data, from_structured_grid
 from meshflow.io.document import Imported
 from meshflow.io.metadata import Found, ReadOptions
@@ -17,8 +18,6 @@ __all__ = ["from_object", "triangulated"]
 
 # Classes that are refused, and what to do instead.
 _ELSEWHERE = {
-    "UnstructuredGrid": "take its surface: .extract_surface().triangulate()",
-    "RectilinearGrid": "make it a .cast_to_structured_grid()",
     "MultiBlock": "meshflow.smooth takes its blocks one by one; here .combine().extract_surface().triangulate()",
     "ExplicitStructuredGrid": "take its surface: .extract_surface().triangulate()",
     "PointSet": "a cloud has no surface; reconstruct one: .cast_to_polydata().reconstruct_surface()",
@@ -26,7 +25,9 @@ _ELSEWHERE = {
 
 
 def from_object(data: object, options: ReadOptions) -> Imported:
-    """Import a PolyData, a flat ImageData or a terrain (StructuredGrid); results are new ones with all arrays.
+    """Import a PolyData, an ImageData, a terrain (StructuredGrid), a RectilinearGrid or a body (UnstructuredGrid).
+
+    Results are new ones with all arrays.
 
     Polygons and strips are smoothed as triangles, and kept. Arrays keep their types; normals are recomputed.
 
@@ -40,10 +41,15 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         return from_image_data(data, options)
     if isinstance(data, pyvista.StructuredGrid):
         return from_structured_grid(data, options)
+    if isinstance(data, pyvista.UnstructuredGrid):
+        return from_unstructured_grid(data, options)
+    if isinstance(data, pyvista.RectilinearGrid):
+        return from_rectilinear_grid(data, options)
     name = type(data).__name__
-    advice = _ELSEWHERE.get(name, "hand over a PolyData, a flat ImageData or a StructuredGrid")
+    advice = _ELSEWHERE.get(name, "hand over a PolyData, an ImageData, a StructuredGrid or an UnstructuredGrid")
     raise InputError(
-        f"pyvista.{name}: a surface expected (PolyData, flat ImageData, StructuredGrid of one layer); {advice}"
+        f"pyvista.{name}: a surface, a grid or a body expected (PolyData, ImageData, StructuredGrid, UnstructuredGrid); "
+        f"{advice}"
     )
 
 

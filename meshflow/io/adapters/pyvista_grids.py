@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import Fact, InputError
 from meshflow.geometry.validation import Array, nowhere, spacing_of
+from meshflow.io.adapters.pyvista_cells import from_curved_grid
 from meshflow.io.adapters.pyvista_volumes import volume_of_image_data
 from meshflow.io.document import Imported
 from meshflow.io.metadata import ReadOptions, looked_up
@@ -70,9 +71,13 @@ def from_image_data(image: pyvista.ImageData, options: ReadOptions) -> Imported:
 def from_structured_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> Imported:
     """Import a StructuredGrid with one layer; z moves above x and y, or, on the surface as it is, a named array.
 
+    Of three axes an array of the points moves (:func:`.pyvista_cells.from_curved_grid`).
+
     :param options: ``spacing``, ``nodata``; ``channels``, the name of an array of its points.
     :raises InputError: for several layers, or cells that lie above each other; the message says what to do.
     """
+    if min(grid.dimensions) > 1 and (options.attribute or len(grid.point_data)):
+        return from_curved_grid(grid, options)
     options.must_belong("a StructuredGrid, of which z moves", ("kind", "spacing", "nodata", "channels"))
     if options.kind not in (None, "terrain"):
         raise InputError(f"kind={options.kind!r}: a StructuredGrid is a terrain, its z moves; images come as ImageData")

@@ -27,7 +27,6 @@ _KNOWN = {
     ".stp": ("a CAD model", _CAD),
     ".iges": ("a CAD model", _CAD),
     ".igs": ("a CAD model", _CAD),
-    ".msh": ("a mesh of Gmsh", _MESHIO),
     ".inp": ("a mesh of Abaqus", _MESHIO),
     ".xdmf": ("a mesh in XDMF", _MESHIO),
     ".vti": ("a grid of VTK", _PYVISTA),

@@ -104,7 +104,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         mesh and is updated in the result; ``moves``, ``points | channels | all``: by default the channels where they are named.
     :raises FormatError: for a damaged file, a file without triangles, or with NaN; the message names the file.
     """
-    if options.kind not in (None, "mesh"):
+    if options.kind not in (None, "mesh", *(("tetrahedra",) if path.suffix.lower() in (".vtu", ".vtk") else ())):
         raise FormatError(f"{path.name}: a mesh file holds a mesh; kind={options.kind!r} was asked for, leave it out")
     reader = _READERS.get(path.suffix.lower())
     if reader is None:

@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 from meshflow.errors import FormatError
 from meshflow.io.adapters.pyvista import from_object, triangulated
 from meshflow.io.document import Document, Imported, MeshSource
+from meshflow.io.formats.bodies import Body
 from meshflow.io.formats.vtk_process import Other, read_apart
-from meshflow.io.formats.vtk_writing import save_surface
+from meshflow.io.formats.vtk_writing import save_data
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.tet_mesh import TetMesh
 
 if TYPE_CHECKING:
     import pyvista
@@ -76,11 +78,11 @@ def save_polydata(poly: "pyvista.PolyData", path: Path, tags: Mapping[str, str])
     """Write a PolyData, tags as field data; as ``.vtu`` it is an UnstructuredGrid."""
     for name, word in tags.items():
         poly.add_field_data([str(word)], f"meshflow:{name}")
-    save_surface(poly, path)
+    save_data(poly, path)
 
 
 def read(path: Path, options: ReadOptions) -> Document:
-    """Read a VTP, a VTU whose cells lie on a surface, or a legacy VTK file.
+    """Read a VTP, a VTU whose cells lie on a surface or fill a body, or a legacy VTK file.
 
     :raises FormatError: for a damaged file, and for data sets other than surfaces.
     :raises InputError: for channels that it does not have, or whatever the data object refuses.
@@ -93,4 +95,6 @@ def read(path: Path, options: ReadOptions) -> Document:
             "hand the object over, or take its surface: .extract_surface().triangulate().save('surface.vtp')"
         )
     imported = from_object(found, options.without("kind", "allow_remote"))
+    if isinstance(imported.data, TetMesh):
+        return Document(imported.data, path, Body(imported), imported.notes)
     return Document(imported.data, path, VtkFile(imported), imported.notes)

@@ -30,11 +30,12 @@ from vtkmodules.vtkIOXML import (
     vtkXMLPolyDataReader,
     vtkXMLPolyDataWriter,
     vtkXMLUnstructuredGridReader,
+    vtkXMLUnstructuredGridWriter,
 )
 
 __all__ = ["Header", "Tree", "answer", "encoded", "main"]
 
-# The cell types (VTK_VERTEX to VTK_QUAD) of an UnstructuredGrid that is a surface, in the order of PolyData; others are solid.
+# The cell types (VTK_VERTEX to VTK_QUAD) of an UnstructuredGrid that is a surface, in the order of PolyData; others fill space.
 _CELLS = {"Verts": (1, 2), "Lines": (3, 4), "Polys": (5, 7, 8, 9), "Strips": (6,)}
 _PIXEL = 8
 # The name in pyvista.
@@ -43,15 +44,17 @@ _READERS = {".vtp": vtkXMLPolyDataReader, ".vtu": vtkXMLUnstructuredGridReader}
 
 
 class Tree(TypedDict):
-    """The contents of a file; surfaces follow the header as VTP.
+    """The contents of a file; surfaces follow the header as VTP, bodies as VTU.
 
     :ivar other: the type of a data set that is no surface, else empty; ``why``: an explanation.
+    :ivar solid: whether it is a body: an UnstructuredGrid whose cells fill space.
     :ivar blocks: names and trees, if it contains blocks.
     :ivar size: bytes of a surface, or of a PolyData with the field data of the blocks.
     """
 
     other: str
     why: str
+    solid: bool
     blocks: "list[tuple[str, Tree | None]] | None"
     size: int
 
@@ -133,24 +136,27 @@ def _tree(data: vtkDataObject | None, blobs: list[bytes]) -> "Tree | None":
         fields = vtkPolyData()
         fields.SetFieldData(data.GetFieldData())
         blobs.append(encoded(fields))
-        return Tree(other="", why="", blocks=blocks, size=len(blobs[-1]))
+        return Tree(other="", why="", solid=False, blocks=blocks, size=len(blobs[-1]))
     if isinstance(data, vtkUnstructuredGrid):
         kinds = _kinds(data)
         if not np.isin(kinds, sum(_CELLS.values(), ())).all():
-            return Tree(other="UnstructuredGrid", why="whose cells fill space", blocks=None, size=0)
+            _must_be_cells(data.GetCells(), data.GetNumberOfPoints())
+            _must_have_counts(data)
+            blobs.append(encoded(data))
+            return Tree(other="", why="", solid=True, blocks=None, size=len(blobs[-1]))
         data = _as_surface(data, kinds)
     if not isinstance(data, vtkPolyData):
         name = data.GetClassName().removeprefix("vtk")
-        return Tree(other=_NAMES.get(name, name), why="", blocks=None, size=0)
+        return Tree(other=_NAMES.get(name, name), why="", solid=False, blocks=None, size=0)
     _must_be_consistent(data)
     blobs.append(encoded(data))
-    return Tree(other="", why="", blocks=None, size=len(blobs[-1]))
+    return Tree(other="", why="", solid=False, blocks=None, size=len(blobs[-1]))
 
 
-def encoded(poly: vtkPolyData) -> bytes:
-    """A PolyData as a VTP, with all arrays in their order."""
-    writer = vtkXMLPolyDataWriter()
-    writer.SetInputDataObject(poly)
+def encoded(data: vtkPolyData | vtkUnstructuredGrid) -> bytes:
+    """A PolyData as a VTP, a body as a VTU, with all arrays in their order."""
+    writer: Any = vtkXMLPolyDataWriter() if isinstance(data, vtkPolyData) else vtkXMLUnstructuredGridWriter()
+    writer.SetInputDataObject(data)
     writer.SetCompressorTypeToNone()
     writer.SetHeaderTypeToUInt64()
     writer.SetDataModeToAppended()
@@ -226,9 +232,17 @@ def _must_be_consistent(poly: vtkPolyData) -> None:
     points = poly.GetNumberOfPoints()
     for cells in (poly.GetVerts(), poly.GetLines(), poly.GetPolys(), poly.GetStrips()):
         _must_be_cells(cells, points)
+    _must_have_counts(poly)
+
+
+def _must_have_counts(whole: vtkPolyData | vtkUnstructuredGrid) -> None:
+    """Refuse arrays whose counts contradict the data set.
+
+    :raises _LyingError: with the reason.
+    """
     for data, count, what in (
-        (poly.GetPointData(), points, "points"),
-        (poly.GetCellData(), poly.GetNumberOfCells(), "cells"),
+        (whole.GetPointData(), whole.GetNumberOfPoints(), "points"),
+        (whole.GetCellData(), whole.GetNumberOfCells(), "cells"),
     ):
         for i in range(data.GetNumberOfArrays()):
             array = data.GetAbstractArray(i)

@@ -39,13 +39,13 @@ class Other:
     why: str
 
 
-def read_apart(path: Path, advice: str) -> "pyvista.PolyData | pyvista.MultiBlock | Other":
+def read_apart(path: Path, advice: str) -> "pyvista.PolyData | pyvista.UnstructuredGrid | pyvista.MultiBlock | Other":
     """Read a file of VTK in a child process.
 
     The child starts while pyvista is imported here, and is kept for the next file.
 
     :param advice: the end of a refusal, which says what may be wrong with the file.
-    :returns: a surface, blocks of surfaces, or another data set.
+    :returns: a surface, a body, blocks of surfaces, or another data set.
     :raises FormatError: with the message of VTK, when the child crashed, or for a block that is no surface.
     """
     header, body = _answered(path, advice)
@@ -157,10 +157,12 @@ def _unpacked(path: Path, tree: Tree | None, body: memoryview, name: str) -> tup
     if tree["other"]:
         return Other(tree["other"], tree["why"]), body
     if tree["blocks"] is None:
-        return _decoded(body[: tree["size"]]), body[tree["size"] :]
+        return _decoded(body[: tree["size"]], tree["solid"]), body[tree["size"] :]
     blocks = pyvista.MultiBlock()
     for own, inner in tree["blocks"]:
         block, body = _unpacked(path, inner, body, f"{name}/{own}" if name else own)
+        if isinstance(block, pyvista.UnstructuredGrid):
+            block = Other("UnstructuredGrid", "whose cells fill space")
         if isinstance(block, Other):
             where = f"{name}/{own}" if name else own
             raise FormatError(
@@ -178,13 +180,13 @@ def _with_article(kind: str) -> str:
     return f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind}"
 
 
-def _decoded(content: memoryview) -> "pyvista.PolyData":
-    """A PolyData from a VTP that the child has checked and written."""
+def _decoded(content: memoryview, solid: bool = False) -> Any:
+    """A PolyData from a VTP, or an UnstructuredGrid from a VTU, that the child has checked and written."""
     import pyvista
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
 
-    reader: Any = vtkXMLPolyDataReader()
+    reader: Any = vtkXMLUnstructuredGridReader() if solid else vtkXMLPolyDataReader()
     reader.ReadFromInputStringOn()
     reader.SetInputString(bytes(content))
     reader.Update()
-    return pyvista.PolyData(reader.GetOutput())
+    return (pyvista.UnstructuredGrid if solid else pyvista.PolyData)(reader.GetOutput())

@@ -1,4 +1,4 @@
-"""Writes surfaces to VTK files. They are made in memory first, because the writers of VTK crash on a full disk."""
+"""Writes surfaces and bodies to VTK files. They are made in memory first, because the writers of VTK crash on a full disk."""
 
 import errno
 import os
@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import pyvista
 
-__all__ = ["save_blocks", "save_surface"]
+__all__ = ["save_blocks", "save_data"]
 
 # The largest ratio of bytes written to bytes in memory, for uncompressed numbers in base 64.
 _GROWTH = 1.5
 
 
-def save_surface(poly: "pyvista.PolyData", path: Path) -> None:
-    """Write a PolyData as ``.vtp`` or ``.vtk``, or as the UnstructuredGrid of a ``.vtu``.
+def save_data(poly: "pyvista.PolyData | pyvista.UnstructuredGrid", path: Path) -> None:
+    """Write a PolyData as ``.vtp`` or ``.vtk``, or as the UnstructuredGrid of a ``.vtu``; a body as ``.vtk`` or ``.vtu``.
 
     :raises OSError: when the disk is full.
     """
-    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
+    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
     suffix = path.suffix.lower()
     writer: Any
     if suffix == ".vtk":
-        writer = vtkPolyDataWriter()
+        writer = vtkPolyDataWriter() if poly.IsA("vtkPolyData") else vtkUnstructuredGridWriter()
         writer.SetFileTypeToBinary()
     else:
         writer = vtkXMLUnstructuredGridWriter() if suffix == ".vtu" else vtkXMLPolyDataWriter()
