@@ -182,3 +182,12 @@ def test_curved_cells_are_refused_with_the_way_out():
     curved["v"] = np.zeros(10)
     with pytest.raises(InputError, match="linear_copy"):
         from_object(curved)
+
+
+@pytest.mark.parametrize(
+    "content", [b"no mesh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 9", b"$MeshFormat\n2.2 1 8\n"]
+)
+def test_a_broken_mesh_of_gmsh_is_refused_in_a_line(tmp_path, content):
+    (tmp_path / "a.msh").write_bytes(content)
+    with pytest.raises(FormatError, match=r"a\.msh cannot be read as MSH"):
+        meshflow.read(tmp_path / "a.msh")

@@ -24,7 +24,6 @@ OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0.1\nf 1 2 3\nf 2 4 3\n"
         ("a.las", "a lidar cloud", "reconstruct"),
         ("a.xyz", "a point cloud", "reconstruct"),
         ("a.dae", "a scene of COLLADA", "glb"),
-        ("a.msh", "a mesh of Gmsh", r"meshio.read"),
         ("a.vti", "a grid of VTK", r"pyvista.read"),
         ("a.step", "a CAD model", "mesh it first"),
         ("A.FBX", "a scene of FBX", "glb"),

@@ -1,5 +1,6 @@
 """Meshes of tetrahedra in files: VTU and VTK (which are read with the surfaces of VTK), and MSH of Gmsh (meshio)."""
 
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +14,27 @@ from meshflow.io.atomic_write import beside
 from meshflow.io.document import Document, Imported, Source, WriteOptions
 from meshflow.io.formats.vtk_writing import save_data
 from meshflow.io.metadata import ReadOptions
+from meshflow.surfaces.data import Data
 from meshflow.surfaces.tet_mesh import TetMesh
 
 if TYPE_CHECKING:
+    import meshio
     import pyvista
 
 __all__ = ["Body", "can_write", "read", "write"]
 
+# What the reader raises for invalid files.
+BROKEN = (
+    OSError,
+    ValueError,
+    LookupError,
+    AttributeError,
+    AssertionError,
+    TypeError,
+    ArithmeticError,
+    MemoryError,
+    struct.error,
+)
 NAME: str = "a mesh of Gmsh"
 READS: tuple[str, ...] = ("kind", "channels", "moves")
 WRITES: tuple[str, ...] = ()
@@ -54,7 +69,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     try:
         begin = path.read_bytes()[:64].split()
         mesh = meshio.gmsh.read(str(path))
-    except (meshio.ReadError, OSError, ValueError, LookupError, AttributeError, AssertionError, TypeError) as cause:
+    except (meshio.ReadError, *BROKEN) as cause:
         reason = " ".join(str(cause).split())[:200] or type(cause).__name__
         raise FormatError(f"{path.name} cannot be read as MSH ({reason})") from cause
     version = ("gmsh22" if begin[1:2] and begin[1].startswith(b"2") else "gmsh", begin[2:3] == [b"1"])
@@ -84,11 +99,11 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     return ()
 
 
-def _tagged(made: Any, tags: Mapping[str, str]) -> "pyvista.UnstructuredGrid":
+def _tagged(made: "pyvista.DataSet | meshio.Mesh", tags: Mapping[str, str]) -> "pyvista.UnstructuredGrid":
     """A body for VTK, with tags as field data."""
     import pyvista
 
-    grid = made if isinstance(made, pyvista.UnstructuredGrid) else pyvista.from_meshio(made)
+    grid = made if isinstance(made, pyvista.DataSet) else pyvista.from_meshio(made)
     if not isinstance(grid, pyvista.UnstructuredGrid):
         raise InputError(f"a body of cells expected for VTK, got a {type(grid).__name__}")
     for name, word in tags.items():
@@ -96,13 +111,15 @@ def _tagged(made: Any, tags: Mapping[str, str]) -> "pyvista.UnstructuredGrid":
     return grid
 
 
-def _save_msh(made: Any, path: Path, version: tuple[str, bool]) -> None:
+def _save_msh(made: "pyvista.UnstructuredGrid | meshio.Mesh", path: Path, version: tuple[str, bool]) -> None:
     """Write a MSH by meshio.
 
     :raises FormatError: for data that it does not hold.
     """
+    import pyvista
+
     meshio = need("meshio", "meshio")
-    mesh = made.copy() if isinstance(made, meshio.Mesh) else _as_meshio(made)
+    mesh = _as_meshio(made) if isinstance(made, pyvista.UnstructuredGrid) else made.copy()
     if "gmsh:physical" not in mesh.cell_data:  # the writer of MSH 4 asks for it beside these
         mesh.point_data.pop("gmsh:dim_tags", None)
         mesh.cell_data.pop("gmsh:geometrical", None)
@@ -137,7 +154,7 @@ def _as_meshio(grid: "pyvista.UnstructuredGrid") -> Any:
     return meshio.Mesh(np.array(grid.points), found, point_data=arrays)
 
 
-def _of_values(data: Any) -> "pyvista.UnstructuredGrid":
+def _of_values(data: Data) -> "pyvista.UnstructuredGrid":
     """A grid of VTK with the values of a data object that came from no file.
 
     :raises InputError: for points outside of R^3.
