@@ -11,6 +11,7 @@ from meshflow.flow.low_pass import LowPass
 from meshflow.flow.methods import Fairing
 from meshflow.flow.methods.normal_filter import NormalFilterFlow
 from meshflow.flow.steppers import SemiImplicit
+from meshflow.geometry.normals import mean_edge
 from meshflow.smoothing import smooth
 from meshflow.surfaces.surface import Surface
 
@@ -94,6 +95,18 @@ def test_a_ball_shrinks_the_less_the_higher_the_order():
     for order in (1, 2, 4):
         found = smooth((BALL, FACES), method=Fairing(order=order, weights="cotangent"), time=0.1)[0]
         assert np.linalg.norm(found, axis=1).mean() == pytest.approx(1 / (1 + 0.2**order), rel=0.01)
+
+
+def test_cotangents_of_a_smoothed_copy_do_not_take_noise_for_the_surface():
+    noisy = BALL + 0.3 * mean_edge(BALL, FACES) * np.random.default_rng(2).normal(size=BALL.shape)
+    time, off = 8 * mean_edge(BALL, FACES) ** 2, {}
+    for presmooth in (0.0, 1.0):
+        how = Fairing(order=4, weights="cotangent", presmooth=presmooth * mean_edge(BALL, FACES) ** 2)
+        found = smooth((noisy, FACES), method=how, time=time)[0]
+        off[presmooth] = np.linalg.norm(found, axis=1).std()
+    assert off[1.0] < 0.5 * off[0.0], off
+    with pytest.raises(InputError, match="presmooth: a squared length, zero or more"):
+        Fairing(presmooth=-1.0)
 
 
 def test_a_flow_without_a_matrix_is_refused():

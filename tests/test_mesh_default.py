@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import Delaunay
 
 import meshflow
 from meshflow.errors import NotConverged
@@ -17,7 +18,7 @@ from meshflow.flow.methods.fairing import Fairing
 from meshflow.flow.methods.normal_filter import NormalFilter
 from meshflow.flow.methods.points import PointSetting
 from meshflow.geometry.folds import moved_without_folds, new_folds
-from meshflow.geometry.normals import measured
+from meshflow.geometry.normals import mean_edge, measured
 from meshflow.geometry.orientation import alike
 from meshflow.surfaces.surface import Surface
 from meshflow.synthetic import shapes
@@ -136,6 +137,40 @@ ANGLES = [
     (BALL, "nrm", 0.7, 4.5),
     (PART, "iso", 0.3, 6.0),
 ]
+
+
+def uneven_sheet(count, seed=3):
+    """A bumpy sheet over random points, whose density varies by a thousand, and its border."""
+    rng, side = np.random.default_rng(seed), np.linspace(0, 1, 40)
+    rims = [np.c_[side, 0 * side], np.c_[side, 0 * side + 1], np.c_[0 * side, side], np.c_[0 * side + 1, side]]
+    flat = np.unique(np.concatenate([np.c_[rng.random(count) ** 3, rng.random(count)], *rims]), axis=0)
+    return np.c_[flat, 0.1 * np.sin(3 * flat[:, 0]) * np.cos(2 * flat[:, 1])], Delaunay(flat).simplices
+
+
+STRIPS, DRUM = MAKE.uv_sphere(count=[30, 30]), MAKE.cylinder(1, 3, sections=64).subdivide_to_size(0.25)
+# Triangles whose sides differ by ten times and more, noise in all directions, and the mean angle of normals that is left.
+UNEVEN = {
+    "ball of strips": (STRIPS.vertices, STRIPS.faces, 0.3, 1.2),
+    "drum": (DRUM.vertices, DRUM.faces, 0.4, 8.0),
+    "sheet": (*uneven_sheet(2500), 0.1, 4.0),
+}
+
+
+@pytest.mark.parametrize("name", UNEVEN)
+def test_strongly_uneven_triangles_come_right_however_folded_by_their_noise(name):
+    points, faces, level, most = UNEVEN[name]
+    points, faces = np.array(points), np.array(faces)
+    noisy = points + level * mean_edge(points, faces) * np.random.default_rng(6).normal(size=points.shape)
+    angle = normal_angle(meshflow.smooth((noisy, faces))[0], points, faces)
+    assert angle < most, f"{angle:.2f} degrees"
+
+
+@pytest.mark.parametrize(("kind", "level", "most"), [("iso", 0.1, 0.4), ("iso", 0.3, 0.6), ("nrm", 0.3, 0.45)])
+def test_a_smooth_shape_keeps_neither_facets_nor_waves_of_its_noise(kind, level, most):
+    shape = shapes.sphere(4)
+    after = meshflow.smooth((shape.noisy(kind, level, 12), shape.faces))[0]
+    assert normal_angle(after, shape.points, shape.faces) < most
+    assert np.sqrt(np.mean(np.square(shape.distance(after)))) < 0.1 * level * shape.edge
 
 
 # Noise of all directions that folds the surface; it lengthens edges, so that it seems to be less of them than it is.

@@ -27,6 +27,12 @@ def test_a_shape_that_shrank_gets_its_size_back(shape):
     )
 
 
+def test_offsets_of_several_edges_are_put_back_to_a_hundredth_of_an_edge():
+    shape = shapes.sphere(3)
+    after = without_offsets(0.7 * shape.points, shape.points, shape.faces, free(shape))
+    assert np.abs(np.linalg.norm(after, axis=1) - 1.0).max() < 0.02 * shape.edge
+
+
 def test_noise_is_not_put_back_and_flat_sides_stay_flat():
     shape = shapes.cube(16)
     after = without_offsets(shape.points, shape.noisy("nrm", 0.3), shape.faces, free(shape))

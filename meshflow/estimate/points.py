@@ -317,4 +317,6 @@ def _fairing(method: Fairing, asked: Fairing, ranged: bool) -> Fairing:
         return replace(method, order=RANGED, weights="cotangent", along=asked.along)
     # Order 1 is implicit fairing by its definition, whose weights are cotangents unless others are named.
     order, weights = asked.order or method.order, asked.weights or (FAIRED if asked.order == 1 else method).weights
-    return replace(method, order=order, weights=weights, along=asked.along)
+    searched_for = method.presmooth if asked.weights is None else 0.0
+    presmooth = searched_for if asked.presmooth is None else asked.presmooth
+    return replace(method, order=order, weights=weights, presmooth=presmooth, along=asked.along)

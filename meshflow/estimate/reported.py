@@ -54,7 +54,11 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
         variant = plan.variant
         for name, unit in (("gamma", ""), ("sharpness", ""), ("patch", "samples")):
             found[name] = _decided(plan, name, float(getattr(variant, name)), unit)
-    units = {"contrast": contrast_unit(plan.data), "regularize": squared_unit(plan.data)}
+    units = {
+        "contrast": contrast_unit(plan.data),
+        "regularize": squared_unit(plan.data),
+        "presmooth": squared_unit(plan.data),
+    }
     for option in options_of(type(method)):
         value = getattr(method, option.name)
         if value is None or option.name == "second_stage" or (option.name == "along" and value == "all"):

@@ -29,8 +29,11 @@ LONGEST = 1024
 class Generated(Protocol):
     """A flow whose operator is available as a matrix."""
 
-    def generator(self, u: Array, weights: Operator) -> Any:
-        """A (n, n) with du/dt = -A u in the metric of u, eigenvalues zero or positive; rows of fixed vertices are zero."""
+    def generator(self, u: Array, weights: Operator, presmooth: float = 0.0) -> Any:
+        """A (n, n) with du/dt = -A u in the metric of u, eigenvalues zero or positive; rows of fixed vertices are zero.
+
+        :param presmooth: squared length; cotangents are those of u smoothed for that time.
+        """
         ...
 
 
@@ -47,11 +50,14 @@ class LowPass:
     :param weights: ``cotangent``: M^-1 L, for which planes do not move; ``uniform``: the umbrella, 4 / h^2 times the distance to
         the mean of the neighbours (equal to ``cotangent`` on an equilateral mesh of edge h), which also makes the sampling even:
         points drift on irregular meshes.
+    :param presmooth: squared length: the cotangents are those of a copy after a filter of order 2 with uniform weights for this
+        time. Those of noisy triangles are not those of the surface.
     :raises InputError: for another order or other weights.
     """
 
     order: int = 2
     weights: Weights = "cotangent"
+    presmooth: float = 0.0
     name = "low-pass"
     rates = 1
 
@@ -64,21 +70,22 @@ class LowPass:
 
         :raises InputError: for a flow without a matrix of its operator: on a grid, a normal filter, or with a fidelity term.
         """
-        return filtered(generator_of(flow, u, self.weights), u, dt, self.order)
+        return filtered(generator_of(flow, u, self.weights, self.presmooth), u, dt, self.order)
 
     def largest(self, flow: Flow, u: Array) -> float:
         """Infinite: a filter of any length is stable."""
         return np.inf
 
 
-def generator_of(flow: Flow, u: Array, weights: Operator) -> Any:
-    """The operator of a flow at u as a matrix (n, n).
+def generator_of(flow: Flow, u: Array, weights: Operator, presmooth: float = 0.0) -> Any:
+    """The operator of a flow at u as a matrix (n, n); with the cotangents of a copy that is smoothed for a time.
 
+    :param presmooth: that time, squared length.
     :raises InputError: for a flow that has none.
     """
     if not isinstance(flow, Generated):
         raise InputError(f"low-pass: the matrix of an operator expected, {type(flow).__name__} has none; take MeshFlow")
-    return flow.generator(u, weights)
+    return flow.generator(u, weights, presmooth)
 
 
 def filtered(generator: Any, u: Array, time: float, order: int) -> Array:

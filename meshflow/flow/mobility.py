@@ -95,12 +95,12 @@ class Slowed(Scaled):
         """s (n, 1), independent of u."""
         return self.speed
 
-    def generator(self, u: Array, weights: Operator) -> Any:
+    def generator(self, u: Array, weights: Operator, presmooth: float = 0.0) -> Any:
         """s A (n, n).
 
         :raises InputError: for a flow without one.
         """
-        return sparse.csr_matrix(sparse.diags(self.speed[:, 0]) @ generator_of(self.flow, u, weights))
+        return sparse.csr_matrix(sparse.diags(self.speed[:, 0]) @ generator_of(self.flow, u, weights, presmooth))
 
 
 def slowed(flow: Flow, speed: Array | None) -> Flow:

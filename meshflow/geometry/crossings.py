@@ -49,18 +49,22 @@ def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -
 
     Folds are mended first (:func:`moved_without_folds`). Then the corners of what still folds or crosses are moved to the middle
     of their neighbours, again and again; where that does not help, half as far as they were to go, and at last not at all,
-    together with their neighbours. If there is harm after all this, nothing moves. What was mended follows the normals of the
-    triangles that were not folded, so that creases are not rounded there.
+    together with their neighbours. If there is harm after all this, nothing moves. Where the data itself folds and crosses, what
+    goes back to it does so as well: then the best of the first rounds is the result, if it has less of both. What was mended
+    follows the normals of the triangles that were not folded, so that creases are not rounded there.
 
     :param before: points (n, 3), as ``after``.
     :param held: (n,), points that stay.
     :returns: the points, and how many of them are moved otherwise.
     """
     points, bad, mean = moved_without_folds(before, after, faces, held)[0], np.zeros(len(after), bool), None
+    best, fewest, went_back = points, np.inf, False
     for turn in range(SMOOTHED + HALVED + STAYED + 1):
         pairs = new_crossings(before, points, faces)
         if turn > 0:
             pairs = np.concatenate([pairs, new_folds(before, points, faces)])
+        if 0 < turn <= SMOOTHED and len(pairs) < fewest:
+            best, fewest = points, len(pairs)
         if not len(pairs):
             break
         points = points.copy()
@@ -70,6 +74,7 @@ def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -
             worst = worst[~held[worst]]
             points[worst] = mean[worst] @ points
             continue
+        went_back = True
         if turn == SMOOTHED + HALVED + STAYED:
             points = before
             break
@@ -78,8 +83,15 @@ def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -
         bad[faces[pairs]] = True
         less = bad & ~held
         points[less] = 0.5 * (before[less] + points[less]) if turn < SMOOTHED + HALVED else before[less]
+    if went_back and _harm(best, faces) < _harm(points, faces):
+        points = best
     points = _fitted(before, after, points, faces)
     return points, int((points != after).any(axis=1).sum())
+
+
+def _harm(points: Array, faces: Array) -> int:
+    """How many pairs of triangles cross or are folded."""
+    return len(crossing_pairs(points, faces)) + len(new_folds(np.zeros_like(points), points, faces))
 
 
 def _fitted(before: Array, after: Array, points: Array, faces: Array) -> Array:

@@ -11,7 +11,7 @@ __all__ = ["as_numbers", "as_text", "candidates_in_numbers", "chosen_in", "descr
 
 # The parameters that a summary names, in this order.
 SUMMED = (
-    "method", "order", "weights", "gamma", "sharpness", "patch", "contrast", "crease_contrast", "crease_sharpness",
+    "method", "order", "weights", "presmooth", "gamma", "sharpness", "patch", "contrast", "crease_contrast", "crease_sharpness",
     "regularize", "feature_length", "normal_weight",
 )  # fmt: skip
 

@@ -12,6 +12,7 @@ from meshflow.flow.engines.dense import Dense
 from meshflow.flow.engines.metric import Given, Measured, Metric
 from meshflow.flow.engines.triangulation import Triangulation, triangulations_of
 from meshflow.flow.family import Variant
+from meshflow.flow.low_pass import filtered
 from meshflow.geometry import operator
 from meshflow.geometry.blocks import Blocks, blocked, march_blocks
 from meshflow.geometry.border import border_operator
@@ -258,10 +259,14 @@ class MeshFlow(Dense):
             return None
         return self._blocks.order
 
-    def generator(self, u: Array, weights: Literal["cotangent", "uniform", "scale-dependent"]) -> Any:
+    def generator(
+        self, u: Array, weights: Literal["cotangent", "uniform", "scale-dependent"], presmooth: float = 0.0
+    ) -> Any:
         """A (n, n) with du/dt = -A u in the metric of u; rows of what stays are zero. Along axes, one set of triangles.
 
         But for ``cotangent`` the border moves as a curve, or, if it is ``neumann``, its neighbours inside draw it in.
+
+        :param presmooth: cotangents are those of u after a bi-Laplacian filter with uniform weights for this time.
         """
         if weights != "cotangent":
             connectivity = self._triangulations[0].connectivity
@@ -271,7 +276,7 @@ class MeshFlow(Dense):
                 mean = neighbour_means(connectivity.faces.astype(np.int64), len(u), "curve" if curve else "free")
                 return scale_dependent_generator(mean, u, moves)
             return umbrella_generator(connectivity, mean_edge(self.surface.points, connectivity.faces), moves, curve)
-        snapshot = self._at(u, 0)
+        snapshot = self._at(filtered(self.generator(u, "uniform"), u, presmooth, 2) if presmooth > 0 else u, 0)
         inertia, m = self._inertia(snapshot, None), snapshot.measured
         whole = cotangent_generator(m.connectivity, m.cot, inertia, self._moves(inertia), self._linear)
         return whole if self._border is None else sparse.csr_matrix(whole + self._border)

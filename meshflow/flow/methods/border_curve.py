@@ -79,11 +79,11 @@ class Bordered(Around):
         keep = sparse.diags(self._moves.astype(np.float64))
         return _BorderedSystem(self.flow.system(u, diagonal), self._at, mass[self._at], keep @ stiffness @ keep)
 
-    def generator(self, u: Array, weights: Operator) -> Any:
+    def generator(self, u: Array, weights: Operator, presmooth: float = 0.0) -> Any:
         """A (n, n) of both; the border is always weighted by lengths."""
         stiffness, mass = self._curve(u)
         scale = np.divide(1.0, mass, out=np.zeros_like(mass), where=self._moves)
-        return sparse.csr_matrix(generator_of(self.flow, u, weights) + sparse.diags(scale) @ stiffness)
+        return sparse.csr_matrix(generator_of(self.flow, u, weights, presmooth) + sparse.diags(scale) @ stiffness)
 
     def _curve(self, u: Array) -> tuple[Any, Array]:
         """Stiffness (n, n) of the border edges, 1 / length, and mass (n,), half the length of the edges at a vertex."""

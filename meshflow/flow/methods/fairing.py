@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import metric_of
@@ -13,7 +14,7 @@ from meshflow.flow.methods.curvature import bordered
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.steppers import Stepper, StepperName
 from meshflow.geometry.options import named_fields, option
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, number
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["Fairing"]
@@ -41,18 +42,29 @@ class Fairing(PointMethod):
     weights: Weights | None = option(
         None, "cotangent keeps the sampling, uniform also makes it even. Without a search: cotangent."
     )
+    presmooth: float | None = option(
+        None,
+        "The cotangents are those of a copy that a bi-Laplacian filter with uniform weights smooths for this time: those of "
+        "noisy triangles are not those of the surface. Without a search, or with weights: 0.",
+        "squared length",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.low_pass()
+        if self.presmooth is not None and number(self.presmooth, "presmooth") < 0:
+            raise InputError(f"presmooth: a squared length, zero or more, expected, got {self.presmooth}")
 
     def filled(self) -> "Fairing":
         """The method with the fixed choice for options that are None."""
-        return replace(self, order=self.order or 2, weights=self.weights or "cotangent")
+        return replace(
+            self, order=self.order or 2, weights=self.weights or "cotangent", presmooth=float(self.presmooth or 0.0)
+        )
 
     def low_pass(self) -> LowPass:
         """The filter, with the fixed choice for options that are None."""
-        return LowPass(2 if self.order is None else self.order, "cotangent" if self.weights is None else self.weights)
+        order, weights = 2 if self.order is None else self.order, self.weights or "cotangent"
+        return LowPass(order, weights, 0.0 if self.presmooth is None else self.presmooth)
 
     def engine(self, surface: Surface, setting: PointSetting) -> Flow:
         """The engine that moves the points (n, 3) of a surface."""
