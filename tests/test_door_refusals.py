@@ -230,7 +230,7 @@ def test_a_word_is_taken_in_any_case_and_with_any_hyphen(made, plain):
     [
         (
             lambda: smooth(Z, kind="dem"),
-            "kind: terrain, image, depth, mesh, volume or tetrahedra expected, got 'dem'; did you mean terrain",
+            "kind: terrain, image, depth, mesh, volume, tetrahedra, vectors or tensors expected, got 'dem'; did you mean terrain",
         ),
         (lambda: smooth(Z, method="tv"), "tv: no such method; use total-variation"),
         (lambda: smooth(Z, method="Gaussian"), "no such method; use heat"),

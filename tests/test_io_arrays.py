@@ -79,7 +79,11 @@ def test_hints_reach_the_data_object():
         (heights(), {"kind": "image", "moves": "all"}, "moves: no option of an array of channels"),
         (heights() + 1, {"camera": CAMERA, "spacing": 2}, "spacing: no option of an array of depths"),
         ((POINTS, FACES), {"spacing": 2, "camera": CAMERA}, r"camera, spacing: no option of \(points, faces\)"),
-        (heights(), {"kind": "mesh"}, "terrain, image, depth or volume expected for an array, got 'mesh'"),
+        (
+            heights(),
+            {"kind": "mesh"},
+            "terrain, image, depth, volume, vectors or tensors expected for an array, got 'mesh'",
+        ),
         ((POINTS, FACES), {"kind": "terrain"}, "kind='terrain'"),
         (heights(), {"kind": "depth"}, "needs its camera"),
         ("dem.tif", {}, "dem.tif: no such file"),

@@ -318,7 +318,10 @@ def test_a_kind_or_option_that_does_not_belong_is_refused(tmp_path):
     path = make(tmp_path / "a.tif", heights())
     with pytest.raises(InputError, match="depth_scale: no option of a raster"):
         read(path, depth_scale=1000)
-    with pytest.raises(InputError, match="kind: terrain, image, depth, mesh or volume expected, got 'soup'"):
+    with pytest.raises(
+        InputError,
+        match="kind: terrain, image, depth, mesh, volume, tetrahedra, vectors or tensors expected, got 'soup'",
+    ):
         read(path, kind="soup")
 
 

@@ -1,7 +1,10 @@
 """Vectors and symmetric tensors come back as they came, in any frame, and what is positive definite stays so."""
 
+import nibabel
+import nrrd
 import numpy as np
 import pytest
+from helpers.command import run
 
 import meshflow
 from meshflow import Compute, Heat, InputError, Tensors, Vectors
@@ -152,14 +155,21 @@ def test_vectors_are_drawn_before_and_after(tmp_path, drawn):
 @pytest.mark.parametrize(
     ("made", "words"),
     [
-        (lambda: Vectors(np.zeros((4, 4))), r"shape \(h, w, 2\) or \(h, w, 3\) expected, got \(4, 4\)"),
+        (lambda: Vectors(np.zeros((4, 4))), r"shape \(h, w, 2\), \(h, w, 3\) or \(d, h, w, 3\) expected, got \(4, 4\)"),
         (lambda: Vectors(np.zeros((2, 4, 4))), "components come last"),
         (
             lambda: Vectors(np.zeros((4, 4, 2)), smoothed="apart"),
             "whole or direction-and-magnitude expected, got 'apart'",
         ),
-        (lambda: Tensors(np.zeros((4, 4, 4))), r"or components \(h, w, 3\) or \(h, w, 6\), got \(4, 4, 4\)"),
-        (lambda: Tensors(np.zeros((2, 4, 4, 3, 3))), "slices of a volume"),
+        (
+            lambda: Tensors(np.zeros((4, 4, 4))),
+            r"or components \(h, w, 3\) or \(h, w, 6\), or these with .* got \(4, 4, 4\)",
+        ),
+        (lambda: Tensors(np.zeros((2, 2, 4, 4, 3, 3))), "or these with d before h"),
+        (
+            lambda: meshflow.smooth(np.zeros((4, 4, 2)), kind="vectors", camera="kinect"),
+            "no option of an array of vectors",
+        ),
         (lambda: Tensors(np.arange(36.0).reshape(2, 2, 3, 3)), "symmetric ones expected, 4 of 4 differ"),
         (lambda: meshflow.smooth(Tensors(-COVARIANCE, metric="log-euclidean")), "360 of 360 are not"),
         (lambda: meshflow.smooth(Tensors(-COVARIANCE, definite=True)), "at least one positive definite"),
@@ -171,3 +181,98 @@ def test_vectors_are_drawn_before_and_after(tmp_path, drawn):
 def test_a_refusal_says_what_was_expected(made, words):
     with pytest.raises(InputError, match=words):
         made()
+
+
+# Fields in space, and files.
+
+
+def fibres(shape=(6, 7, 8), noise=0.1):
+    """Noisy tensors (d, h, w, 3, 3) around fibres along x."""
+    draw = np.random.default_rng(5)
+    truth = np.broadcast_to(np.diag([1.5, 0.3, 0.3]), (*shape, 3, 3))
+    change = noise * draw.normal(size=truth.shape)
+    return truth + (change + np.swapaxes(change, -1, -2)) / 2, truth
+
+
+@pytest.mark.parametrize("metric", ["euclidean", "log-euclidean"])
+def test_tensors_in_space_come_back_in_either_form_and_stay_definite(metric):
+    noisy, truth = fibres(noise=0.05)
+    whole = meshflow.smooth(Tensors(noisy, (2.0, 1.0, 1.0), metric=metric), **HEAT).values
+    assert whole.shape == noisy.shape
+    assert np.std(whole - truth) < 0.5 * np.std(noisy - truth)
+    parts = meshflow.smooth(Tensors(packed(noisy), (2.0, 1.0, 1.0), metric=metric), **HEAT).values
+    assert np.abs(packed(whole) - parts).max() < 1e-12
+    assert smallest(meshflow.smooth(Tensors(noisy)).values) > 0
+
+
+@pytest.mark.parametrize("smoothed", ["whole", "direction-and-magnitude"])
+def test_vectors_in_space_come_back_as_vectors(smoothed, tmp_path):
+    noise = 0.2 * np.random.default_rng(6).normal(size=(6, 7, 8, 3))
+    wind = Vectors(noise + [1.0, 2.0, 0.0], smoothed=smoothed)
+    calm = meshflow.smooth(wind, method="quick")
+    assert isinstance(calm, Vectors)
+    assert np.std(calm.values - [1.0, 2.0, 0.0]) < 0.6 * 0.2
+    assert calm.magnitude.shape == (6, 7, 8)
+    assert vectors(wind, calm, tmp_path / "wind.png").stat().st_size > 0
+
+
+def test_arrays_and_files_are_fields_where_their_kind_says_so(tmp_path):
+    noisy, truth = fibres()
+    done = meshflow.smooth(noisy, kind="tensors", **HEAT)
+    assert np.array_equal(done, meshflow.smooth(Tensors(noisy), **HEAT).values)
+    np.save(tmp_path / "t.npy", noisy)
+    said = run(
+        "smooth", tmp_path / "t.npy", tmp_path / "out.npy", "--kind", "tensors", "--method", "heat", "--time", "2"
+    )
+    assert said.returncode == 0
+    assert np.std(np.load(tmp_path / "out.npy") - truth) < 0.5 * np.std(noisy - truth)
+    wind = np.random.default_rng(0).normal(size=(9, 9, 2))
+    np.savez(tmp_path / "w.npz", values=wind, place=np.arange(3))
+    said = run("smooth", tmp_path / "w.npz", tmp_path / "o.npz", "--kind", "vectors", "--method", "heat", "--time", "2")
+    assert said.returncode == 0
+    found = np.load(tmp_path / "o.npz")
+    assert found["values"].shape == wind.shape
+    assert np.array_equal(found["place"], np.arange(3))
+
+
+def test_medical_files_of_tensors_and_vectors_keep_header_and_order(tmp_path):
+    noisy, _ = fibres()
+    lower = np.stack([noisy[..., i, j] for i, j in ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))], -1)[:, :, :, None]
+    image = nibabel.Nifti1Image(lower.astype(np.float32), np.diag([2.0, 1.0, 1.0, 1.0]))
+    image.header.set_intent("symmetric matrix", (3,))
+    image.to_filename(tmp_path / "t.nii.gz")
+    document = meshflow.read(tmp_path / "t.nii.gz", kind="tensors")
+    assert document.data.spacing == (2.0, 1.0, 1.0)
+    meshflow.write(document, tmp_path / "same.nii.gz")
+    back = nibabel.load(tmp_path / "same.nii.gz")
+    assert np.abs(back.get_fdata() - image.get_fdata()).max() < 1e-6
+    assert back.header.get_intent()[0] == "symmetric matrix"
+    meshflow.write(meshflow.smooth(document, **HEAT), tmp_path / "calm.nii.gz")
+    upper = np.stack([noisy[..., i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))])
+    header = {
+        "kinds": ["3D-symmetric-matrix", "space", "space", "space"],
+        "space directions": [[np.nan] * 3, *np.eye(3)],
+    }
+    nrrd.write(str(tmp_path / "t.nrrd"), upper, {**header, "space": "right-anterior-superior"})
+    meshflow.write(meshflow.read(tmp_path / "t.nrrd", kind="tensors"), tmp_path / "same.nrrd")
+    values, found = nrrd.read(str(tmp_path / "same.nrrd"))
+    assert np.abs(values - upper).max() < 1e-12
+    assert found["kinds"][0] == "3D-symmetric-matrix"
+    calm = nibabel.load(tmp_path / "calm.nii.gz").get_fdata()
+    expected = meshflow.smooth(Tensors(noisy.astype(np.float32), (2.0, 1.0, 1.0)), **HEAT).values
+    assert np.abs(calm[..., 0, 1] - expected[..., 1, 0]).max() < 1e-5
+    wind = np.random.default_rng(0).normal(size=(4, 5, 6, 1, 3)).astype(np.float32)
+    nibabel.Nifti1Image(wind, np.eye(4)).to_filename(tmp_path / "w.nii")
+    meshflow.write(meshflow.read(tmp_path / "w.nii", kind="vectors"), tmp_path / "w2.nii")
+    assert np.array_equal(nibabel.load(tmp_path / "w2.nii").get_fdata(), wind)
+
+
+def test_components_of_unknown_order_are_refused(tmp_path):
+    nibabel.Nifti1Image(np.zeros((4, 4, 4, 6), np.float32), np.eye(4)).to_filename(tmp_path / "a.nii")
+    with pytest.raises(InputError, match=r"order differs between programs.*\.npy"):
+        meshflow.read(tmp_path / "a.nii", kind="tensors")
+    nrrd.write(str(tmp_path / "a.nrrd"), np.zeros((3, 4, 4, 4)), {"kinds": ["domain"] * 4})
+    with pytest.raises(InputError, match="one of components expected"):
+        meshflow.read(tmp_path / "a.nrrd", kind="vectors")
+    with pytest.raises(InputError, match=r"is read from \.npy"):
+        meshflow.read("data/terrain.tif", kind="vectors")

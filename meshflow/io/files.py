@@ -137,6 +137,12 @@ def _stacks() -> Format:
     return stacks
 
 
+def _field_arrays() -> Format:
+    from meshflow.io.formats import field_arrays
+
+    return field_arrays
+
+
 def _bodies() -> Format:
     from meshflow.io.formats import bodies
 
@@ -147,6 +153,10 @@ def _rasters() -> Format:
     from meshflow.io.formats import rasters
 
     return rasters
+
+
+def _is_field(path: Path, options: ReadOptions) -> bool:
+    return options.kind in ("vectors", "tensors")
 
 
 def _is_array(path: Path, options: ReadOptions) -> bool:
@@ -209,6 +219,7 @@ def _is_anything(path: Path, options: ReadOptions) -> bool:
 
 
 FORMATS = (
+    Entry(_field_arrays, ARRAYS | VOLUMES, _is_field),
     Entry(_arrays, ARRAYS, _is_array),
     Entry(_volumes, VOLUMES, _is_volume),
     Entry(_stacks, TIFF, _is_stack),
@@ -239,9 +250,9 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
         ('terrain', (256, 256))
 
     :param metadata: what the file does not contain itself (:class:`ReadOptions`): ``kind`` (``terrain | image | depth |
-        mesh | volume``), where the guess would be wrong; for rasters and arrays ``band``, ``nodata``, ``spacing``; for depths
-        ``camera``, ``depth_scale`` (units per metre), ``measure``, ``time_unit``, ``jump``; for scans ``viewpoint``; for
-        meshes ``channels``, ``moves``; for tables of points ``channels``, ``max_edge``.
+        mesh | volume | vectors | tensors``), where the guess would be wrong; for rasters and arrays ``band``, ``nodata``,
+        ``spacing``; for depths ``camera``, ``depth_scale`` (units per metre), ``measure``, ``time_unit``, ``jump``; for scans
+        ``viewpoint``; for meshes ``channels``, ``moves``; for tables of points ``channels``, ``max_edge``.
     :raises FormatError: when the file cannot be read; the message says why, and what can be read.
     :raises InputError: for an option that does not exist or does not apply to the file; the message lists those that do.
     """

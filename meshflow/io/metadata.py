@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 SlicesWord = Literal["each", "alike"]
-Kind = Literal["terrain", "image", "depth", "mesh", "volume", "tetrahedra"]
+Kind = Literal["terrain", "image", "depth", "mesh", "volume", "tetrahedra", "vectors", "tensors"]
 Jump = float | Literal["noise"] | None
 SpacingLike = float | Sequence[float | Array]
 # Options of one number per sample; each may be the name of an array in the data itself.
@@ -94,7 +94,7 @@ class Metadata(TypedDict, total=False):
 class ReadOptions:
     """Metadata that the caller gives for a file or an object; None: not given.
 
-    :param kind: ``terrain | image | depth | mesh | volume``, where the guess would be wrong.
+    :param kind: ``terrain | image | depth | mesh | volume | vectors | tensors``, where the guess would be wrong.
     :param spacing: for samples on a grid: one number or (dx, dy) in the horizontal unit; dx may be one number per row. For a
         volume: one number or (dz, dy, dx), in the order of the axes.
     :param missing: (h, w), samples that are missing; or one number, as ``nodata``.

@@ -1,4 +1,4 @@
-"""Fields of symmetric tensors on a grid: diffusion, stress, covariance, structure tensors."""
+"""Fields of symmetric tensors on a grid of two or three axes: diffusion, stress, covariance, structure tensors."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,8 +11,10 @@ from meshflow.geometry.options import named_fields
 from meshflow.geometry.symmetric import exponential, held_definite, least_eigenvalue, logarithm, packed, unpacked
 from meshflow.geometry.validation import Array, Spacing, mask_of, nowhere, real
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.vectors import with_channels
+from meshflow.surfaces.volume import Steps, Volume
 
-__all__ = ["Tensors"]
+__all__ = ["Tensors", "grid_of"]
 
 # The largest difference of a tensor and its transpose, as a share of its largest entry, that counts as rounding.
 ROUNDING = 1e-3
@@ -45,9 +47,9 @@ class Tensors:
         True
 
     :param values: (h, w, 2, 2) or (h, w, 3, 3); or components (h, w, 3): xx, yy, √2 xy, or (h, w, 6): xx, yy, zz, √2 yz, √2 xz,
-        √2 xy. NaN: missing.
-    :param spacing: one number or (dx, dy).
-    :param missing: (h, w), further samples that are missing.
+        √2 xy; in space with an axis before these: (d, h, w, 3, 3) or (d, h, w, 6). NaN: missing.
+    :param spacing: one number or (dx, dy), in space (dz, dy, dx).
+    :param missing: (h, w) or (d, h, w), further samples that are missing.
     :param metric: ``euclidean``, the distance is the norm of the difference; or ``log-euclidean``, that of the logarithms, of
         positive definite tensors only.
     :param definite: whether the tensors are positive definite by nature, so that results are held so. None: where all that came
@@ -58,7 +60,7 @@ class Tensors:
     """
 
     values: Array
-    spacing: Spacing = (1.0, 1.0)
+    spacing: Spacing | Steps | float = 1.0
     missing: Array = field(default_factory=nowhere)
     metric: Literal["euclidean", "log-euclidean"] = "euclidean"
     definite: bool | None = None
@@ -66,14 +68,15 @@ class Tensors:
 
     def __post_init__(self) -> None:
         values = real(np.ma.filled(self.values, np.nan), "tensors")
-        square = values.ndim == 4 and values.shape[2:] in ((2, 2), (3, 3))
-        if not square and not (values.ndim == 3 and values.shape[2] in (3, 6)):
+        shape = grid_of(values.shape)
+        square = values.ndim == len(shape) + 2
+        if len(shape) not in (2, 3) or not (square or values.shape[-1] in (3, 6)):
             raise InputError(
-                "tensors: shape (h, w, 2, 2) or (h, w, 3, 3) expected, or components (h, w, 3) or (h, w, 6), got "
-                f"{values.shape}; take the slices of a volume one by one"
+                "tensors: shape (h, w, 2, 2) or (h, w, 3, 3) expected, or components (h, w, 3) or (h, w, 6), or these with d "
+                f"before h, got {values.shape}"
             )
-        gone = mask_of(self.missing, values.shape[:2], "missing")
-        gone = np.asarray(gone | ~np.isfinite(values.reshape(*values.shape[:2], -1)).all(axis=2))
+        gone = mask_of(self.missing, shape, "missing")
+        gone = np.asarray(gone | ~np.isfinite(values.reshape(*shape, -1)).all(axis=-1))
         if square and not gone.all():
             _must_be_symmetric(values[~gone])
         object.__setattr__(self, "values", values)
@@ -81,14 +84,19 @@ class Tensors:
         object.__setattr__(self, "spacing", self.image.spacing)
 
     def __repr__(self) -> str:
-        h, w = self.missing.shape
+        size = " x ".join(map(str, self.missing.shape))
         d = self._whole.shape[-1]
-        return f"Tensors({h} x {w} of {d} x {d} {self.values.dtype}, {self.metric}, {int(self.missing.sum())} missing)"
+        return f"Tensors({size} of {d} x {d} {self.values.dtype}, {self.metric}, {int(self.missing.sum())} missing)"
+
+    @property
+    def _square(self) -> bool:
+        """Whether they are matrices, and no components."""
+        return self.values.ndim == self.missing.ndim + 2
 
     @cached_property
     def _whole(self) -> Array:
-        """The tensors (h, w, d, d)."""
-        return self.values if self.values.ndim == 4 else unpacked(self.values)
+        """The tensors (..., d, d)."""
+        return self.values if self._square else unpacked(self.values)
 
     @cached_property
     def _least(self) -> float:
@@ -111,25 +119,30 @@ class Tensors:
         return float(values[good].min()) if good.all() or self.definite else 0.0
 
     @cached_property
-    def image(self) -> Image:
-        """The components as channels, those of the logarithms with ``log-euclidean``."""
+    def image(self) -> Image | Volume:
+        """The components as channels of an image or a volume, those of the logarithms with ``log-euclidean``."""
         least = self._least if not self.missing.all() else 0.0
         if self.metric == "euclidean":
-            return Image(self.values if self.values.ndim == 3 else packed(self.values), self.spacing, self.missing)
+            return with_channels(packed(self.values) if self._square else self.values, self.spacing, self.missing)
         there = np.where(self.missing[..., None, None], least * np.eye(self._whole.shape[-1]), self._whole)
-        return Image(packed(logarithm(there.astype(self.values.dtype))), self.spacing, self.missing)
+        return with_channels(packed(logarithm(there.astype(self.values.dtype))), self.spacing, self.missing)
 
-    def holding(self, image: Image) -> "Tensors":
-        """A copy with the components of a smoothed image; missing samples keep theirs."""
+    def holding(self, image: Image | Volume) -> "Tensors":
+        """A copy with the components of a smoothed image or volume; missing samples keep theirs."""
         whole = unpacked(image.values)
         there = ~self.missing
         if self.metric == "log-euclidean":
             whole = exponential(np.where(self.missing[..., None, None], 0.0, whole).astype(whole.dtype))
         elif self._least > 0:
             whole[there] = held_definite(self._whole[there], whole[there], self._least)[0]
-        back = whole if self.values.ndim == 4 else packed(whole)
-        kept = self.missing.reshape(*self.missing.shape, *(1,) * (self.values.ndim - 2))
+        back = whole if self._square else packed(whole)
+        kept = self.missing.reshape(*self.missing.shape, *(1,) * (self.values.ndim - self.missing.ndim))
         return replace(self, values=np.where(kept, self.values, back).astype(image.values.dtype))
+
+
+def grid_of(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """The shape of the samples of tensors (..., d, d), or of components (..., k)."""
+    return shape[:-2] if len(shape) > 3 and shape[-2:] in ((2, 2), (3, 3)) else shape[:-1]
 
 
 def _must_be_symmetric(tensors: Array) -> None:

@@ -9,6 +9,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.atomic_write import beside
 from meshflow.surfaces.vectors import Vectors
+from meshflow.surfaces.volume import steps_of
 from meshflow.view.pictures import writable
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def vectors(
         >>> vectors(wind, smooth(wind), "wind.png").name
         'wind.png'
 
-    :param before: the field; ``after``: the field after smoothing, of equal size.
+    :param before: the field, in space its slice in the middle; ``after``: the field after smoothing, of equal size.
     :param path: the picture to write (.png, .jpg, .tif).
     :param drawn: ``arrows``, about 28 along the longer side; or ``streamlines``.
     :param overwrite: replace a file that is there.
@@ -55,6 +56,7 @@ def vectors(
     if drawn not in ("arrows", "streamlines"):
         raise InputError(f"drawn: arrows or streamlines expected, got {drawn!r}")
     target = writable(path, overwrite=overwrite)
+    before, after = _slice(before), _slice(after)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -75,6 +77,15 @@ def vectors(
     with beside(target) as draft:
         figure.savefig(draft, format=target.suffix[1:].lower())
     return target
+
+
+def _slice(field: Vectors) -> Vectors:
+    """The slice in the middle of a field in space; a plane one unchanged."""
+    if field.missing.ndim == 2:
+        return field
+    middle = len(field.missing) // 2
+    _, dy, dx = steps_of(field.spacing)
+    return Vectors(field.values[middle], (dx, dy), field.missing[middle], field.unit)
 
 
 def _arrows(axis: "Axes", values: Array, missing: Array) -> None:

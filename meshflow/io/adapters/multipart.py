@@ -17,6 +17,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.vectors import Vectors
+from meshflow.surfaces.volume import Volume
 
 if TYPE_CHECKING:
     pass
@@ -53,8 +54,10 @@ def _apart(data: Vectors, options: ReadOptions) -> Multipart:
 
     def to_object(parts: Sequence[Data]) -> Vectors:
         """The vectors of both."""
-        direction = next(one for one in parts if isinstance(one, Image))
-        return data.holding_parts(direction, next(one for one in parts if isinstance(one, HeightField)))
+        direction, magnitude = parts
+        if not isinstance(direction, (Image, Volume)) or not isinstance(magnitude, (HeightField, Volume)):
+            raise InputError(f"vectors: directions and magnitudes expected, got {direction!r} and {magnitude!r}")
+        return data.holding_parts(direction, magnitude)
 
     return Multipart(tuple((name, Imported(one, lambda same: same)) for name, one in data.parts), to_object, whole=True)
 

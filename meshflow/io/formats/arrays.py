@@ -19,6 +19,7 @@ from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, doubtful_depths, in_metres
 from meshflow.io.document import Document, Imported, Source, WriteOptions, samples_of
 from meshflow.io.formats.cameras import calibration_for
+from meshflow.io.formats.fields import field_from
 from meshflow.io.formats.volume_arrays import volume_from
 from meshflow.io.metadata import Found, Kind, ReadOptions, as_given
 from meshflow.io.vertex_merging import Skin, is_soup
@@ -28,7 +29,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["can_write", "from_object", "read", "write"]
+__all__ = ["can_write", "from_object", "key_of", "loaded", "read", "write"]
 
 NAME: str = "an array file"
 READS: tuple[str, ...] = (
@@ -105,12 +106,12 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises FormatError: for a file that numpy cannot read, Python objects, or several arrays of other names.
     :raises InputError: for an array that is no data, or an option that does not apply.
     """
-    arrays = _load(path)
+    arrays = loaded(path)
     if {"points", "faces"} <= arrays.keys() and options.kind in (None, "mesh"):
         points, faces = arrays.pop("points"), arrays.pop("faces")
         own = options if options.channels is not None else replace(options, channels=arrays.get("channels"))
         return Document(from_object((points, faces), own).data, path, Stored(str(points.dtype), "points", arrays))
-    key = _key(path, arrays)
+    key = key_of(path, arrays)
     array = arrays.pop(key)
     source, notes = Stored(str(array.dtype), key, arrays), ()
     scale, options = options.depth_scale, options.without("depth_scale")
@@ -198,12 +199,15 @@ def from_object(data: object, options: ReadOptions) -> Imported:
         )
     if options.kind == "volume":
         return volume_from(data, options)
+    if options.kind in ("vectors", "tensors"):
+        return field_from(data, options)
     if options.kind is None and options.camera is None:
         _must_be_meant(data.shape)
     kind = options.kind or ("depth" if options.camera is not None else "image" if data.ndim == 3 else "terrain")
     if kind not in _TAKES:
         raise InputError(
-            f"kind: {', '.join(_TAKES)} or volume expected for an array, got {kind!r}; a mesh is (points, faces)"
+            f"kind: {', '.join(_TAKES)}, volume, vectors or tensors expected for an array, got {kind!r}; a mesh is (points, "
+            "faces)"
         )
     what, takes = _TAKES[kind]
     of_depths = [name for name in options.given if name in ("depth_scale", "measure", "jump", "time_unit")]
@@ -339,7 +343,11 @@ def _marked(document: Document) -> Array:
     return values
 
 
-def _load(path: Path) -> dict[str, Array]:
+def loaded(path: Path) -> dict[str, Array]:
+    """The arrays of a file by name.
+
+    :raises FormatError: for a file that numpy cannot read.
+    """
     try:
         found = np.load(path, allow_pickle=False)
         return dict(found) if isinstance(found, np.lib.npyio.NpzFile) else {"values": found}
@@ -350,7 +358,11 @@ def _load(path: Path) -> dict[str, Array]:
         ) from cause
 
 
-def _key(path: Path, arrays: Mapping[str, Array]) -> str:
+def key_of(path: Path, arrays: Mapping[str, Array]) -> str:
+    """The name of the array that is the data.
+
+    :raises FormatError: where it is not clear which one.
+    """
     for key in (*_KEYS, *(arrays if len(arrays) == 1 else ())):
         if key in arrays:
             return key
