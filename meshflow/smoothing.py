@@ -136,9 +136,8 @@ def smooth(
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.
     :param result: return a :class:`Result` (:class:`Results` of parts, :class:`Outcome` of lazy data); else warnings are issued.
     :param metadata: what the data does not say: ``kind`` (``terrain | image | depth | mesh | volume | vectors | tensors``);
-        ``spacing``, ``missing``, ``nodata`` of grids; ``unit`` of heights and depths; ``camera``, ``depth_scale`` (units per
-        metre), ``measure``, ``jump``, ``time_unit`` of depths; ``channels``, ``moves`` of meshes; ``channels``, ``max_edge`` of
-        tables of points.
+        ``spacing``, ``missing``, ``nodata`` of grids; ``unit`` of heights and depths; ``camera``, ``depth_scale``, ``measure``,
+        ``jump``, ``time_unit`` of depths; ``channels``, ``moves`` of meshes; ``channels``, ``max_edge`` of tables of points.
     :returns: the same kind of data, smoothed. Integers are returned as floating point, because rounding would undo the smoothing.
     :raises InputError: for data that cannot be smoothed, or an option that does not exist; the message says what to do.
     :raises NotConverged: when a solver fails.
