@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import meshflow
-from meshflow import Beltrami, Fixed, Mask, MaxChange, Mobility, Patches, Search
+from meshflow import Beltrami, DataWeights, Fixed, Mask, MaxChange, Mobility, Patches, Search
 from meshflow.errors import InputError
 
 da = pytest.importorskip("dask.array")
@@ -48,7 +48,7 @@ def counting(values, chunks):
     rows=st.lists(st.integers(4, 40), min_size=1, max_size=5).filter(lambda sizes: max(sizes) > 20),
     columns=st.lists(st.integers(4, 40), min_size=1, max_size=5).filter(lambda sizes: max(sizes) > 20),
     kind=st.sampled_from(["plain", "float64", "far", "three"]),
-    held=st.sampled_from(["none", "mask", "fixed", "limits", "mobility", "lazy"]),
+    held=st.sampled_from(["none", "mask", "fixed", "limits", "mobility", "lazy", "weights"]),
     seed=st.integers(0, 2),
 )
 def test_chunks_of_any_size_equal_the_whole_bit_for_bit(rows, columns, kind, held, seed):
@@ -59,13 +59,14 @@ def test_chunks_of_any_size_equal_the_whole_bit_for_bit(rows, columns, kind, hel
     constraints = {
         "none": [], "mask": [Mask(numbers < 0.8)], "fixed": [Fixed(numbers < 0.1)], "limits": [MaxChange(numbers)],
         "mobility": [Mobility(numbers)], "lazy": [Mobility(da.from_array(numbers, (30, 30)))],
+        "weights": [DataWeights(da.from_array(numbers, (30, 30)))],
     }[held]  # fmt: skip
     chunks = [_to(size, parts) for size, parts in ((H, rows), (W, columns))]
     lazy = da.from_array(z, chunks=(*chunks, *z.shape[2:]))
     done = meshflow.smooth(lazy, **FIXED, constraints=constraints)
     assert done.chunks == lazy.chunks
     assert done.dtype == z.dtype
-    held_whole = [Mobility(numbers)] if held == "lazy" else constraints
+    held_whole = {"lazy": [Mobility(numbers)], "weights": [DataWeights(numbers)]}.get(held, constraints)
     same(done.compute(scheduler="threads"), meshflow.smooth(z, **FIXED, constraints=held_whole))
 
 
@@ -83,6 +84,19 @@ def test_what_is_found_by_default_is_that_of_the_whole(method):
     whole = Search(second_stage=False) if method is None else method
     done = meshflow.smooth(da.from_array(z, (30, 40)), method=method, outliers="include")
     same(done.compute(), meshflow.smooth(z, method=whole, outliers="include"))
+
+
+@pytest.mark.parametrize("outliers", [None, "repair"])
+@pytest.mark.parametrize("k", [0, 3])
+def test_outliers_are_found_as_in_the_whole(k, outliers):
+    z = heights(k)
+    z[np.random.default_rng(4).random((H, W)) < 0.01] = 60.0
+    z[60:66, 30:36] = -9999.0
+    options = {"method": "quick", "outliers": outliers}
+    done = meshflow.smooth(da.from_array(z, (13, 40, *z.shape[2:])), **options)
+    same(done.compute(), meshflow.smooth(z, **options))
+    given = {**FIXED, "outliers": "repair"}
+    same(meshflow.smooth(da.from_array(z, (40, 40, *z.shape[2:])), **given).compute(), meshflow.smooth(z, **given))
 
 
 def test_a_graph_is_built_without_reading_a_sample_where_all_is_given():

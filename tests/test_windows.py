@@ -86,6 +86,52 @@ def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
     same(done, array_of(run(data, request, record=None).after))
 
 
+@settings(max_examples=10, deadline=None)
+@given(
+    kind=st.sampled_from(["terrain", "image", "colours"]),
+    hurt=st.sampled_from(["hot", "salt", "many", "marks", "strays", "levels", "lakes"]),
+    outliers=st.sampled_from([None, "keep", "repair"]),
+    method=st.sampled_from([Beltrami(contrast=2.0), "quick"]),
+    sides=st.tuples(st.integers(7, H), st.integers(7, W)),
+    seed=st.integers(0, 5),
+)
+def test_outliers_are_found_by_windows_as_in_the_whole(kind, hurt, outliers, method, sides, seed):
+    data, rng = terrain(seed=seed, k=3 if kind == "colours" else 0), np.random.default_rng(seed)
+    values = array_of(data).copy()
+    at = rng.random((H, W)) < {"hot": 0.004, "salt": 0.08, "many": 0.25}.get(hurt, 0.002)
+    if hurt == "marks":
+        at[5:14, 20:31] = True
+    values[at] = {"marks": -9999.0, "salt": values.max() + 3, "many": values.min() - 2}.get(hurt, 60.0)
+    if hurt == "strays":
+        values[at] = 1e5 * (1 + rng.random(int(at.sum()))).reshape(-1, *(1,) * (values.ndim - 2))
+    if hurt == "levels":
+        values = np.rint(values)
+    if hurt == "lakes":
+        values[30:44, 3:17] = 0.0
+    values = values.astype(np.float32)
+    data = HeightField(values, data.spacing, data.missing) if kind == "terrain" else Image(values, missing=data.missing)
+    constraints = [Mask(rng.random((H, W)) < 0.9)] if seed == 5 else []
+    given = {} if method == "quick" else {"time": 2.0, "noise": 1.0}
+    request = Request.of(method, (), constraints, outliers=outliers, **given)
+    done, _ = by_windows(data, request, sides)
+    same(done, array_of(run(data, request, record=None).after))
+
+
+@pytest.mark.parametrize("weights", ["one", "each", "none free"])
+def test_weights_of_samples_hold_by_windows_as_they_do_in_the_whole(weights):
+    data, rng = terrain(rows=True), np.random.default_rng(2)
+    each = {"one": 0.3, "each": 3 * rng.random((H, W)), "none free": np.full((H, W), 4.0)}[weights]
+    request = Request.of(
+        Beltrami(contrast=2.0), (), [meshflow.DataWeights(each)], time=3.0, noise=1.0, outliers="include"
+    )
+    whole = array_of(run(data, request, record=None).after)
+    done, found = by_windows(data, request, (17, 23))
+    same(done, whole)
+    free = replace(request, constraints=replace(request.constraints, data_weights=None))
+    assert not np.array_equal(whole, array_of(run(data, free, record=None).after), equal_nan=True)
+    assert found.local.plan.most_pull == pytest.approx(np.max(each) / 4)
+
+
 @pytest.mark.parametrize("method", [None, "quick", "search"])
 @pytest.mark.parametrize("k", [0, 3])
 def test_what_is_chosen_by_default_runs_by_windows_as_it_does_on_the_whole(method, k):
@@ -139,7 +185,6 @@ def test_noise_free_data_comes_back_as_it_is():
     [
         ({"stop": meshflow.Residual(0.9)}, "stop: not by windows, it is met by the whole at once"),
         ({"level": "rows"}, "level: not by windows"),
-        ({"outliers": "repair"}, "outliers='repair': not by windows"),
         ({"method": Beltrami(second_stage=True)}, "second_stage: not by windows"),
         ({"method": Beltrami(gamma=-2.0, contrast=1.0), "time": 1.0}, "method='beltrami': the length of its steps"),
         ({"time": 1.0, "compute": Compute(stepper="semi-implicit")}, "stepper='semi-implicit': an implicit step"),

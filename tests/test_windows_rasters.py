@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,17 @@ FILES = {
     ),
     "two, the second": lambda path: make(path, heights(k=2)),
 }  # fmt: skip
+
+
+@pytest.mark.parametrize("outliers", [None, "repair"])
+@pytest.mark.parametrize("k", [1, 3])
+def test_outliers_of_a_file_are_those_of_the_whole(k, outliers, tmp_path):
+    z = heights(k=k)
+    z[:, np.random.default_rng(1).random((H, W)) < 0.004] = 420.0
+    asked = replace(request(), outliers=outliers)
+    one, two, outcome = both(make(tmp_path / "in.tif", z), asked)
+    alike(one, two)
+    assert any("unlike all neighbours" in word for word in outcome.warnings)
 
 
 @pytest.mark.parametrize("name", sorted(FILES))

@@ -79,6 +79,7 @@ class Plan:
     :ivar stays: mask of the samples that the data or the caller fixes; None: of none.
     :ivar max_change: what no sample leaves, a number or an array of the data's samples, unit of the values; None: no limit.
     :ivar pull: of the data weights, (n, k), (n, 1) or (1, 1), per time; None: none.
+    :ivar most_pull: the largest data weight of the whole of which ``data`` is a part, per time; None: it is the whole.
     :ivar preserve: what a mesh whose points move keeps.
     :ivar recentred: whether the mean offsets of a mesh from its data along the normals are removed after the run.
     :ivar orientation: how the caller's grid was turned to become ``data``; the request's arrays were turned with it.
@@ -104,6 +105,7 @@ class Plan:
     stays: Array | None = None
     max_change: Any = None
     pull: Array | None = None
+    most_pull: float | None = None
     preserve: Keep | None = None
     recentred: bool = False
     orientation: Orientation = AS_IT_IS

@@ -39,8 +39,8 @@ from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = [
-    "HELD", "constrained", "ended", "excessive", "held", "must_fit", "noise_in", "oriented", "plan_of_surface", "staying",
-    "stepped", "still",
+    "HELD", "constrained", "ended", "excessive", "held", "must_fit", "noise_in", "oriented", "plan_of_surface", "pull_of",
+    "staying", "stepped", "still",
 ]  # fmt: skip
 
 Kept = TypeVar("Kept", bound=Data)
@@ -342,15 +342,21 @@ def held(found: Plan) -> Plan:
         found = found.with_({"max_change": Decided(origin, why)}, max_change=limit)
     if request.constraints.data_weights is None:
         return found
-    shape, n = size_of(data)
-    pull = trust_of(request.constraints.data_weights, shape, n, found.lift.contrast)
-    if isinstance(data, RangeImage) and data.stride is not None:
-        pull = pull * data.stride.reshape(-1, 1) ** 2  # per squared footprint, the unit of time
+    pull = pull_of(found)
     found = replace(found, pull=pull)
     if request.until_time is None and (pull > 0).any():
         rest = AT_REST / float(np.median(pull[pull > 0]))
         found = found.with_({"time": Decided("default", "at rest between smoothness and data")}, time=rest)
     return found
+
+
+def pull_of(found: Plan) -> Array:
+    """The data weights of a plan, (n, k), (n, 1) or (1, 1), per time."""
+    data, (shape, n) = found.data, size_of(found.data)
+    pull = trust_of(found.request.constraints.data_weights, shape, n, found.lift.contrast)
+    if isinstance(data, RangeImage) and data.stride is not None:
+        pull = pull * data.stride.reshape(-1, 1) ** 2  # per squared footprint, the unit of time
+    return pull
 
 
 def ended(found: Plan) -> Plan:

@@ -5,24 +5,51 @@ from typing import Literal
 
 import numpy as np
 
+from meshflow.estimate.far_values import PIECE
 from meshflow.estimate.jpeg import Jpeg, jpeg_of
-from meshflow.estimate.outliers import Outliers, large_pieces, outliers_of
+from meshflow.estimate.outliers import OutlierRule, Outliers, large_pieces, outliers_by, rule_of
 from meshflow.estimate.plateaus import Level as LevelRule
 from meshflow.estimate.plateaus import level_of, level_rule
-from meshflow.estimate.ring_fill import filled_from_ring
+from meshflow.estimate.ring_fill import RINGS, filled_from_ring
 from meshflow.estimate.stripes import Level, offsets_to_level
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["OutlierWord", "Preparation", "datum_between", "level_said", "lowered_by", "prepared"]
+__all__ = ["AS_DATA", "Cleaning", "OutlierWord", "Preparation", "datum_between", "level_said", "lowered_by", "prepared"]
 
 OutlierWord = Literal["keep", "repair", "include"]
 # The ratio of level to range at which a datum is subtracted; differences are exact, but single precision would lose them.
 DISTANT = 4.0
 
 OnGrid = HeightField | Image
+
+
+@dataclass(frozen=True)
+class Cleaning:
+    """What is done about the outliers of a grid, the same for a window of it.
+
+    :ivar rule: of the whole; None: they are taken as data.
+    :ivar word: as the caller says.
+    """
+
+    rule: OutlierRule | None = None
+    word: OutlierWord | None = None
+
+    @property
+    def insists(self) -> bool:
+        """Whether replaced samples stay replaced where no noise is found."""
+        return self.rule is not None and (self.word == "repair" or self.rule.dense)
+
+    @property
+    def reach(self) -> int:
+        """How far away a sample decides what becomes of another one; far samples in large pieces are not replaced."""
+        return 0 if self.rule is None else self.rule.reach + PIECE + RINGS
+
+
+# Outliers are taken as data.
+AS_DATA = Cleaning()
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +61,7 @@ class Preparation:
     :ivar repaired: (h, w), outliers that were replaced from their neighbours.
     :ivar datum: subtracted from all values of a channel, () or (k,).
     :ivar levelled: whether offsets of lines were removed.
-    :ivar insists: whether replaced samples stay replaced where no noise is found.
+    :ivar cleaning: what is done about outliers.
     :ivar level: (h, w), samples of level regions beside noise, which do not move; None: there are none.
     """
 
@@ -43,7 +70,7 @@ class Preparation:
     repaired: Array
     datum: Array
     levelled: bool = False
-    insists: bool = False
+    cleaning: Cleaning = AS_DATA
     level: Array | None = None
 
     @property
@@ -75,7 +102,7 @@ class Preparation:
 
         :param idle: whether nothing was smoothed.
         """
-        return self.repaired if self.insists or not idle else np.zeros_like(self.repaired)
+        return self.repaired if self.cleaning.insists or not idle else np.zeros_like(self.repaired)
 
     def warnings(self, idle: bool) -> tuple[str, ...]:
         """Sentences about outliers and level regions, and what became of them."""
@@ -126,24 +153,43 @@ def prepared(
     # Sums depend on the order of memory; the result must not.
     values, missing = np.ascontiguousarray(array_of(data)), data.missing
     flat = _level(data, values, missing) if still else None
-    found = None if outliers == "include" else outliers_of(values, missing, flat)
-    repaired, insists = np.zeros(missing.shape, bool), False
-    if found is not None:
-        keep = _kept(data, found, outliers)
-        wanted = found.mask & ~keep & ~data.fixed
-        values, repaired = filled_from_ring(values, wanted, missing | (found.mask & ~wanted))
-        missing = missing | (found.mask & ~repaired)
-        if missing.all():
-            return prepared(data, "include", level, still=still)
-        insists = outliers == "repair" or found.dense
+    rule, found = (None, None) if outliers == "include" else rule_of(values, missing, flat)
+    cleaning = Cleaning(rule, outliers)
+    cleaned = _cleaned(data, values, found, cleaning)
+    if cleaned.missing.all():
+        return prepared(data, "include", level, still=still)
+    values, missing = cleaned.values, cleaned.missing
     if level is not None:
         values = (values - offsets_to_level(values, missing, level)).astype(values.dtype)
     flat = None if flat is None else flat & ~missing
     datum = _datum(values, missing)
     values = _above(values, missing, datum)
-    how = Preparation(data, found, repaired, datum, level is not None, insists, flat)
+    how = Preparation(data, found, cleaned.repaired, datum, level is not None, cleaning, flat)
     data = data if flat is None else replace(data, fixed=data.fixed | flat)
     return (data if values is array_of(data) else _with(data, values, missing)), how
+
+
+@dataclass(frozen=True, eq=False)
+class Cleaned:
+    """A grid without its outliers.
+
+    :ivar values: with those that are replaced; ``missing``: (h, w), with those that are not.
+    :ivar repaired: (h, w), those that were replaced.
+    """
+
+    values: Array
+    missing: Array
+    repaired: Array
+
+
+def _cleaned(data: OnGrid, values: Array, found: Outliers | None, how: Cleaning) -> Cleaned:
+    """A grid whose outliers were found, without them."""
+    missing, repaired = data.missing, np.zeros(data.missing.shape, bool)
+    if found is None:
+        return Cleaned(values, missing, repaired)
+    wanted = found.mask & ~_kept(data, found, how.word) & ~data.fixed
+    values, repaired = filled_from_ring(values, wanted, missing | (found.mask & ~wanted))
+    return Cleaned(values, missing | (found.mask & ~repaired), repaired)
 
 
 def _level(data: OnGrid, values: Array, missing: Array) -> Array | None:
@@ -153,18 +199,27 @@ def _level(data: OnGrid, values: Array, missing: Array) -> Array | None:
     return level if level is not None and level.any() and not (level | missing).all() else None
 
 
-def lowered_by(data: OnGrid, datum: Array, still: LevelRule = "") -> tuple[OnGrid, Preparation]:
-    """A window of a grid for the flow, and its preparation: a datum is subtracted, level regions stay, nothing else is done.
+def lowered_by(
+    data: OnGrid, datum: Array, still: LevelRule = "", cleaning: Cleaning = AS_DATA
+) -> tuple[OnGrid | None, Preparation]:
+    """A window of a grid for the flow, and its preparation, as :func:`prepared` does it with the whole.
 
     :param datum: of the whole grid, () or (k,).
     :param still: what is level in the whole grid.
+    :param cleaning: what is done about outliers.
+    :returns: None in place of the window where no sample is left.
     """
     values = np.ascontiguousarray(array_of(data))
     flat = level_of(values, data.missing, still) if still else None
+    found = None if cleaning.rule is None else outliers_by(cleaning.rule, values, data.missing, flat)
+    cleaned = _cleaned(data, values, found, cleaning)
+    flat = None if flat is None else flat & ~cleaned.missing
+    lowered = _above(cleaned.values, cleaned.missing, datum)
+    how = Preparation(data, found, cleaned.repaired, datum, cleaning=cleaning, level=flat)
+    if cleaned.missing.all():
+        return None, how
     data = data if flat is None else replace(data, fixed=data.fixed | flat)
-    values = _above(values, data.missing, datum)
-    how = Preparation(data, None, np.zeros(data.missing.shape, bool), datum, level=flat)
-    return (data if values is array_of(data) else _with(data, values, data.missing)), how
+    return (data if lowered is array_of(data) else _with(data, lowered, cleaned.missing)), how
 
 
 def _above(values: Array, missing: Array, datum: Array) -> Array:

@@ -4,7 +4,7 @@ import numpy as np
 
 from meshflow.geometry.validation import Array
 
-__all__ = ["filled_from_ring", "neighbours_of"]
+__all__ = ["RINGS", "filled_from_ring", "neighbours_of"]
 
 # The number of rings that are filled; wider regions are not guessed.
 RINGS = 3

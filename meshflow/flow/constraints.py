@@ -136,12 +136,13 @@ class Faithful(Around):
 
     :param flow: an engine.
     :param trust: (n, k), (n, 1) or (1, 1), per time, zero or more; fixed vertices stay.
+    :param most: the largest one of the whole, of which the flow moves a part; None: of these.
     """
 
-    def __init__(self, flow: Flow, trust: Array) -> None:
+    def __init__(self, flow: Flow, trust: Array, most: float | None = None) -> None:
         super().__init__(flow)
         self.trust = trust.astype(flow.start().dtype)
-        self.most = float(trust.max(initial=0.0))
+        self.most = float(trust.max(initial=0.0)) if most is None else most
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """du/dt (n, k), or what the blend makes of it."""

@@ -1,6 +1,6 @@
 """Smooths arrays of dask, and DataArrays of xarray that hold one: lazy in, lazy out, the same chunks."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeGuard
 
@@ -9,15 +9,15 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.request import Request
-from meshflow.flow.compute import Compute
 from meshflow.flow.steppers import Explicit
 from meshflow.geometry.validation import Array, real, spacing_of
 from meshflow.io.adapters.xarray import Described, described
 from meshflow.io.metadata import ReadOptions
-from meshflow.large.census import Census, Counted, counted_in, joined
+from meshflow.large.census import joined
+from meshflow.large.chunk_work import Task, counted_chunk, gone_in, smoothed_chunk
 from meshflow.large.outcome import Outcome
 from meshflow.large.sample import Places, Sample, places_in, sample_from
-from meshflow.large.source import Form, Window, grown
+from meshflow.large.source import Form
 from meshflow.large.windows import Local, Windowed, windowed
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -111,9 +111,11 @@ def smooth_chunked(
     sides = {name: _chunked_as(grid, array, name) for name, array in given.items()}
     free = replace(request.constraints, **dict.fromkeys(given))
     with request.compute.running():
-        run = run or (_unseen(grid.form, request, free) if _is_given(request) else None)
-        run = run or windowed(grid.form, *_asked(grid, request, free, sides))
-    census, chunks = _census(grid), grid.values.chunks
+        most = _most_in(sides["data_weights"]) if "data_weights" in sides else None
+        known = free if most is None else replace(free, data_weights=most)
+        run = run or (_unseen(grid.form, request, known) if _is_given(request) else None)
+        run = run or windowed(grid.form, *_asked(grid, request, free, sides), most)
+    census, chunks = _census(grid, run.local, free, sides), grid.values.chunks
     grid, sides, said = _in_chunks_of(replace(grid, values=_again(grid.values, census)), sides, run.local.halo)
     done = _moved(grid, run.local, free, sides, census)
     back = grid.holding(done.rechunk(chunks) if said else done)
@@ -177,23 +179,12 @@ def _chunked_as(grid: Lazy, given: Any, name: str) -> Chunked:
     return array.rechunk(grid.values.chunks[: array.ndim])
 
 
-def _gone(values: Array, declared: tuple[Any, ...], missing: Array | None, axes: int) -> Array:
-    """Missing samples of a chunk.
-
-    :param axes: of the samples, 2 or 3; one more of the values is that of their channels.
-    """
-    gone = ~np.isfinite(values)
-    for value in declared:
-        gone |= values == values.dtype.type(value)
-    gone = gone if gone.ndim == axes else np.logical_or.reduce(gone, axis=axes)
-    return gone if missing is None else gone | missing
-
-
 def _is_given(request: Request) -> bool:
-    """Whether nothing is left to be found: neither noise, nor method, nor contrast, nor the end."""
+    """Whether nothing is left to be found: neither noise, nor method, nor contrast, nor the end, nor what an outlier is."""
     ended = request.until_time is not None or request.steps is not None
     ruled = request.heights.contrast is not None or request.heights.variant.linear
-    return request.named and ruled and ended and request.noise is not None
+    looked_for = request.outliers in ("keep", "repair")
+    return request.named and ruled and ended and request.noise is not None and not looked_for
 
 
 def _unseen(form: Form, request: Request, free: Constraints) -> Windowed | None:
@@ -211,7 +202,7 @@ def _asked(grid: Lazy, request: Request, free: Constraints, sides: dict[str, Chu
     places = places_in(grid.form)
     parts = _taken([grid.values, *([] if grid.missing is None else [grid.missing]), *sides.values()], places)
     values, missing = parts[0], parts[1] if grid.missing is not None else None
-    gone = _gone(values, grid.declared, missing, len(grid.form.shape))
+    gone = gone_in(values, grid.declared, missing, len(grid.form.shape))
     sample = sample_from(grid.form, places, values, gone)
     own = dict(zip(sides, parts[len(parts) - len(sides) :], strict=True))
     return sample, replace(request, constraints=replace(free, **own))
@@ -233,7 +224,7 @@ def sample_of_chunked(data: object, options: ReadOptions, enough: int) -> tuple[
     grid = _lazy(data, options)
     places = places_in(grid.form, enough)
     parts = _taken([grid.values, *([] if grid.missing is None else [grid.missing])], places)
-    gone = _gone(parts[0], grid.declared, parts[1] if len(parts) > 1 else None, len(grid.form.shape))
+    gone = gone_in(parts[0], grid.declared, parts[1] if len(parts) > 1 else None, len(grid.form.shape))
     return grid.form, sample_from(grid.form, places, parts[0], gone)
 
 
@@ -288,21 +279,55 @@ def _again(values: Chunked, census: object) -> Chunked:
     return bind(values, census) if layers and simple else values
 
 
+def _most_in(weights: Chunked) -> float:
+    """The largest of weights, which shortens all steps; it is computed."""
+    import dask.array as da
+
+    return float(da.max(weights).compute())
+
+
+def _around(grid: Lazy, sides: dict[str, Chunked], depth: tuple[int, ...]) -> dict[str, Chunked]:
+    """The values, the missing samples and what else is given for each sample, every chunk with its halo.
+
+    :param depth: of each axis, how many lines of its neighbours a chunk has on each side.
+    """
+    from dask.array.overlap import overlap
+
+    given = {"values": grid.values, **({} if grid.missing is None else {"missing": grid.missing}), **sides}
+    if not any(depth):
+        return given
+    axes = len(depth)
+    wide = {axis: depth[axis] if axis < axes else 0 for axis in range(axes + 1)}
+    return {
+        name: overlap(array, {axis: wide[axis] for axis in range(array.ndim)}, boundary="none")
+        for name, array in given.items()
+    }
+
+
+def _task(grid: Lazy, local: Local, free: Constraints, halo: int, sides: Iterable[str]) -> Task:
+    """What the chunks of a grid are told.
+
+    :param halo: how many lines of their neighbours they have on each side.
+    :param sides: the names of what else is given for each sample.
+    """
+    chunks = grid.values.chunks[: len(grid.form.shape)]
+    depth = tuple(halo if len(one) > 1 else 0 for one in chunks)
+    names = ("values", *(() if grid.missing is None else ("missing",)), *sides)
+    return Task(local, chunks, grid.declared, free, depth, names)
+
+
 def _moved(grid: Lazy, local: Local, free: Constraints, sides: dict[str, Chunked], census: object) -> Chunked:
     """The smoothed values."""
     import dask.array as da
-    from dask.array.overlap import overlap
 
     values, axes = grid.values, len(grid.form.shape)
-    depth = {axis: local.halo if len(values.chunks[axis]) > 1 else 0 for axis in range(axes)}
-    names = [*(["missing"] if grid.missing is not None else []), *sides]
-    arrays = [values, *([] if grid.missing is None else [grid.missing]), *sides.values()]
-    wide = [overlap(array, {**depth, **({axes: 0} if array.ndim > axes else {})}, boundary="none") for array in arrays]
-    pairs = [part for array in wide for part in (array, LETTERS[: array.ndim])]
+    task = _task(grid, local, free, local.halo, sides)
+    around = _around(grid, sides, task.depth).values()
+    pairs = [part for array in around for part in (array, LETTERS[: array.ndim])]
     numbers = [da.from_array(np.arange(count), (1,)) for count in values.numblocks[:axes]]  # type: ignore[arg-type]
     lines = [part for array, index in zip(numbers, LETTERS, strict=False) for part in (array, index)]
     return da.blockwise(
-        _block,
+        smoothed_chunk,
         LETTERS[: values.ndim],
         *lines,
         *pairs,
@@ -310,74 +335,22 @@ def _moved(grid: Lazy, local: Local, free: Constraints, sides: dict[str, Chunked
         align_arrays=False,
         adjust_chunks=dict(zip(LETTERS, values.chunks, strict=False)),
         meta=np.zeros((0,) * values.ndim, values.dtype),
-        names=tuple(names),
-        task=_Task(local, values.chunks[:axes], grid.declared, free, tuple(depth.values())),
+        task=task,
         census=census,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """What every chunk is told.
-
-    :ivar chunks: of each axis.
-    :ivar depth: of each axis, how many lines of its neighbours it has on each side.
-    """
-
-    local: Local
-    chunks: tuple[tuple[int, ...], ...]
-    declared: tuple[Any, ...]
-    free: Constraints
-    depth: tuple[int, ...]
-
-
-def _block(*parts: Array, names: tuple[str, ...], task: _Task, census: Census) -> Array:
-    """The smoothed values of a chunk.
-
-    :param parts: of each axis (1,), the number of the chunk along it; its values; and what ``names`` names, with their halo.
-    """
-    axes = len(task.chunks)
-    values, own = parts[axes], dict(zip(names, parts[axes + 1 :], strict=True))
-    missing = _gone(values, task.declared, own.pop("missing", None), axes)
-    inner = _window(task.chunks, [int(number[0]) for number in parts[:axes]])
-    bound = task.local.over(census)
-    shape = task.local.form.shape
-    outer = tuple(grown(inner, depth, shape)[axis] for axis, depth in enumerate(task.depth))
-    compute: Compute = bound.plan.request.compute
-    with compute.running():
-        return bound.moved((inner, outer), values, missing, replace(task.free, **own))
-
-
-def _window(chunks: tuple[tuple[int, ...], ...], numbers: Sequence[int]) -> Window:
-    """The window of a chunk.
-
-    :param numbers: of the chunk along each axis.
-    """
-    begins = [sum(sizes[:i]) for sizes, i in zip(chunks, numbers, strict=True)]
-    return tuple(slice(begin, begin + sizes[i]) for begin, sizes, i in zip(begins, chunks, numbers, strict=True))
-
-
-def _census(grid: Lazy) -> Any:
-    """The count of the whole, delayed."""
+def _census(grid: Lazy, local: Local, free: Constraints, sides: dict[str, Chunked]) -> Any:
+    """The count of the whole, delayed; without its outliers where they are not taken as data."""
     import dask
 
-    count = dask.delayed(_counted)  # type: ignore[attr-defined]
-    axes = len(grid.form.shape)
-    blocks = grid.values.to_delayed().reshape(grid.values.numblocks[:axes])
-    masks = None if grid.missing is None else grid.missing.to_delayed()
-    counts = [
-        count(
-            _window(grid.values.chunks[:axes], at),
-            block,
-            None if masks is None else masks[at],
-            grid.declared,
-            grid.form,
-        )
-        for at, block in np.ndenumerate(blocks)
+    count = dask.delayed(counted_chunk)  # type: ignore[attr-defined]
+    rule = local.cleaning.rule is not None
+    grid, sides, _ = _in_chunks_of(grid, sides if rule else {}, local.reach if rule else 0)
+    task = _task(grid, local, free, local.reach if rule else 0, sides)
+    each = [
+        array.to_delayed().reshape(grid.values.numblocks[: len(task.chunks)])
+        for array in _around(grid, sides, task.depth).values()
     ]
+    counts = [count(at, *(blocks[at] for blocks in each), task=task) for at in np.ndindex(each[0].shape)]
     return dask.delayed(joined)(counts, grid.form)  # type: ignore[attr-defined]
-
-
-def _counted(window: Window, values: Array, missing: Array | None, declared: tuple[Any, ...], form: Form) -> Counted:
-    """The count of one chunk."""
-    return counted_in(window, values, _gone(values, declared, missing, len(form.shape)), form)

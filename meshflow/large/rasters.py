@@ -15,6 +15,7 @@ from meshflow.io.formats.rasters import notes_on, period_of, spacing_in, unlike_
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.spacing import height_unit, said_of_turn
 from meshflow.large.census import Census, bands, census_of
+from meshflow.large.cleaning import bound_over
 from meshflow.large.marks import marked
 from meshflow.large.memory import Budget
 from meshflow.large.outcome import Outcome, Removed
@@ -88,7 +89,10 @@ def smooth_raster(
         if writing.uncertainty is not None:
             must_have_error(run.found)
         sheet = Sheet(source, source, (slice(0, source.form.shape[0]), slice(0, source.form.shape[1])))
-        outcome = written(sheet, Run(run, run.local.over(census), census, request), target, writing, progress)
+        with reporting(progress, "looking for outliers") as report:
+            at_once = writing.budget.counted(source.form)
+            bound = bound_over(run.local, source, request.constraints, census, report, at_once)
+        outcome = written(sheet, Run(run, bound, census, request), target, writing, progress)
     return replace(outcome, notes=(*notes, *more, *outcome.notes))
 
 

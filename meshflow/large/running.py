@@ -1,10 +1,11 @@
 """Runs one window of a grid, whatever file it lies in: the smoothed values, and the expected error of each sample."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from meshflow.estimate.noise_fields import NoiseFields
+from meshflow.estimate.preparation import AS_DATA
 from meshflow.estimate.request import Request
 from meshflow.geometry.validation import Array
 from meshflow.large.census import Census
@@ -57,25 +58,33 @@ def smoothed(grid: Source, run: Run, inner: Window, *, with_error: bool = False)
     wide = grown(inner, halo, shape) if with_error else inner
     outer = grown(wide, halo, shape)
     values, missing = grid.read(outer)
-    done = run.bound.moved((wide, outer), values, missing, part_of(run.request.constraints, shape, outer))
-    at = within(inner, outer)
-    error = _error_of(run, (inner, wide), done, missing[within(wide, outer)]) if with_error else None
+    held = part_of(run.request.constraints, shape, outer)
+    done = run.bound.moved((wide, outer), values, missing, held)
+    at, error = within(inner, outer), None
+    if with_error:
+        left_out = run.bound.local.cleaned(values, missing, outer[0], held)[1]
+        error = _error_of(run, (inner, wide), done, left_out[within(wide, outer)])
     return Done(values[at], done[within(inner, wide)], missing[at], error)
 
 
 def _error_of(run: Run, windows: tuple[Window, Window], done: Array, missing: Array) -> Array:
-    """The expected error (r, c) or (r, c, k) of a window.
+    """The expected error (r, c) or (r, c, k) of a window; NaN where samples are missing, or were left out.
 
     :param windows: the one that is asked for, and it with its halo.
-    :param done: the result in the latter; ``missing``: (r, c).
+    :param done: the result in the latter; ``missing``: (r, c), with the samples that were left out.
     """
     inner, wide = windows
     at, found = within(inner, wide), run.found.found
     if found.idle is not None:
-        return np.full_like(done[at], found.noise.sigma)
-    again = _Again(run, windows, missing)
-    fields = NoiseFields(found.noise, run.bound.local.form.channels)
-    return spread_around(done, (rows_and_columns(at), rows_and_columns(wide)), again, fields)
+        error = np.full_like(done[at], found.noise.sigma)
+    else:
+        # What is left out is missing now; nothing else is an outlier.
+        bound = replace(run.bound, local=replace(run.bound.local, cleaning=AS_DATA))
+        again = _Again(replace(run, bound=bound), windows, missing)
+        fields = NoiseFields(found.noise, bound.local.form.channels)
+        error = spread_around(done, (rows_and_columns(at), rows_and_columns(wide)), again, fields)
+    error[missing[at]] = np.nan
+    return error
 
 
 @dataclass(frozen=True, eq=False)

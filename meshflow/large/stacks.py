@@ -12,8 +12,8 @@ from meshflow.estimate.request import Request
 from meshflow.geometry.options import named_fields
 from meshflow.io.adapters.xarray import from_object, further_dimensions
 from meshflow.io.metadata import ReadOptions
-from meshflow.large.census import census_of
 from meshflow.large.chunks import is_chunked, run_of_given, sample_of_chunked, smooth_chunked
+from meshflow.large.cleaning import bound_over
 from meshflow.large.outcome import Outcome, Removed
 from meshflow.large.sample import ENOUGH, Places, Sample, part_of, sample_of
 from meshflow.large.source import Form, Held, OnGrid
@@ -211,6 +211,7 @@ def _as_planned(
     whole = tuple(slice(0, size) for size in data.missing.shape)
     held = part_of(request.constraints, data.missing.shape, whole)
     before = array_of(data)
-    after = run.local.over(census_of(Held(data))).moved((whole, whole), before, data.missing, held)
+    bound = bound_over(run.local, Held(data), request.constraints)
+    after = bound.moved((whole, whole), before, data.missing, held)
     removed.add(before, after, data.missing)
     return imported.to_object(run.local.form.data(after, data.missing))

@@ -16,6 +16,7 @@ from meshflow.io.formats.raster_windows import raster_read
 from meshflow.io.formats.rasters import spacing_in
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.census import Census, Counted, bands, counted_in, joined
+from meshflow.large.cleaning import bound_over
 from meshflow.large.outcome import Outcome
 from meshflow.large.outputs import Output, must_be_stored, must_be_writable
 from meshflow.large.rasters import Gridded, Sheet, counted, gridded, written
@@ -113,7 +114,7 @@ def smooth_together(
         survey = _laid(tiles, options)
         census = joined(survey.counts(writing.budget.counted(survey.form)), survey.form)
         run = windowed(survey.form, sample_of(survey, writing.budget.sample(survey.form, ENOUGH)), request)
-        bound = run.local.over(census)
+        bound = bound_over(run.local, survey, request.constraints, census, at_once=writing.budget.counted(survey.form))
         for tile in survey.tiles:
             sheet, own = Sheet(tile.file, survey, tile.place), Run(run, bound, tile.census, request)
             try:

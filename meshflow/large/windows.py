@@ -11,11 +11,12 @@ from meshflow.estimate.base import base_of, base_reach
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.heights import limit_of
 from meshflow.estimate.plan import Plan
-from meshflow.estimate.planner import constrained, oriented, staying
+from meshflow.estimate.planner import constrained, oriented, pull_of, staying
 from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.plateaus import LEVEL_REACH, Level, level_rule
-from meshflow.estimate.preparation import lowered_by
+from meshflow.estimate.preparation import AS_DATA, Cleaning, lowered_by
 from meshflow.estimate.request import Request
+from meshflow.flow.constraints import trust_of
 from meshflow.flow.methods.beltrami import Patches
 from meshflow.geometry.validation import Array
 from meshflow.large.census import Census
@@ -44,6 +45,7 @@ class Local:
     :ivar halo: how many samples around a window decide what it becomes.
     :ivar based: whether it is smoothed above a base.
     :ivar still: what is level and stays.
+    :ivar cleaning: what is done about outliers.
     """
 
     form: Form
@@ -51,6 +53,28 @@ class Local:
     halo: int
     based: bool = False
     still: Level = ""
+    cleaning: Cleaning = AS_DATA
+
+    @property
+    def reach(self) -> int:
+        """How far away a sample decides whether another one is an outlier, and what it then becomes."""
+        return self.cleaning.reach + (LEVEL_REACH if self.still else 0)
+
+    def cleaned(self, values: Array, missing: Array, rows: slice, constraints: Constraints) -> tuple[Array, Array]:
+        """The values of a window without outliers, and its missing samples with them, as the whole is counted.
+
+        :param values: (r, c) or (r, c, k); ``missing``: (r, c).
+        :param rows: of the grid; ``constraints``: of the window.
+        """
+        if self.cleaning.rule is None or missing.all():
+            return values, missing
+        data = self.form.data(values, missing, rows)
+        request = replace(self.plan.request, constraints=constraints)
+        held = constrained(data, request, staying(data, request))[0]
+        if isinstance(held, Volume):
+            return values, missing
+        lowered, _ = lowered_by(held, np.zeros(self.form.tail), self.still, self.cleaning)
+        return (values, np.ones_like(missing)) if lowered is None else (array_of(lowered), lowered.missing)
 
     def over(self, census: Census) -> "Bound":
         """The same with what a window must know of the samples of the whole."""
@@ -83,31 +107,40 @@ class Bound:
         :param constraints: likewise.
         """
         inner, outer = windows
-        at = within(inner, outer)
-        if self.plan.idle is not None or missing[at].all():
+        at, idle = within(inner, outer), self.plan.idle is not None
+        if missing[at].all() or (idle and not self.local.cleaning.insists):
             return values[at]
         plan = self._plan(self.local.form.data(values, missing, outer[0]), constraints)
-        done = plan.result(end_of(plan).u)
-        return array_of(done)[at]
+        if plan is None:
+            return values[at]
+        return array_of(plan.result(None if idle else end_of(plan).u))[at]
 
-    def _plan(self, data: OnGrid, constraints: Constraints) -> Plan:
-        """The plan of a window."""
+    def _plan(self, data: OnGrid, constraints: Constraints) -> Plan | None:
+        """The plan of a window; None where no sample of it is left to be moved."""
         request = replace(self.plan.request, constraints=constraints)
         held, request, mobility = constrained(data, request, staying(data, request))
         if isinstance(held, Volume):
             most = limit_of(held, request, self.plan.noise)[0]
-            return replace(self.plan, data=held, request=request, mobility=mobility, max_change=most)
-        lowered, how = lowered_by(held, self.datum, self.local.still)
+            return self._pulled(replace(self.plan, data=held, request=request, mobility=mobility, max_change=most))
+        lowered, how = lowered_by(held, self.datum, self.local.still, self.local.cleaning)
+        if lowered is None:
+            return None
         turned, request, mobility = oriented(lowered, request, mobility, self.plan.orientation)
         most = limit_of(turned, request, self.plan.noise)[0]
-        plan = replace(
-            self.plan, data=turned, request=request, mobility=mobility, preparation=how, max_change=most, base=None
+        plan = self._pulled(
+            replace(
+                self.plan, data=turned, request=request, mobility=mobility, preparation=how, max_change=most, base=None
+            )
         )
         if not self.local.based or not isinstance(plan.whole, Whole):
             return plan
         grid = replace(turned.gridded(plan.lift), whole=plan.whole)
         sigma = plan.noise.sigma * request.strength
         return replace(plan, base=base_of(grid, sigma, request.compute.threads))
+
+    def _pulled(self, plan: Plan) -> Plan:
+        """The plan of a window with the data weights of its samples."""
+        return plan if plan.request.constraints.data_weights is None else replace(plan, pull=pull_of(plan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,14 +182,6 @@ def must_be_local(request: Request) -> None:
         "stop": (bool(request.stops), "it is met by the whole at once; give a time"),
         "second_stage": (bool(request.heights.second_stage), "its groups of patches are sought around each sample"),
         "level": (request.level is not None, "an offset is that of a whole line"),
-        f"outliers={request.outliers!r}": (
-            request.outliers in ("keep", "repair"),
-            "they are found by all samples; declare what is missing (nodata)",
-        ),
-        "data_weights": (
-            np.ndim(held.data_weights) > 0,
-            "the largest of them shortens all steps; give one for all samples",
-        ),
         "max_change='step'": (isinstance(held.max_change, str), "steps are found by all samples; give a number"),
         "domain": (request.domain not in ("auto", "length"), "of range images, and of pictures in memory"),
     }
@@ -165,10 +190,11 @@ def must_be_local(request: Request) -> None:
             raise InputError(f"{word}: not by windows, {why}")
 
 
-def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
+def windowed(form: Form, sample: Sample, request: Request, most_weight: float | None = None) -> Windowed:
     """The plan for the windows of a grid, found on a sample of it.
 
     :param request: of the caller, with constraints of the whole grid.
+    :param most_weight: the largest data weight of the whole; None: that of the request.
     :raises InputError: for what cannot be done by windows.
     """
     must_be_local(request)
@@ -176,8 +202,10 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     found, warnings = _found(sample.data, replace(request, constraints=sample.of(request.constraints, form.shape)))
     if not sample.is_whole:
         share = sample.data.missing.size / form.samples
+        found = replace(found, warnings=_of_tiles(found))
         warnings += (f"noise and choice are from tiles spread over the whole, {share:.1%} of it",)
-    whole = _whole_of(form, found)
+    whole, cleaning = _whole_of(form, found), AS_DATA if found.preparation is None else found.preparation.cleaning
+    found = replace(found, most_pull=_most_pull(found, request, most_weight))
     fixed, rates = with_given_steps(replace(found, whole=whole, preparation=None))
     found = replace(found, noise=found.noise.oriented(found.orientation.inverse))
     plan = replace(
@@ -187,6 +215,7 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
         candidates=(),
         mobility=None,
         stays=None,
+        pull=None,
         max_change=None,
         base=None,
         request=replace(fixed.request, constraints=FREE),
@@ -195,8 +224,16 @@ def windowed(form: Form, sample: Sample, request: Request) -> Windowed:
     halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
     halo += 0 if found.base is None or whole is None else base_reach(whole)
     still = "" if request.named or request.timed else _level_in(sample.data)
-    halo += LEVEL_REACH if still else 0
-    return Windowed(found, Local(form, plan, halo, found.base is not None, still), warnings)
+    local = Local(form, plan, halo, found.base is not None, still, cleaning)
+    return Windowed(found, replace(local, halo=halo + local.reach), warnings)
+
+
+def _most_pull(found: Plan, request: Request, most: float | None) -> float | None:
+    """The largest data weight of the whole, per time: it shortens all steps."""
+    weights = request.constraints.data_weights
+    if weights is None:
+        return None
+    return float(trust_of(np.max(weights) if most is None else most, (), 1, found.lift.contrast).max())
 
 
 def _whole_of(form: Form, found: Plan) -> Whole | None:
@@ -250,16 +287,13 @@ def _found(data: OnGrid, request: Request) -> tuple[Plan, tuple[str, ...]]:
     if found.groups is not None:
         found = replace(found, groups=None)
         warnings += ("a second stage would lower the error; it is not done by windows",)
-    how = found.preparation
-    if how is not None and how.outliers is not None and request.outliers is None:
-        count = int(how.outliers.mask.sum())
-        warnings += (
-            f"{count} of {data.missing.size} samples looked at are outliers; by windows they are taken as data: declare what is "
-            "missing (nodata)",
-        )
-        kept = tuple(word for word in found.warnings if word not in how.warnings(found.idle is not None))
-        found = replace(found, warnings=kept)
     return found, warnings
+
+
+def _of_tiles(found: Plan) -> tuple[str, ...]:
+    """The warnings of a plan; those on outliers and level regions count what is in the tiles."""
+    counted = () if found.preparation is None else found.preparation.warnings(found.idle is not None)
+    return tuple(f"of the tiles looked at: {word}" if word in counted else word for word in found.warnings)
 
 
 def _uniform(plan: Plan) -> bool:

@@ -133,6 +133,8 @@ class _Rerun:
             else replace(after, values=values, missing=self.out)
         )
         lowered, how = lowered_by(made, plan.preparation.datum)
+        if lowered is None:
+            return values
         turned = replace(lowered.oriented(plan.orientation), fixed=self.data.fixed)
         known = array_of(self.data)[~self.data.missing]
         ends = Whole(turned.spacing, (float(known.min()), float(known.max())))

@@ -264,7 +264,7 @@ def engine_of(plan: Plan) -> Flow:
 def _steered(engine: Flow, plan: Plan) -> Flow:
     """The engine with the mobility and the data weights of a plan."""
     flow = slowed(engine, plan.mobility)
-    return flow if plan.pull is None else Faithful(flow, plan.pull)
+    return flow if plan.pull is None else Faithful(flow, plan.pull, plan.most_pull)
 
 
 def _without_harm(data: Data, done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshflow.large.census import census_of
+from meshflow.large.cleaning import bound_over
 from meshflow.large.sample import part_of, sample_of
 from meshflow.large.source import Held, grown, tiled
 from meshflow.large.windows import windowed
@@ -13,7 +13,7 @@ def by_windows(data, request, sides, enough=1 << 22, side=16):
     """All windows of a grid, one after the other."""
     source = Held(data)
     found = windowed(source.form, sample_of(source, enough, side), request)
-    bound = found.local.over(census_of(source, at_once=700))
+    bound = bound_over(found.local, source, request.constraints, at_once=700)
     done = np.full_like(array_of(data), np.nan)
     for window in tiled(source.form.shape, sides):
         outer = grown(window, found.halo, source.form.shape)
