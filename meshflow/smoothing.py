@@ -129,8 +129,8 @@ def smooth(
     :param boundary: the condition at borders and holes: ``plane-preserving | neumann | fixed``, for meshes also ``border-curve``.
     :param domain: ``length``; of range images ``disparity``: inverse depths are smoothed; of colours ``luv``, ``lab`` or
         ``linear-rgb``: they are smoothed there. The parameters refer to it; ``noise``, and ``MaxChange`` of depths, do not.
-    :param outliers: samples of a grid that are not of the data (undeclared nodata, impulses): ``keep`` (as they are, left out),
-        ``repair`` (from their neighbours) or ``include`` (as data). None: repair single ones of images, else keep.
+    :param outliers: samples of grids, values of points and vertices that are not of the data (nodata, impulses, spikes): ``keep``
+        (left out), ``repair`` (from neighbours) or ``include``. None: repair single ones of images and vectors, else keep.
     :param level: ``rows`` or ``columns`` of a grid that are shifted against each other.
     :param compute: stepper, threads, triangulation.
     :param progress: None, True (a bar on stderr) or a callable ``(done, total)``.

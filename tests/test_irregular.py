@@ -113,6 +113,28 @@ def test_no_triangle_faces_the_rim_with_a_wide_angle():
     assert len(np.unique(mesh.faces)) == len(PLACES)  # no point has lost its triangles
 
 
+def test_spikes_are_left_out_and_kept_or_replaced_and_the_others_are_as_smooth_as_without_them():
+    truth = np.sin(PLACES[:, 0] / 6)
+    values = truth + 0.1 * NOISE
+    spikes = np.random.default_rng(4).random(500) < 0.03
+    spiked = values + np.where(spikes, np.where(NOISE > 0, 9.0, -5.0), 0.0)
+    clean = np.std((meshflow.smooth(Scattered(PLACES, values)).values - truth)[~spikes])
+    found = meshflow.smooth(Scattered(PLACES, spiked), result=True)
+    assert np.array_equal(found.data.values[spikes], spiked[spikes])
+    assert np.std((found.data.values - truth)[~spikes]) < 1.15 * clean
+    assert found.warnings[0].startswith(f"{spikes.sum()} of 500 values are spikes, far from all around: left out")
+    repaired = meshflow.smooth(Scattered(PLACES, spiked), outliers="repair", result=True)
+    assert np.abs(repaired.data.values - truth)[spikes].max() < 0.5
+    assert "replaced by a plane" in repaired.warnings[0]
+    assert not meshflow.smooth(Scattered(PLACES, spiked), outliers="include", result=True).warnings
+    assert meshflow.estimate_noise(Scattered(PLACES, spiked)).sigma == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize("values", [np.hypot(*(PLACES - 20).T), (PLACES[:, 0] > 20) * 9.0 + NOISE, np.round(NOISE)])
+def test_cones_steps_and_levels_have_no_spikes(values):
+    assert not meshflow.smooth(Scattered(PLACES, values), result=True).warnings
+
+
 # Curvilinear and rectilinear grids
 
 

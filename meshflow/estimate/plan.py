@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from meshflow.estimate.channel_spikes import ValueSpikes
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.preparation import Preparation
@@ -87,6 +88,7 @@ class Plan:
     :ivar groups: the second stage, of groups of similar patches; None: the flow alone.
     :ivar base: (k, h, w), the base of a grid, relative to which it is smoothed; None: zero.
     :ivar preparation: of the samples of a grid before the flow; else None.
+    :ivar spikes: of the channels of a mesh, which ``data`` has no more; None: it had none.
     :ivar whole: of the grid, or the volume, of which ``data`` is a window; None: it is the whole.
     """
 
@@ -113,6 +115,7 @@ class Plan:
     base: Array | None = None
     preparation: Preparation | None = None
     groups: PatchGroups | None = None
+    spikes: ValueSpikes | None = None
     whole: Whole | WholeVolume | None = None
 
     @property
@@ -144,6 +147,8 @@ class Plan:
     def result(self, u: Array | None = None) -> Data:
         """The data of the caller with coordinates u (n, k) of the flow; None: for a run that does nothing."""
         done = self.data if u is None else self._lowered(u)
+        if isinstance(done, Mesh) and self.spikes is not None:
+            return self.spikes.restored(done, u is None)
         if isinstance(done, (Mesh, RangeImage, TetMesh, Volume)):
             return done
         done = done.oriented(self.orientation.inverse)

@@ -6,6 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.estimate.channel_spikes import ValueSpikes, without_value_spikes
 from meshflow.estimate.heights import along_rays, as_they_are, limit_of, tuned
 from meshflow.estimate.mesh_noise import noise_on
 from meshflow.estimate.mesh_parts import noise_by_parts, turned_alike
@@ -64,7 +65,8 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         if data.channels is None or data.moves == "points":
             whole = data.points.shape[1] == 3
             return noise_by_parts(turned_alike(data)[0])[0] if whole else noise_on(data.points, data.faces)
-        return noise_on(data.channels, data.faces, data.points)
+        cleaned = without_value_spikes(data)[0].channels
+        return noise_on(data.channels if cleaned is None else cleaned, data.faces, data.points)
     if isinstance(data, RangeImage):
         return _noise_along(data, _unseen(data.missing, mask))[0]
     if isinstance(data, Volume):
@@ -108,6 +110,7 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
         if request.is_open and request.outliers != "include":
             data, spikes = without_spikes(data)
             warnings += spikes
+    data, values = _spiked(data, request)
     data, noise, why = _with_noise(data, request, mask, (how, way))
     (data, rims), rough = with_smooth_rims(data, request, noise), data
     warnings += excessive(data, request, noise)
@@ -136,10 +139,20 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     if how is not None:
         warnings = (*how.warnings(found.idle is not None), *warnings)
         found = replace(found, idle=None if found.idle is None else how.beside(found.idle))
+    if values is not None:
+        warnings = (values.warning(found.idle is not None), *warnings)
+    warnings = (*warnings, *found.warnings)
     found = replace(
-        found, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=(*warnings, *found.warnings)
+        found, spikes=values, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=warnings
     )
     return with_second_stage(ended(within_noise(held(found))))
+
+
+def _spiked(data: SurfaceData, request: Request) -> tuple[SurfaceData, ValueSpikes | None]:
+    """The data without the spikes of its channels, and these; looked for where all is open, or the caller says what to do."""
+    if not isinstance(data, Mesh) or data.moves != "channels" or request.outliers == "include":
+        return data, None
+    return without_value_spikes(data, request.outliers) if request.is_open or request.outliers else (data, None)
 
 
 def _of_lines(noise: Noise) -> tuple[str, ...]:
@@ -234,6 +247,8 @@ def _with_noise(
         (noise, clean), why = noise_by_parts(data), ""
         if request.is_open:
             data = replace(data, fixed=data.fixed | clean)
+    elif isinstance(data, Mesh) and data.channels is not None:  # whose spikes are found
+        noise, why = noise_on(data.channels, data.faces, data.points), ""
     else:
         noise, why = noise_in(data, mask), ""
     if request.noise is not None:

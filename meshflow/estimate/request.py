@@ -67,8 +67,8 @@ class Request:
     )
     outliers: OutlierWord | None = option(
         None,
-        "Outliers (undeclared nodata, impulses): keep leaves them out of the flow and unchanged, repair replaces them from their "
-        "neighbours, include takes them as data. Default: repair single ones of images, else keep.",
+        "Outliers (undeclared nodata, impulses, spikes): keep leaves them out of the flow and unchanged, repair replaces them "
+        "from their neighbours, include takes them as data. Default: repair single ones of images, else keep.",
     )
     level: Level | None = option(None, "Remove offsets of rows or columns, as scan lines have them. Default: none.")
     compute: Compute = Compute()

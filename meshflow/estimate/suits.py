@@ -27,9 +27,15 @@ def must_suit(data: Data, request: Request) -> None:
             raise InputError(f"{word}: of range images only, got {kind}")
     if request.compute.diagonals != Compute().diagonals and isinstance(data, Mesh):
         raise InputError(f"diagonals: of grids, whose cells become triangles; got {kind}, which has its own triangles")
-    for word, given in (("outliers", request.outliers), ("level", request.level)):
-        if given is not None and isinstance(data, (Mesh, RangeImage)):
-            raise InputError(f"{word}: of height fields and images only, got {kind}")
+    if request.level is not None and isinstance(data, (Mesh, RangeImage)):
+        raise InputError(f"level: of height fields and images only, got {kind}")
+    if request.outliers is not None and (
+        isinstance(data, RangeImage) or (isinstance(data, Mesh) and data.moves != "channels")
+    ):
+        raise InputError(
+            f"outliers: of height fields, images and values of vertices only, got "
+            f"{'a mesh whose points move' if isinstance(data, Mesh) else kind}"
+        )
     if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
         raise InputError(f"triangles: of meshes only, got {kind}")
     _must_be_defined(data, request)
