@@ -97,7 +97,7 @@ def _spikes(data: Mesh, channels: Array) -> tuple[Array, Array]:
         suspects = (off > least).any(axis=1) & (gain > 1.0) & ~mask
         if suspects.mean() > MOST:
             return np.zeros(n, bool), channels
-        around, free = (near, suspects), np.flatnonzero(suspects & ~data.fixed)
+        around, free = (near, suspects), np.flatnonzero(suspects & ~data.fixed).tolist()
         found = [i for i in free if _put_on_plane(i, data.points, cleaned, around, least)]
         if not found:
             break
