@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from meshflow.estimate.jpeg import Jpeg
+from meshflow.estimate.noise_by_intensity import ByIntensity
 from meshflow.estimate.noise_channels import spectra_of
 from meshflow.estimate.noise_growth import MAD, residuals
 from meshflow.estimate.noise_lines import line_offsets
@@ -15,6 +16,7 @@ from meshflow.estimate.patch_noise import patch_noise
 from meshflow.estimate.quantization import quantum_of, terraced
 from meshflow.estimate.ring_fill import filled_from_ring
 from meshflow.estimate.spread import spread_tiles
+from meshflow.estimate.stabilizer import Stabilizer
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.orientation import Orientation
@@ -61,8 +63,8 @@ class Noise:
     :ivar quantum: smallest step between values of quantized data; 0 for continuous values.
     :ivar channels: sigma of each channel.
     :ivar share: of the samples whose differences are multiples of the quantum; 0 without a quantum.
-    :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise, and rough surfaces), ``differences``, the steps of a
-        compression, or ``nothing`` for too few samples.
+    :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise, and rough surfaces), ``differences``, ``intensity``
+        (blocks of each intensity, where the noise depends on it), the steps of a compression, or ``nothing`` for too few samples.
     :ivar correlation: (2 r + 1, 2 r + 1), correlation of samples by lag in rows and columns, 1 in the middle; None: the noise
         is white.
     :ivar length: standard deviation, in samples, of the Gaussian filter that gives white noise the same correlation of
@@ -71,6 +73,8 @@ class Noise:
     :ivar between: (k, k), the correlation between channels; None for one channel, or if it cannot be estimated.
     :ivar lines: offsets of rows and columns.
     :ivar doubt: why the estimate is uncertain, in words; empty for a reliable one.
+    :ivar by_intensity: of each channel the deviation by intensity, where that depends on it; the other numbers are then those at
+        the median intensity. Empty: it does not.
     """
 
     sigma: float
@@ -84,6 +88,7 @@ class Noise:
     between: Array | None = None
     lines: Lines = field(default_factory=Lines)
     doubt: str = ""
+    by_intensity: tuple[ByIntensity | None, ...] = ()
 
     @property
     def is_rounded(self) -> bool:
@@ -98,6 +103,25 @@ class Noise:
         """The noise with given standard deviations of the samples (n,), as one number: the root mean square."""
         mean = float(np.sqrt(np.mean(np.square(each, dtype=np.float64))))
         return replace(self, sigma=mean, channels=(mean,), how="given")
+
+    def stabilized(self, by: Stabilizer) -> "Noise":
+        """The noise of stabilized values, of at least the deviations that the stabilizer says, unless it is correlated."""
+        known = replace(self, by_intensity=by.noise, doubt="")
+        if self.correlation is not None:
+            return known
+        found = tuple(max(one, own) for one, own in zip(by.least, self.channels, strict=True))
+        return replace(known, sigma=_mean_square(found), channels=found, how="intensity")
+
+    def relative(self, values: Array) -> Array | float:
+        """The deviation at values (h, w) or (h, w, k) over that at the median intensity; 1 where it does not depend on them."""
+        if not self.by_intensity:
+            return 1.0
+        made = np.ones(values.shape)
+        planes, stack = (a.reshape(*values.shape[:2], -1) for a in (made, values))
+        for k, one in enumerate(self.by_intensity):
+            if one is not None:
+                planes[..., k] = one.at(stack[..., k]) / one.usual
+        return made
 
     def of_compression(self, found: Jpeg | None) -> "Noise":
         """The noise of a picture with the error of its compression; the same where other noise is stronger."""
@@ -129,6 +153,7 @@ class Noise:
             alike = max(rows, columns) < 1.3 * max(min(rows, columns), 0.1)
             each = f"{self.length:.2g} samples" if alike else f"{rows:.2g} rows and {columns:.2g} columns"
             said.append(f"the noise is correlated over about {each}")
+        said += [f"the noise depends on the intensity: {one}" for one in self.by_intensity if one is not None]
         if self.doubt:
             said.append(self.warning)
         return tuple(said)
@@ -145,6 +170,7 @@ class Noise:
             "lengths": list(self.lengths),
             "between": None if self.between is None else self.between.tolist(),
             "lines": {"rows": self.lines.rows, "columns": self.lines.columns},
+            "by_intensity": [None if one is None else one.to_dict() for one in self.by_intensity],
             "doubt": self.doubt,
         }
 

@@ -22,6 +22,7 @@ from meshflow.estimate.rims import with_smooth_rims
 from meshflow.estimate.schemes import within_noise
 from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.spikes import without_spikes
+from meshflow.estimate.stabilized import with_constant_noise
 from meshflow.estimate.suits import must_suit
 from meshflow.estimate.tet_search import noise_in_body
 from meshflow.estimate.volume_noise import noise_of_volume
@@ -73,7 +74,7 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         return noise_of_volume(data.values, _unseen(data.missing, mask), data.spacing)
     if isinstance(data, TetMesh):
         return noise_in_body(data, mask)
-    data, how = prepared(data)
+    data, how = with_constant_noise(*prepared(data), Request())
     way = orientation_of(array_of(data), data.missing, data.spacing)
     found = _noise_prepared(data.oriented(way), how, None if mask is None else way.of(mask), way)
     return found.oriented(way.inverse)
@@ -84,6 +85,8 @@ def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | N
     noise = noise_of(array_of(data), _unseen(data.missing | way.of(how.unseen), mask))
     if 0 < noise.sigma <= how.rounding:
         return Noise(0.0, 0.0, (0.0,) * len(noise.channels), 0.0, noise.how)
+    if how.stabilizer is not None:
+        return noise.stabilized(how.stabilizer)
     return noise.of_compression(how.compression)
 
 
@@ -99,6 +102,7 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     how: Preparation | None = None
     if not isinstance(data, (Mesh, RangeImage)):
         data, how = prepared(data, request.outliers, request.level, still=not (request.named or request.timed))
+        data, how = with_constant_noise(data, how, request)
     own = own_samples(data)
     data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)

@@ -1,6 +1,8 @@
-"""Prepares the samples of a grid for the flow, and restores them: outliers, level regions, offsets of lines, a far datum."""
+"""Prepares the samples of a grid for the flow, and restores them: outliers, level regions, offsets of lines, a far datum, noise
+that depends on the intensity.
+"""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -11,13 +13,17 @@ from meshflow.estimate.outliers import OutlierRule, Outliers, large_pieces, outl
 from meshflow.estimate.plateaus import Level as LevelRule
 from meshflow.estimate.plateaus import level_of, level_rule
 from meshflow.estimate.ring_fill import RINGS, filled_from_ring
+from meshflow.estimate.stabilizer import Stabilizer
 from meshflow.estimate.stripes import Level, offsets_to_level
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, nowhere
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 
-__all__ = ["AS_DATA", "Cleaning", "OutlierWord", "Preparation", "datum_between", "level_said", "lowered_by", "prepared"]
+__all__ = [
+    "AS_DATA", "Cleaning", "OutlierWord", "Preparation", "datum_between", "level_said", "lowered_by", "prepared",
+    "stabilized_by",
+]  # fmt: skip
 
 OutlierWord = Literal["keep", "repair", "include"]
 # The ratio of level to range at which a datum is subtracted; differences are exact, but single precision would lose them.
@@ -63,6 +69,8 @@ class Preparation:
     :ivar levelled: whether offsets of lines were removed.
     :ivar cleaning: what is done about outliers.
     :ivar level: (h, w), samples of level regions beside noise, which do not move; None: there are none.
+    :ivar stabilizer: makes values with the same noise at every intensity of ``plain``, (h, w) or (h, w, k), those without it;
+        None: the flow has the values as they are.
     """
 
     source: OnGrid
@@ -72,6 +80,8 @@ class Preparation:
     levelled: bool = False
     cleaning: Cleaning = AS_DATA
     level: Array | None = None
+    stabilizer: Stabilizer | None = None
+    plain: Array = field(default_factory=nowhere)
 
     @property
     def unseen(self) -> Array:
@@ -94,7 +104,11 @@ class Preparation:
         return 0.5 * float(np.spacing(np.abs(self.datum).max().astype(values.dtype)))
 
     def seen(self, values: Array) -> Array:
-        """Values of the flow with their datum."""
+        """Values of the flow as those of the source."""
+        return self.above_zero(values) if self.stabilizer is None else self.stabilizer.back(values)
+
+    def above_zero(self, values: Array) -> Array:
+        """Values above the datum as values above zero."""
         return (values + self.datum).astype(values.dtype) if self.datum.any() else values
 
     def replaced(self, idle: bool) -> Array:
@@ -125,9 +139,12 @@ class Preparation:
 
         :param idle: whether nothing was smoothed.
         """
-        if self.outliers is None and not self.levelled and not self.datum.any():
+        stable = self.stabilizer
+        if self.outliers is None and not self.levelled and not self.datum.any() and stable is None:
             return done  # a flow leaves missing samples as they are
         source, values = array_of(self.source), array_of(done)
+        if stable is not None:  # the mean of a value that kept its noise is not that value
+            values = np.where(values == stable.stabilized(self.plain), self.plain, stable.back(values))
         if self.datum.any():
             values = (values.astype(np.float64) + self.datum).astype(source.dtype)
         made = self.replaced(idle)
@@ -197,6 +214,18 @@ def _level(data: OnGrid, values: Array, missing: Array) -> Array | None:
     rule = level_rule(values, missing, narrow=isinstance(data, HeightField))
     level = level_of(values, missing, rule) if rule else None
     return level if level is not None and level.any() and not (level | missing).all() else None
+
+
+def stabilized_by(data: OnGrid, how: Preparation, stabilizer: Stabilizer | None) -> tuple[OnGrid, Preparation]:
+    """Prepared data with the same noise at every intensity, and its preparation; the same where there is no stabilizer.
+
+    It needs no datum: stabilized values are near zero.
+    """
+    if stabilizer is None:
+        return data, how
+    values = how.above_zero(array_of(data))
+    how = replace(how, stabilizer=stabilizer, plain=values, datum=np.zeros_like(how.datum))
+    return _with(data, stabilizer.stabilized(values), data.missing), how
 
 
 def lowered_by(

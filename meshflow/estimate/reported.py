@@ -42,6 +42,10 @@ def _of_noise(plan: Plan) -> dict[str, Parameter]:
     why = plan.decided["noise"].why if "noise" in plan.decided else how
     unit, strength = value_unit(plan.data), plan.request.strength
     found = {"noise": Parameter(plan.noise.sigma, unit, "given" if plan.noise.how == "given" else "estimated", why)}
+    if plan.noise.by_intensity:
+        found["noise"] = Parameter(plan.noise.sigma, unit, "estimated", f"at the median intensity, {how}")
+        origin = "given" if plan.request.domain == "stabilized" else "estimated"
+        found["domain"] = Parameter("stabilized", "", origin, "the same noise at every intensity")
     if plan.points is None:
         found["quantum"] = Parameter(plan.noise.quantum, unit, "estimated")
     return {**found, "strength": Parameter(strength, "", "default" if strength == 1.0 else "given")}

@@ -7,6 +7,8 @@ from meshflow.flow.methods import words_for
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod
 from meshflow.surfaces.data import Data
+from meshflow.surfaces.height_field import HeightField
+from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
@@ -36,6 +38,8 @@ def must_suit(data: Data, request: Request) -> None:
             f"outliers: of height fields, images and values of vertices only, got "
             f"{'a mesh whose points move' if isinstance(data, Mesh) else kind}"
         )
+    if request.domain == "stabilized" and not isinstance(data, (HeightField, Image)):
+        raise InputError(f"domain='stabilized': of height fields and images only, got {kind}")
     if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
         raise InputError(f"triangles: of meshes only, got {kind}")
     _must_be_defined(data, request)

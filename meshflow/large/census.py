@@ -7,6 +7,7 @@ import numpy as np
 
 from meshflow.errors import NothingThere
 from meshflow.estimate.preparation import datum_between
+from meshflow.estimate.stabilizer import Stabilizer
 from meshflow.flow.compute import Compute
 from meshflow.geometry.validation import Array
 from meshflow.large.source import Form, Source, Window, tiled
@@ -45,6 +46,7 @@ class Census:
     :ivar present: the number of samples that are not missing.
     :ivar ends: (k, 2), the least and the greatest present value of each channel.
     :ivar some: (r, c, k), of a volume (s, r, c, k), the samples of the lattice; ``there``: whether they are present.
+    :ivar stabilizer: which the values run through, instead of a datum; None: through none.
     """
 
     form: Form
@@ -52,12 +54,13 @@ class Census:
     ends: Array
     some: Array
     there: Array
+    stabilizer: Stabilizer | None = None
 
     @property
     def datum(self) -> Array:
         """What is subtracted from single-precision values that are far from zero, () or (k,)."""
         ends = self.ends if self.form.channels is not None else self.ends[0]
-        if self.form.dtype != np.float32 or self.form.kind is Volume:
+        if self.form.dtype != np.float32 or self.form.kind is Volume or self.stabilizer is not None:
             return np.zeros(ends.shape[:-1])
         return datum_between(ends[..., 0], ends[..., 1])
 
@@ -84,7 +87,9 @@ class Census:
         return float(ends.min()), float(ends.max())
 
     def _above(self, values: Array) -> Array:
-        """Values (..., k) above the datum."""
+        """Values (..., k) above the datum, or stabilized."""
+        if self.stabilizer is not None:
+            return self.stabilizer.stabilized(values.reshape(1, -1, values.shape[-1])).reshape(values.shape)
         datum = np.atleast_1d(self.datum)
         return values - datum.astype(self.form.dtype) if datum.any() else values
 

@@ -14,8 +14,9 @@ from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import constrained, oriented, pull_of, staying
 from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.plateaus import LEVEL_REACH, Level, level_rule
-from meshflow.estimate.preparation import AS_DATA, Cleaning, lowered_by
+from meshflow.estimate.preparation import AS_DATA, Cleaning, lowered_by, stabilized_by
 from meshflow.estimate.request import Request
+from meshflow.estimate.stabilizer import Stabilizer
 from meshflow.flow.constraints import trust_of
 from meshflow.flow.methods.beltrami import Patches
 from meshflow.geometry.validation import Array
@@ -46,6 +47,7 @@ class Local:
     :ivar based: whether it is smoothed above a base.
     :ivar still: what is level and stays.
     :ivar cleaning: what is done about outliers.
+    :ivar stabilizer: makes values with the same noise at every intensity; None: they stay as they are.
     """
 
     form: Form
@@ -54,6 +56,7 @@ class Local:
     based: bool = False
     still: Level = ""
     cleaning: Cleaning = AS_DATA
+    stabilizer: Stabilizer | None = None
 
     @property
     def reach(self) -> int:
@@ -80,6 +83,7 @@ class Local:
         """The same with what a window must know of the samples of the whole."""
         if self.form.kind is Volume:
             return Bound(self, replace(self.plan, whole=census.whole_volume), census.datum)
+        census = replace(census, stabilizer=self.stabilizer)
         way, whole = census.orientation(self.plan.request.compute), census.whole
         turned = replace(whole, spacing=way.of_spacing(whole.spacing))
         return Bound(self, replace(self.plan, orientation=way, whole=turned), census.datum)
@@ -125,6 +129,7 @@ class Bound:
         lowered, how = lowered_by(held, self.datum, self.local.still, self.local.cleaning)
         if lowered is None:
             return None
+        lowered, how = stabilized_by(lowered, how, self.local.stabilizer)
         turned, request, mobility = oriented(lowered, request, mobility, self.plan.orientation)
         most = limit_of(turned, request, self.plan.noise)[0]
         plan = self._pulled(
@@ -183,7 +188,10 @@ def must_be_local(request: Request) -> None:
         "second_stage": (bool(request.heights.second_stage), "its groups of patches are sought around each sample"),
         "level": (request.level is not None, "an offset is that of a whole line"),
         "max_change='step'": (isinstance(held.max_change, str), "steps are found by all samples; give a number"),
-        "domain": (request.domain not in ("auto", "length"), "of range images, and of pictures in memory"),
+        "domain": (
+            request.domain not in ("auto", "length", "stabilized"),
+            "of range images, and of pictures in memory",
+        ),
     }
     for word, (given, why) in asked.items():
         if given:
@@ -224,7 +232,8 @@ def windowed(form: Form, sample: Sample, request: Request, most_weight: float | 
     halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
     halo += 0 if found.base is None or whole is None else base_reach(whole)
     still = "" if request.named or request.timed else _level_in(sample.data)
-    local = Local(form, plan, halo, found.base is not None, still, cleaning)
+    stabilizer = None if found.preparation is None else found.preparation.stabilizer
+    local = Local(form, plan, halo, found.base is not None, still, cleaning, stabilizer)
     return Windowed(found, replace(local, halo=halo + local.reach), warnings)
 
 

@@ -52,7 +52,7 @@ def _in_colours(data: Data, word: ColourWord, request: Request, progress: Progre
     given = request.noise
     if given is not None:
         request = replace(request, noise=given * _growth(colours[_there(data)] / white, space) / white)
-    found = run(within, replace(request, domain="auto"), progress, record=record)
+    found = run(within, replace(request, domain="length"), progress, record=record)
     smooth = array_of(found.after)
     same = gone | (smooth == inside).all(axis=-1, keepdims=True)
     back = np.where(same, colours, white * space.back(smooth.astype(np.float64))).astype(colours.dtype)

@@ -9,7 +9,7 @@ from meshflow.errors import InputError
 from meshflow.estimate.base import base_of
 from meshflow.estimate.noise_fields import NoiseFields
 from meshflow.estimate.plan import Plan
-from meshflow.estimate.preparation import lowered_by
+from meshflow.estimate.preparation import lowered_by, stabilized_by
 from meshflow.estimate.quantized import LeastBending
 from meshflow.geometry.validation import Array, whole
 from meshflow.results.result import Result
@@ -49,7 +49,7 @@ def spread_around(smoothed: Array, inner: Rows, again: Again, fields: NoiseField
     kept = smoothed[at]
     squares = np.zeros(kept.shape)
     for run in range(runs):
-        noisy = (smoothed + fields.at(run, around)).astype(smoothed.dtype)
+        noisy = (smoothed + fields.noise.relative(smoothed) * fields.at(run, around)).astype(smoothed.dtype)
         squares += np.square(again(noisy).astype(np.float64) - kept)
     return np.sqrt(squares / runs).astype(smoothed.dtype)
 
@@ -135,6 +135,7 @@ class _Rerun:
         lowered, how = lowered_by(made, plan.preparation.datum)
         if lowered is None:
             return values
+        lowered, how = stabilized_by(lowered, how, plan.preparation.stabilizer)
         turned = replace(lowered.oriented(plan.orientation), fixed=self.data.fixed)
         known = array_of(self.data)[~self.data.missing]
         ends = Whole(turned.spacing, (float(known.min()), float(known.max())))

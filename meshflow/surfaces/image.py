@@ -23,6 +23,7 @@ class Image(OnGrid):
     :param missing: (h, w), further samples that are missing.
     :param fixed: (h, w), samples that stay.
     :param period: the number of columns after which rows repeat, as in :class:`HeightField`.
+    :param intensity: whether the values are intensities, on which their noise may depend; components of vectors are none.
     :raises InputError: as :class:`HeightField`.
     """
 
@@ -31,6 +32,7 @@ class Image(OnGrid):
     missing: Array = field(default_factory=nowhere)
     fixed: Array = field(default_factory=nowhere)
     period: int = 0
+    intensity: bool = True
 
     def __post_init__(self) -> None:
         values, missing = samples(self.values, self.missing, (2, 3), "image")

@@ -108,4 +108,4 @@ def with_channels(values: Array, spacing: Spacing | Steps | float, missing: Arra
     """Components that come last, as the channels of an image (h, w, k), or of a volume (d, h, w, k)."""
     if values.ndim == 4:
         return Volume(values, steps_of(spacing), missing)
-    return Image(values, spacing_of(spacing, len(values)), missing)
+    return Image(values, spacing_of(spacing, len(values)), missing, intensity=False)

@@ -1,0 +1,137 @@
+"""Noise that depends on the intensity is found, and is removed alike in the light and in the dark."""
+
+import numpy as np
+import pytest
+
+import meshflow
+from meshflow.errors import InputError
+from meshflow.estimate.noise_by_intensity import noise_by_intensity
+from meshflow.estimate.stabilizer import Stabilizer
+from meshflow.surfaces.image import Image
+from meshflow.surfaces.vectors import Vectors
+from meshflow.synthetic import shapes
+
+data = pytest.importorskip("skimage.data")
+
+
+def subject(name, size=128):
+    picture = getattr(data, name)()[60 : 60 + size, 60 : 60 + size]
+    return (picture if picture.ndim == 2 else picture[..., 1]).astype(float)
+
+
+def photons(truth, most, seed=0):
+    """A picture of up to ``most`` photons at 255, in grey levels."""
+    return np.random.default_rng(seed).poisson(truth * most / 255.0) * (255.0 / most)
+
+
+def found_in(z, quantum=0.0):
+    return noise_by_intensity([(z, np.ones(z.shape, bool))], quantum)
+
+
+@pytest.mark.parametrize("name", ["camera", "coffee"])
+@pytest.mark.parametrize(
+    "sigma",
+    [
+        lambda v: np.sqrt(25.0 + 2.0 * v),  # read noise and photons
+        lambda v: 2.0 + 0.1 * v,  # speckle
+        lambda v: 14.0 - 0.04 * v,  # after a tone curve
+    ],
+    ids=["photons", "speckle", "falling"],
+)
+def test_the_noise_at_each_intensity_is_found(name, sigma):
+    truth = subject(name, 192)
+    z = truth + sigma(truth) * np.random.default_rng(2).normal(size=truth.shape)
+    found, at = found_in(z), np.quantile(truth, [0.1, 0.3, 0.5, 0.7, 0.9])
+    assert found is not None
+    assert not found.photons
+    assert np.allclose(found.at(at) / sigma(at), 1.0, atol=0.25)
+
+
+@pytest.mark.parametrize("name", ["camera", "astronaut", "chelsea", "moon", "brick"])
+@pytest.mark.parametrize("sigma", [5.0, 20.0])
+def test_noise_that_is_the_same_everywhere_is_not_taken_for_such(name, sigma):
+    truth = subject(name, 192)
+    assert found_in(truth + sigma * np.random.default_rng(3).normal(size=truth.shape)) is None
+
+
+@pytest.mark.parametrize("most", [1, 4, 30])
+def test_numbers_of_photons_are_recognised(most):
+    found = found_in(photons(subject("camera"), most, 1), 255.0 / most)
+    assert found is not None
+    assert found.photons
+    assert found.b == 255.0 / most
+
+
+@pytest.mark.parametrize("level", [0.5, 2.0, 10.0, 200.0])
+def test_the_way_back_has_no_bias(level):
+    truth = np.linspace(0.2, 250.0, 256)[:, None] * np.ones(256)
+    by = Stabilizer.of((found_in(np.random.default_rng(0).poisson(truth).astype(float), 1.0),))
+    drawn = np.random.default_rng(5).poisson(level, (400, 400)).astype(float)
+    mean = by.back(np.full((1, 1), by.stabilized(drawn).mean()))[0, 0]
+    assert abs(mean - level) < 4.0 * np.sqrt(level) / 400 + 1e-3 * level
+
+
+@pytest.mark.parametrize(("most", "share"), [(3, 0.5), (100, 0.6)])
+def test_a_picture_of_few_photons_is_smoothed_far_better_than_as_if_its_noise_were_one_number(most, share):
+    truth = data.camera()[150:246, 180:276].astype(float)
+    z = photons(truth, most, 4)
+    errors = [np.std(meshflow.smooth(z, kind="image", domain=word) - truth) for word in ("auto", "length")]
+    assert errors[0] < share * errors[1]
+    result = meshflow.smooth(z, kind="image", result=True)
+    assert result.parameters["domain"].value == "stabilized"
+    assert any("the noise depends on the intensity" in one for one in result.noise.sentences())
+    assert result.to_dict()["noise"]["by_intensity"][0]["photons"]
+
+
+def test_the_result_does_not_depend_on_how_the_picture_lies():
+    z = photons(subject("coffee", 77)[:, :61], 40)
+    once = meshflow.smooth(z, kind="image")
+    assert (np.rot90(once) == meshflow.smooth(np.ascontiguousarray(np.rot90(z)), kind="image")).all()
+    assert (meshflow.smooth(np.ascontiguousarray(z.T), kind="image") == once.T).all()
+
+
+def test_what_is_fixed_or_missing_keeps_its_bits():
+    z = photons(subject("coffee", 96), 40).astype(np.float32)
+    fixed, missing = np.zeros(z.shape, bool), np.zeros(z.shape, bool)
+    fixed[:20], missing[-9:, :9] = True, True
+    done = meshflow.smooth(Image(z, missing=missing, fixed=fixed), result=True)
+    assert done.parameters["domain"].value == "stabilized"
+    assert done.after.values.dtype == z.dtype
+    assert (done.after.values[fixed | missing] == z[fixed | missing]).all()
+    assert not (done.after.values == z)[~(fixed | missing)].any()
+
+
+def test_the_expected_error_is_larger_where_there_is_more_light():
+    truth = np.where(np.arange(128) < 64, 10.0, 200.0) * np.ones((128, 1))
+    result = meshflow.smooth(photons(truth, 100, 6), kind="image", result=True)
+    error = meshflow.expected_error(result)
+    assert error[:, 72:].mean() > 2.0 * error[:, :56].mean()
+
+
+def test_chunks_have_the_bits_of_the_whole():
+    dask = pytest.importorskip("dask.array")
+    z = photons(subject("camera", 96), 40).astype(np.float32)
+    lazy = meshflow.smooth(
+        dask.from_array(z, chunks=(40, 96)), kind="image", method="patches", domain="stabilized", time=0.5
+    )
+    assert (np.asarray(lazy) == meshflow.smooth(z, kind="image", method="patches", domain="stabilized", time=0.5)).all()
+
+
+def test_it_is_refused_where_it_has_no_meaning():
+    ball = shapes.sphere(2)
+    with pytest.raises(InputError, match="does not clearly depend"):
+        meshflow.smooth(np.random.default_rng(0).normal(size=(64, 64)), kind="image", domain="stabilized")
+    with pytest.raises(InputError, match="height fields and images only"):
+        meshflow.smooth(meshflow.Mesh(ball.points, ball.faces), domain="stabilized")
+
+
+def test_what_a_caller_gives_in_the_unit_of_the_values_keeps_them_as_they_are():
+    z = photons(subject("coffee", 96), 40)
+    for given in ({"noise": 20.0}, {"time": 2.0}, {"method": "beltrami"}, {"constraints": meshflow.MaxChange(9.0)}):
+        assert "domain" not in meshflow.smooth(z, kind="image", result=True, **given).parameters
+
+
+def test_components_of_vectors_are_no_intensities():
+    z = photons(subject("coffee", 96), 40)
+    done = meshflow.smooth(Vectors(np.stack([z, z.T], axis=2)), result=True)
+    assert "domain" not in done.parameters
