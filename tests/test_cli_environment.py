@@ -258,11 +258,12 @@ def test_a_signal_leaves_nothing_behind(tmp_path, heights, number):
     waiting.mkdir()
     (waiting / "sitecustomize.py").write_text(
         "import os, signal, time\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a job in the background of a shell ignores it
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a job in the background of a shell ignores it,
+        "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # and one of nohup this one
         "whole = os.replace\n"
         "def replace(*names):\n"
         "    print('writing', flush=True)\n"
-        "    time.sleep(30)\n"
+        "    time.sleep(20)\n"
         "    whole(*names)\n"
         "os.replace = replace\n"
     )

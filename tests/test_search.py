@@ -72,7 +72,7 @@ def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
         rms(meshflow.smooth(z, **parts(contrast=a / sigma, time=t, **kind)) - truth)
         for kind in ({"gamma": 0, "patch": 1.0}, {"gamma": -1, "sharpness": 1.5}, {"gamma": -1, "sharpness": 2})
         for a in (1.0, 2.0, 4.0)
-        for t in (2.0, 5.0, 10.0, 20.0)
+        for t in (3.0, 7.0, 16.0)
     )
     assert ours < 1.15 * best, f"{ours:.3f}, and {best:.3f} with the truth in hand"
     assert ours < 0.45 * sigma

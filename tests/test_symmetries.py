@@ -11,7 +11,13 @@ from meshflow.flow.methods import HEIGHT_METHODS, METHODS, POINT_METHODS
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import Orientation
 
-EIGHT = [Orientation(t, r, c) for t in (False, True) for r in (False, True) for c in (False, True)]
+# Every other way is one of these after another.
+WAYS = [
+    Orientation(True, False, False),
+    Orientation(False, True, False),
+    Orientation(False, False, True),
+    Orientation(True, True, False),
+]
 OF_GRIDS = ["search", "quick", *(kind.word for kind in HEIGHT_METHODS)]
 OF_CHANNELS = ["search", "quick", *(kind.word for kind in HEIGHT_METHODS if not kind().misfit(False, False))]
 OF_POINTS = ["search", "quick", *(kind.word for kind in POINT_METHODS)]
@@ -38,7 +44,7 @@ def test_a_grid_may_lie_any_way(method, channels):
     z = z[..., None] * np.linspace(0.5, 1.0, channels) + draw.normal(size=(18, 23, channels)) if channels else z
     z[5:8, 10:12] = np.nan
     here = meshflow.smooth(z, method=method, noise=1.0)
-    for way in EIGHT[1:]:
+    for way in WAYS:
         there = meshflow.smooth(np.ascontiguousarray(way.of(z)), method=method, noise=1.0)
         same(here, way.inverse.of(there), z)
 
@@ -55,9 +61,9 @@ def relabelled(points, faces, draw):
 def shapes():
     """A closed ball and an open sheet with an edge and irregular triangles."""
     draw = np.random.default_rng(1)
-    points, faces = sphere(500)
+    points, faces = sphere(250)
     yield points * (1 + 0.02 * draw.normal(size=(len(points), 1))), faces
-    flat = np.vstack([draw.random((400, 2)), [(0, 0), (0, 1), (1, 0), (1, 1)]])
+    flat = np.vstack([draw.random((200, 2)), [(0, 0), (0, 1), (1, 0), (1, 1)]])
     height = 0.3 * np.abs(flat[:, 0] - 0.5) + 0.01 * draw.normal(size=len(flat))
     yield np.column_stack([flat, height]), Delaunay(flat).simplices
 

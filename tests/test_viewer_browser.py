@@ -168,7 +168,7 @@ def test_in_a_browser_what_is_let_go_is_computed_again_and_saving_waits_for_the_
 def test_nobody_sees_anything_without_the_token(page, served):
     assert "?secret=" in served
     page.goto(served.split("?")[0])
-    page.wait_for_timeout(3000)
+    page.wait_for_timeout(1500)
     assert page.query_selector("#picture img") is None
     page.goto(served)
     page.wait_for_selector("#picture img", timeout=60_000)
