@@ -149,9 +149,9 @@ class Plan:
         done = self.data if u is None else self._lowered(u)
         if isinstance(done, Mesh) and self.spikes is not None:
             return self.spikes.restored(done, u is None)
-        if isinstance(done, (Mesh, RangeImage, TetMesh, Volume)):
+        if isinstance(done, (Mesh, RangeImage, TetMesh)):
             return done
-        done = done.oriented(self.orientation.inverse)
+        done = done if isinstance(done, Volume) else done.oriented(self.orientation.inverse)
         return done if self.preparation is None else self.preparation.restored(done, u is None)
 
     def with_(self, decided: Mapping[str, Decided], **changes: Any) -> "Plan":

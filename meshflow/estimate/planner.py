@@ -22,7 +22,7 @@ from meshflow.estimate.rims import with_smooth_rims
 from meshflow.estimate.schemes import within_noise
 from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.spikes import without_spikes
-from meshflow.estimate.stabilized import with_constant_noise
+from meshflow.estimate.stabilized import photons_stabilized, with_constant_noise
 from meshflow.estimate.suits import must_suit
 from meshflow.estimate.tet_search import noise_in_body
 from meshflow.estimate.volume_noise import noise_of_volume
@@ -69,9 +69,11 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
         cleaned = without_value_spikes(data)[0].channels
         return noise_on(data.channels if cleaned is None else cleaned, data.faces, data.points)
     if isinstance(data, RangeImage):
-        return _noise_along(data, _unseen(data.missing, mask))[0]
+        return _noise_along(data, unseen(data.missing, mask))[0]
     if isinstance(data, Volume):
-        return noise_of_volume(data.values, _unseen(data.missing, mask), data.spacing)
+        data, made = photons_stabilized(data, Request())
+        found = noise_of_volume(data.values, unseen(data.missing, mask), data.spacing)
+        return found if made is None or made.stabilizer is None else found.stabilized(made.stabilizer)
     if isinstance(data, TetMesh):
         return noise_in_body(data, mask)
     data, how = with_constant_noise(*prepared(data), Request())
@@ -82,7 +84,7 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
 
 def _noise_prepared(data: HeightField | Image, how: Preparation, mask: Array | None, way: Orientation) -> Noise:
     """The noise of a prepared and reoriented grid; rounding of its floating-point numbers is not noise."""
-    noise = noise_of(array_of(data), _unseen(data.missing | way.of(how.unseen), mask))
+    noise = noise_of(array_of(data), unseen(data.missing | way.of(how.unseen), mask))
     if 0 < noise.sigma <= how.rounding:
         return Noise(0.0, 0.0, (0.0,) * len(noise.channels), 0.0, noise.how)
     if how.stabilizer is not None:
@@ -179,7 +181,7 @@ def _of_alpha(data: Data, noise: Noise) -> tuple[str, ...]:
     return ("the fourth channel has no noise, and is smoothed with the others; if it is alpha, give values[..., :3]",)
 
 
-def _unseen(missing: Array, mask: Array | None) -> Array:
+def unseen(missing: Array, mask: Array | None) -> Array:
     """The samples (h, w) that are not used for the noise: missing, or outside of a mask that is not empty."""
     unseen = missing if mask is None else missing | ~mask
     return missing if unseen.all() else unseen
@@ -242,7 +244,7 @@ def _with_noise(
         if request.noise is not None:
             data = replace(data, sigma=float(request.noise))
         inside = None if mask is None or not mask.any() else mask
-        noise, data, why = _noise_along(data, _unseen(data.missing, inside))
+        noise, data, why = _noise_along(data, unseen(data.missing, inside))
     elif made[0] is not None and not isinstance(data, Mesh):
         noise, why = _noise_prepared(data, made[0], mask, made[1]), ""
         if isinstance(data, HeightField) and data.sigma is not None:

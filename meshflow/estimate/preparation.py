@@ -3,7 +3,7 @@ that depends on the intensity.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from meshflow.geometry.validation import Array, nowhere
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.volume import Volume
 
 __all__ = [
     "AS_DATA", "Cleaning", "OutlierWord", "Preparation", "datum_between", "level_said", "lowered_by", "prepared",
-    "stabilized_by",
+    "stabilized_by", "stabilized_volume",
 ]  # fmt: skip
 
 OutlierWord = Literal["keep", "repair", "include"]
@@ -30,6 +31,7 @@ OutlierWord = Literal["keep", "repair", "include"]
 DISTANT = 4.0
 
 OnGrid = HeightField | Image
+Prepared = TypeVar("Prepared", bound=HeightField | Image | Volume)
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class Preparation:
         None: the flow has the values as they are.
     """
 
-    source: OnGrid
+    source: OnGrid | Volume
     outliers: Outliers | None
     repaired: Array
     datum: Array
@@ -134,7 +136,7 @@ class Preparation:
         idle = idle.replace("nothing was changed", "nothing else was changed").replace("data left", "all else left")
         return f"{' and '.join(done)}; {idle}"
 
-    def restored(self, done: OnGrid, idle: bool) -> OnGrid:
+    def restored(self, done: Prepared, idle: bool) -> Prepared:
         """The result for the caller: with the datum, and with samples that were left out unchanged to the bit.
 
         :param idle: whether nothing was smoothed.
@@ -149,7 +151,7 @@ class Preparation:
             values = (values.astype(np.float64) + self.datum).astype(source.dtype)
         made = self.replaced(idle)
         out = self.source.missing if self.outliers is None else self.source.missing | self.outliers.mask & ~made
-        values = np.where(out if values.ndim == 2 else out[..., None], source, values)
+        values = np.where(out if values.ndim == out.ndim else out[..., None], source, values)
         return _with(done, values, self.source.missing)
 
 
@@ -216,6 +218,15 @@ def _level(data: OnGrid, values: Array, missing: Array) -> Array | None:
     return level if level is not None and level.any() and not (level | missing).all() else None
 
 
+def stabilized_volume(data: Volume, stabilizer: Stabilizer | None) -> tuple[Volume, Preparation | None]:
+    """A volume with the same noise at every intensity, and its preparation; the same and None where there is no stabilizer."""
+    if stabilizer is None:
+        return data, None
+    none = np.zeros(data.missing.shape, bool)
+    how = Preparation(data, None, none, np.zeros(data.values.shape[3:]), stabilizer=stabilizer, plain=data.values)
+    return replace(data, values=stabilizer.stabilized(data.values)), how
+
+
 def stabilized_by(data: OnGrid, how: Preparation, stabilizer: Stabilizer | None) -> tuple[OnGrid, Preparation]:
     """Prepared data with the same noise at every intensity, and its preparation; the same where there is no stabilizer.
 
@@ -258,7 +269,7 @@ def _above(values: Array, missing: Array, datum: Array) -> Array:
     return np.where(missing if values.ndim == 2 else missing[..., None], 0, values - datum.astype(values.dtype))
 
 
-def _with(data: OnGrid, values: Array, missing: Array) -> OnGrid:
+def _with(data: Prepared, values: Array, missing: Array) -> Prepared:
     """Data with other values and other missing samples."""
     if isinstance(data, HeightField):
         return replace(data, z=values, missing=missing)

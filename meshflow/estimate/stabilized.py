@@ -1,24 +1,29 @@
 """Whether a picture is smoothed in values whose noise is the same at every intensity."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.noise import ENOUGH, noise_of
+from meshflow.estimate.noise import ENOUGH, Window, noise_of
 from meshflow.estimate.noise_by_intensity import ByIntensity, noise_by_intensity
-from meshflow.estimate.preparation import OnGrid, Preparation, stabilized_by
+from meshflow.estimate.preparation import OnGrid, Preparation, stabilized_by, stabilized_volume
 from meshflow.estimate.quantization import quantum_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.spread import spread_tiles
 from meshflow.estimate.stabilizer import Stabilizer
+from meshflow.estimate.volume_noise import slices_of
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.orientation import orientation_of
+from meshflow.surfaces.volume import Volume
 
-__all__ = ["with_constant_noise"]
+__all__ = ["photons_stabilized", "with_constant_noise"]
 
 # The noise of stabilized values is near that of the flat blocks, unless these show texture.
 ALIKE = (0.6, 1.5)
+UNCLEAR = "domain='stabilized': the noise does not clearly depend on the intensity; leave the domain out"
 # How far a multiple of the quantum may be from a whole number.
 EXACT = 1e-3
 
@@ -36,15 +41,34 @@ def with_constant_noise(data: OnGrid, how: Preparation, request: Request) -> tup
         return data, how
     values, unseen = how.above_zero(array_of(data)), data.missing | how.unseen
     way = orientation_of(values, data.missing, data.spacing)  # the same blocks however the data lies
-    stabilizer = Stabilizer.of(_of_channels(np.ascontiguousarray(way.of(values)), way.of(unseen)))
+    values, unseen = np.ascontiguousarray(way.of(values)), way.of(unseen)
+    stabilizer = Stabilizer.of(_of_parts(values, unseen, spread_tiles(unseen.shape, ENOUGH)))
     if stabilizer is None:
         if asked:
-            raise InputError(
-                "domain='stabilized': the noise does not clearly depend on the intensity; leave the domain out"
-            )
+            raise InputError(UNCLEAR)
         return data, how
     stable, made = stabilized_by(data, how, stabilizer)
     return (stable, made) if asked or _as_expected(stable, made, stabilizer) else (data, how)
+
+
+def photons_stabilized(data: Volume, request: Request) -> tuple[Volume, Preparation | None]:
+    """A volume in which the noise does not depend on the intensity, and its preparation; the same and None where it does not.
+
+    By default this is done for numbers of photons alone: the noise of magnitudes, which depends on the signal, too, is
+    estimated otherwise.
+
+    :raises InputError: if it is asked for and not possible.
+    """
+    asked = request.domain == "stabilized"
+    if not asked and not (request.domain == "auto" and _open(request)):
+        return data, None
+    found = _of_parts(data.values, data.missing, slices_of(data.missing.shape, data.spacing))
+    if not asked and not all(one is not None and one.photons for one in found):
+        return data, None
+    stabilizer = Stabilizer.of(found)
+    if stabilizer is None and asked:
+        raise InputError(UNCLEAR)
+    return stabilized_volume(data, stabilizer)
 
 
 def _open(request: Request) -> bool:
@@ -54,13 +78,12 @@ def _open(request: Request) -> bool:
     return not (request.named or request.timed or bound or request.noise is not None)
 
 
-def _of_channels(values: Array, missing: Array) -> tuple[ByIntensity | None, ...]:
-    """The noise of each channel by intensity."""
-    tiles = spread_tiles(missing.shape, ENOUGH)
+def _of_parts(values: Array, missing: Array, windows: Sequence[Window]) -> tuple[ByIntensity | None, ...]:
+    """The noise of each channel by intensity, from windows, each an index that gives a part (rows, columns)."""
     stack = values.reshape(*missing.shape, -1)
     found = []
-    for channel in np.moveaxis(stack, 2, 0):
-        parts = [(channel[tile].astype(np.float64), ~missing[tile]) for tile in tiles]
+    for channel in np.moveaxis(stack, -1, 0):
+        parts = [(channel[window].astype(np.float64), ~missing[window]) for window in windows]
         found.append(noise_by_intensity(parts, _counted_in(np.concatenate([z[there] for z, there in parts]))))
     return tuple(found)
 

@@ -53,7 +53,7 @@ class Stabilizer:
         return tuple(0.0 if one is None else (1.0 if one.photons else TOLD) * one.usual for one in self.noise)
 
     def stabilized(self, values: Array) -> Array:
-        """Values (h, w) or (h, w, k) with the noise of the median intensity everywhere; they are 0 at that intensity."""
+        """Values (h, w), of a volume (d, h, w), channels last, with the noise of the median intensity, where they are 0."""
         return self._by_channel(values, 0, 1)
 
     def back(self, values: Array) -> Array:
@@ -62,7 +62,7 @@ class Stabilizer:
 
     def _by_channel(self, values: Array, from_row: int, to_row: int) -> Array:
         made = np.array(values, copy=True)
-        planes = made[..., None] if made.ndim == 2 else made
+        planes = made[..., None] if len(self.tables) == 1 else made
         for k, table in enumerate(self.tables):
             if table is not None:
                 planes[..., k] = _carried(planes[..., k].astype(np.float64), table[from_row], table[to_row])

@@ -10,7 +10,7 @@ from meshflow.estimate.spread import spread_tiles
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.volume import Steps
 
-__all__ = ["noise_of_volume"]
+__all__ = ["noise_of_volume", "slices_of"]
 
 # The largest number of slices, and of the windows along each side of a slice.
 SLICES, TILES = 12, 4
@@ -39,7 +39,7 @@ def noise_of_volume(values: Array, missing: Array, spacing: Steps) -> Noise:
     :param spacing: (dz, dy, dx).
     """
     missing = missing | _clipped(values, missing)
-    across = int(np.argmax(spacing)) if max(spacing) > min(spacing) else 0
+    across = _across(spacing)
     found = noise_in_windows(values, missing, _windows(missing.shape, across))
     if found.correlation is None:
         magnitude = _of_magnitudes(values, missing, found.sigma)
@@ -87,6 +87,20 @@ def _clipped(values: Array, missing: Array) -> Array:
         if at.sum() > CUT * there.sum():
             cut |= binary_dilation(at, iterations=2)
     return cut if (there & ~cut).sum() > LEFT * there.sum() else np.zeros(missing.shape, bool)
+
+
+def slices_of(shape: tuple[int, ...], spacing: Steps) -> list[Window]:
+    """Windows of slices that are spread over a volume, across the axis of the widest spacing.
+
+    :param shape: (d, h, w).
+    :param spacing: (dz, dy, dx).
+    """
+    return _windows(shape, _across(spacing))
+
+
+def _across(spacing: Steps) -> int:
+    """The axis of the widest spacing; the first where all are alike."""
+    return int(np.argmax(spacing)) if max(spacing) > min(spacing) else 0
 
 
 def _windows(shape: tuple[int, ...], across: int) -> list[Window]:

@@ -32,11 +32,14 @@ from meshflow.estimate.planner import (
     staying,
     stepped,
     still,
+    unseen,
 )
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE
 from meshflow.estimate.search_rounds import Found, GridSearch
+from meshflow.estimate.stabilized import photons_stabilized
 from meshflow.estimate.tet_search import searched_on_tetrahedra
+from meshflow.estimate.volume_noise import noise_of_volume
 from meshflow.estimate.volume_search import searched_on_volume
 from meshflow.flow.family import Variant
 from meshflow.flow.methods import HEIGHT_METHODS
@@ -90,7 +93,14 @@ def plan_of_solid(data: SolidData, request: Request) -> Plan:
     data, request, mobility = constrained(data, request, stays)
     must_fit(data, request)
     mask = request.constraints.mask
-    noise = noise_in(data, mask if mask is None or not np.any(mask) else np.asarray(mask, bool))
+    seen = mask if mask is None or not np.any(mask) else np.asarray(mask, bool)
+    how = None
+    if isinstance(data, Volume):
+        data, how = photons_stabilized(data, request)
+        noise = noise_of_volume(data.values, unseen(data.missing, seen), data.spacing)
+        noise = noise if how is None or how.stabilizer is None else noise.stabilized(how.stabilizer)
+    else:
+        noise = noise_in(data, seen)
     if request.noise is not None:
         noise = replace(noise, sigma=float(request.noise), how="given")
     warnings = excessive(data, request, noise)
@@ -100,7 +110,7 @@ def plan_of_solid(data: SolidData, request: Request) -> Plan:
         found = found.with_({"time": Decided("default", "nothing may move")})
     else:
         found = _tuned(data, request, noise, mobility)
-    found = replace(found, mobility=mobility, stays=stays, warnings=(*warnings, *found.warnings))
+    found = replace(found, mobility=mobility, stays=stays, preparation=how, warnings=(*warnings, *found.warnings))
     return ended(held(found))
 
 
@@ -112,7 +122,7 @@ def _must_suit(data: SolidData, request: Request) -> None:
     compute, constraints = request.compute, request.constraints
     name = "volumes" if isinstance(data, Volume) else "meshes of tetrahedra"
     for word, given in (
-        (f"domain={request.domain!r}", request.domain not in ("auto", "length")),
+        (f"domain={request.domain!r}", request.domain not in ("auto", "length", "stabilized")),
         ("outliers", request.outliers is not None),
         ("level", request.level is not None),
         ("MinComponent", constraints.min_component is not None),

@@ -72,7 +72,8 @@ class Census:
     @property
     def whole_volume(self) -> WholeVolume:
         """What a window of a volume takes from the whole."""
-        return WholeVolume(self._ends, order_by(np.moveaxis(self.some, -1, 0), self.there, self.form.shape))
+        planes = np.moveaxis(self._above(self.some), -1, 0)
+        return WholeVolume(self._ends, order_by(planes, self.there, self.form.shape))
 
     def orientation(self, compute: Compute) -> Orientation:
         """The orientation of the whole for the flow; a volume stays as it is."""
@@ -89,7 +90,7 @@ class Census:
     def _above(self, values: Array) -> Array:
         """Values (..., k) above the datum, or stabilized."""
         if self.stabilizer is not None:
-            return self.stabilizer.stabilized(values.reshape(1, -1, values.shape[-1])).reshape(values.shape)
+            return self.stabilizer.stabilized(values)
         datum = np.atleast_1d(self.datum)
         return values - datum.astype(self.form.dtype) if datum.any() else values
 

@@ -14,7 +14,7 @@ from meshflow.estimate.plan import Plan
 from meshflow.estimate.planner import constrained, oriented, pull_of, staying
 from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.plateaus import LEVEL_REACH, Level, level_rule
-from meshflow.estimate.preparation import AS_DATA, Cleaning, lowered_by, stabilized_by
+from meshflow.estimate.preparation import AS_DATA, Cleaning, lowered_by, stabilized_by, stabilized_volume
 from meshflow.estimate.request import Request
 from meshflow.estimate.stabilizer import Stabilizer
 from meshflow.flow.constraints import trust_of
@@ -81,9 +81,9 @@ class Local:
 
     def over(self, census: Census) -> "Bound":
         """The same with what a window must know of the samples of the whole."""
+        census = replace(census, stabilizer=self.stabilizer)
         if self.form.kind is Volume:
             return Bound(self, replace(self.plan, whole=census.whole_volume), census.datum)
-        census = replace(census, stabilizer=self.stabilizer)
         way, whole = census.orientation(self.plan.request.compute), census.whole
         turned = replace(whole, spacing=way.of_spacing(whole.spacing))
         return Bound(self, replace(self.plan, orientation=way, whole=turned), census.datum)
@@ -125,7 +125,10 @@ class Bound:
         held, request, mobility = constrained(data, request, staying(data, request))
         if isinstance(held, Volume):
             most = limit_of(held, request, self.plan.noise)[0]
-            return self._pulled(replace(self.plan, data=held, request=request, mobility=mobility, max_change=most))
+            held, how = stabilized_volume(held, self.local.stabilizer)
+            return self._pulled(
+                replace(self.plan, data=held, request=request, mobility=mobility, preparation=how, max_change=most)
+            )
         lowered, how = lowered_by(held, self.datum, self.local.still, self.local.cleaning)
         if lowered is None:
             return None
