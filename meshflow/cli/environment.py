@@ -10,7 +10,7 @@ __all__ = ["environment"]
 
 PACKAGES = (
     "numpy", "scipy", "libigl", "pyamg", "trimesh", "pyvista", "vtk", "rasterio", "matplotlib", "typer", "open3d", "xarray",
-    "rioxarray", "dask", "meshio", "OpenEXR",
+    "rioxarray", "dask", "meshio", "OpenEXR", "nibabel", "pydicom",
 )  # fmt: skip
 
 

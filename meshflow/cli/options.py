@@ -12,7 +12,7 @@ __all__ = ["ALL", "DRAWING", "FILES", "PLACING", "READING", "flags"]
 INPUT, OUTPUT, LOOK = "Input file", "Output", "Appearance"
 FILES = (
     "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM; "
-    "organised PCD; CSV (points); PNG, JPEG; .npy, .npz; DATA.zarr/VARIABLE."
+    "MSH; organised PCD; CSV (points); PNG, JPEG; NIfTI, NRRD, a folder of DICOM; .npy, .npz; DATA.zarr/VARIABLE."
 )
 QUANTITIES = Literal["curvature", "edges", "triangles", "samples"]
 COMPARED = Literal["removed", "curvature", "edges", "triangles", "samples"]

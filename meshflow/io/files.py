@@ -143,6 +143,12 @@ def _field_arrays() -> Format:
     return field_arrays
 
 
+def _dicom() -> Format:
+    from meshflow.io.formats import dicom
+
+    return dicom
+
+
 def _bodies() -> Format:
     from meshflow.io.formats import bodies
 
@@ -153,6 +159,12 @@ def _rasters() -> Format:
     from meshflow.io.formats import rasters
 
     return rasters
+
+
+def _is_series(path: Path, options: ReadOptions) -> bool:
+    from meshflow.io.formats.dicom import is_dicom
+
+    return path.is_dir() or is_dicom(path)
 
 
 def _is_field(path: Path, options: ReadOptions) -> bool:
@@ -219,6 +231,7 @@ def _is_anything(path: Path, options: ReadOptions) -> bool:
 
 
 FORMATS = (
+    Entry(_dicom, frozenset({""}), _is_series),
     Entry(_field_arrays, ARRAYS | VOLUMES, _is_field),
     Entry(_arrays, ARRAYS, _is_array),
     Entry(_volumes, VOLUMES, _is_volume),
@@ -375,6 +388,10 @@ def _must_be_a_file(path: Path) -> None:
     if not path.exists():
         raise FormatError(f"{path}: no such file")
     if path.is_dir():
-        raise FormatError(f"{path} is a folder; a file is expected")
+        from meshflow.io.formats.dicom import holds_series
+
+        if holds_series(path):
+            return
+        raise FormatError(f"{path} is a folder; a file is expected, or a folder with a series of DICOM")
     if path.stat().st_size == 0:
         raise FormatError(f"{path} is empty (0 bytes)")
