@@ -131,6 +131,15 @@ def test_the_noise_is_found_also_where_it_is_correlated_between_slices():
     assert meshflow.estimate_noise(noisy(truth), kind="volume").sigma == pytest.approx(0.09, rel=0.1)
 
 
+def test_white_noise_of_magnitudes_is_told_by_the_air_and_not_taken_for_correlated():
+    truth, draw = head(40), np.random.default_rng(0)
+    for sigma in (0.01, 0.03):
+        x = np.hypot(truth + sigma * draw.normal(size=truth.shape), sigma * draw.normal(size=truth.shape))
+        found = noise_of_volume(x.astype(np.float32), np.zeros(truth.shape, bool), (1.0, 1.0, 1.0))
+        assert found.sigma == pytest.approx(sigma, rel=0.1)  # it was 0.14, of the folds of the brain
+        assert found.correlation is None
+
+
 @pytest.mark.parametrize(
     ("values", "options", "words"),
     [

@@ -21,6 +21,8 @@ CUT, LEFT = 0.01, 0.1
 # Air lies below so many times its own deviation, and is at least this share of a volume; how far its spread may be from that of
 # magnitudes.
 AIR, OF_AIR, ALIKE = 4.5, 0.05, 0.15
+# Rounds in which air is told from tissue; the least number of pairs in the air, and the largest correlation of white noise there.
+ROUNDS, ENOUGH_OF_AIR, WHITE = 4, 500, 0.2
 
 
 def noise_of_volume(values: Array, missing: Array, spacing: Steps) -> Noise:
@@ -41,9 +43,11 @@ def noise_of_volume(values: Array, missing: Array, spacing: Steps) -> Noise:
     missing = missing | _clipped(values, missing)
     across = _across(spacing)
     found = noise_in_windows(values, missing, _windows(missing.shape, across))
+    magnitude = _of_magnitudes(values, missing, found.sigma)
     if found.correlation is None:
-        magnitude = _of_magnitudes(values, missing, found.sigma)
         return replace(found, sigma=magnitude, channels=(magnitude,)) if magnitude > found.sigma else found
+    if magnitude > 0 and _is_white(values, ~missing & (values < AIR * magnitude)):
+        return replace(found, sigma=magnitude, channels=(magnitude,), correlation=None)
     within = [axis for axis in range(3) if axis != across]
     other = within[0]
     planes, first = found.correlation, np.ones(1)
@@ -69,11 +73,26 @@ def _of_magnitudes(values: Array, missing: Array, sigma: float) -> float:
     if values.ndim > 3 or sigma <= 0 or float(values.min(where=~missing, initial=np.inf)) < 0:
         return 0.0
     known = values[~missing]
+    for _ in range(ROUNDS):  # where sigma is too large, what lies below a multiple of it is not air alone
+        sigma = min(sigma, float(np.median(known[known < AIR * sigma])) / 1.177)
+        if sigma <= 0:
+            return 0.0
     air = known[known < AIR * sigma].astype(np.float64)
     if air.size < OF_AIR * known.size or (air == 0).mean() > CUT:
         return 0.0
     alike = abs(float(air.std() / air.mean()) / 0.523 - 1.0) < ALIKE
     return float(np.median(air)) / 1.177 if alike else 0.0
+
+
+def _is_white(values: Array, air: Array) -> bool:
+    """Whether neighbours (d, h, w) in the air are not correlated, so that what is correlated elsewhere is no noise."""
+    for axis in range(3):
+        near, far = (np.moveaxis(array, axis, 0) for array in (values, air))
+        both = far[1:] & far[:-1]
+        one, other = near[1:][both].astype(np.float64), near[:-1][both].astype(np.float64)
+        if one.size < ENOUGH_OF_AIR or abs(np.corrcoef(one, other)[0, 1]) > WHITE:
+            return False
+    return True
 
 
 def _clipped(values: Array, missing: Array) -> Array:

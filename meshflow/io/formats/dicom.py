@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from uuid import uuid4
 
 import numpy as np
@@ -15,6 +15,9 @@ from meshflow.io.document import Document, WriteOptions
 from meshflow.io.formats.volume_storage import Scan
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.volume import Volume, steps_of
+
+if TYPE_CHECKING:
+    from pydicom import Dataset
 
 __all__ = ["can_write", "holds_series", "is_dicom", "read", "write"]
 
@@ -34,7 +37,7 @@ class Series(Scan):
     :param slices: the datasets of pydicom.
     """
 
-    slices: tuple[Any, ...] = ()
+    slices: "tuple[Dataset, ...]" = ()
 
 
 def is_dicom(path: Path) -> bool:
@@ -115,13 +118,13 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     return (f"{path.name}: a new series of {len(source.slices)} slices; values are rounded to steps of {step:g}",)
 
 
-def _slices(folder: Path) -> tuple[list[Any], int]:
+def _slices(folder: Path) -> "tuple[list[Dataset], int]":
     """The slices of the one series in a folder, and how many other files there are.
 
     :raises InputError: for several series, and for none.
     """
     pydicom = need("pydicom", "dicom")
-    found: dict[str, list[Any]] = {}
+    found: dict[str, list[Dataset]] = {}
     others = 0
     for path in sorted(one for one in folder.iterdir() if one.is_file()):
         try:
@@ -143,7 +146,7 @@ def _slices(folder: Path) -> tuple[list[Any], int]:
     return next(iter(found.values())), others
 
 
-def _placed(folder: Path, slices: list[Any]) -> tuple[Array, tuple[float, float, float]]:
+def _placed(folder: Path, slices: "list[Dataset]") -> tuple[Array, tuple[float, float, float]]:
     """The affine (4, 4) of (slice, row, column) to the right, the front and the top in mm, and the spacing; slices are sorted.
 
     :raises InputError: for slices that do not say where they are, differ in size or direction, or lie at uneven distances.
@@ -190,7 +193,7 @@ def _placed(folder: Path, slices: list[Any]) -> tuple[Array, tuple[float, float,
     return np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine, (step, dy, dx)  # DICOM counts to the left and to the back
 
 
-def _values(folder: Path, one: Any) -> Array:
+def _values(folder: Path, one: "Dataset") -> Array:
     """The values (rows, columns) of a slice, rescaled.
 
     :raises InputError: for colours; FormatError: for samples that cannot be decompressed.
@@ -209,7 +212,7 @@ def _values(folder: Path, one: Any) -> Array:
     )
 
 
-def _derived(one: Any, values: Array, series: str, tags: Mapping[str, str]) -> Any:
+def _derived(one: "Dataset", values: Array, series: str, tags: Mapping[str, str]) -> "Dataset":
     """A slice of another series with these values."""
     pydicom = need("pydicom", "dicom")
     made = (
