@@ -16,7 +16,7 @@ from meshflow.view.appearance import taken
 from meshflow.view.attributes import attribute_change
 from meshflow.view.scale import Scale, ranging, symmetric, together
 
-__all__ = ["Pair", "paired"]
+__all__ = ["Pair", "paired", "values_on"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Pair:
     :param removed: before minus after, as in every picture, report and number of this package: positive where something was
         removed; for a mesh the motion inwards along the normals of ``before``. Its colours are symmetric about 0.
     :param notes: sentences for the user.
-    :param worn: for meshes that differ only in a scalar: its colours before and after.
+    :param worn: for meshes that differ only in a scalar, or whose one channel moves: its colours before and after.
     """
 
     before: SurfaceData
@@ -60,6 +60,8 @@ def paired(before: object, after: object, unit: str | None, own_colours: bool = 
             one, other = change.worn(one, change.before), change.worn(other, change.after)
         elif change.before.shape[1] == 1:
             worn = together(*(ranging(column[:, 0], change.name, "") for column in (change.before, change.after)))
+    elif isinstance(one, Mesh) and isinstance(other, Mesh):
+        worn = _of_values(one, other)
     if isinstance(one, RangeImage) and isinstance(other, RangeImage):
         other = replace(other, camera=one.camera)
     elif not isinstance(one, (Mesh, RangeImage)) and not isinstance(other, (Mesh, RangeImage)):
@@ -72,6 +74,24 @@ def paired(before: object, after: object, unit: str | None, own_colours: bool = 
     scale = symmetric(values, what, unit, "nothing was removed")
     equal = () if there.any() else ("before and after are equal",)
     return Pair(one, other, scale, tuple(dict.fromkeys((*notes, *equal))), worn)
+
+
+def values_on(mesh: Mesh, like: Mesh | None = None) -> Scale | None:
+    """The colours of one channel that moves on a mesh; None for any other mesh.
+
+    :param like: whose values the colours span, without the least and the greatest hundredth; by default its own.
+    """
+    spans = mesh if like is None else like
+    if mesh.moves != "channels" or mesh.channels is None or spans.channels is None or mesh.channels.shape[1] != 1:
+        return None
+    low, high = (float(end) for end in np.percentile(spans.channels, (1, 99)))
+    return ranging(mesh.channels[:, 0].astype(np.float64), "values", "", (low, high) if high > low else None)
+
+
+def _of_values(one: Mesh, other: Mesh) -> tuple[Scale, Scale] | None:
+    """The colours of one channel that moves, before and after, which span the values before."""
+    first, second = values_on(one), values_on(other, one)
+    return None if first is None or second is None else (first, second)
 
 
 def _removed(before: SurfaceData, after: SurfaceData) -> tuple[Array, str]:

@@ -14,7 +14,7 @@ from meshflow.view.appearance import taken
 from meshflow.view.geometry import Geometry, raised
 from meshflow.view.look import Look
 from meshflow.view.page import Foot
-from meshflow.view.pair import paired
+from meshflow.view.pair import paired, values_on
 from meshflow.view.quantity import Quantity, measured
 from meshflow.view.renderer import Renderer, renderer_for
 from meshflow.view.scale import Scale, ranging, showing, showing_both, together
@@ -149,6 +149,8 @@ def of_one(
     surface, notes = taken(data, look.own_colours)
     scale = None if scalars is None else _scale(surface, scalars, look.unit)
     scale = showing(measured(surface, quantity, look.contrast)) if quantity is not None else scale
+    if plain and isinstance(surface, Mesh) and not look.own_colours:
+        scale = values_on(surface)
     scale = None if scale is None else scale.wearing(look.colours)
     seen = raised(surface, look.seen)
     renderer = renderer_for((seen,), _look(seen, look, quantity, window), window)
