@@ -186,7 +186,7 @@ class _Slice:
             return smooth_chunked(data, request, ReadOptions.of(self.metadata))
         back, found = smooth_object(data, request, record=None, metadata=self.metadata)
         if not isinstance(found, Result):
-            raise InputError("slices: of data with one part each")
+            raise InputError("slices: one part expected in each slice, got several")
         return back, found
 
 

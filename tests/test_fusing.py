@@ -172,7 +172,7 @@ def test_along_the_rays_the_command_reads_ranges_and_searches(files):
     assert "of them at a pixel in the mean" in done.output
     for i in (1, 2):
         (files / f"{i}.png").write_bytes((files / "0.png").read_bytes())
-    assert "3 frames without a single one" in str(called(files).exception)
+    assert "3 frames in which all are missing" in str(called(files).exception)
 
 
 def test_one_array_is_no_list_of_frames():

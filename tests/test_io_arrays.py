@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import meshflow
 from meshflow.errors import FormatError, InputError
 from meshflow.flow.stops import Steps
 from meshflow.io.document import WriteOptions
@@ -94,6 +95,14 @@ def test_hints_reach_the_data_object():
         ((POINTS, FACES, FACES), {}, "expected of a tuple, got 3 parts"),
         ({"z": 1}, {}, "an array expected, got dict"),
         (np.zeros(5), {}, r"2 dimensions expected, got shape \(5,\)"),
+        (np.zeros(()), {"spacing": (np.ones(16), 1.0)}, "spacing"),
+        (np.zeros((0, 0)), {"missing": np.nan}, "the array of shape \\(0, 0\\) is empty"),
+        (np.full((4, 4), "a"), {"camera": CAMERA}, "real numbers expected, got dtype <U1"),
+        (
+            np.ma.array(np.zeros((4, 4, 2), "m8[s]"), mask=True),
+            {"kind": "vectors"},
+            "real numbers expected, got dtype timedelta",
+        ),
         (heights() * 1j, {}, "real numbers expected, got dtype complex64"),
         (np.full((3, 3), np.nan), {}, "all 9 samples are missing"),
     ],
@@ -101,6 +110,13 @@ def test_hints_reach_the_data_object():
 def test_what_cannot_be_imported_is_refused_with_the_way_out(data, hints, expected):
     with pytest.raises(InputError, match=expected):
         from_object(data, hints)
+
+
+def test_numbers_of_numpy_are_numbers():
+    points = meshflow.Scattered(np.random.default_rng(0).uniform(0, 9, (40, 2)), np.arange(40.0))
+    for word in ("time", "scale", "noise", "strength"):
+        one, two = (meshflow.smooth(points, **{word: given}).values for given in (2.0, np.array(2.0)))
+        assert np.array_equal(one, two)
 
 
 def test_a_path_is_read_and_what_comes_back_is_a_document(tmp_path):

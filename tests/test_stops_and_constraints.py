@@ -102,7 +102,7 @@ def test_a_callable_sees_the_values_and_stops_the_run():
     result = meshflow.smooth(z, method=Beltrami(gamma=0, contrast=0.7), stop=enough, result=True)
     assert result.end.time == pytest.approx(1.0, abs=0.01)
     assert {shape for shape, _ in seen} == {z.shape}
-    with pytest.raises(InputError, match="shall return true, false or a finite number"):
+    with pytest.raises(InputError, match="true, false or a finite number expected"):
         meshflow.smooth(z, stop=lambda values, time: None)
 
 

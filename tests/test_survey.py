@@ -117,7 +117,7 @@ def test_where_a_tile_is_missing_there_is_a_border(tmp_path):
     [
         ({"crs": "EPSG:32633"}, "the CRS of t0_0.tif, .* expected, got EPSG:32633"),
         ({"transform": from_origin(5e5 + 3600, 5e6, 10, 10)}, "samples .30.0, -30.0. apart, as in the first tile"),
-        ({"transform": from_origin(5e5 + 3610, 5e6, 30, 30)}, "0.000 rows and 0.333 columns beside the lattice"),
+        ({"transform": from_origin(5e5 + 3610, 5e6, 30, 30)}, "0.000 rows and 0.333 columns off the grid"),
         ({"transform": from_origin(5e5 + 3570, 5e6, 30, 30)}, "odd.tif overlaps t0_90.tif by 30 x 1 samples"),
         ({"transform": rasterio.Affine.identity(), "crs": None}, "tiles are put together by their georeference"),
     ],

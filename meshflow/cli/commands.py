@@ -243,7 +243,7 @@ def fuse(given: Given) -> None:
     request = asked(given, plain_sample)
     first = next((found for path in sources if (found := frame(path, reading)) is not None), None)
     if first is None:
-        raise InputError(f"fuse: depths expected, got {len(sources)} frames without a single one")
+        raise InputError(f"fuse: depths expected, got {len(sources)} frames in which all are missing")
     _must_be_writable(first, target, given["picture"], given["report"], overwrite)
     images = (None if seen is None else seen.data for seen in (frame(path, reading) for path in sources))
     back, result = fused(images, request, None)

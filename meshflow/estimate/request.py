@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from meshflow.errors import InputError
 from meshflow.estimate.constraints import Constraint, Constraints
 from meshflow.estimate.preparation import OutlierWord
@@ -89,6 +91,9 @@ class Request:
         positive(self.strength, "strength")
         if self.noise is not None:
             positive(self.noise, "noise")
+        for name in ("time", "scale", "strength", "noise"):
+            if isinstance(value := getattr(self, name), np.ndarray):  # of one number
+                object.__setattr__(self, name, float(value))
         must_be_object(self.compute, "compute: a Compute")
         if not isinstance(self.compute, Compute):
             raise InputError(f"compute: a Compute expected, got {shown(self.compute)}")

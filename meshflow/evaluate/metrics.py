@@ -202,7 +202,7 @@ def _compared_grids(before: HeightField | Image | RangeImage, after: HeightField
     _must_share_a_frame(before, after)
     both = ~(before.missing | after.missing)
     if not both.any():
-        raise InputError("compare: one is missing wherever the other is there; a sample in both is needed")
+        raise InputError("compare: no sample is present in both; align them, or give data that overlaps")
     sizes = _sizes(_values(before)[both], _values(after)[both])
     lift = Lift(diagonals="forward")
     surfaces = before.lifted(lift), after.lifted(lift)

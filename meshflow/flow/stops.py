@@ -175,7 +175,7 @@ class When:
             return 1.0 if said else -1.0
         number = np.asarray(said, dtype=np.float64)
         if number.ndim != 0 or not np.isfinite(number):
-            raise InputError(f"stop: the callable shall return true, false or a finite number, got {said!r}")
+            raise InputError(f"stop: true, false or a finite number expected from the callable, got {said!r}")
         return float(number)
 
     def words(self, course: Course, u: Array, time: float) -> str:

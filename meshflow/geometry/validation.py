@@ -21,6 +21,7 @@ __all__ = [
     "mask_of",
     "must_be_truth",
     "must_be_vertices",
+    "must_be_real",
     "must_have_squares",
     "noise_of_samples",
     "nowhere",
@@ -55,9 +56,7 @@ def real(values: ArrayLike, name: str) -> Array:
     :raises InputError: for complex numbers, objects, text, or an empty array.
     """
     array = np.asarray(values)
-    if array.dtype.kind not in "fiub":
-        way = "; take the real part" if array.dtype.kind == "c" else "; convert it first: array.astype(float)"
-        raise InputError(f"{name}: real numbers expected, got dtype {array.dtype}{way}")
+    must_be_real(array, name)
     if array.size == 0:
         raise InputError(f"{name}: nothing to smooth or to draw, the array of shape {array.shape} is empty")
     if array.dtype.kind == "f":
@@ -65,6 +64,16 @@ def real(values: ArrayLike, name: str) -> Array:
     else:
         kind = np.float32 if array.dtype.itemsize <= 2 else np.float64
     return array.astype(kind, copy=False)
+
+
+def must_be_real(array: Array, name: str) -> None:
+    """Refuse complex numbers, objects, text and dates.
+
+    :raises InputError: with the way out.
+    """
+    if array.dtype.kind not in "fiub":
+        way = "; take the real part" if array.dtype.kind == "c" else "; convert it first: array.astype(float)"
+        raise InputError(f"{name}: real numbers expected, got dtype {array.dtype}{way}")
 
 
 def must_have_squares(values: Array, name: str) -> None:

@@ -180,7 +180,8 @@ class ReadOptions:
             return None
         found = np.zeros(shape, bool) if given is None or _is_number(given) else mask_of(given, shape, "missing")
         for mark in marks:
-            found = found | (np.ma.getdata(values) == mark).reshape(*shape, -1).any(axis=-1)
+            marked = np.ma.getdata(values) == mark
+            found = found | marked.any(axis=tuple(range(len(shape), marked.ndim)))
         return found
 
     @property

@@ -44,7 +44,7 @@ def bytes_in(words: str) -> float:
     if size <= 0:
         raise InputError(f"memory: a size such as 2GB or 500MB expected, got {words!r}")
     if size < LEAST:
-        raise InputError(f"memory: {size:g} bytes are too little for anything; a size such as 2GB or 500MB expected")
+        raise InputError(f"memory: {size:g} bytes are too few; a size such as 2GB or 500MB expected")
     return size
 
 

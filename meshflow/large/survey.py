@@ -172,7 +172,7 @@ def _origin(path: Path, own: Affine, first: Affine) -> tuple[int, int]:
     column, row = ~first * (own.c, own.f)
     if max(abs(row - round(row)), abs(column - round(column))) > OFF:
         raise InputError(
-            f"{path.name}: it lies {row % 1:.3f} rows and {column % 1:.3f} columns beside the lattice of the first tile; "
+            f"{path.name}: it lies {row % 1:.3f} rows and {column % 1:.3f} columns off the grid of the first tile; "
             "resample it (gdalwarp -tap)"
         )
     return round(row), round(column)

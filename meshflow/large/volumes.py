@@ -92,7 +92,7 @@ def _must_be_writable(target: Path, writing: Output) -> None:
     :raises InputError: for the expected error, which volumes do not have.
     """
     if writing.uncertainty is not None:
-        raise InputError("expected error: of height fields and images, smoothed as one")
+        raise InputError("expected error: only of height fields and images that were smoothed as one")
     if writing.driver is not None or writing.creation:
         raise FormatError("driver, creation: of rasters; leave them out for a volume")
     for path in (target, *writing.sides.values()):

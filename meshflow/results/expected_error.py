@@ -60,7 +60,7 @@ def must_have_error(plan: Plan | None) -> tuple[Plan, HeightField | Image]:
     :raises InputError: it says why.
     """
     if plan is None or not isinstance(plan.data, (HeightField, Image)):
-        raise InputError("expected error: of height fields and images, smoothed as one")
+        raise InputError("expected error: only of height fields and images that were smoothed as one")
     if isinstance(plan.method, LeastBending):
         raise InputError(
             "expected error: not of quantized data, whose rounding is the noise; it is at most half a step"

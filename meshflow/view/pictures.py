@@ -191,7 +191,7 @@ def writable(path: str | Path, formats: tuple[str, ...] = _FORMATS, overwrite: b
         what = "film" if ".mp4" in formats else "picture"
         raise FormatError(f"{target.name}: a {what} ends in {', '.join(formats)}; got {got}")
     if target.is_dir():
-        raise FormatError(f"{target}: is a folder; name a file in it")
+        raise FormatError(f"{target} is a folder; name a file in it")
     if not target.parent.is_dir():
         raise FormatError(f"{target}: the folder {target.parent} is not there; make it first")
     must_be_free(target, overwrite)

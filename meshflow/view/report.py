@@ -111,7 +111,7 @@ def writable(path: str | Path, overwrite: bool) -> Path:
         got = target.suffix or "no extension"
         raise FormatError(f"{target.name}: a report ends in {' or '.join(_FORMATS)}; got {got}")
     if target.is_dir():
-        raise FormatError(f"{target}: is a folder; name a file in it")
+        raise FormatError(f"{target} is a folder; name a file in it")
     if not target.parent.is_dir():
         raise FormatError(f"{target}: the folder {target.parent} is not there; make it first")
     must_be_free(target, overwrite)

@@ -140,12 +140,12 @@ def of_one(
     :raises MissingPackage: where only VTK would do and it cannot draw.
     """
     if scalars is not None and quantity is not None:
-        raise InputError(f"scalars and quantity={quantity!r}: a thing wears one of them at a time; leave one out")
+        raise InputError(f"scalars and quantity={quantity!r}: only one of them can be shown as colours; leave one out")
     plain = scalars is None and quantity is None
     if plain and look.colours is not None:
         raise InputError(f"colours {look.colours!r}: nothing is shown as colour; say what, by quantity or scalars")
     if look.own_colours and not plain:
-        raise InputError("own_colours: a thing wears its own colours or those of numbers; leave one out")
+        raise InputError("own_colours: own colours and numbers as colours cannot be shown together; leave one out")
     surface, notes = taken(data, look.own_colours)
     scale = None if scalars is None else _scale(surface, scalars, look.unit)
     scale = showing(measured(surface, quantity, look.contrast)) if quantity is not None else scale

@@ -26,7 +26,7 @@ from meshflow.view.scale import Scale
 from meshflow.viewer.curves import curves_as_picture, summary
 from meshflow.viewer.timeline import Timeline
 
-__all__ = ["exportable", "exported"]
+__all__ = ["exportable", "exported", "page_of"]
 
 SAMPLES = 400  # per side of a grid; more would make a page of tens of megabytes
 HEAVY = 400_000  # vertices of a mesh above which a note states the size of the page
@@ -53,15 +53,26 @@ def exported(
 ) -> tuple[str, ...]:
     """Write the page; returns notes.
 
-    Positions are stored with 16 bits of the bounding box, what was removed with 8 bits of its scale; the page is for viewing.
-
     :param path: ``.html``.
-    :param command: the command line that makes the state at a time.
     :param overwrite: replace a file that is there.
     :raises FormatError: as :func:`exportable`.
-    :raises InputError: where there is nothing to draw.
+    :raises InputError: as :func:`page_of`.
     """
     target = exportable(path, overwrite)
+    text, notes = page_of(timeline, look, command)
+    with beside(target) as draft:
+        draft.write_text(text, encoding="utf-8")
+    return notes
+
+
+def page_of(timeline: Timeline, look: Look, command: Callable[[float], str]) -> tuple[str, tuple[str, ...]]:
+    """The page as HTML, and notes.
+
+    Positions are stored with 16 bits of the bounding box, what was removed with 8 bits of its scale; the page is for viewing.
+
+    :param command: the command line that makes the state at a time.
+    :raises InputError: where there is nothing to draw.
+    """
     every = max(1, -(-(len(timeline) - 1) // (MANY - 1)))
     shown = [*range(0, len(timeline) - 1, every), len(timeline) - 1]
     first, last = timeline.at(0), timeline.at(len(timeline) - 1)
@@ -95,9 +106,7 @@ def exported(
         "flat": "true" if images else "false",
     }
     template = Template(files("meshflow.viewer").joinpath("page.html").read_text(encoding="utf-8"))
-    with beside(target) as draft:
-        draft.write_text(template.substitute(words), encoding="utf-8")
-    return notes
+    return template.substitute(words), notes
 
 
 def _page(start: Geometry, states: list[tuple[Geometry, Array, dict[str, str]]], scale: Scale, look: Look) -> str:

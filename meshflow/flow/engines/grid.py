@@ -20,6 +20,8 @@ __all__ = ["GridFlow"]
 
 # Of a grid of more numbers than LARGE, every so manieth row says enough of an error.
 LARGE, ROUGHLY = 1 << 20, 8
+# One channel with gamma below -1 has slivers where its bound is so many times that of the flat grid.
+STEEP = 1e4
 # Lengths below which a pull is rounding, in units of the typical spacing, by bytes of a number.
 ROUNDING = {4: 1e-5, 8: 1e-9}
 # Planes, geometry, codes, kinds and rows of them, samples that stay; lines, where they stand, factors of time; taps; options.
@@ -42,8 +44,6 @@ class GridFlow:
 
     def __init__(self, grid: Grid, variant: Variant | None = None, threads: int | None = None) -> None:
         self.grid, self.variant = grid, variant or Variant()
-        # Stable steps of several channels shorten without bound where edges steepen and gamma is below zero.
-        self.slivers = len(grid.planes) > 1 and self.variant.gamma < 0
         self.threads = None if threads is None else whole(threads, "threads", 1)
         self.variant.check(along_rays=grid.lines is not None, on_grid=True)
         self._contrast = 0.0 if self.variant.linear else float(grid.contrast)
@@ -101,6 +101,13 @@ class GridFlow:
         if u.__array_interface__["data"][0] == self._begin.__array_interface__["data"][0]:
             return self._bound_at_start  # a run asks for it several times before its first step
         return self._bound(u)
+
+    @cached_property
+    def slivers(self) -> bool:
+        """Whether stable steps may shorten without bound: of several channels with gamma below 0, and of cliffs below -1."""
+        if len(self.grid.planes) > 1 or self.variant.gamma >= -1:
+            return len(self.grid.planes) > 1 and self.variant.gamma < 0
+        return self._by_gradients and self._bound_at_start > STEEP * self._flat_bound
 
     @cached_property
     def _bound_at_start(self) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array, nowhere, real, shown, spacing_of, triangles_of
+from meshflow.geometry.validation import Array, must_be_real, nowhere, real, shown, spacing_of, triangles_of
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, doubtful_depths, in_metres
 from meshflow.io.document import Document, Imported, Source, WriteOptions, samples_of
@@ -197,6 +197,7 @@ def from_object(data: object, options: ReadOptions) -> Imported:
             f"data: an array expected, got {'nothing (None)' if data is None else f'{type(data).__name__} {shown(data):.40}'}"
             f"{'' if data is None else '; make it one: numpy.array(...)'}"
         )
+    must_be_real(data, "array")
     if options.kind == "volume":
         return volume_from(data, options)
     if options.kind in ("vectors", "tensors"):
@@ -217,7 +218,7 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     if kind == "depth":
         return _depths(data, options)
     missing = nowhere(options.missing_in(data))
-    spacing = (1.0, 1.0) if options.spacing is None else spacing_of(options.spacing, len(data))
+    spacing = (1.0, 1.0) if options.spacing is None else spacing_of(options.spacing, len(np.atleast_1d(data)))
     if kind == "image":
         found: HeightField | Image = Image(data, spacing, missing)
     else:
