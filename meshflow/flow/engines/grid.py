@@ -68,6 +68,7 @@ class GridFlow:
         alternating = grid.diagonals == "alternate" and grid.boundary == "neumann" and grid.lines is None
         self._evened = alternating and m.conserves
         self._by_forms = False  # laws compare the loops for few coordinates with those for any number
+        self.slivers = self._shortens()
 
     # --- the contract ---------------------------------------------------------------------------------------------------
 
@@ -102,8 +103,7 @@ class GridFlow:
             return self._bound_at_start  # a run asks for it several times before its first step
         return self._bound(u)
 
-    @cached_property
-    def slivers(self) -> bool:
+    def _shortens(self) -> bool:
         """Whether stable steps may shorten without bound: of several channels with gamma below 0, and of cliffs below -1."""
         if len(self.grid.planes) > 1 or self.variant.gamma >= -1:
             return len(self.grid.planes) > 1 and self.variant.gamma < 0
