@@ -117,6 +117,20 @@ def test_outliers_are_found_by_windows_as_in_the_whole(kind, hurt, outliers, met
     same(done, array_of(run(data, request, record=None).after))
 
 
+@pytest.mark.parametrize("stop", [meshflow.Residual(0.8), meshflow.AreaLoss(0.05), meshflow.Residual(1.0)])
+@pytest.mark.parametrize("stepper", ["auto", "explicit"])
+def test_a_stop_is_met_by_windows_where_the_whole_meets_it(stop, stepper):
+    data = terrain()
+    request = Request.of(
+        Beltrami(contrast=2.0), stop, noise=1.0, time=30.0 if stop == meshflow.Residual(1.0) else None,
+        outliers="include", compute=Compute(stepper=stepper),
+    )  # fmt: skip
+    whole = run(data, request, record=None)
+    done, found = by_windows(data, request, (17, 23))
+    same(done, array_of(whole.after))
+    assert found.found.time == whole.end.time
+
+
 @pytest.mark.parametrize("weights", ["one", "each", "none free"])
 def test_weights_of_samples_hold_by_windows_as_they_do_in_the_whole(weights):
     data, rng = terrain(rows=True), np.random.default_rng(2)
@@ -183,7 +197,7 @@ def test_noise_free_data_comes_back_as_it_is():
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        ({"stop": meshflow.Residual(0.9)}, "stop: not by windows, it is met by the whole at once"),
+        ({"stop": meshflow.Displacement(0.9)}, "stop: not by windows, it is met by a single sample of the whole"),
         ({"level": "rows"}, "level: not by windows"),
         ({"method": Beltrami(second_stage=True)}, "second_stage: not by windows"),
         ({"method": Beltrami(gamma=-2.0, contrast=1.0), "time": 1.0}, "method='beltrami': the length of its steps"),

@@ -6,7 +6,19 @@ from helpers.windows import by_windows, same
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshflow import Beltrami, Compute, Fixed, Heat, Mask, MaxChange, Mobility, PeronaMalik, Volume
+from meshflow import (
+    Beltrami,
+    Compute,
+    DataWeights,
+    Fixed,
+    Heat,
+    Mask,
+    MaxChange,
+    Mobility,
+    PeronaMalik,
+    Residual,
+    Volume,
+)
 from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.results.run import run
@@ -81,6 +93,15 @@ def test_a_plan_is_found_on_cubes_spread_over_the_whole():
     assert found.found.data.missing.size < 0.7 * data.missing.size
     assert found.found.noise.sigma == pytest.approx(run(data, request, record=None).noise.sigma, rel=0.1)
     assert any("tiles spread over the whole" in word for word in found.warnings)
+
+
+@pytest.mark.parametrize("constraint", [DataWeights(np.linspace(0, 2, np.prod(SHAPE)).reshape(SHAPE)), MaxChange(0.4)])
+def test_stops_and_weights_of_samples_hold_by_windows_as_they_do_in_the_whole(constraint):
+    request = Request.of(Beltrami(contrast=2.0), Residual(0.6), constraint, noise=1.0)
+    whole = run(volume(), request, record=None)
+    done, found = by_windows(volume(), request, (9, 12, 14))
+    same(done, whole.after.values)
+    assert found.found.time == whole.end.time
 
 
 def test_what_no_window_can_know_is_refused():

@@ -15,7 +15,7 @@ from meshflow.estimate.plateaus import level_of, level_rule
 from meshflow.estimate.ring_fill import RINGS, filled_from_ring
 from meshflow.estimate.stabilizer import Stabilizer
 from meshflow.estimate.stripes import Level, offsets_to_level
-from meshflow.geometry.validation import Array, nowhere
+from meshflow.geometry.validation import Array, false_on, nowhere
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -89,7 +89,7 @@ class Preparation:
     def unseen(self) -> Array:
         """The samples (h, w) that are not used for the noise: level regions, and replaced samples, if they are few."""
         few = self.outliers is not None and not self.outliers.dense
-        unseen = self.repaired if few else np.zeros_like(self.repaired)
+        unseen = self.repaired if few else false_on(self.repaired.shape)
         return unseen if self.level is None else unseen | self.level
 
     @property
@@ -118,7 +118,7 @@ class Preparation:
 
         :param idle: whether nothing was smoothed.
         """
-        return self.repaired if self.cleaning.insists or not idle else np.zeros_like(self.repaired)
+        return self.repaired if self.cleaning.insists or not idle else false_on(self.repaired.shape)
 
     def warnings(self, idle: bool) -> tuple[str, ...]:
         """Sentences about outliers and level regions, and what became of them."""
@@ -203,7 +203,7 @@ class Cleaned:
 
 def _cleaned(data: OnGrid, values: Array, found: Outliers | None, how: Cleaning) -> Cleaned:
     """A grid whose outliers were found, without them."""
-    missing, repaired = data.missing, np.zeros(data.missing.shape, bool)
+    missing, repaired = data.missing, false_on(data.missing.shape)
     if found is None:
         return Cleaned(values, missing, repaired)
     wanted = found.mask & ~_kept(data, found, how.word) & ~data.fixed

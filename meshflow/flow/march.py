@@ -216,7 +216,7 @@ def _stopped(old: State, new: State, until: Until) -> State:
         if reason is not None and until.stops:
             reason += unmet(until.stops, course, new.u, new.time)
         return new if reason is None else replace(new, reason=reason)
-    u, time, words = found
+    u, time, words, _ = found
     count = f"{new.step} step{'' if new.step == 1 else 's'}"
     reason = f"came to {words} at time {time:.6g} in {count}"
     return replace(new, u=u, time=time, dt=time - old.time, reason=reason)

@@ -11,7 +11,19 @@ from meshflow.flow.contract import Flow
 from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array, positive, shown, whole
 
-__all__ = ["AreaLoss", "Course", "Displacement", "Residual", "Scale", "Steps", "Stop", "When", "crossing", "unmet"]
+__all__ = [
+    "AreaLoss",
+    "Course",
+    "Displacement",
+    "Met",
+    "Residual",
+    "Scale",
+    "Steps",
+    "Stop",
+    "When",
+    "crossing",
+    "unmet",
+]
 
 # The tolerance for the place of a stop within a step, as a share of the step.
 FINELY = 1e-4
@@ -183,13 +195,36 @@ class When:
         return f"what {getattr(self.asked, '__name__', 'the callable')} asked for"
 
 
+@dataclass(frozen=True)
+class Met:
+    """Where another run of the same steps has met its stop: within its last step.
+
+    :ivar until: the time at which that step would have ended.
+    :ivar share: of the step.
+    :ivar time: of the end; ``said``: the stop, as part of a sentence.
+    """
+
+    until: float
+    share: float
+    time: float
+    said: str
+
+    def excess(self, course: Course, u: Array, time: float) -> float:
+        """Zero once the step has ended."""
+        return 0.0 if time >= self.until * (1.0 - 1e-12) else -1.0
+
+    def words(self, course: Course, u: Array, time: float) -> str:
+        """As part of a sentence."""
+        return self.said
+
+
 def crossing(
     stops: Sequence[Stop], course: Course, before: tuple[Array, float], after: tuple[Array, float]
-) -> tuple[Array, float, str] | None:
+) -> tuple[Array, float, str, float] | None:
     """Where within a step the first stop is met: u, interpolated linearly between the ends of the step, the time, and the stop.
 
     :param before: u and time at the beginning of the step; ``after``: at its end.
-    :returns: None where no stop is met.
+    :returns: None where no stop is met; else u, the time, the sentence, and the share of the step.
     """
     from scipy.optimize import root_scalar
 
@@ -209,7 +244,9 @@ def crossing(
         if over(1.0, stop) < 0:
             continue
         share = 0.0
-        if over(0.0, stop) < 0:
+        if isinstance(stop, Met):
+            share = stop.share
+        elif over(0.0, stop) < 0:
             share = float(root_scalar(over, args=(stop,), bracket=(0.0, 1.0), method="brentq", xtol=FINELY).root)
         if found is None or share < found[0]:
             found = share, stop
@@ -217,7 +254,7 @@ def crossing(
         return None
     share, stop = found
     u, time = new if share == 1 else blend(share), since + share * (until - since)
-    return u, time, stop.words(course, u, time)
+    return u, time, stop.words(course, u, time), share
 
 
 def unmet(stops: Sequence[Stop], course: Course, u: Array, time: float) -> str:

@@ -17,6 +17,7 @@ __all__ = [
     "Array",
     "Spacing",
     "brief",
+    "false_on",
     "indices_of",
     "mask_of",
     "must_be_truth",
@@ -122,7 +123,7 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
         raise NothingThere(
             f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth or to draw"
         )
-    return array, gone
+    return array, gone if gone.any() else false_on(gone.shape)
 
 
 def brief(data: object, values: Array, missing: Array | None, *words: str) -> str:
@@ -195,13 +196,18 @@ def nowhere(mask: Array | None = None) -> Array:
     return NOWHERE if mask is None else mask
 
 
+def false_on(shape: tuple[int, ...]) -> Array:
+    """A mask that is false everywhere, read-only; it takes no memory."""
+    return np.broadcast_to(np.False_, shape)
+
+
 def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:
     """A boolean mask of a given shape; numbers are true where they are not zero. :data:`NOWHERE` and None are false everywhere.
 
     :raises InputError: when the shape or the type does not fit.
     """
     if mask is None or mask is NOWHERE:
-        return np.zeros(shape, bool)
+        return false_on(shape)
     array = np.asarray(mask)
     if array.dtype.kind not in "biuf":
         raise InputError(f"{name}: a mask of booleans, or of numbers, expected, got dtype {array.dtype}")

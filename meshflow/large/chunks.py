@@ -181,7 +181,7 @@ def _chunked_as(grid: Lazy, given: Any, name: str) -> Chunked:
 
 def _is_given(request: Request) -> bool:
     """Whether nothing is left to be found: neither noise, nor method, nor contrast, nor the end, nor what an outlier is."""
-    ended = request.until_time is not None or request.steps is not None
+    ended = (request.until_time is not None or request.steps is not None) and not request.stops
     ruled = request.heights.contrast is not None or request.heights.variant.linear
     looked_for = request.outliers in ("keep", "repair")
     return request.named and ruled and ended and request.noise is not None and not looked_for

@@ -10,6 +10,7 @@ from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, value_unit
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.risk import Candidate
+from meshflow.flow.stops import Met
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
 from meshflow.large.windows import Windowed
@@ -107,6 +108,9 @@ class Outcome:
             many += f" with a halo of {self.run.halo} samples"
         steps = self.run.found.until.steps
         ended = f"reached time {self.run.found.time:.6g}" if steps is None else f"took all {steps} steps asked for"
+        for met in self.run.local.plan.request.stops:
+            if isinstance(met, Met):
+                ended = f"came to {met.said} at time {met.time:.6g}"
         return f"{ended} by {many}"
 
     @property

@@ -10,7 +10,7 @@ from meshflow.errors import InputError
 from meshflow.estimate.base import base_of, base_reach
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.heights import limit_of
-from meshflow.estimate.plan import Plan
+from meshflow.estimate.plan import Decided, Plan
 from meshflow.estimate.planner import constrained, oriented, pull_of, staying
 from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.plateaus import LEVEL_REACH, Level, level_rule
@@ -19,11 +19,13 @@ from meshflow.estimate.request import Request
 from meshflow.estimate.stabilizer import Stabilizer
 from meshflow.flow.constraints import trust_of
 from meshflow.flow.methods.beltrami import Patches
+from meshflow.flow.stops import AreaLoss, Met, Residual
 from meshflow.geometry.validation import Array
 from meshflow.large.census import Census
 from meshflow.large.sample import Sample
 from meshflow.large.source import Form, OnGrid, Window, within
-from meshflow.results.run import end_of, engine_of, is_uniform, with_given_steps
+from meshflow.results.given_steps import is_uniform, with_given_steps
+from meshflow.results.run import end_of, engine_of
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.grid import Whole
 from meshflow.surfaces.height_field import HeightField
@@ -187,7 +189,11 @@ def must_be_local(request: Request) -> None:
     """
     held = request.constraints
     asked = {
-        "stop": (bool(request.stops), "it is met by the whole at once; give a time"),
+        "stop": (
+            not all(isinstance(stop, (Residual, AreaLoss)) for stop in request.stops),
+            "it is met by a single sample of the whole; take a residual, a loss of area, or a time",
+        ),
+        "twicing": (bool(request.stops) and bool(request.twicing), "with a stop it needs the whole; give a time"),
         "second_stage": (bool(request.heights.second_stage), "its groups of patches are sought around each sample"),
         "level": (request.level is not None, "an offset is that of a whole line"),
         "max_change='step'": (isinstance(held.max_change, str), "steps are found by all samples; give a number"),
@@ -219,6 +225,9 @@ def windowed(form: Form, sample: Sample, request: Request, most_weight: float | 
     found = replace(found, most_pull=_most_pull(found, request, most_weight))
     fixed, rates = with_given_steps(replace(found, whole=whole, preparation=None))
     found = replace(found, noise=found.noise.oriented(found.orientation.inverse))
+    for met in fixed.request.stops:
+        if isinstance(met, Met):
+            found = found.with_({"time": Decided("estimated", met.said)}, time=met.time)
     plan = replace(
         fixed,
         noise=found.noise,

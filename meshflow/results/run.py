@@ -12,11 +12,10 @@ from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.schemes import held_back
-from meshflow.flow.compute import Compute
 from meshflow.flow.conservation import Kept, free_of
 from meshflow.flow.constraints import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
-from meshflow.flow.controls import Control, FixedStep, GivenSteps, Until
+from meshflow.flow.controls import Control, FixedStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
@@ -29,7 +28,7 @@ from meshflow.flow.mobility import slowed
 from meshflow.flow.offsets import without_offsets
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
-from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
+from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.crossings import moved_without_harm
 from meshflow.geometry.validation import Array, whole
 from meshflow.results.afterwards import of_area, of_lone_samples
@@ -44,7 +43,7 @@ from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume, WholeVolume
 
-__all__ = ["carried_out", "end_of", "engine_of", "is_uniform", "run", "states", "with_given_steps"]
+__all__ = ["carried_out", "end_of", "engine_of", "hold_of", "run", "states", "steered", "stepping", "until_of"]
 
 
 def run(data: Data, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
@@ -73,7 +72,7 @@ def _around(data: Gridded, request: Request) -> tuple[Gridded, Request, int]:
 def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None) -> Result:
     """The result of a plan for data; with the threads of the caller (``Compute.running``)."""
     engine = engine_of(plan)
-    start, end, history = _run(_steered(engine, plan), plan, progress, record)
+    start, end, history = _run(steered(engine, plan), plan, progress, record)
     end = end if record else replace(end, before=None)  # an array as large as the data, for who looks at its steps
     if plan.blend and plan.idle is None:
         end = _blended(plan, end)
@@ -116,61 +115,12 @@ def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None)
 
 def end_of(plan: Plan) -> State:
     """The last state of a plan that is not idle: its run, or the blend of its runs, and the second stage; nothing is measured."""
-    end = _run(_steered(engine_of(plan), plan), plan, None, None)[1]
+    end = _run(steered(engine_of(plan), plan), plan, None, None)[1]
     end = _blended(plan, end) if plan.blend else end
     return end if plan.groups is None else _grouped(end, plan, plan.groups)
 
 
-def with_given_steps(plan: Plan) -> tuple[Plan, tuple[int, ...]]:
-    """The plan with the steps that its runs take, so that a window of its data takes the same; and the rates of each run.
-
-    Explicit steps follow from the spacing alone. Where their length depends on the data, the runs are made for it.
-
-    :raises InputError: for steps that every sample has a part in: implicit ones, and those whose bound depends on the data.
-    """
-    compute, rates = _given_steps(replace(plan, blend=()))
-    parts, counts = [], [rates]
-    for i, part in enumerate(plan.blend):
-        own, rates = (compute, rates) if i == 0 else _given_steps(plan.only(part))
-        parts.append(replace(part, compute=own))
-        counts += [rates] * (i > 0)
-    return replace(plan, request=replace(plan.request, compute=compute), blend=tuple(parts)), tuple(counts)
-
-
-def _given_steps(plan: Plan) -> tuple[Compute, int]:
-    """The computation of one run with the steps that it takes, and the number of its rates."""
-    engine = engine_of(plan)
-    flow = _steered(engine, plan)
-    stepper, control = _stepping(flow, plan)
-    until = _until(plan)
-    stepper = stepper_for(stepper or Explicit(), flow, until.time)
-    if not is_uniform(engine):
-        raise InputError(
-            f"method={plan.method.word!r}: the length of its steps depends on all samples; take one with gamma "
-            "of -1 or above (for several channels 0), and mass barycentric or ring"
-        )
-    if not isinstance(stepper, (Explicit, SuperTime)):
-        raise InputError(f"stepper={stepper.name!r}: an implicit step needs all samples; take explicit or super-time")
-    explicit, lengths = Explicit().largest(flow, flow.start()), []
-    if isinstance(stepper, Explicit) and (control is None or isinstance(control, FixedStep)):
-        dt, time = (control or FixedStep()).opened(flow, stepper, flow.start(), until).dt, 0.0
-        while until.reason(time, len(lengths)) is None:
-            lengths.append(min(dt, explicit, until.left(time)))
-            time += lengths[-1]
-    else:
-        limit = _hold(plan, flow)
-        lengths = [state.dt for state in march(flow, until, stepper, control, recycle=True, limit=limit)][1:]
-    given = GivenSteps(tuple(lengths)) if lengths else None
-    rates = [stepper.count(dt, explicit) if isinstance(stepper, SuperTime) else 1 for dt in lengths]
-    return replace(plan.request.compute, stepper=stepper, dt=None, control=given), sum(rates)
-
-
-def is_uniform(engine: Flow) -> bool:
-    """Whether the steps of an engine do not depend on the data: then a window moves as the whole does."""
-    return isinstance(engine, (GridFlow, VolumeFlow)) and engine.uniform
-
-
-def _until(plan: Plan) -> Until:
+def until_of(plan: Plan) -> Until:
     """The end of a run: for twicing at twice its time, with a step that ends at the time."""
     until = plan.until
     if plan.twicing > 0 and until.time is not None:
@@ -209,15 +159,15 @@ def _states(data: Data, request: Request, count: int, progress: Progress) -> Ite
     """:func:`states`, once what was asked for is known to make sense."""
     plan = plan_of_flow(data, request)
     engine = engine_of(plan)
-    flow = _steered(engine, plan)
+    flow = steered(engine, plan)
     yield 0.0, plan.result()
     until = plan.until
     time = until.time
     if plan.idle is not None or time == 0.0:
         return
     shares = [(k / (count - 1)) ** 2 for k in range(1, count)]
-    stepper, control = _stepping(flow, plan)
-    limit = _hold(plan, flow)
+    stepper, control = stepping(flow, plan)
+    limit = hold_of(plan, flow)
     if until.stops:  # the time at which they are met is known only after a run
         *_, end = march(flow, until, stepper, control, progress, recycle=True, limit=limit)
         until, time = Until(time=end.time), end.time
@@ -261,7 +211,7 @@ def engine_of(plan: Plan) -> Flow:
     return MeshFlow(surface, plan.variant, Clamped() if clamped else None)
 
 
-def _steered(engine: Flow, plan: Plan) -> Flow:
+def steered(engine: Flow, plan: Plan) -> Flow:
     """The engine with the mobility and the data weights of a plan."""
     flow = slowed(engine, plan.mobility)
     return flow if plan.pull is None else Faithful(flow, plan.pull, plan.most_pull)
@@ -283,10 +233,10 @@ def _run(flow: Flow, plan: Plan, progress: Progress, record: bool | None) -> tup
     begin = State(flow, flow.start(), reason=plan.idle)
     if plan.idle is not None:
         return begin, begin, History.joined(() if record is None else (_measured(begin, plan),))
-    until, kept = _until(plan), None
+    until, kept = until_of(plan), None
     time, twicing = plan.until.time, plan.twicing
-    stepper, control = _stepping(flow, plan)
-    limit = _hold(plan, flow)
+    stepper, control = stepping(flow, plan)
+    limit = hold_of(plan, flow)
     measured, state = [], begin
     for state in march(flow, until, stepper, control, progress, recycle=True, limit=limit):
         if record or (record is not None and state.step == 0):
@@ -309,7 +259,7 @@ def _blended(plan: Plan, first: State) -> State:
     u = first.u.copy(order="K")
     for part in plan.blend[1:]:
         alone = plan.only(part)
-        flow = _steered(engine_of(alone), alone)
+        flow = steered(engine_of(alone), alone)
         u += u.dtype.type(part.weight) * (_run(flow, alone, None, None)[1].u - first.u)  # what stays keeps its bits
     words = f"{first.reason}; blended with {len(plan.blend) - 1} more"
     return replace(first, u=u, reason=words)
@@ -337,7 +287,7 @@ def _recentred(end: State, plan: Plan) -> State:
     return replace(end, u=u if limit is None else limit.hold(u), dt=0.0)
 
 
-def _stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | None]:
+def stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | None]:
     """The stepper, and the control of its steps."""
     compute, time = plan.request.compute, plan.until.time
     control: Control | None = compute.control or (None if compute.dt is None else FixedStep(compute.dt))
@@ -361,7 +311,7 @@ def _stepper(flow: Flow, plan: Plan) -> Stepper | StepperName:
     return suits if isinstance(suits, Explicit) else SemiImplicit()
 
 
-def _hold(plan: Plan, flow: Flow) -> Hold | None:
+def hold_of(plan: Plan, flow: Flow) -> Hold | None:
     """The constraint that holds after every step; the largest change only at the end where mean offsets are removed first."""
     limit = None if plan.recentred else plan.limit(flow.start())
     if plan.preserve is None or not isinstance(plan.data, Mesh):

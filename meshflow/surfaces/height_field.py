@@ -87,7 +87,8 @@ class HeightField(OnGrid):
         """A reoriented copy; the same object if nothing changes."""
         if not orientation.changes:
             return self
-        z, missing, fixed = (np.ascontiguousarray(orientation.of(a)) for a in (self.z, self.missing, self.fixed))
+        z = np.ascontiguousarray(orientation.of(self.z))
+        missing, fixed = orientation.of_mask(self.missing), orientation.of_mask(self.fixed)
         spacing, cuts = orientation.of_spacing(self.spacing), orientation.of_cuts(self.cuts)
         period = 0 if orientation.transposed else self.period
         sigma = orientation.of(self.sigma) if isinstance(self.sigma, np.ndarray) else self.sigma

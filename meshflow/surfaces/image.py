@@ -67,8 +67,7 @@ class Image(OnGrid):
         """A reoriented copy; the same object if nothing changes."""
         if not orientation.changes:
             return self
-        values, missing, fixed = (
-            np.ascontiguousarray(orientation.of(a)) for a in (self.values, self.missing, self.fixed)
-        )
+        values = np.ascontiguousarray(orientation.of(self.values))
+        missing, fixed = orientation.of_mask(self.missing), orientation.of_mask(self.fixed)
         spacing, period = orientation.of_spacing(self.spacing), 0 if orientation.transposed else self.period
         return replace(self, values=values, missing=missing, fixed=fixed, spacing=spacing, period=period)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshflow.geometry.validation import Array, Spacing
+from meshflow.geometry.validation import Array, Spacing, false_on
 from meshflow.surfaces.discontinuities import Cuts
 
 __all__ = ["AS_IT_IS", "Orientation", "lattice", "orientation_by", "orientation_of"]
@@ -43,6 +43,11 @@ class Orientation:
         """A reoriented view of an array (h, w, ...)."""
         turned = np.swapaxes(array, 0, 1) if self.transposed else array
         return turned[:: -1 if self.rows else 1, :: -1 if self.columns else 1]
+
+    def of_mask(self, mask: Array) -> Array:
+        """A reoriented mask (h, w) in the order of memory; one that is false everywhere takes no memory."""
+        turned = self.of(mask)
+        return np.ascontiguousarray(turned) if turned.any() else false_on(turned.shape)
 
     def of_samples(self, columns: Array, shape: tuple[int, int]) -> Array:
         """The reoriented array (h * w, k) of a grid (h, w)."""
