@@ -299,7 +299,7 @@ def smoothed(path: Path, *words):
     ("words", "why"),
     [
         (("--report", "r.html"), "--report: not by windows, it needs the whole, which does not fit into 300 MB"),
-        (("--residual", "0.9"), "stop: not by windows, it is met by the whole at once; give a time"),
+        (("--displacement", "0.9"), "stop: not by windows, it is met by a single sample of the whole"),
         (("--memory", "0"), "memory: a size such as 2GB"),
         (("--moves", "points"), "moves: no option of a raster"),
     ],

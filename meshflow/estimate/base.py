@@ -63,8 +63,9 @@ def base_reach(whole: Whole) -> int:
 
 def _range(planes: Array, grid: Grid) -> float:
     """The range of the present samples, of a window that of the whole grid."""
-    if grid.whole is not None:
-        return grid.whole.ends[1] - grid.whole.ends[0]
+    if grid.whole is not None:  # in the number type of the planes, as below
+        low, high = (planes.dtype.type(end) for end in grid.whole.ends)
+        return float(high - low)
     there = np.broadcast_to(~grid.missing, planes.shape)
     return float(np.max(planes, where=there, initial=-np.inf) - np.min(planes, where=there, initial=np.inf))
 
