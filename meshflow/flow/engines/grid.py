@@ -184,7 +184,7 @@ class GridFlow:
         held, grid = self.grid.fixed, self.grid
         if grid.boundary == "fixed":
             held = held | border_samples(grid.there, grid.shape, grid.diagonals)
-        return held.astype(np.uint8) if held.any() else None
+        return np.ascontiguousarray(held, dtype=np.uint8) if held.any() else None
 
     @cached_property
     def _geometry(self) -> Array:
