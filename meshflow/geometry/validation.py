@@ -31,6 +31,7 @@ __all__ = [
     "real",
     "samples",
     "shown",
+    "slim",
     "spacing_of",
     "triangles_of",
     "truth_of",
@@ -123,7 +124,7 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
         raise NothingThere(
             f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth or to draw"
         )
-    return array, gone if gone.any() else false_on(gone.shape)
+    return array, slim(gone)
 
 
 def brief(data: object, values: Array, missing: Array | None, *words: str) -> str:
@@ -199,6 +200,11 @@ def nowhere(mask: Array | None = None) -> Array:
 def false_on(shape: tuple[int, ...]) -> Array:
     """A mask that is false everywhere, read-only; it takes no memory."""
     return np.broadcast_to(np.False_, shape)
+
+
+def slim(mask: Array) -> Array:
+    """The same mask, in no memory where it is false everywhere."""
+    return mask if mask.any() else false_on(mask.shape)
 
 
 def mask_of(mask: ArrayLike | None, shape: tuple[int, ...], name: str) -> Array:

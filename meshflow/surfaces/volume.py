@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.options import named_fields
-from meshflow.geometry.validation import Array, false_on, mask_of, must_have_squares, nowhere, positive, real, shown
+from meshflow.geometry.validation import Array, mask_of, must_have_squares, nowhere, positive, real, shown, slim
 from meshflow.surfaces.grid import Lift, Spacing, held
 from meshflow.surfaces.orientation import lattice
 from meshflow.surfaces.surface import Boundary, known_boundary
@@ -248,7 +248,7 @@ def _samples(values: Any, missing: Any) -> tuple[Array, Array]:
     gone |= mask_of(missing, gone.shape, "missing")
     if gone.all():
         raise NothingThere(f"volume: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth")
-    return array, gone if gone.any() else false_on(gone.shape)
+    return array, slim(gone)
 
 
 def in_plane(spacing: Spacing | Steps) -> Spacing:

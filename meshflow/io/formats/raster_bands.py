@@ -17,7 +17,7 @@ from rasterio.transform import Affine
 from rasterio.windows import Window
 
 from meshflow.errors import FormatError, InputError
-from meshflow.geometry.validation import Array, false_on, real
+from meshflow.geometry.validation import Array, real, slim
 from meshflow.io.atomic_write import beside
 from meshflow.io.document import Source
 from meshflow.io.formats.elsewhere import said_of
@@ -111,8 +111,7 @@ def load(
     if frame.scaled:
         scale, offset = (np.reshape(factor, (-1, 1, 1)) for factor in (frame.scales, frame.offsets))
         values = np.where(gone, values, values * scale + offset).astype(values.dtype)
-    gone = gone | ~np.isfinite(values)
-    return values, replace(frame, gone=gone if gone.any() else false_on(gone.shape), alpha=alpha, notes=found)
+    return values, replace(frame, gone=slim(gone | ~np.isfinite(values)), alpha=alpha, notes=found)
 
 
 def save(samples: Array, frame: Frame, path: Path, encoding: Encoding, tags: Mapping[str, str]) -> None:
