@@ -15,7 +15,6 @@ from meshflow.flow.stops import Steps
 from meshflow.geometry.normals import mean_edge
 from meshflow.geometry.operator import mass, stiffness
 from meshflow.geometry.volume import volume
-from meshflow.large.census import census_of
 from meshflow.large.sample import sample_of
 from meshflow.large.source import Held
 from meshflow.large.windows import windowed
@@ -150,4 +149,4 @@ def test_points_volumes_and_channels_that_come_first_are_refused_with_the_way_ou
 def test_windows_refuse_schemes_of_their_own(method):
     held = Held(Image(np.random.default_rng(0).normal(size=(40, 40, 2))))
     with pytest.raises(InputError, match="not by windows"):
-        windowed(census_of(held), sample_of(held, 1 << 22, 16), Request.of(method, time=1.0))
+        windowed(held.form, sample_of(held, 1 << 22, 16), Request.of(method, time=1.0))

@@ -123,7 +123,7 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
         (lambda: Compute(search="yes"), "search: True or False"),  # type: ignore[arg-type]
         (lambda: Request(time=True), "time: a finite number"),
         (lambda: Request(time=1.0, scale=2.0), "give one of them"),
-        (lambda: Request(domain="moon"), "domain: auto, length, disparity, luv, lab or linear-rgb"),  # type: ignore[arg-type]
+        (lambda: Request(domain="moon"), "domain: auto, length, disparity, luv, lab, linear-rgb or stabilized"),  # type: ignore[arg-type]
         (lambda: Request(compute="fast"), "compute: a Compute"),  # type: ignore[arg-type]
         (lambda: Request.of(stop=[Steps(2), Steps(3)]), "Steps is given twice"),
         (lambda: Request.of(stop=[Residual(0.9), Residual(0.5)]), "Residual is given twice"),

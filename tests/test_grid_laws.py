@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 import meshflow
 from meshflow.errors import InputError
@@ -93,7 +94,13 @@ def test_a_run_on_the_grid_is_the_run_on_its_triangles(kind, diagonals):
     data = surfaces(20, 24)[kind]
     lift = Lift(diagonals=diagonals)
     grid, mesh = GridFlow(data.gridded(lift), Variant(gamma=1.0)), MeshFlow(data.lifted(lift), Variant(gamma=1.0))
-    for stepper, dt in ((Explicit(), 0.05), (SuperTime(), 0.3), (SuperTime(2), 0.3), (SemiImplicit("direct"), 0.5)):
+    mesh.pace = grid.pace  # the same stages, also beside holes
+    for stepper, dt in (
+        (Explicit(), 0.05),
+        (SuperTime(), 0.3 * grid.pace),
+        (SuperTime(2), 0.3 * grid.pace),
+        (SemiImplicit("direct"), 0.5),
+    ):
         ends = [list(march(flow, Until(steps=5), stepper, FixedStep(dt)))[-1] for flow in (grid, mesh)]
         way = np.abs(ends[1].u - mesh.start()).max()
         assert np.abs(ends[0].u - ends[1].u).max() < 1e-11 * max(way, 1.0)
@@ -284,3 +291,17 @@ def test_the_graph_flow_of_high_cliffs_ends():
     z = np.where(np.random.default_rng(8).random((16, 18)) < 0.1, 1e6, np.round(RNG.random((16, 18))))
     found = meshflow.smooth(z, method="graph", outliers="include", noise=1.0)  # explicit steps would be 1e-12 long
     assert z.min() - 1.0 <= found.min() <= found.max() <= z.max() + 1.0
+
+
+@pytest.mark.parametrize("share", [0.02, 0.11, 0.3])
+@pytest.mark.parametrize("missing", ["at random", "in pieces"])
+def test_the_heat_equation_leaves_no_range_however_ragged_the_holes(share, missing):
+    draw = np.random.default_rng(3)
+    z, field = draw.uniform(0.0, 11.0, (60, 70)), draw.normal(size=(60, 70))
+    field = field if missing == "at random" else gaussian_filter(field, 1.5)
+    z[field > np.quantile(field, 1.0 - share)] = np.nan
+    for end in (8.0, 30.0, 100.0):
+        done = meshflow.smooth(z, kind="image", method="heat", time=end)
+        assert np.nanmax(done) <= 11.0 + 1e-9
+        assert np.nanmin(done) >= -1e-9
+    assert np.nanmax(np.abs(meshflow.smooth(z, kind="image", method="quick"))) < 13.0

@@ -116,7 +116,7 @@ def test_a_mask_is_that_of_every_slice():
             "slices: of an xarray.DataArray with a further dimension, got ndarray",
         ),
         (stack(), {"slices": "some"}, "slices: each or alike expected, got 'some'"),
-        (stack(), {"slices": "alike", "stop": meshflow.Residual(0.9)}, "stop: not by windows"),
+        (stack(), {"slices": "alike", "stop": meshflow.Displacement(0.9)}, "stop: not by windows"),
         (
             stack(),
             {"slices": "each", "missing": np.zeros((3, H, W), bool)},

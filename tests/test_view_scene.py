@@ -314,7 +314,7 @@ def test_what_cannot_be_drawn_is_refused_and_no_window_is_left(tmp_path):
         show(ROUGH, tmp_path / "a.png", seen="side")
     with pytest.raises(InputError, match="two surfaces expected, got one"):
         plotter(ROUGH, quantity="removed")
-    with pytest.raises(InputError, match="one of them at a time"):
+    with pytest.raises(InputError, match="only one of them can be shown"):
         show(ROUGH, tmp_path / "a.png", scalars=ROUGH.z, quantity="curvature")
     with pytest.raises(FormatError, match=r"ends in .gif, .png; got .jpg"):
         compare(ROUGH, FLAT, tmp_path / "a.jpg", arrange="blink")
@@ -383,7 +383,7 @@ def test_colours_that_stand_for_nothing_are_refused(tmp_path):
         show(field, tmp_path / "a.png", colours="cividis")
     ball = trimesh.creation.icosphere(2)
     ball.visual.vertex_colors = [200, 100, 50, 255]
-    with pytest.raises(InputError, match="its own colours or those of numbers"):
+    with pytest.raises(InputError, match="cannot be shown together"):
         show(ball, tmp_path / "a.png", quantity="curvature", own_colours=True)
 
 

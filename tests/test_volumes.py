@@ -179,3 +179,14 @@ def test_a_limit_of_each_value_lies_as_the_data_lies():
     for limit in (0.1, np.full((6, 7, 8), 0.1), np.full((6, 7, 8, 1), 0.1)):
         done = meshflow.smooth(Volume(values), constraints=meshflow.MaxChange(limit))
         assert 0 < np.abs(done.values - values).max() < 0.1 + 1e-12
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_the_heat_equation_leaves_no_range_however_ragged_the_holes(share):
+    draw = np.random.default_rng(1)
+    z = draw.uniform(0.0, 11.0, (14, 16, 18))
+    z[draw.random(z.shape) < share] = np.nan
+    for end in (8.0, 100.0):
+        done = meshflow.smooth(z, kind="volume", method="heat", time=end)
+        assert np.nanmax(done) <= 11.0 + 1e-9
+        assert np.nanmin(done) >= -1e-9

@@ -164,8 +164,8 @@ def test_what_is_chosen_by_default_runs_by_windows_as_it_does_on_the_whole(metho
 def test_a_plan_found_on_spread_tiles_is_that_of_the_whole_to_the_error_of_its_estimates():
     data = terrain(400, 500, holes=0.01)
     request = Request.of(outliers="include")
-    small, found = by_windows(data, request, (150, 500), enough=160 * 160, side=40)
-    one, _ = by_windows(data, request, (400, 500), enough=160 * 160, side=40)
+    small, found = by_windows(data, request, (150, 500), enough=240 * 240, side=40)
+    one, _ = by_windows(data, request, (400, 500), enough=240 * 240, side=40)
     same(small, one)
     chosen = run(data, replace(request, method=meshflow.Search(second_stage=False)), record=None)
     assert found.found.noise.sigma == pytest.approx(chosen.noise.sigma, rel=0.1)

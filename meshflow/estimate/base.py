@@ -6,7 +6,7 @@ import numpy as np
 
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.family import Variant
-from meshflow.flow.steppers import Explicit, SuperTime
+from meshflow.flow.steppers import SuperTime, counted_in
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Grid, Whole
@@ -33,7 +33,8 @@ def base_of(grid: Grid, sigma: float, threads: int | None = None) -> Array:
     :param sigma: the noise, unit of the planes.
     """
     planes = np.where(grid.missing, 0, grid.planes)
-    spread = _range(planes, grid)
+    ends = _ends(planes, grid)
+    spread = ends[1] - ends[0]
     if spread == 0.0:
         return planes
     power = int(np.frexp(spread)[1])
@@ -41,12 +42,16 @@ def base_of(grid: Grid, sigma: float, threads: int | None = None) -> Array:
     if grid.cuts is not None:
         right, down = right | grid.cuts.right, down | grid.cuts.down
     step = float(np.sqrt(np.mean(grid.spacing[0]) * grid.spacing[1])) if grid.whole is None else grid.whole.step
-    flow = GridFlow(replace(grid, contrast=FLAT * step / spread, cuts=Cuts(right, down)), Variant(), threads)
+    # Steps as short as where triangles are missing: a window may have cuts, or none.
+    whole = Whole(grid.spacing, ends, ragged=True) if grid.whole is None else replace(grid.whole, ragged=True)
+    cut = replace(grid, contrast=FLAT * step / spread, cuts=Cuts(right, down), whole=whole)
+    flow = GridFlow(cut, Variant(), threads)
     u, since = flow.start(), 0.0
     for count, part in enumerate(PARTS):
         u = SuperTime().step(flow, u, (part - since) * TIME * step**2, count)
         since = part
-    return u.T.reshape(planes.shape)
+    # A tilted plane is its own base up to its border, beyond which no base goes.
+    return np.clip(u.T.reshape(planes.shape), *ends)
 
 
 def base_reach(whole: Whole) -> int:
@@ -55,19 +60,20 @@ def base_reach(whole: Whole) -> int:
     :param whole: of the grid.
     """
     none = np.zeros((2, 2), bool)
-    grid = Grid(np.zeros((1, 2, 2)), none, none, (float(np.min(whole.spacing[0])), whole.spacing[1]), whole=whole)
+    spacing = float(np.min(whole.spacing[0])), whole.spacing[1]
+    grid = Grid(np.zeros((1, 2, 2)), none, none, spacing, whole=replace(whole, ragged=True))
     flow = GridFlow(grid, Variant())
-    explicit, ends = Explicit().largest(flow, flow.start()), np.diff([0.0, *PARTS]) * TIME * whole.step**2
-    return ACROSS + sum(SuperTime().count(float(dt), explicit) for dt in ends)
+    unit, ends = counted_in(flow, flow.start()), np.diff([0.0, *PARTS]) * TIME * whole.step**2
+    return ACROSS + sum(SuperTime().count(float(dt), unit) for dt in ends)
 
 
-def _range(planes: Array, grid: Grid) -> float:
-    """The range of the present samples, of a window that of the whole grid."""
-    if grid.whole is not None:  # in the number type of the planes, as below
+def _ends(planes: Array, grid: Grid) -> tuple[float, float]:
+    """The least and the greatest present number, of a window those of the whole grid, in the number type of the planes."""
+    if grid.whole is not None:
         low, high = (planes.dtype.type(end) for end in grid.whole.ends)
-        return float(high - low)
+        return float(low), float(high)
     there = np.broadcast_to(~grid.missing, planes.shape)
-    return float(np.max(planes, where=there, initial=-np.inf) - np.min(planes, where=there, initial=np.inf))
+    return float(np.min(planes, where=there, initial=np.inf)), float(np.max(planes, where=there, initial=-np.inf))
 
 
 def _jumps(planes: Array, missing: Array, axis: int, most: float, power: int) -> Array:

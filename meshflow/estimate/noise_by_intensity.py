@@ -11,7 +11,6 @@ from functools import lru_cache
 
 import numpy as np
 import scipy.special
-from scipy.optimize import nnls
 
 from meshflow.estimate.noise_growth import residuals
 from meshflow.geometry.validation import Array
@@ -163,6 +162,8 @@ def _fitted(classes: _Classes, up: bool, typical: float) -> ByIntensity:
 
     :param up: whether the noise grows with the intensity.
     """
+    from scipy.optimize import nnls
+
     span = float(classes.at[0]), float(classes.at[-1])
     origin = span[0] if up else span[1]
     width = span[1] - span[0] or 1.0

@@ -71,7 +71,7 @@ def _iterated(places: list[_Places], energy: Array, textured: Array) -> float:
     for _ in range(ROUNDS):
         weak = textured[energy[textured] < _threshold() * variance]
         if weak.size < LEAST:
-            weak = np.sort(textured[np.argpartition(energy[textured], LEAST)[:LEAST]])
+            weak = np.sort(textured[np.argpartition(energy[textured], LEAST - 1)[:LEAST]])
         before, variance = variance, _variance(places, weak, SOME)
         if variance > 0.996 * before:  # it decreases from one selection to the next, except by chance
             break

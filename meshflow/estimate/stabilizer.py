@@ -8,7 +8,7 @@ mean of f(v) over noise is not f of the mean: the way back is that of the mean o
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import poisson
+from scipy.special import gammaln, xlogy
 
 from meshflow.estimate.noise_by_intensity import ONE_PHOTON, ByIntensity
 from meshflow.geometry.validation import Array
@@ -83,7 +83,8 @@ def _of_photons(noise: ByIntensity) -> tuple[Array, Array, Array]:
     scale = noise.b * np.sqrt(noise.typical / noise.b + ONE_PHOTON)
     few, numbers = at <= SUMMED, np.arange(2 * SUMMED)
     mean = np.sqrt(at + 0.125)
-    mean[few] = poisson.pmf(numbers, at[few, None]) @ np.sqrt(numbers + ONE_PHOTON)
+    chance = np.exp(xlogy(numbers, at[few, None]) - at[few, None] - gammaln(numbers + 1.0))
+    mean[few] = chance @ np.sqrt(numbers + ONE_PHOTON)
     return at * noise.b, 2.0 * scale * np.sqrt(at + ONE_PHOTON), 2.0 * scale * mean
 
 

@@ -79,7 +79,7 @@ def piece_of(
     block: Block, parts: Sequence[Cube], sigma: Array, limit: Array | None, speed: Array | None
 ) -> VolumePiece:
     """Cubes of a volume, all of one size, as one piece."""
-    whole = WholeVolume(block.ends, tuple(first for first, _ in block.spans))
+    whole = WholeVolume(block.ends, tuple(first for first, _ in block.spans), block.ragged)
     missing, label = [], []
     for i, cube in enumerate(parts):
         counts = ~(block.missing | block.fixed)[cube]
@@ -155,7 +155,7 @@ def probed(piece: VolumePiece, probes: Array) -> Probed:
         planes=_stacked(starts, 0.0),
         missing=_stacked([block.missing] * count, True),
         fixed=_stacked([block.fixed] * count, False),
-        whole=WholeVolume(block.ends, tuple(first for first, _ in block.spans)),
+        whole=WholeVolume(block.ends, tuple(first for first, _ in block.spans), block.ragged),
     )
     places = piece.counted + (d + 1) * h * w * np.arange(count)[:, None]
     copies = _Behind(wide, places, _columns(piece.limit, count), _columns(piece.speed, count))

@@ -50,9 +50,13 @@ class Flow(Protocol):
     memory (planes of a grid, rows of a mesh), which of their samples stand for all, and by how many threads they are read.
 
     :ivar slivers: triangles may be so thin that their bound says nothing of the others.
+    :ivar pace: the share of a stable explicit step for which stages of a super-time step are stable. Beside missing triangles a
+        mode may be fast in one triangulation and at rest in another; stages that alternate between them make it grow, unless
+        none of them overshoots: half a step does not.
     """
 
     slivers: bool
+    pace: float
 
     def start(self) -> Array:
         """Free coordinates (n, k) at time zero; not to be written to."""

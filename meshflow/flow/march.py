@@ -13,7 +13,16 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.controls import Control, Embedded, FixedStep, Until
 from meshflow.flow.progress import Progress, reporting
 from meshflow.flow.step_lengths import Steps
-from meshflow.flow.steppers import MANY, Embedding, Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.flow.steppers import (
+    MANY,
+    Embedding,
+    Explicit,
+    SemiImplicit,
+    Stepper,
+    StepperName,
+    counted_in,
+    stepper_for,
+)
 from meshflow.flow.stops import Course, crossing, unmet
 from meshflow.flow.workspace import Workspace
 from meshflow.geometry.options import named_fields
@@ -63,8 +72,8 @@ class State:
 
     @cached_property
     def explicit(self) -> float:
-        """The longest stable explicit step at this state; computed on first use."""
-        return Explicit().largest(self.flow, self.u)
+        """The explicit step in which stages are counted at this state; computed on first use."""
+        return counted_in(self.flow, self.u)
 
     @cached_property
     def largest(self) -> float:

@@ -23,6 +23,7 @@ __all__ = [
     "Stepper",
     "StepperName",
     "SuperTime",
+    "counted_in",
     "stepper_for",
     "stepper_word",
 ]
@@ -105,6 +106,11 @@ class Explicit:
         return 2.0 / bound if bound > 0 else np.inf
 
 
+def counted_in(flow: Flow, u: Array) -> float:
+    """The explicit step in which the stages of a super-time step are counted."""
+    return Explicit().largest(flow, u) * flow.pace
+
+
 @named_fields
 @dataclass(frozen=True)
 class SuperTime:
@@ -133,7 +139,7 @@ class SuperTime:
 
     def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after time dt."""
-        workspace, count = workspace or Workspace(flow), self.count(dt, Explicit().largest(flow, u))
+        workspace, count = workspace or Workspace(flow), self.count(dt, counted_in(flow, u))
         last, *spent = self._stages(flow, u, dt, diagonal, count, workspace)
         workspace.give(*spent)
         return last
@@ -161,12 +167,12 @@ class SuperTime:
 
     def largest(self, flow: Flow, u: Array) -> float:
         """The reach of the largest number of stages, with explicit steps that are stable at u."""
-        return Explicit().largest(flow, u) * self.stretch
+        return counted_in(flow, u) * self.stretch
 
     def count(self, dt: float, explicit: float) -> int:
         """The number of stages of a step, enough to compare the last two.
 
-        :param dt: the length of the step; ``explicit``: that of the longest stable explicit one.
+        :param dt: the length of the step; ``explicit``: that of :func:`counted_in`.
         """
         return max(self.order + 1, stages(self.order, dt / explicit))
 

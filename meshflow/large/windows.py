@@ -50,6 +50,7 @@ class Local:
     :ivar still: what is level and stays.
     :ivar cleaning: what is done about outliers.
     :ivar stabilizer: makes values with the same noise at every intensity; None: they stay as they are.
+    :ivar ragged: whether samples of the whole are missing, as far as its sample shows.
     """
 
     form: Form
@@ -59,6 +60,7 @@ class Local:
     still: Level = ""
     cleaning: Cleaning = AS_DATA
     stabilizer: Stabilizer | None = None
+    ragged: bool = False
 
     @property
     def reach(self) -> int:
@@ -85,9 +87,9 @@ class Local:
         """The same with what a window must know of the samples of the whole."""
         census = replace(census, stabilizer=self.stabilizer)
         if self.form.kind is Volume:
-            return Bound(self, replace(self.plan, whole=census.whole_volume), census.datum)
+            return Bound(self, replace(self.plan, whole=replace(census.whole_volume, ragged=self.ragged)), census.datum)
         way, whole = census.orientation(self.plan.request.compute), census.whole
-        turned = replace(whole, spacing=way.of_spacing(whole.spacing))
+        turned = replace(whole, spacing=way.of_spacing(whole.spacing), ragged=self.ragged)
         return Bound(self, replace(self.plan, orientation=way, whole=turned), census.datum)
 
 
@@ -245,7 +247,7 @@ def windowed(form: Form, sample: Sample, request: Request, most_weight: float | 
     halo += 0 if found.base is None or whole is None else base_reach(whole)
     still = "" if request.named or request.timed else _level_in(sample.data)
     stabilizer = None if found.preparation is None else found.preparation.stabilizer
-    local = Local(form, plan, halo, found.base is not None, still, cleaning, stabilizer)
+    local = Local(form, plan, halo, found.base is not None, still, cleaning, stabilizer, _is_ragged(found))
     return Windowed(found, replace(local, halo=halo + local.reach), warnings)
 
 
@@ -262,7 +264,12 @@ def _whole_of(form: Form, found: Plan) -> Whole | None:
     if form.kind is Volume:
         return None
     known = array_of(found.data)[~on_grid(found.data).missing]
-    return Whole(found.orientation.of_spacing(form.plane), (float(known.min()), float(known.max())))
+    return Whole(found.orientation.of_spacing(form.plane), (float(known.min()), float(known.max())), _is_ragged(found))
+
+
+def _is_ragged(found: Plan) -> bool:
+    """Whether samples of the sample are missing."""
+    return bool(on_grid(found.data).missing.any())
 
 
 def _level_in(data: OnGrid) -> Level:

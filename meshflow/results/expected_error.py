@@ -138,7 +138,7 @@ class _Rerun:
         lowered, how = stabilized_by(lowered, how, plan.preparation.stabilizer)
         turned = replace(lowered.oriented(plan.orientation), fixed=self.data.fixed)
         known = array_of(self.data)[~self.data.missing]
-        ends = Whole(turned.spacing, (float(known.min()), float(known.max())))
+        ends = Whole(turned.spacing, (float(known.min()), float(known.max())), turned.gridded(plan.lift).ragged)
         again = replace(plan, data=turned, preparation=how, whole=ends)
         if plan.base is not None:
             grid = replace(turned.gridded(plan.lift), whole=ends)

@@ -63,7 +63,8 @@ def _given_steps(plan: Plan) -> tuple[Compute, int, Met | None]:
         limit = hold_of(plan, flow)
         lengths = [state.dt for state in march(flow, until, stepper, control, recycle=True, limit=limit)][1:]
     given = GivenSteps(tuple(lengths)) if lengths else None
-    rates = [stepper.count(dt, explicit) if isinstance(stepper, SuperTime) else 1 for dt in lengths]
+    unit = explicit * flow.pace
+    rates = [stepper.count(dt, unit) if isinstance(stepper, SuperTime) else 1 for dt in lengths]
     return replace(plan.request.compute, stepper=stepper, dt=None, control=given), sum(rates), met
 
 

@@ -84,10 +84,12 @@ class Whole:
 
     :param spacing: (dx, dy) of the whole, dx a number or one per row.
     :param ends: the least and the greatest present number of its planes.
+    :param ragged: whether triangles of it are missing.
     """
 
     spacing: Spacing
     ends: tuple[float, float]
+    ragged: bool = False
 
     @property
     def step(self) -> float:
@@ -141,6 +143,11 @@ class Grid:
         if self.jump is None and self.cuts is None and not self.missing.any():
             return None
         return triangles_there(self.missing, self.planes[0], self.jump, self.cuts)
+
+    @property
+    def ragged(self) -> bool:
+        """Whether triangles are missing, here or elsewhere in the whole grid."""
+        return self.there is not None if self.whole is None else self.whole.ragged
 
     @cached_property
     def lone(self) -> int:

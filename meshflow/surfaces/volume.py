@@ -97,10 +97,12 @@ class WholeVolume:
 
     :param ends: the least and the greatest present number of its channels.
     :param order: of its diagonals (:func:`diagonal_order`).
+    :param ragged: whether samples of it are missing.
     """
 
     ends: tuple[float, float]
     order: tuple[int, ...]
+    ragged: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +114,8 @@ class Block:
     :param fixed: (d, h, w), samples that stay.
     :param spacing: (dz, dy, dx).
     :param contrast: length per unit of the planes.
-    :param diagonals: of the four main diagonals of a cell: ``alternate``: in turn, ``both``: all four together, ``forward``: the
-        one along all axes, ``backward``: the one against y and z.
+    :param diagonals: of the four main diagonals of a cell: ``alternate``: in turn, and all four together where samples are
+        missing; ``both``: all four together, ``forward``: the one along all axes, ``backward``: the one against y and z.
     :param boundary: ``neumann | fixed``.
     :param whole: of the volume of which this is a window; None: this is the whole.
     :raises InputError: for an unknown word for the diagonals or the boundary.
@@ -138,10 +140,16 @@ class Block:
         d, h, w = self.missing.shape
         return d, h, w
 
+    @property
+    def ragged(self) -> bool:
+        """Whether samples are missing, here or elsewhere in the whole volume."""
+        return bool(self.missing.any()) if self.whole is None else self.whole.ragged
+
     @cached_property
     def spans(self) -> tuple[tuple[int, int], ...]:
         """The main diagonals that a rate averages, first and last (not included), for the rates in turn."""
-        if self.diagonals == "alternate":
+        # Beside missing samples a mode may be fast with one diagonal and at rest with the others: stages in turn make it grow.
+        if self.diagonals == "alternate" and not self.ragged:
             order = diagonal_order(self.planes, self.missing) if self.whole is None else self.whole.order
             return tuple((i, i + 1) for i in order)
         return {"forward": ((0, 1),), "backward": ((3, 4),)}.get(self.diagonals, ((0, len(_EVERY)),))

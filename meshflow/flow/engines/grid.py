@@ -69,6 +69,7 @@ class GridFlow:
         self._evened = alternating and m.conserves
         self._by_forms = False  # laws compare the loops for few coordinates with those for any number
         self.slivers = self._shortens()
+        self.pace = 0.5 if grid.diagonals == "alternate" and grid.ragged else 1.0
 
     # --- the contract ---------------------------------------------------------------------------------------------------
 

@@ -96,6 +96,7 @@ class MeshFlow(Dense):
     """
 
     slivers = True
+    pace = 1.0
 
     def __init__(self, surface: Surface, variant: Variant | None = None, metric: Metric | None = None) -> None:
         self.surface, self.variant, metric = surface, variant or Variant(), metric or Given()

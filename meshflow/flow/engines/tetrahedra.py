@@ -55,6 +55,7 @@ class TetFlow:
     """
 
     slivers = True
+    pace = 1.0
 
     def __init__(self, data: TetMesh, lift: Lift, variant: Variant | None = None, threads: int | None = None) -> None:
         self.variant, self.threads = variant or Variant(), None if threads is None else whole(threads, "threads", 1)

@@ -36,6 +36,8 @@ class VolumeFlow:
     :raises InputError: for a variant without meaning here, or slopes so steep that their powers overflow.
     """
 
+    pace = 1.0
+
     def __init__(self, block: Block, variant: Variant | None = None, threads: int | None = None) -> None:
         self.block, self.variant = block, variant or Variant()
         self.threads = None if threads is None else whole(threads, "threads", 1)

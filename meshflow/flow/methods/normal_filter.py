@@ -116,6 +116,7 @@ class NormalFilterFlow(Dense):
     """
 
     slivers = False
+    pace = 1.0
 
     def __init__(self, surface: Surface, how: NormalFilter | None = None) -> None:
         if not surface.is_free or surface.points.shape[1] != 3:
