@@ -83,6 +83,17 @@ def test_a_picture_of_few_photons_is_smoothed_far_better_than_as_if_its_noise_we
     assert result.to_dict()["noise"]["by_intensity"][0]["photons"]
 
 
+@pytest.mark.parametrize("background", [0.1, 0.3])
+def test_a_dark_background_keeps_its_few_photons(background):
+    y, x = np.mgrid[0:112, 0:112]
+    truth = background + 150.0 * np.exp(-((x - 60) ** 2 + (y - 50) ** 2) / 300.0)
+    done = meshflow.smooth(np.random.default_rng(0).poisson(truth).astype(float), kind="image")
+    dark = truth < background + 0.01
+    assert done[dark].mean() == pytest.approx(truth[dark].mean(), rel=0.2)
+    assert done.mean() == pytest.approx(truth.mean(), rel=0.01)
+    assert done.min() >= 0.0
+
+
 def test_the_result_does_not_depend_on_how_the_picture_lies():
     z = photons(subject("coffee", 77)[:, :61], 40)
     once = meshflow.smooth(z, kind="image")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from PIL import Image as Picture
 
 import meshflow
 from meshflow import Beltrami, Mask
@@ -141,3 +142,14 @@ def test_each_variable_of_a_lazy_dataset_has_its_own_noise_and_stays_lazy():
     sigmas = [meshflow.smooth(data[name], result=True, **options).noise.sigma for name in "ab"]
     assert 100 * sigmas[0] < sigmas[1]
     assert float(done["n"]) == 3.0
+
+
+def test_a_stack_of_pages_is_no_raster_of_the_first_one(tmp_path):
+    pages = [Picture.fromarray(np.full((9, 8), 3.0 + i, np.float32)) for i in range(3)]
+    pages[0].save(tmp_path / "stack.tif", save_all=True, append_images=pages[1:])
+    for kind in (None, "image", "terrain"):
+        with pytest.raises(InputError, match="a stack of 3 pages; give kind='volume'"):
+            meshflow.read(tmp_path / "stack.tif", kind=kind)
+    assert meshflow.read(tmp_path / "stack.tif", kind="volume").data.values.shape == (3, 9, 8)
+    pages[0].save(tmp_path / "thumbnail.tif", save_all=True, append_images=[pages[1].resize((4, 4))])
+    assert meshflow.read(tmp_path / "thumbnail.tif").data.z.shape == (9, 8)

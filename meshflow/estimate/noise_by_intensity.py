@@ -54,9 +54,10 @@ class ByIntensity:
     photons: bool = False
 
     def __str__(self) -> str:
-        ends = self.at(np.array(self.span))
-        photons = f", as photons of {self.b:.3g} each have it" if self.photons else ""
-        return f"{ends[0]:.3g} at {self.span[0]:.3g}, {ends[1]:.3g} at {self.span[1]:.3g}{photons}"
+        low, high = (
+            f"{sigma:.3g} at {at:.3g}" for sigma, at in zip(self.at(np.array(self.span)), self.span, strict=True)
+        )
+        return f"that of photons of {self.b:.3g} each, {high}" if self.photons else f"{low}, {high}"
 
     def to_dict(self) -> dict[str, object]:
         """The numbers as values for JSON."""
@@ -101,7 +102,7 @@ def noise_by_intensity(parts: Sequence[tuple[Array, Array]], quantum: float = 0.
     classes = _classes(means, squares)
     if len(classes.at) < FEW:
         return None
-    typical = float(np.median(means))
+    typical = float(np.median(np.concatenate([z[there] for z, there in parts])))
     if _counted(classes, quantum):
         return ByIntensity(0.0, quantum, 0.0, 0.0, (0.0, float(classes.at[-1])), max(typical, quantum), photons=True)
     found = min((_fitted(classes, up, typical) for up in (True, False)), key=lambda one: _misfit(one, classes))

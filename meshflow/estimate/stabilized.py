@@ -7,7 +7,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.estimate.noise import ENOUGH, Window, noise_of
 from meshflow.estimate.noise_by_intensity import ByIntensity, noise_by_intensity
-from meshflow.estimate.preparation import OnGrid, Preparation, stabilized_by, stabilized_volume
+from meshflow.estimate.preparation import OnGrid, Preparation, prepared, stabilized_by, stabilized_volume
 from meshflow.estimate.quantization import quantum_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.spread import spread_tiles
@@ -47,6 +47,10 @@ def with_constant_noise(data: OnGrid, how: Preparation, request: Request) -> tup
         if asked:
             raise InputError(UNCLEAR)
         return data, how
+    source = how.source
+    if stabilizer.photons and how.level is not None and not isinstance(source, Volume):
+        # Where there are no photons is no lake: a few of them come there, too.
+        data, how = prepared(source, request.outliers, request.level, still=False)
     stable, made = stabilized_by(data, how, stabilizer)
     return (stable, made) if asked or _as_expected(stable, made, stabilizer) else (data, how)
 

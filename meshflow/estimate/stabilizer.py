@@ -44,6 +44,11 @@ class Stabilizer:
         return cls(noise, tuple(None if one is None else _table(one) for one in noise))
 
     @property
+    def photons(self) -> bool:
+        """Whether the values of a channel are numbers of photons."""
+        return any(one is not None and one.photons for one in self.noise)
+
+    @property
     def least(self) -> tuple[float, ...]:
         """The least deviation of the stabilized noise of each channel.
 
@@ -85,7 +90,11 @@ def _of_photons(noise: ByIntensity) -> tuple[Array, Array, Array]:
     mean = np.sqrt(at + 0.125)
     chance = np.exp(xlogy(numbers, at[few, None]) - at[few, None] - gammaln(numbers + 1.0))
     mean[few] = chance @ np.sqrt(numbers + ONE_PHOTON)
-    return at * noise.b, 2.0 * scale * np.sqrt(at + ONE_PHOTON), 2.0 * scale * mean
+    made = [at * noise.b, 2.0 * scale * np.sqrt(at + ONE_PHOTON), 2.0 * scale * mean]
+    # Whatever is below the mean of no photons comes back as none.
+    below = made[0][0], made[1][0], made[2][0] - scale
+    at, f, mean = (np.concatenate([[first], row]) for first, row in zip(below, made, strict=True))
+    return at, f, mean
 
 
 def _of_gaussian(noise: ByIntensity) -> tuple[Array, Array, Array]:

@@ -245,8 +245,9 @@ def windowed(form: Form, sample: Sample, request: Request, most_weight: float | 
     runs = [fixed, *(fixed.only(part) for part in fixed.blend[1:])]
     halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
     halo += 0 if found.base is None or whole is None else base_reach(whole)
-    still = "" if request.named or request.timed else _level_in(sample.data)
     stabilizer = None if found.preparation is None else found.preparation.stabilizer
+    bare = request.named or request.timed or (stabilizer is not None and stabilizer.photons)
+    still = "" if bare else _level_in(sample.data)
     local = Local(form, plan, halo, found.base is not None, still, cleaning, stabilizer, _is_ragged(found))
     return Windowed(found, replace(local, halo=halo + local.reach), warnings)
 

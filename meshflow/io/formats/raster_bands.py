@@ -200,12 +200,24 @@ def quiet() -> Iterator[None]:
         yield
 
 
+def _alike_pages(source: DatasetReader, pages: Sequence[str]) -> bool:
+    """Whether the last page is as large as the first one, and no thumbnail of it."""
+    with DatasetReader(pages[-1], driver="GTiff") as page:
+        return (page.shape, page.count) == (source.shape, source.count)
+
+
 def must_have_bands(path: Path, source: DatasetReader, chosen: list[int]) -> None:
-    """Refuse no band, a band that is not there, and more than are smoothed together.
+    """Refuse no band, a band that is not there, more than are smoothed together, and a stack of pages.
 
     :raises FormatError: for a file without bands, and for too many.
-    :raises InputError: for a band that is not there.
+    :raises InputError: for a band that is not there, and for pages of which all but the first would be lost.
     """
+    pages = source.subdatasets if chosen and source.driver == "GTiff" else []
+    if len(pages) > 1 and _alike_pages(source, pages):
+        raise InputError(
+            f"{path.name}: a stack of {len(pages)} pages; give kind='volume', which smooths them as one body, or write a page to "
+            "a file of its own"
+        )
     if not chosen:
         inside = ", ".join(source.subdatasets[:4])
         raise FormatError(

@@ -163,7 +163,9 @@ def spacing_in(frame: Frame, unit: str, shape: tuple[int, ...]) -> tuple[Spacing
     """
     if not frame.georeferenced:
         why = "ground control points only" if frame.gcps[0] else "no georeference"
-        return (1.0, 1.0), (f"{why}: the spacing is 1, a pixel; give spacing=(dx, dy) in the unit of the heights",)
+        return (1.0, 1.0), (
+            f"{why}: the spacing is 1, a pixel; give spacing=(dx, dy) in the unit of the heights, or kind='image'",
+        )
     spacing, notes = between_samples(frame.crs, frame.transform, (shape[0], shape[1]))
     west, north = frame.transform.c, frame.transform.f
     if frame.crs is None and _FINEST < spacing[1] < 0.05 and abs(west) <= 360 and abs(north) <= 90:
