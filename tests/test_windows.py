@@ -46,7 +46,7 @@ METHODS = {
 }
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     method=st.sampled_from(sorted(METHODS)),
     time=st.sampled_from([0.4, 2.0, 14.0]),

@@ -149,7 +149,8 @@ def _joined(grid: Grid, windows: list[Window], sigma: Array, limit: Array | None
     dx, dy = grid.spacing
     widths = dx if np.ndim(dx) == 0 else np.asarray(dx)[windows[0][0]]
     cuts = None if grid.cuts is None else _cuts_beside(grid.cuts, windows)
-    joined = replace(grid, planes=planes, missing=missing, fixed=fixed, spacing=(widths, dy), cuts=cuts)
+    spacing, apart = (widths, dy), grid.ragged
+    joined = replace(grid, planes=planes, missing=missing, fixed=fixed, spacing=spacing, cuts=cuts, apart=apart)
     label = np.where(_counts(joined), label, -1)
     own = sigma if sigma.shape[-2:] == (1, 1) else _parts_beside(sigma, windows, _unit(grid, sigma))
     parts = (None if array is None else _parts_beside(array, windows, 0.0) for array in (limit, speed))
@@ -199,7 +200,7 @@ def repeated(piece: Piece, planes: Sequence[Array]) -> tuple[Grid, Array, Array 
     grid, (h, w), count = piece.grid, piece.grid.shape, len(planes)
     missing, fixed = (_beside([array] * count, fill) for array, fill in ((grid.missing, True), (grid.fixed, False)))
     cuts = None if grid.cuts is None else _cuts_beside(grid.cuts, [(slice(0, h), slice(0, w))] * count)
-    wide = replace(grid, planes=_beside(planes, 0.0), missing=missing, fixed=fixed, cuts=cuts)
+    wide = replace(grid, planes=_beside(planes, 0.0), missing=missing, fixed=fixed, cuts=cuts, apart=grid.ragged)
     rows, columns = np.divmod(piece.counted, w)
     places = rows * wide.shape[1] + columns + (w + 1) * np.arange(count)[:, None]
     return wide, places, _columns(piece.limit, count), _columns(piece.speed, count)

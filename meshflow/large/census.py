@@ -73,7 +73,8 @@ class Census:
     def whole_volume(self) -> WholeVolume:
         """What a window of a volume takes from the whole."""
         planes = np.moveaxis(self._above(self.some), -1, 0)
-        return WholeVolume(self._ends, order_by(planes, self.there, self.form.shape))
+        ragged = self.present < self.form.samples
+        return WholeVolume(self._ends, order_by(planes, self.there, self.form.shape), ragged)
 
     def orientation(self, compute: Compute) -> Orientation:
         """The orientation of the whole for the flow; a volume stays as it is."""

@@ -87,7 +87,7 @@ class Local:
         """The same with what a window must know of the samples of the whole."""
         census = replace(census, stabilizer=self.stabilizer)
         if self.form.kind is Volume:
-            return Bound(self, replace(self.plan, whole=replace(census.whole_volume, ragged=self.ragged)), census.datum)
+            return Bound(self, replace(self.plan, whole=census.whole_volume), census.datum)
         way, whole = census.orientation(self.plan.request.compute), census.whole
         turned = replace(whole, spacing=way.of_spacing(whole.spacing), ragged=self.ragged)
         return Bound(self, replace(self.plan, orientation=way, whole=turned), census.datum)

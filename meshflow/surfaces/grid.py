@@ -112,6 +112,7 @@ class Grid:
     :param jump: a triangle is left out where its values differ by more than this share of the least; None: none is.
     :param cuts: edges that no triangle has.
     :param whole: of the grid of which this is a window; None: this is the whole.
+    :param apart: whether triangles are missing in the grids that lie side by side in this one; None: it is one grid.
     :raises InputError: for an unknown word for the diagonals or the boundary.
     """
 
@@ -126,6 +127,7 @@ class Grid:
     jump: float | None = None
     cuts: Cuts | None = None
     whole: Whole | None = None
+    apart: bool | None = None
 
     def __post_init__(self) -> None:
         triangulations(self.diagonals)
@@ -147,6 +149,8 @@ class Grid:
     @property
     def ragged(self) -> bool:
         """Whether triangles are missing, here or elsewhere in the whole grid."""
+        if self.apart is not None:
+            return self.apart
         return self.there is not None if self.whole is None else self.whole.ragged
 
     @cached_property
