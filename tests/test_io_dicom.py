@@ -5,7 +5,7 @@ import pytest
 from helpers.command import run
 
 import meshflow
-from meshflow import InputError, Volume
+from meshflow import FormatError, InputError, Volume
 
 pydicom = pytest.importorskip("pydicom")
 nibabel = pytest.importorskip("nibabel")
@@ -80,6 +80,26 @@ def test_the_command_writes_a_new_series_that_keeps_everything_but_the_values(tm
     assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "scan"]
 
 
+def test_a_folder_with_other_things_is_never_replaced_and_after_a_fault_the_old_series_is_whole(tmp_path, monkeypatch):
+    document = meshflow.read(made(tmp_path / "scan"))
+    target = made(tmp_path / "calm")
+    before = {path.name: path.read_bytes() for path in target.iterdir()}
+
+    def full(*given):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("meshflow.io.formats.dicom._derived", full)
+        with pytest.raises(FormatError, match="No space left on device.*existing folder is unchanged"):
+            meshflow.write(document, target, overwrite=True)
+    assert {path.name: path.read_bytes() for path in target.iterdir()} == before
+    (target / "report.txt").write_text("mine")
+    with pytest.raises(FormatError, match="the folder holds report.txt"):
+        meshflow.write(document, target, overwrite=True)
+    assert (target / "report.txt").read_text() == "mine"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "scan"]
+
+
 def shifted(one, k):
     one.ImagePositionPatient = [10.0, 20.0 + 3.0 * k, 2.5 * float(k)]
 
@@ -119,7 +139,7 @@ def test_single_files_several_series_and_other_folders_are_refused_with_the_way_
     with pytest.raises(InputError, match=r"5 slices of head; 5 slices of head; give each a folder"):
         meshflow.read(folder)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(meshflow.FormatError, match="a folder with a series of DICOM"):
+    with pytest.raises(FormatError, match="a folder with a series of DICOM"):
         meshflow.read(tmp_path / "empty")
     with pytest.raises(InputError, match="one slice"):
         meshflow.read(made(tmp_path / "one", values=stored((1, 6, 7))))

@@ -4,12 +4,12 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from shutil import copymode
+from shutil import copymode, rmtree
 from uuid import uuid4
 
 from meshflow.errors import FormatError
 
-__all__ = ["beside", "must_be_apart", "must_be_free", "sides_of"]
+__all__ = ["beside", "folder_beside", "must_be_apart", "must_be_free", "sides_of"]
 
 # Files that GDAL keeps beside a raster (statistics, overviews, mask) describe the old file and are removed with it.
 _SIDECARS = (".aux.xml", ".ovr", ".msk")
@@ -60,6 +60,35 @@ def beside(path: Path, *, several: bool = False) -> Iterator[Path]:
     finally:
         for left in path.parent.glob(f"{token}*"):
             left.unlink()
+
+
+@contextmanager
+def folder_beside(path: Path, suffix: str = "") -> Iterator[Path]:
+    """Give the path of a temporary folder beside ``path``; afterwards the folder made there takes the place of ``path``.
+
+    On any failure the temporary folder is removed and the old one is as it was.
+
+    :param suffix: of the temporary folder.
+    :raises FormatError: for an OSError (no space, no permission).
+    """
+    token = uuid4().hex[:12]
+    temporary, old = (path.parent / f".meshflow-{token}{end}" for end in (suffix, ".old"))
+    try:
+        yield temporary
+        if path.exists():
+            path.rename(old)
+        temporary.rename(path)
+    except OSError as cause:
+        raise FormatError(
+            f"{path} was not written ({cause.strerror or cause}); an existing folder is unchanged. "
+            "Make room, or name a place where writing is allowed"
+        ) from cause
+    finally:
+        if old.exists() and not path.exists():
+            old.rename(path)
+        for left in (temporary, old):
+            if left.exists():
+                rmtree(left)
 
 
 def sides_of(removed: Path | None, uncertainty: Path | None) -> dict[str, Path]:

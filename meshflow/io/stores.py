@@ -1,15 +1,12 @@
 """Variables of Zarr stores, ``DATA.zarr`` or ``DATA.zarr/VARIABLE``: read lazily, and written chunk by chunk."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from shutil import rmtree
 from typing import TYPE_CHECKING, Protocol
-from uuid import uuid4
 
 from meshflow.errors import FormatError, need
-from meshflow.io.atomic_write import must_be_free
+from meshflow.io.atomic_write import folder_beside, must_be_free
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
@@ -106,7 +103,7 @@ def written_variable(
     if "chunks" in encoding:  # a chunk of the store is written by one task
         data = data.chunk(dict(zip(data.dims, encoding["chunks"], strict=True)))
     whole = data.rename(name or data.name or "values").to_dataset()
-    with _beside(place.store) as temporary:
+    with folder_beside(place.store, SUFFIX) as temporary:
         delayed = whole.to_zarr(
             temporary, group=group or None, mode="w", compute=False, encoding={name or data.name or "values": encoding}
         )
@@ -115,25 +112,3 @@ def written_variable(
 
 def _computed(delayed: Delayed) -> object:
     return delayed.compute()
-
-
-@contextmanager
-def _beside(store: Path) -> Iterator[Path]:
-    """A temporary folder beside a store, which takes its place at the end."""
-    token = uuid4().hex[:12]
-    temporary, old = (store.parent / f".meshflow-{token}{end}" for end in (SUFFIX, ".old"))
-    try:
-        yield temporary
-        if store.exists():
-            store.rename(old)
-        temporary.rename(store)
-    except OSError as cause:
-        raise FormatError(
-            f"{store} was not written ({cause.strerror or cause}); an existing store is unchanged"
-        ) from cause
-    finally:
-        if old.exists() and not store.exists():
-            old.rename(store)
-        for left in (temporary, old):
-            if left.exists():
-                rmtree(left)

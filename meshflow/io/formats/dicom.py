@@ -1,16 +1,15 @@
 """Series of DICOM: a folder of slices is a volume with its spacing in mm; it is written as NIfTI or NRRD, or as a new series."""
 
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-from uuid import uuid4
 
 import numpy as np
 
 from meshflow.errors import Fact, FormatError, InputError, need
 from meshflow.geometry.validation import Array, nowhere
+from meshflow.io.atomic_write import folder_beside
 from meshflow.io.document import Document, WriteOptions
 from meshflow.io.formats.volume_storage import Scan
 from meshflow.io.metadata import ReadOptions
@@ -98,22 +97,12 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     source, data = document.source, document.data
     if not isinstance(source, Series) or not isinstance(data, Volume):
         raise FormatError(f"{path.name}: a volume from a series of DICOM expected; write .nii.gz")
-    draft = path.with_name(f".meshflow-{uuid4().hex[:12]}")
-    pydicom = need("pydicom", "dicom")
-    own = pydicom.uid.generate_uid()
-    try:
+    _must_be_replaceable(path)
+    own = need("pydicom", "dicom").uid.generate_uid()
+    with folder_beside(path) as draft:
         draft.mkdir()
         for number, (one, values) in enumerate(zip(source.slices, data.values, strict=True), 1):
             _derived(one, values, own, options.tags).save_as(draft / f"{number:05d}.dcm", enforce_file_format=True)
-        if path.exists():
-            shutil.rmtree(path)
-        draft.replace(path)
-    except OSError as cause:
-        raise FormatError(
-            f"{path} was not written ({cause.strerror or cause}); make room, or name another folder"
-        ) from cause
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
     step = float(getattr(source.slices[0], "RescaleSlope", 1.0))
     return (f"{path.name}: a new series of {len(source.slices)} slices; values are rounded to steps of {step:g}",)
 
@@ -210,6 +199,20 @@ def _values(folder: Path, one: "Dataset") -> Array:
     return stored.astype(np.float32) * np.float32(one.get("RescaleSlope", 1.0)) + np.float32(
         one.get("RescaleIntercept", 0.0)
     )
+
+
+def _must_be_replaceable(path: Path) -> None:
+    """Refuse a file, and a folder that holds anything but slices, in place of which a series would come.
+
+    :raises FormatError: it names one thing that would be lost.
+    """
+    if path.exists() and not path.is_dir():
+        raise FormatError(f"{path.name}: a file is there, and a series of DICOM is a folder; name another one")
+    others = [one.name for one in sorted(path.iterdir()) if one.suffix.lower() != ".dcm"] if path.exists() else []
+    if others:
+        raise FormatError(
+            f"{path.name}: the folder holds {others[0]}, which a new series in its place would remove; name another folder"
+        )
 
 
 def _derived(one: "Dataset", values: Array, series: str, tags: Mapping[str, str]) -> "Dataset":
