@@ -20,6 +20,7 @@ __all__ = [
     "false_on",
     "indices_of",
     "mask_of",
+    "missing_among",
     "must_be_truth",
     "must_be_vertices",
     "must_be_real",
@@ -97,6 +98,20 @@ def must_have_squares(values: Array, name: str) -> None:
         )
 
 
+def missing_among(values: ArrayLike, array: Array, missing: ArrayLike | None, axes: int) -> Array:
+    """The mask of missing samples: masked (numpy.ma), NaN or infinite in any channel, or marked in ``missing``.
+
+    :param values: as given; ``array``: their numbers, whose first ``axes`` axes are those of the samples, channels after them.
+    :raises InputError: for a mask of another shape.
+    """
+    gone = np.asarray(~np.isfinite(array))
+    if isinstance(values, np.ma.MaskedArray):
+        gone |= np.ma.getmaskarray(values)
+    gone = gone if gone.ndim == axes else np.asarray(gone.any(axis=axes))
+    gone |= mask_of(missing, gone.shape, "missing")
+    return gone
+
+
 def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...], name: str) -> tuple[Array, Array]:
     """Values of a grid and the mask (h, w) of missing samples.
 
@@ -104,7 +119,6 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
 
     :raises InputError: for a grid of fewer than 2 x 2 samples, of wrong dimension, or without any sample that is present.
     """
-    masked = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
     array = real(np.ma.getdata(values), name)
     if array.ndim not in ndim:
         raise InputError(
@@ -115,11 +129,7 @@ def samples(values: ArrayLike, missing: ArrayLike | None, ndim: tuple[int, ...],
     if min(array.shape[:2]) < 2:
         raise InputError(f"{name}: at least 2 x 2 samples are needed to span a triangle, got {array.shape}")
     must_have_squares(array, name)
-    gone = np.asarray(~np.isfinite(array))
-    if masked is not None:
-        gone |= masked
-    gone = gone if gone.ndim == 2 else np.asarray(gone.any(axis=2))
-    gone |= mask_of(missing, gone.shape, "missing")
+    gone = missing_among(values, array, missing, 2)
     if gone.all():
         raise NothingThere(
             f"{name}: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth or to draw"

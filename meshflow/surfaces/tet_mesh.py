@@ -10,7 +10,7 @@ from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.normals import mean_edge
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.tetrahedra import Tetrahedra, skin_of, triangles_of_cells
-from meshflow.geometry.validation import Array, mask_of, must_have_squares, nowhere, real
+from meshflow.geometry.validation import Array, mask_of, missing_among, must_have_squares, nowhere, real
 from meshflow.surfaces.grid import Lift, held
 from meshflow.surfaces.surface import Boundary
 
@@ -147,16 +147,11 @@ def _values(values: Any, missing: Any, n: int) -> tuple[Array, Array]:
 
     :raises InputError: for another shape, and if all are missing.
     """
-    masked = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
     array = real(np.ma.getdata(values), "values")
     if array.ndim not in (1, 2) or len(array) != n:
         raise InputError(f"values: shape ({n},) or ({n}, k) expected, one row for each point, got {array.shape}")
     must_have_squares(array, "values")
-    gone = np.asarray(~np.isfinite(array))
-    if masked is not None:
-        gone |= masked
-    gone = gone if gone.ndim == 1 else np.asarray(gone.any(axis=1))
-    gone |= mask_of(missing, gone.shape, "missing")
+    gone = missing_among(values, array, missing, 1)
     if gone.all():
         raise NothingThere(f"values: all {n} are missing (NaN, infinite or masked); nothing to smooth")
     return array, gone

@@ -8,7 +8,17 @@ import numpy as np
 
 from meshflow.errors import InputError, NothingThere
 from meshflow.geometry.options import named_fields
-from meshflow.geometry.validation import Array, mask_of, must_have_squares, nowhere, positive, real, shown, slim
+from meshflow.geometry.validation import (
+    Array,
+    mask_of,
+    missing_among,
+    must_have_squares,
+    nowhere,
+    positive,
+    real,
+    shown,
+    slim,
+)  # fmt: skip
 from meshflow.surfaces.grid import Lift, Spacing, held
 from meshflow.surfaces.orientation import lattice
 from meshflow.surfaces.surface import Boundary, known_boundary
@@ -233,7 +243,6 @@ def _samples(values: Any, missing: Any) -> tuple[Array, Array]:
 
     :raises InputError: for a volume of fewer than 2 x 2 x 2 samples, of wrong dimension, or without a sample that is present.
     """
-    masked = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
     given = np.ma.getdata(values)
     if np.asarray(given).dtype == bool:
         raise InputError(
@@ -249,11 +258,7 @@ def _samples(values: Any, missing: Any) -> tuple[Array, Array]:
             "give the array (h, w) with kind='image'"
         )
     must_have_squares(array, "volume")
-    gone = np.asarray(~np.isfinite(array))
-    if masked is not None:
-        gone |= masked
-    gone = gone if gone.ndim == 3 else np.asarray(gone.any(axis=3))
-    gone |= mask_of(missing, gone.shape, "missing")
+    gone = missing_among(values, array, missing, 3)
     if gone.all():
         raise NothingThere(f"volume: all {gone.size} samples are missing (NaN, infinite or masked); nothing to smooth")
     return array, slim(gone)
