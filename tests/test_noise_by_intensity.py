@@ -142,6 +142,36 @@ def test_what_a_caller_gives_in_the_unit_of_the_values_keeps_them_as_they_are():
         assert "domain" not in meshflow.smooth(z, kind="image", result=True, **given).parameters
 
 
+def test_one_number_for_noise_that_depends_on_the_intensity_is_a_warning():
+    z = photons(subject("coffee", 96), 40)
+    for given, name in (({"noise": 6.0}, "noise"), ({"constraints": meshflow.MaxChange(9.0)}, "MaxChange")):
+        with pytest.warns(meshflow.MeshflowWarning, match=f"as one number, since {name} is given"):
+            meshflow.smooth(z, kind="image", **given)
+        with pytest.raises(InputError, match=f"{name} is in the unit of the values"):
+            meshflow.smooth(z, kind="image", domain="stabilized", **given)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_chart_of_a_few_levels_shows_photons(seed):
+    """Of its blocks, those across an edge scatter."""
+    chart = np.tile(np.repeat([0.1, 0.3, 1, 3, 10, 100], 32), (192, 1))
+    z = np.random.default_rng(seed).poisson(chart).astype(float)
+    found = found_in(z, 1.0)
+    assert found is not None
+    assert found.photons
+
+
+def test_white_noise_rounded_to_whole_numbers_is_rarely_taken_for_photons():
+    """Where its square is by chance near the median of the intensities."""
+    seen = [
+        np.rint(np.maximum(subject(name, 192) + np.random.default_rng(k).normal(0, sigma, (192, 192)), 0))
+        for name in ("camera", "coins", "coffee")
+        for k, sigma in enumerate((8.0, 10.0, 12.0))
+    ]
+    found = [found_in(z, 1.0) for z in seen]
+    assert sum(one is not None and one.photons for one in found) <= 1
+
+
 def test_components_of_vectors_are_no_intensities():
     z = photons(subject("coffee", 96), 40)
     done = meshflow.smooth(Vectors(np.stack([z, z.T], axis=2)), result=True)

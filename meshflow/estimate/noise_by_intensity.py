@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 import scipy.special
 
-from meshflow.estimate.noise_growth import residuals
+from meshflow.estimate.noise_growth import MAD, residuals
 from meshflow.geometry.validation import Array
 
 __all__ = ["ByIntensity", "noise_by_intensity"]
@@ -27,8 +27,9 @@ CLIPPED = 0.05
 # scatter that the dependence must explain: for a clear dependence, or for classes that scatter as those of noise alone do.
 RATIO, CREDIBLE = 1.25, ((0.2, 0.8), (0.06, 0.6))
 # Values are counted if the variance over the intensity, in quanta, is between these in the median class, and scatters by less
-# (log of the deviation); classes of fewer photons are left out.
-OF_PHOTONS, SCATTER, SOME_PHOTONS = (0.8, 1.8), 0.15, 0.3
+# (log of the deviation) than this, and than this multiple of the scatter of the variance alone, that of white noise being less;
+# classes of fewer photons are left out.
+OF_PHOTONS, SCATTER, EXPLAINS, SOME_PHOTONS = (0.8, 1.8), 0.12, 1.4, 0.3
 # Values between these have squares and squares of these.
 SQUARED = (1e-60, 1e60)
 # The noise is at least this share of the greatest; and its square at least this part of that of one photon (Anscombe 1948).
@@ -115,8 +116,15 @@ def _counted(classes: _Classes, quantum: float) -> bool:
     if quantum == 0 or seen.sum() < 3:
         return False
     ratio = classes.variance[seen] / (quantum * classes.at[seen])
-    middle = float(np.median(ratio))
-    return OF_PHOTONS[0] < middle < OF_PHOTONS[1] and float(np.std(0.5 * np.log(ratio))) < SCATTER
+    scatter = _scatter(ratio)
+    return OF_PHOTONS[0] < np.median(ratio) < OF_PHOTONS[1] and scatter < min(
+        SCATTER, EXPLAINS * _scatter(classes.variance[seen])
+    )
+
+
+def _scatter(variance: Array) -> float:
+    """The deviation of the log of the deviation, by the median: a class of blocks across an edge is no flat one."""
+    return MAD * float(np.median(np.abs(0.5 * np.log(variance / np.median(variance)))))
 
 
 def _blocks(parts: Sequence[tuple[Array, Array]], counted: bool = False) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ from meshflow.estimate.rims import with_smooth_rims
 from meshflow.estimate.schemes import within_noise
 from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.spikes import without_spikes
-from meshflow.estimate.stabilized import photons_stabilized, with_constant_noise
+from meshflow.estimate.stabilized import one_number_for_all, photons_stabilized, with_constant_noise
 from meshflow.estimate.suits import must_suit
 from meshflow.estimate.tet_search import noise_in_body
 from meshflow.estimate.volume_noise import noise_of_volume
@@ -102,15 +102,16 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     data, request, mobility = constrained(data, request, stays)
     must_fit(data, request)
     how: Preparation | None = None
+    warnings: tuple[str, ...] = ()
     if not isinstance(data, (Mesh, RangeImage)):
         data, how = prepared(data, request.outliers, request.level, still=not (request.named or request.timed))
         data, how = with_constant_noise(data, how, request)
+        warnings = one_number_for_all(data, how, request)
     own = own_samples(data)
     data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
     if own is not None:  # copies of other samples say nothing new of the noise
         mask = way.of(own) if mask is None else mask & way.of(own)
-    warnings: tuple[str, ...] = ()
     if isinstance(data, Mesh) and data.moves == "points" and data.points.shape[1] == 3:
         data, warnings = turned_alike(data)
         if request.is_open and request.outliers != "include":

@@ -19,7 +19,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.orientation import orientation_of
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["photons_stabilized", "with_constant_noise"]
+__all__ = ["one_number_for_all", "photons_stabilized", "with_constant_noise"]
 
 # The noise of stabilized values is near that of the flat blocks, unless these show texture.
 ALIKE = (0.6, 1.5)
@@ -36,13 +36,10 @@ def with_constant_noise(data: OnGrid, how: Preparation, request: Request) -> tup
 
     :raises InputError: if it is asked for and not possible.
     """
-    asked = request.domain == "stabilized"
-    if not asked and not (request.domain == "auto" and isinstance(data, Image) and data.intensity and _open(request)):
+    asked = _asked(request)
+    if not asked and not (_intensities(data, request) and _open(request)):
         return data, how
-    values, unseen = how.above_zero(array_of(data)), data.missing | how.unseen
-    way = orientation_of(values, data.missing, data.spacing)  # the same blocks however the data lies
-    values, unseen = np.ascontiguousarray(way.of(values)), way.of(unseen)
-    stabilizer = Stabilizer.of(_of_parts(values, unseen, spread_tiles(unseen.shape, ENOUGH)))
+    stabilizer = _stabilizer_of(data, how)
     if stabilizer is None:
         if asked:
             raise InputError(UNCLEAR)
@@ -63,7 +60,7 @@ def photons_stabilized(data: Volume, request: Request) -> tuple[Volume, Preparat
 
     :raises InputError: if it is asked for and not possible.
     """
-    asked = request.domain == "stabilized"
+    asked = _asked(request)
     if not asked and not (request.domain == "auto" and _open(request)):
         return data, None
     found = _of_parts(data.values, data.missing, slices_of(data.missing.shape, data.spacing))
@@ -75,11 +72,56 @@ def photons_stabilized(data: Volume, request: Request) -> tuple[Volume, Preparat
     return stabilized_volume(data, stabilizer)
 
 
+def one_number_for_all(data: OnGrid, how: Preparation, request: Request) -> tuple[str, ...]:
+    """A warning where the noise depends on the intensity, and something that the caller gives keeps the values as they are."""
+    given = _in_their_unit(request)
+    if not given or not _intensities(data, request) or request.named or request.timed:
+        return ()
+    stabilizer = _stabilizer_of(data, how)
+    found = None if stabilizer is None else next((one for one in stabilizer.noise if one is not None), None)
+    if stabilizer is None or found is None or not _as_expected(*stabilized_by(data, how, stabilizer), stabilizer):
+        return ()
+    return (
+        f"noise that depends on the intensity ({found}) is taken as one number, since {given} is given; without, less is left",
+    )
+
+
+def _intensities(data: OnGrid, request: Request) -> bool:
+    """Whether the values are intensities, and their domain is left open."""
+    return request.domain == "auto" and isinstance(data, Image) and data.intensity
+
+
+def _stabilizer_of(data: OnGrid, how: Preparation) -> Stabilizer | None:
+    """What makes the noise of prepared data the same at every intensity; None where it is, or is not clear."""
+    values, unseen = how.above_zero(array_of(data)), data.missing | how.unseen
+    way = orientation_of(values, data.missing, data.spacing)  # the same blocks however the data lies
+    values, unseen = np.ascontiguousarray(way.of(values)), way.of(unseen)
+    return Stabilizer.of(_of_parts(values, unseen, spread_tiles(unseen.shape, ENOUGH)))
+
+
+def _asked(request: Request) -> bool:
+    """Whether values of constant noise are asked for.
+
+    :raises InputError: if something else is given that is in the unit of the values.
+    """
+    given = _in_their_unit(request)
+    if request.domain == "stabilized" and given:
+        raise InputError(
+            f"domain='stabilized': {given} is in the unit of the values, which are others there; leave one of both out"
+        )
+    return request.domain == "stabilized"
+
+
+def _in_their_unit(request: Request) -> str:
+    """What the caller gives in the unit of the values; empty if nothing."""
+    held = request.constraints
+    given = {"noise": request.noise, "MaxChange": held.max_change, "DataWeights": held.data_weights}
+    return " and ".join(word for word, value in given.items() if value is not None)
+
+
 def _open(request: Request) -> bool:
     """Whether the caller gives nothing in the unit of the values, nor a method that should run as it is."""
-    held = request.constraints
-    bound = any(given is not None for given in (held.max_change, held.data_weights))
-    return not (request.named or request.timed or bound or request.noise is not None)
+    return not (request.named or request.timed or _in_their_unit(request))
 
 
 def _of_parts(values: Array, missing: Array, windows: Sequence[Window]) -> tuple[ByIntensity | None, ...]:
