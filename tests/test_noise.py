@@ -352,3 +352,12 @@ def test_the_waves_of_a_smooth_surface_are_no_correlated_noise(size, period):
     for waves in (15 * np.sin((x + 2 * y) / period), 30 * np.sin(x / period) * np.cos(y / period / 1.3)):
         assert meshflow.estimate_noise(hills + waves).sigma == 0
         assert meshflow.estimate_noise((100 + waves).astype(np.float32)).sigma == 0
+
+
+@pytest.mark.parametrize("sigma", [3.0, 10.0])
+def test_lines_of_text_are_no_noise(sigma):
+    """They fill every tile, but leave quiet places between them."""
+    page = pytest.importorskip("skimage.data").page()[:150, :180].astype(float)
+    found = noise_of(page + sigma * np.random.default_rng(0).normal(size=page.shape), np.zeros(page.shape, bool))
+    assert found.correlation is None
+    assert found.sigma == pytest.approx(sigma, rel=0.1)

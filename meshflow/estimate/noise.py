@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from meshflow.estimate.evenness import leaves_gaps
 from meshflow.estimate.jpeg import Jpeg
 from meshflow.estimate.noise_by_intensity import ByIntensity
 from meshflow.estimate.noise_channels import spectra_of
@@ -285,6 +286,8 @@ def _channel(seen: _Measured, spectrum: Found | None, together: bool) -> _Channe
     least, most = _range(parts)
     faint = max(FAINT * (most - least), ROUNDING * quantum / np.sqrt(12.0))
     covariance, doubt = _correlated(spectrum, faint, together)
+    if covariance is not None and leaves_gaps(parts, covariance, _mean_square(length_of(correlation_of(covariance)))):
+        covariance, doubt = None, ""
     if covariance is not None and quantum > 0 and _white(parts)[0] < DITHERED * quantum:
         covariance = (
             None  # these are the terraces of a smooth surface: noise would have made white noise of the rounding

@@ -101,12 +101,7 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     stays = staying(data, request)
     data, request, mobility = constrained(data, request, stays)
     must_fit(data, request)
-    how: Preparation | None = None
-    warnings: tuple[str, ...] = ()
-    if not isinstance(data, (Mesh, RangeImage)):
-        data, how = prepared(data, request.outliers, request.level, still=not (request.named or request.timed))
-        data, how = with_constant_noise(data, how, request)
-        warnings = one_number_for_all(data, how, request)
+    data, how, warnings = _taken_in(data, request)
     own = own_samples(data)
     data, request, mobility, way = _oriented(data, request, mobility)
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
@@ -153,6 +148,15 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
         found, spikes=values, mobility=mobility, stays=stays, preparation=how, orientation=way, warnings=warnings
     )
     return with_second_stage(ended(within_noise(held(found))))
+
+
+def _taken_in(data: SurfaceData, request: Request) -> tuple[SurfaceData, Preparation | None, tuple[str, ...]]:
+    """A grid of values, prepared, with its preparation and warnings; other data as it is."""
+    if isinstance(data, (Mesh, RangeImage)):
+        return data, None, ()
+    data, how = prepared(data, request.outliers, request.level, still=not (request.named or request.timed))
+    data, how = with_constant_noise(data, how, request)
+    return data, how, one_number_for_all(data, how, request)
 
 
 def _spiked(data: SurfaceData, request: Request) -> tuple[SurfaceData, ValueSpikes | None]:
