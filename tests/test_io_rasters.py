@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+import tifffile
 from helpers.raster_files import UP, UTM, heights, make, same, turned_by
 from rasterio.enums import ColorInterp
 
@@ -161,13 +162,14 @@ def test_tags_units_descriptions_and_colours_survive(tmp_path):
         assert (target.crs, target.transform) == (UTM, UP)
 
 
-def test_large_rasters_are_tiled_and_floats_have_their_predictor(tmp_path):
-    same(make(tmp_path / "a.tif", heights("int16", 300, 300)))
+def test_large_rasters_are_tiled_and_have_a_predictor_that_tifffile_reads_by_itself(tmp_path):
+    _, again, _ = same(make(tmp_path / "a.tif", heights("int16", 300, 300)))
     with rasterio.open(tmp_path / "again.tif") as target:
         assert target.block_shapes == [(256, 256)]
         assert target.compression.name == "deflate"
-        assert target.tags(ns="IMAGE_STRUCTURE")["PREDICTOR"] == "3"
+        assert target.tags(ns="IMAGE_STRUCTURE")["PREDICTOR"] == "2"
         assert target.dtypes == ("float32",)
+    assert np.array_equal(tifffile.imread(tmp_path / "again.tif"), again.data.z)
 
 
 def test_alpha_is_carried_along_and_marks_what_is_missing(tmp_path):

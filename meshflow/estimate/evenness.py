@@ -11,8 +11,8 @@ __all__ = ["leaves_gaps"]
 
 # The side of a block, from one to the next, and the share of the blocks that are quiet places.
 SIDE, STEP, SHARE = 12, 6, 0.05
-# The deviation in the quietest blocks over that of the noise is less than this for textures (0.28 to 0.54 between bricks and lines
-# of text); with noise that is everywhere it is 0.77 or more.
+# The deviation in the quietest blocks over that of the noise is less than this for textures (0.28 to 0.54 between lines of text,
+# and bricks); with noise that is everywhere it is 0.77 or more.
 GAPS = 0.58
 # A block holds too few independent numbers of noise that is wider than this, in samples; the least number of blocks.
 WIDEST, FEW = 1.0, 40

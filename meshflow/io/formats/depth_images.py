@@ -117,7 +117,7 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
         much = None if changed is None else float(np.sqrt(np.mean(np.square(changed))))
         return _cost(counts, scale, much, None if left is None else left * scale)
     samples = np.where(missing, np.where(np.isnan(values[0]), np.nan, 0), counts).astype(values.dtype)
-    creation = {"compress": "deflate", "predictor": 3, "bigtiff": "IF_SAFER"}
+    creation = {"compress": "deflate", "predictor": 2, "bigtiff": "IF_SAFER"}
     save(
         samples[None], replace(frame.without_scale(), alpha=None), path, Encoding("GTiff", 0.0, creation), options.tags
     )

@@ -30,7 +30,7 @@ _NO_FILE = ("VRT", "MEM", "Zarr")
 TILE, TRIED = 256, 32
 # Creation options that lose nothing and take less room, where the caller gives none.
 _SMALL: Mapping[str, Mapping[str, str]] = {
-    "COG": {"COMPRESS": "DEFLATE", "PREDICTOR": "YES", "BIGTIFF": "IF_SAFER", "OVERVIEW_RESAMPLING": "AVERAGE"},
+    "COG": {"COMPRESS": "DEFLATE", "PREDICTOR": "STANDARD", "BIGTIFF": "IF_SAFER", "OVERVIEW_RESAMPLING": "AVERAGE"},
     "netCDF": {"FORMAT": "NC4", "COMPRESS": "DEFLATE"},
 }
 # Compressions of TIFF that have a predictor; those that lose samples, and the option without which they do not.
@@ -110,7 +110,7 @@ def encoding_for(
     """
     given = {name.upper(): value for name, value in creation.items()}
     if driver == "GTiff":
-        return Encoding(driver, nodata, {**_geotiff(dtype, shape, given), **given})
+        return Encoding(driver, nodata, {**_geotiff(shape, given), **given})
     if driver == "AAIGrid":
         # As many digits as tell each number of the type from the next.
         digits = {"SIGNIFICANT_DIGITS": 9 if dtype == np.float32 else 17} if dtype.kind == "f" else {}
@@ -118,10 +118,10 @@ def encoding_for(
     return Encoding(driver, nodata, {**_SMALL.get(driver, {}), **given})
 
 
-def _geotiff(dtype: np.dtype, shape: tuple[int, int], given: Mapping[str, str]) -> dict[str, str | int | bool]:
+def _geotiff(shape: tuple[int, int], given: Mapping[str, str]) -> dict[str, str | int | bool]:
     options: dict[str, str | int | bool] = {"COMPRESS": "DEFLATE", "BIGTIFF": "IF_SAFER"}
     if str(given.get("COMPRESS", "DEFLATE")).upper() in _PREDICTED:
-        options["PREDICTOR"] = 3 if dtype.kind == "f" else 2
+        options["PREDICTOR"] = 2  # not 3, a tenth smaller for floats: tifffile reads that only with another package
     if min(shape) >= TILE and str(given.get("TILED", "YES")).upper() in ("YES", "TRUE", "ON"):
         options |= {"TILED": True, "BLOCKXSIZE": TILE, "BLOCKYSIZE": TILE}
     return options
