@@ -79,6 +79,16 @@ class Budget:
         """Bytes beside libraries."""
         return max(self.memory - LIBRARIES, 0.0)
 
+    def must_hold(self, form: Form) -> None:
+        """Refuse, before anything is read, a memory in which no window fits, however narrow its halo turns out.
+
+        :raises InputError: it names a memory that may do.
+        """
+        try:
+            self.sides(form, 1)
+        except InputError as why:
+            raise InputError(f"{why}, and more where the halo is wider") from None
+
     def sample(self, form: Form, most: int) -> int:
         """The number of values of the sample of a grid.
 
@@ -129,8 +139,8 @@ class Budget:
     def _too_little(self, what: str, halo: int, bytes_: float) -> InputError:
         """The refusal of a memory in which not one window fits."""
         return InputError(
-            f"memory of {self.memory / 1e6:.0f} MB: too little for {what} with its halo of {halo}; "
-            f"{(LIBRARIES + bytes_) / 1e6:.0f} MB is the least"
+            f"memory of {self.memory / 1e6:.0f} MB: too little for {what} with its halo of {halo}, beside the "
+            f"{LIBRARIES / 1e6:.0f} MB of libraries; {np.ceil((LIBRARIES + bytes_) / 1e6):.0f} MB is the least"
         )
 
 

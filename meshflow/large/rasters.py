@@ -126,7 +126,9 @@ def counted(source: Gridded, budget: Budget, progress: Progress) -> tuple[Gridde
     """The source with undeclared marks of missing samples, its count, and notes.
 
     :raises NothingThere: where no sample is present.
+    :raises InputError: for a memory in which no window fits.
     """
+    budget.must_hold(source.form)
     notes: tuple[str, ...] = ()
     at_once = budget.counted(source.form)
     windows = bands(source.form, at_once)

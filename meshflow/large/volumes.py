@@ -78,6 +78,7 @@ def smooth_volume(
         for to in (target, *writing.sides.values()):
             stored_like(reader, to, writing.options)
         source, budget = _scanned(reader), writing.budget
+        budget.must_hold(source.form)
         with reporting(progress, "reading") as report:
             census = census_of(source, report, budget.counted(source.form))
         run = windowed(source.form, sample_of(source, budget.sample(source.form, ENOUGH)), request)
