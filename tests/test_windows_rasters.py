@@ -220,7 +220,7 @@ def test_a_size_is_said_in_bytes(words, size):
 
 
 def test_a_memory_too_small_for_one_window_is_refused_with_the_least_that_works(tmp_path):
-    path, leasts = make(tmp_path / "in.tif", heights()), []
+    path, leasts = make(tmp_path / "in.tif", np.tile(heights(), (1, 4, 4))), []
     for memory, end in ((50e6, "MB is the least, and more"), (253.73e6, "MB is the least$")):
         with pytest.raises(InputError, match=f"too little for a window of 256 .* halo of .*; (\\d+) {end}") as why:
             smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions(), Output(Budget(memory)))
