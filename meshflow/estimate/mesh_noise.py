@@ -7,6 +7,7 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.special import ndtri
 
+from meshflow.estimate.edge_noise import noise_at_edges
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import MAD
 from meshflow.estimate.quantization import quantum_of
@@ -14,7 +15,7 @@ from meshflow.estimate.vertex_numbers import numbers_of
 from meshflow.estimate.voxels import voxel_edge
 from meshflow.flow.low_pass import filtered
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.laplacians import cotangent_means, neighbour_means, umbrella_generator
+from meshflow.geometry.laplacians import cotangent_means, means_over_diagonals, neighbour_means, umbrella_generator
 from meshflow.geometry.normals import mean_edge, normals_at
 from meshflow.geometry.planarity import beside_flat_edges
 from meshflow.geometry.validation import Array
@@ -38,6 +39,11 @@ SETTLED = 1.0
 # its root mean square over AROUND rounds of neighbours is least, because single vertices are chosen by their noise, which then
 # seems correlated.
 CALM, CALMEST, AROUND = 4.0, 0.5, 10
+# Of coarse models most vertices are beside a crease, which seems to be noise (a box of 386 vertices, noise of 0.01 edges: 0.12).
+# If sigma is LEAKED times that at the edges, which are flat across most of them, and residuals do not alternate (white noise
+# and impulses -0.34 to -0.22, creases -0.16 to 0.13), it is replaced by that, unless that is above LARGE mean edges, where it is
+# too small. Correlated noise is at most SMOOTH times that at the edges.
+LEAKED, ALTERNATING, SMOOTH, LARGE = 1.3, -0.19, 1.1, 0.3
 # The kurtosis of Gaussian noise, the one above which noise is impulsive, and the largest number of rounds of neighbour means.
 GAUSSIAN, IMPULSIVE, SPREAD = 3.0, 3.8, 6
 # The kurtosis above which correlation is not estimated, because impulses also correlate neighbours.
@@ -47,6 +53,8 @@ IN_STEPS = 0.2
 # Noise is white unless its correlation is beyond this share of the interval from that of white noise to that of one round (16
 # shapes, 4 seeds: white noise -0.7 to 0.6, one round 0.5 to 1.3). Both are means over DRAWS samples of noise.
 SURELY, DRAWS = 0.65, 4
+# The correlation of few edges must also differ from that of white noise by this many standard errors.
+BY_CHANCE = 2.0
 
 
 @dataclass(frozen=True)
@@ -136,21 +144,45 @@ def noise_of_points(points: Array, faces: Array, counted: Array | None = None) -
     step = mean_edge(x, faces)
     even = umbrella_generator(connect((faces,), n), step, gain > 0, True)
     settled = filtered(even, x, SETTLED * step**2, 2)
-    bend, rough = _along(umbrella, x, normals_at(settled, faces), gain)
-    bends = _along(umbrella, filtered(even, x, CALM * step**2, 2), normals_at(settled, faces), gain)[0] ** 2
-    around = bends
-    for _ in range(AROUND):
-        around = around - 0.5 * (umbrella @ around)
-    calm, calm_region = (inner & (own <= np.quantile(own[inner], CALMEST)) for own in (bends, around))
-    sigma = MAD * float(np.median(np.abs(rough[calm])))
+    normals = normals_at(settled, faces)
+    graph = _Graph(umbrella, gain)
+    bend, rough = _along(umbrella, x, normals, gain)
+    bends = _along(umbrella, filtered(even, x, CALM * step**2, 2), normals, gain)[0] ** 2
+    both: Any = sparse.csr_matrix(sparse.identity(n) - means_over_diagonals(x, faces, normals))
+    whole = _Graph(both, _gain(both))
+    clear = _along(both, x, normals, whole.gain)[1]
+    calm = inner & (bends <= np.quantile(bends[inner], CALMEST))
+    sigma, at_edges = MAD * float(np.median(np.abs(clear[calm]))), noise_at_edges(x, faces, inner)
     if sigma <= _rounding(points):
         return PointNoise(0.0, 0.0, (0.0,), how="differences")
-    found = _alternation(umbrella, bend, rough, calm_region)[1]
-    kurtosis = float(np.mean(rough[calm] ** 4) / np.mean(rough[calm] ** 2) ** 2)
-    spread, share = (0, 1.0) if kurtosis > SURE else _spread(umbrella, gain, calm_region, found, numbers_of(x, faces))
+    kurtosis = float(np.mean(clear[calm] ** 4) / np.mean(clear[calm] ** 2) ** 2)
+    leaked = kurtosis <= SURE and at_edges < min(sigma / LEAKED, LARGE * step)
+    if leaked and _correlation(umbrella, rough, calm) > ALTERNATING:
+        return PointNoise(at_edges, 0.0, (at_edges,), how="differences")
+    spread, share = 0, 1.0
+    if sigma <= SMOOTH * at_edges and kurtosis <= SURE:
+        around = bends
+        for _ in range(AROUND):
+            around = around - 0.5 * (umbrella @ around)
+        region = inner & (around <= np.quantile(around[inner], CALMEST))
+        found = _alternation(umbrella, bend, rough, region)
+        spread, share = _spread(graph, whole, region, found, numbers_of(x, faces))
     kurtosis = GAUSSIAN if spread else kurtosis
-    sigma = sigma / share if kurtosis <= IMPULSIVE else float(np.sqrt(np.mean(rough[calm] ** 2)))
+    sigma = sigma / share if kurtosis <= IMPULSIVE else float(np.sqrt(np.mean(clear[calm] ** 2)))
     return PointNoise(sigma, 0.0, (sigma,), how="differences", kurtosis=kurtosis, spread=spread)
+
+
+@dataclass(frozen=True, eq=False)
+class _Graph:
+    """The umbrella I - A (n, n) of a graph, and its response (n,) of :func:`_gain`."""
+
+    umbrella: Any
+    gain: Array
+
+    def residuals(self, values: Array) -> Array:
+        """(I - A)^2 applied to values (n, k), divided by its response."""
+        gain = self.gain[:, None]
+        return np.divide(self.umbrella @ (self.umbrella @ values), gain, out=np.zeros_like(values), where=gain > 0)
 
 
 def _is_noisy(umbrella: Any, bend: Array, rough: Array, free: Array) -> bool:
@@ -164,24 +196,31 @@ def _is_noisy(umbrella: Any, bend: Array, rough: Array, free: Array) -> bool:
     return correlation <= (max(CORRELATED - chance, WHITE) if alternating >= ALMOST else WHITE)
 
 
-def _spread(umbrella: Any, gain: Array, calm: Array, found: float, numbers: Array) -> tuple[int, float]:
-    """The number of rounds of neighbour means after which white noise has the correlation ``found``, and the share of its
+def _spread(
+    graph: _Graph, whole: _Graph, calm: Array, found: tuple[float, float, int], numbers: Array
+) -> tuple[int, float]:
+    """The number of rounds of neighbour means after which white noise has the correlation that was found, and the share of its
     standard deviation in the residuals; 0 and 1 for white noise.
+
+    :param graph: in which neighbours are correlated; ``whole``: of the residuals.
+    :param found: the answer of :func:`_alternation`.
     """
     # multiples of uniform numbers, modulo 1, are uniform and hardly correlated with them
     draws = np.mod(numbers[:, None] * 17.0 ** np.arange(DRAWS), 1.0)
     made = ndtri(np.clip(draws, 1e-6, 1.0 - 1e-6))
-    before, share = (np.nan, 1.0), 1.0
+    _, correlation, edges = found
+    chance = BY_CHANCE / np.sqrt(max(edges, 1))
+    before, share, white = (np.nan, 1.0), 1.0, np.nan
     for rounds in range(SPREAD + 1):
-        twice = umbrella @ (umbrella @ made)
-        rough = np.divide(twice, gain[:, None], out=np.zeros_like(made), where=gain[:, None] > 0)
-        here = float(np.mean([_alternation(umbrella, one, one, calm)[1] for one in rough.T]))
-        share = MAD * float(np.median(np.abs(rough[calm]), axis=0).mean()) / float(made.std())
+        rough, clear = graph.residuals(made), whole.residuals(made)
+        here = float(np.mean([_alternation(graph.umbrella, one, one, calm)[1] for one in rough.T]))
+        share = MAD * float(np.median(np.abs(clear[calm]), axis=0).mean()) / float(made.std())
+        white = here if rounds == 0 else white
         nearer = SURELY if rounds == 1 else 0.5
-        if rounds > 0 and found < before[0] + nearer * (here - before[0]):
+        if rounds > 0 and correlation < max(before[0] + nearer * (here - before[0]), white + chance):
             return rounds - 1, before[1] if rounds > 1 else 1.0
         before = here, share
-        made = made - 0.5 * (umbrella @ made)
+        made = made - 0.5 * (graph.umbrella @ made)
     return SPREAD, share
 
 
@@ -195,14 +234,25 @@ def _alternation(umbrella: Any, bend: Array, rough: Array, free: Array) -> tuple
     """For edges between vertices with mask ``free`` (n,): the share with a change of the sign of the curvature, the
     correlation of residuals, and how many there are; 0 and 0 for too few edges.
     """
-    edges = umbrella.tocoo()
-    both = (edges.row < edges.col) & free[edges.row] & free[edges.col]
-    start, end = edges.row[both], edges.col[both]
+    start, end = _edges_of(umbrella, free)
     if len(start) < EDGES:
         return 0.0, 0.0, len(start)
     size = MAD * float(np.median(np.abs(rough[free])))
     held = np.clip(rough / max(size, np.finfo(float).tiny), -CLIPPED, CLIPPED)
     return float(np.mean(bend[start] * bend[end] < 0)), float(np.mean(held[start] * held[end])), len(start)
+
+
+def _correlation(umbrella: Any, rough: Array, free: Array) -> float:
+    """The correlation of residuals (n,) that are not clipped, along edges between vertices with mask ``free`` (n,)."""
+    start, end = _edges_of(umbrella, free)
+    return float(np.mean(rough[start] * rough[end]) / np.mean(rough[free] ** 2)) if len(start) else 0.0
+
+
+def _edges_of(umbrella: Any, free: Array) -> tuple[Array, Array]:
+    """Both ends (e,) of the edges between vertices with mask (n,)."""
+    edges = umbrella.tocoo()
+    both = (edges.row < edges.col) & free[edges.row] & free[edges.col]
+    return edges.row[both], edges.col[both]
 
 
 def _gain(umbrella: Any) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.errors import InputError
-from meshflow.geometry.connectivity import Connectivity
+from meshflow.geometry.connectivity import Connectivity, shared_sides
 from meshflow.geometry.operator import fill_stiffness, stiffness
 from meshflow.geometry.validation import Array
 
@@ -16,10 +16,14 @@ __all__ = [
     "cotangent_generator",
     "cotangent_means",
     "means_of",
+    "means_over_diagonals",
     "neighbour_means",
     "scale_dependent_generator",
     "umbrella_generator",
 ]
+
+# Diagonals whose lengths differ by less than this factor: a mesher could have taken either.
+EITHER = 1.4
 
 Border = Literal["curve", "free", "fixed"]
 
@@ -109,6 +113,45 @@ def neighbour_means(faces: Array, n: int, border: Border) -> Any:
     many = np.bincount(rows, minlength=n)
     first = np.concatenate([[0], np.cumsum(many)])
     return sparse.csr_matrix((1.0 / many[rows], columns, first), shape=(n, n))
+
+
+def means_over_diagonals(points: Array, faces: Array, normals: Array) -> Any:
+    """The matrix (n, n) of the mean of the neighbours, over both diagonals of quadrilaterals that could be cut along either; a
+    vertex without neighbours is its own.
+
+    Where a mesher takes the shorter diagonal, the noise decides which vertices are neighbours, and those are more alike than
+    others. Over both diagonals, each with half a weight, the mean is the same for either cut.
+
+    :param points: (n, 3).
+    :param faces: (m, 3).
+    :param normals: unit normals (n, 3), along which lengths do not count.
+    """
+    n = len(points)
+    ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64), axis=1)
+    edges = np.unique((ends[:, 0] * n + ends[:, 1])[ends[:, 0] != ends[:, 1]])
+    one, other = shared_sides(faces)
+    here, there = (faces[one // 3, (one + turn) % 3].astype(np.int64) for turn in (1, 2))
+    left, right = (faces.ravel()[corner].astype(np.int64) for corner in (one, other))
+    across = normals[here] + normals[there] + normals[left] + normals[right]
+    across /= np.maximum(np.linalg.norm(across, axis=1), np.finfo(float).tiny)[:, None]
+    kept, flipped = (_length_beside(points[b] - points[a], across) for a, b in ((here, there), (left, right)))
+    either = (kept < EITHER * flipped) & (flipped < EITHER * kept) & (left != right) & (here != there)
+    weights = np.ones(len(edges))
+    cut = np.minimum(here, there)[either] * n + np.maximum(here, there)[either]
+    weights[np.searchsorted(edges, cut)] = 0.5
+    low, high = np.concatenate([edges // max(n, 1), left[either]]), np.concatenate([edges % max(n, 1), right[either]])
+    weights = np.concatenate([weights, np.full(int(either.sum()), 0.5)])
+    graph: Any = sparse.coo_matrix((weights, (low, high)), shape=(n, n)).tocsr()
+    graph = graph + graph.T
+    total = np.asarray(graph.sum(axis=1)).ravel()
+    alone = sparse.diags((total == 0).astype(np.float64))
+    return sparse.csr_matrix(sparse.diags(1.0 / np.where(total > 0, total, 1.0)) @ graph + alone)
+
+
+def _length_beside(sides: Array, across: Array) -> Array:
+    """The lengths (e,) of sides (e, 3) without their part along unit vectors (e, 3)."""
+    along = np.einsum("ij,ij->i", sides, across)
+    return np.linalg.norm(sides - along[:, None] * across, axis=1)
 
 
 def cotangent_means(points: Array, faces: Array) -> Any:
