@@ -13,6 +13,7 @@ import pytest
 import pyvista
 import rasterio
 import trimesh
+from helpers import warm_start
 
 from meshflow.io.files import read
 
@@ -20,8 +21,8 @@ ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes as POSIX has them")
 
 
-def run(*words, cwd=None, flags=(), stdin=None, limits=(), user=None, **environment):
-    """The command in a process of its own; limits are pairs of a limit of the system and its value."""
+def run(*words, cwd=None, flags=(), limits=(), user=None, **environment):
+    """The command in a process that Python starts; limits are pairs of a limit of the system and its value."""
 
     def before():
         import resource
@@ -38,7 +39,7 @@ def run(*words, cwd=None, flags=(), stdin=None, limits=(), user=None, **environm
     base |= {"PYTHONPATH": str(ROOT)} | {name: value for name, value in environment.items() if value is not None}
     return subprocess.run(
         [sys.executable, *flags, "-m", "meshflow", *words],
-        cwd=cwd, env=base, capture_output=True, timeout=120, input=stdin, preexec_fn=before,
+        cwd=cwd, env=base, capture_output=True, timeout=120, preexec_fn=before,
     )  # fmt: skip
 
 
@@ -135,7 +136,7 @@ def test_any_name_is_a_name(heights, name):
 
 def test_what_begins_with_a_dash_and_is_no_option_is_told_how_to_be_given(heights):
     os.rename(heights, heights.with_name("-n.tif"))
-    done = run("info", "-n.tif", cwd=heights.parent)
+    done = warm_start.run("info", "-n.tif", cwd=heights.parent)
     assert done.returncode != 0
     assert "./-n.tif" in words_of(done)
 
@@ -148,31 +149,31 @@ def test_a_pipe_is_read_to_its_end_and_stdout_is_written_to(heights):
                           stdin=subprocess.PIPE) as writer:  # fmt: skip
         writer.stdin.write(ball)
         writer.stdin.close()
-        done = run("info", str(pipe), "--json")
+        done = warm_start.run("info", str(pipe), "--json")
     assert done.returncode == 0, words_of(done)
     assert b'"points": 162' in done.stdout
     for source in ("-", "/dev/stdin"):
-        done = run("info", source, "--json", stdin=ball)
+        done = warm_start.run("info", source, "--json", stdin=ball)
         assert done.returncode == 0, words_of(done)
         assert b'"points": 162' in done.stdout
-        refused(run("info", source, stdin=b"not anything"), "stdin")
-        refused(run("info", source, stdin=b""), "stdin is empty")
-    done = run("smooth", "-", "-", "--method", "curvature", "--time", "1e-4", stdin=ball)
+        refused(warm_start.run("info", source, stdin=b"not anything"), "stdin")
+        refused(warm_start.run("info", source, stdin=b""), "stdin is empty")
+    done = warm_start.run("smooth", "-", "-", "--method", "curvature", "--time", "1e-4", stdin=ball)
     assert done.returncode == 0, words_of(done)
     assert len(done.stdout) == len(ball)
-    refused(run("smooth", "-", "-", "--json", stdin=ball), "not both")
+    refused(warm_start.run("smooth", "-", "-", "--json", stdin=ball), "not both")
 
 
 def test_a_device_is_not_replaced(heights):
     for name in ("null", "stdout"):
-        refused(run("smooth", str(heights), f"/dev/{name}", *QUICK, "--overwrite"), "device")
+        refused(warm_start.run("smooth", str(heights), f"/dev/{name}", *QUICK, "--overwrite"), "device")
     assert not Path("/dev/null").is_file()
 
 
 @pytest.mark.parametrize("begin", [b"solid a\n facet normal x 0 1\n outer loop\n", b"\xff" * 84 + b"\0" * 300])
 def test_a_broken_file_is_one_line_whatever_the_libraries_log(tmp_path, begin):
     (tmp_path / "a.stl").write_bytes(begin)
-    refused(run("info", str(tmp_path / "a.stl")), "a.stl")
+    refused(warm_start.run("info", str(tmp_path / "a.stl")), "a.stl")
 
 
 # --- what runs out
@@ -182,9 +183,9 @@ def test_a_broken_file_is_one_line_whatever_the_libraries_log(tmp_path, begin):
 def test_a_full_disk_is_one_line_with_the_reason_and_the_old_file_stays(heights, suffix):
     target = heights.with_name(f"b{suffix}")
     words = ("--kind", "image", "--dtype", "uint8") if suffix == ".png" else ()
-    assert run("smooth", str(heights), str(target), *QUICK, *words).returncode == 0
+    assert warm_start.run("smooth", str(heights), str(target), *QUICK, *words).returncode == 0
     old, there = target.read_bytes(), sorted(os.listdir(heights.parent))
-    done = run("smooth", str(heights), str(target), *QUICK, *words, "--overwrite", limits=[("RLIMIT_FSIZE", 200)])
+    done = warm_start.run("smooth", str(heights), str(target), *QUICK, *words, "--overwrite", limits=[("RLIMIT_FSIZE", 200)])
     refused(done, "File too large", target.name)
     assert target.read_bytes() == old
     assert sorted(os.listdir(heights.parent)) == there
@@ -194,7 +195,7 @@ def test_a_full_disk_is_one_line_with_the_reason_and_the_old_file_stays(heights,
 def test_no_writer_of_meshes_ends_of_a_full_disk(tmp_path, suffix):
     trimesh.creation.icosphere(subdivisions=3).export(tmp_path / "a.ply")
     words = ("--method", "curvature", "--time", "1e-6", "--quiet")
-    done = run("smooth", "a.ply", f"b{suffix}", *words, cwd=tmp_path, limits=[("RLIMIT_FSIZE", 2000)])
+    done = warm_start.run("smooth", "a.ply", f"b{suffix}", *words, cwd=tmp_path, limits=[("RLIMIT_FSIZE", 2000)])
     refused(done, "File too large")
     assert os.listdir(tmp_path) == ["a.ply"]
 
@@ -203,7 +204,7 @@ def test_blocks_on_a_full_disk_are_one_line(tmp_path):
     pyvista.MultiBlock({"one": pyvista.Icosphere(nsub=2), "two": pyvista.Icosphere(nsub=2)}).save(tmp_path / "a.vtm")
     there = sorted(os.listdir(tmp_path))
     words = ("--method", "curvature", "--time", "1e-6", "--quiet")
-    done = run("smooth", "a.vtm", "b.vtm", *words, cwd=tmp_path)
+    done = warm_start.run("smooth", "a.vtm", "b.vtm", *words, cwd=tmp_path)
     assert done.returncode == 0, words_of(done)
     assert sorted(os.listdir(tmp_path)) == sorted([*there, "b", "b.vtm"])
 
@@ -288,7 +289,7 @@ def test_other_names_of_a_file_that_is_replaced_are_told(heights):
     target, other = heights.with_name("b.tif"), heights.with_name("c.tif")
     shutil.copy(heights, target)
     os.link(target, other)
-    done = run("smooth", str(heights), str(target), "--method", "quick", "--overwrite")
+    done = warm_start.run("smooth", str(heights), str(target), "--method", "quick", "--overwrite")
     assert done.returncode == 0
     assert "one of 2 names (hard links)" in words_of(done)
     assert other.read_bytes() == heights.read_bytes()
@@ -305,7 +306,7 @@ def test_other_names_of_a_file_that_is_replaced_are_told(heights):
     ],
 )
 def test_words_of_other_tools_point_to_ours(heights, words, meant):
-    done = run("smooth", str(heights), str(heights.with_name("b.tif")), *words)
+    done = warm_start.run("smooth", str(heights), str(heights.with_name("b.tif")), *words)
     assert done.returncode in (1, 2)
     assert len(words_of(done).strip().splitlines()) == 1
     assert meant in words_of(done)
