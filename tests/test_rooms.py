@@ -7,6 +7,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -50,17 +51,34 @@ PEERS = {
 }  # fmt: skip
 
 
+@cache
+def tree(path):
+    return ast.parse(path.read_text())
+
+
+@cache
+def nodes(path):
+    """All nodes of the tree of a file."""
+    return list(ast.walk(tree(path)))
+
+
 def room(path):
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
+@cache
 def is_module(name):
     path = PACKAGE.parent.joinpath(*name.split("."))
     return path.is_dir() or path.with_suffix(".py").exists()
 
 
+@cache
 def imports(path):
-    for node in ast.walk(ast.parse(path.read_text())):
+    return list(imported(path))
+
+
+def imported(path):
+    for node in nodes(path):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("meshflow"):
             named = [f"{node.module}.{alias.name}" for alias in node.names]
             modules = [name for name in named if is_module(name)]
@@ -69,26 +87,24 @@ def imports(path):
             yield from (alias.name for alias in node.names if alias.name.startswith("meshflow"))
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_a_room_imports_only_the_rooms_that_it_may(path):
-    if path == PACKAGE / "__init__.py":
-        return
-    used = {name.split(".")[1] for name in imports(path)} - {"errors", "lazy", room(path)}
-    if room(path) in ("errors", "lazy"):
-        assert not used
-    else:
-        may = MAY[room(path)]
-        assert used <= may, f"{path.name} imports {used - may}"
+def test_a_room_imports_only_the_rooms_that_it_may():
+    found = []
+    for path in set(FILES) - {PACKAGE / "__init__.py"}:
+        used = {name.split(".")[1] for name in imports(path)} - {"errors", "lazy", room(path)}
+        may = set() if room(path) in ("errors", "lazy") else MAY[room(path)]
+        found += [f"{path.relative_to(PACKAGE)} imports {used - may}"] if used - may else []
+    at_most(0, found)
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_files_and_functions_stay_short_enough_to_read(path):
-    text = path.read_text()
-    assert text.count("\n") <= LINES_OF_A_FILE
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef):
-            lines = node.end_lineno - node.lineno + 1 - lines_of_example(node)
-            assert lines <= LINES_OF_A_FUNCTION, f"{node.name} has {lines} lines"
+def test_files_and_functions_stay_short_enough_to_read():
+    at_most(0, [f"{path.relative_to(PACKAGE)}" for path in FILES if path.read_text().count("\n") > LINES_OF_A_FILE])
+    lengths = (
+        (f"{path.relative_to(PACKAGE)}: {node.name}", node.end_lineno - node.lineno + 1 - lines_of_example(node))
+        for path in FILES
+        for node in nodes(path)
+        if isinstance(node, ast.FunctionDef)
+    )
+    at_most(0, [f"{where} has {lines} lines" for where, lines in lengths if lines > LINES_OF_A_FUNCTION])
 
 
 def lines_of_example(node):
@@ -101,7 +117,7 @@ def functions(*but):
     """Every function of the package, and where it is; rooms named in but left out."""
     for path in FILES:
         if room(path) not in but:
-            for node in ast.walk(ast.parse(path.read_text())):
+            for node in nodes(path):
                 overloaded = any(ast.unparse(d) == "overload" for d in getattr(node, "decorator_list", ()))
                 if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and not overloaded:
                     yield f"{path.relative_to(PACKAGE)}:{node.lineno} {node.name}", node
@@ -143,7 +159,7 @@ def test_asserts_do_not_talk_to_the_type_checker():
     found = [
         f"{path.relative_to(PACKAGE)}:{node.lineno}"
         for path in FILES
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.Assert)
     ]
     at_most(ASSERTS, found)
@@ -161,15 +177,20 @@ def test_public_functions_are_documented_and_typed():
     at_most(UNTYPED, bare)
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_nothing_that_ships_knows_a_peer(path):
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            assert (node.module or "").split(".")[0] not in PEERS | {"peers"}
-        elif isinstance(node, ast.Import):
-            assert not {alias.name.split(".")[0] for alias in node.names} & PEERS
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("need", "import_module"):
-            assert ast.unparse(node.args[0]).strip("'").split(".")[0] not in PEERS
+def packages_named(node):
+    """The packages that a node imports."""
+    if isinstance(node, ast.ImportFrom):
+        return {(node.module or "").split(".")[0]}
+    if isinstance(node, ast.Import):
+        return {alias.name.split(".")[0] for alias in node.names}
+    if isinstance(node, ast.Call) and ast.unparse(node.func) in ("need", "import_module"):
+        return {ast.unparse(node.args[0]).strip("'").split(".")[0]}
+    return set()
+
+
+def test_nothing_that_ships_knows_a_peer():
+    named = ((path, packages_named(node) & (PEERS | {"peers"})) for path in FILES for node in nodes(path))
+    at_most(0, [f"{path.relative_to(PACKAGE)}: {peers}" for path, peers in named if peers])
 
 
 @pytest.mark.parametrize("name", ["", ".classics", ".evaluate", ".synthetic", ".view"])
@@ -184,7 +205,7 @@ def test_every_public_name_of_a_room_is_found_and_an_unknown_one_named(name):
 
 def test_no_test_file_imports_another():
     for path in Path(__file__).parent.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in nodes(path):
             if isinstance(node, ast.Import | ast.ImportFrom):
                 named = [getattr(node, "module", None) or "", *(alias.name for alias in node.names)]
                 assert not [name for name in named if name.split(".")[0].startswith("test_")], path.name
@@ -228,7 +249,7 @@ def test_the_library_neither_prints_nor_exits():
     for path in FILES:
         if room(path) in ("cli", "__main__"):
             continue
-        calls = [ast.unparse(n.func) for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
+        calls = [ast.unparse(n.func) for n in nodes(path) if isinstance(n, ast.Call)]
         assert not {"print", "sys.exit", "exit", "quit"} & set(calls), path.name
 
 
