@@ -185,7 +185,9 @@ def test_a_full_disk_is_one_line_with_the_reason_and_the_old_file_stays(heights,
     words = ("--kind", "image", "--dtype", "uint8") if suffix == ".png" else ()
     assert warm_start.run("smooth", str(heights), str(target), *QUICK, *words).returncode == 0
     old, there = target.read_bytes(), sorted(os.listdir(heights.parent))
-    done = warm_start.run("smooth", str(heights), str(target), *QUICK, *words, "--overwrite", limits=[("RLIMIT_FSIZE", 200)])
+    done = warm_start.run(
+        "smooth", str(heights), str(target), *QUICK, *words, "--overwrite", limits=[("RLIMIT_FSIZE", 200)]
+    )
     refused(done, "File too large", target.name)
     assert target.read_bytes() == old
     assert sorted(os.listdir(heights.parent)) == there

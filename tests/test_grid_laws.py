@@ -243,7 +243,7 @@ def test_the_memory_of_a_run_is_at_most_seven_more_of_the_array():
         print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / z.nbytes)
     """
     found = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code), "3500"], capture_output=True, text=True, check=True
+        [sys.executable, "-c", textwrap.dedent(code), "3000"], capture_output=True, text=True, check=True
     )
     assert float(found.stdout) <= 7.5, f"{found.stdout} of the array's size"
 

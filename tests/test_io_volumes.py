@@ -2,12 +2,11 @@
 
 import gzip
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import pyvista
+from helpers.command import run
 
 import meshflow
 from meshflow import FormatError, InputError, Volume
@@ -144,10 +143,11 @@ def test_pictures_show_the_three_slices_through_the_middle(tmp_path):
     assert (tmp_path / "p.png").stat().st_size > 10_000 or notes
 
 
-def test_the_command_smooths_a_volume(tmp_path):
+def test_the_command_smooths_a_volume(tmp_path, monkeypatch):
     nifti(tmp_path / "v.nii.gz", noisy())
     words = ("smooth", "v.nii.gz", "o.nii.gz", "--method", "quick", "--json", "--quiet")
-    done = subprocess.run([sys.executable, "-m", "meshflow", *words], cwd=tmp_path, capture_output=True, text=True)
+    monkeypatch.chdir(tmp_path)
+    done = run(*words)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["parameters"]["time"]["unit"] == "mm²"
     assert nibabel.load(tmp_path / "o.nii.gz").shape == (16, 16, 16)

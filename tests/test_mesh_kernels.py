@@ -18,7 +18,7 @@ from meshflow.geometry.connectivity import connect
 from meshflow.geometry.crossings import crossing_pairs
 from meshflow.kernels import conjugate_gradients as cg_kernels
 from meshflow.kernels import mesh_blocks, mesh_connectivity, mesh_delaunay, mesh_normals, mesh_operator
-from meshflow.kernels.library import environment
+from meshflow.kernels.library import environment, using_threads
 from meshflow.synthetic.shapes import sphere
 
 SHARPNESS = (1.0, 1.5, 2.0, 3.0)
@@ -79,15 +79,19 @@ def digests():
     }
 
 
-def test_no_loop_over_a_mesh_depends_on_the_number_of_threads(monkeypatch):
-    found = {}
-    for many in (1, 2, 5):
-        monkeypatch.setenv("MESHFLOW_NUM_THREADS", str(many))
-        found[many] = digests()
-    assert found[1] == found[2] == found[5]
+@pytest.fixture(scope="module")
+def by_two_threads():
+    with using_threads(2):
+        return digests()
 
 
-def test_no_loop_over_a_mesh_depends_on_the_instruction_set():
+@pytest.mark.parametrize("threads", [1, 5])
+def test_no_loop_over_a_mesh_depends_on_the_number_of_threads(threads, by_two_threads):
+    with using_threads(threads):
+        assert digests() == by_two_threads
+
+
+def test_loops_over_a_mesh_give_the_same_bits_with_every_instruction_set(by_two_threads):
     others = [level for level in ("v2", "v3") if level != environment().instruction_set]
     if environment().instruction_set == "baseline" or not others:
         pytest.skip("one instruction set on this kind of machine")
@@ -96,7 +100,7 @@ def test_no_loop_over_a_mesh_depends_on_the_instruction_set():
     reported = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True)
     if "cannot run the kernels" in reported.stderr:
         pytest.skip(reported.stderr.splitlines()[-1])
-    assert reported.stdout.splitlines()[-1] == str(digests()), reported.stderr
+    assert reported.stdout.splitlines()[-1] == str(by_two_threads), reported.stderr
 
 
 @pytest.mark.parametrize("sharpness", SHARPNESS)

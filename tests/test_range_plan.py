@@ -289,7 +289,7 @@ def test_a_pinhole_is_smoothed_in_inverse_depths_by_default_and_is_better_for_it
     ],
 )  # fmt: skip
 def test_what_refers_to_lengths_keeps_the_flow_along_the_rays(given):
-    _, noisy, camera = wall(0.01)
+    _, noisy, camera = wall(0.01, shape=(40, 48))
     image = RangeImage(noisy, camera)
     np.testing.assert_array_equal(
         meshflow.smooth(image, **given).depth, meshflow.smooth(image, **given, domain="length").depth

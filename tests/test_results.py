@@ -1,10 +1,8 @@
 """What is said of a run is what was done. meshflow.results.result, meshflow.estimate.points, meshflow.cli.options."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
+from helpers import command
 from helpers.parts import parts
 from helpers.shapes import along_normals, sphere
 from PIL import Image as Picture
@@ -86,8 +84,7 @@ def test_variants_of_grids_say_that_they_have_no_effect_on_points(words):
 
 def test_an_unknown_method_is_refused_in_one_line(tmp_path):
     np.save(tmp_path / "z.npy", np.eye(8))
-    command = [sys.executable, "-m", "meshflow", "smooth", str(tmp_path / "z.npy"), str(tmp_path / "o.npy")]
-    done = subprocess.run([*command, "--method", "nonsense"], capture_output=True, text=True, check=False)
+    done = command.run("smooth", tmp_path / "z.npy", tmp_path / "o.npy", "--method", "nonsense")
     assert done.returncode != 0
     assert done.stderr.startswith("meshflow: nonsense: no such method; there are search, quick, beltrami, ")
     assert done.stderr.endswith(", normal-channels\n")

@@ -189,7 +189,7 @@ def test_what_is_given_is_held_and_what_is_not_is_found():
 
 
 def test_every_name_of_a_variant_is_one_and_runs():
-    _, z = noisy(n=48)
+    _, z = noisy(n=32)
     names = [kind.word for kind in HEIGHT_METHODS]
     assert [*METHODS] == ["search", "quick", *names, *(kind.word for kind in POINT_METHODS)]
     for options in ({"time": 2.0}, {"search": False}, {"steps": 3}):

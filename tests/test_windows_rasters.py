@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+from helpers import warm_start
 from helpers.raster_files import make
 from rasterio.enums import ColorInterp
 from rasterio.transform import from_origin
@@ -290,13 +291,11 @@ def test_ctrl_c_half_way_leaves_nothing(tmp_path):
 
 
 def smoothed(path: Path, *words):
-    done = subprocess.run(
-        [sys.executable, "-m", "meshflow", "smooth", str(path), str(path.parent / "out.tif"), *words],
-        capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "200"},
-    )  # fmt: skip
-    return done.returncode, done.stderr
+    done = warm_start.run("smooth", str(path), str(path.parent / "out.tif"), *words, COLUMNS="200")
+    return done.returncode, done.stderr.decode()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="forks")
 @pytest.mark.parametrize(
     ("words", "why"),
     [
@@ -315,6 +314,7 @@ def test_a_refusal_is_one_line(words, why, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="forks")
 def test_a_raster_that_fits_is_smoothed_as_a_whole(tmp_path):
     path = make(tmp_path / "in.tif", heights())
     code, said = smoothed(path, "--memory", "1GB", *FIXED)

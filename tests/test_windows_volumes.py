@@ -77,9 +77,9 @@ def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
 @pytest.mark.parametrize("method", [None, "quick"])
 @pytest.mark.parametrize("k", [0, 2])
 def test_what_is_chosen_by_default_runs_by_windows_as_it_does_on_the_whole(method, k):
-    data = volume((20, 24, 22), k=k)
+    data = volume((14, 19, 17), k=k)
     request = Request.of(method)
-    done, found = by_windows(data, request, (11, 24, 9))
+    done, found = by_windows(data, request, (8, 19, 7))
     same(done, run(data, request, record=None).after.values)
     assert found.found.idle is None
     assert not np.array_equal(done, data.values, equal_nan=True)
