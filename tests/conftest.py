@@ -1,5 +1,6 @@
 """Tests import `naive`, `helpers` and `peers` by name, from wherever pytest was started."""
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -21,3 +22,9 @@ def pytest_xdist_auto_num_workers(config):
     measures = "bench" in config.option.markexpr and "not bench" not in config.option.markexpr
     named = config.args_source == config.ArgsSource.ARGS
     return 0 if measures or named else min(os.cpu_count() or 1, 8)
+
+
+def pytest_collection_finish():
+    """What was imported and collected stays until the end: nobody need look for cycles in half a million objects."""
+    gc.collect()
+    gc.freeze()

@@ -223,13 +223,12 @@ def test_what_comes_back_does_not_depend_on_numbering_turns_of_triangles_place_o
     number = np.argsort(order)
     mixed = faces.copy()
     mixed[::2] = mixed[::2][:, [0, 2, 1]]
-    turned = [np.roll(faces, 1, axis=1), faces[:, ::-1], mixed]
     size = np.abs(points).max()
-    for other in turned:
-        np.testing.assert_allclose(meshflow.smooth((points, other))[0], expected, atol=1e-10 * size)
-    again = meshflow.smooth((points[order], number[faces][rng.permutation(len(faces))]))[0]
+    np.testing.assert_allclose(meshflow.smooth((points, mixed))[0], expected, atol=1e-10 * size)
+    # Several changes at once: what depends on one of them is told by this, too.
+    again = meshflow.smooth((points[order], np.roll(number[faces][rng.permutation(len(faces))], 1, axis=1)))[0]
     np.testing.assert_allclose(again, expected[order], atol=1e-10 * size)
-    moved = meshflow.smooth(((points + 0.37) * 3.7, faces))[0]
+    moved = meshflow.smooth(((points + 0.37) * 3.7, faces[:, ::-1]))[0]
     np.testing.assert_allclose(moved / 3.7 - 0.37, expected, atol=1e-10 * size)
 
 
