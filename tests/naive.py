@@ -3,6 +3,8 @@
 Signs are ours (the surface shrinks); the exponent gamma is that of section 4.2 unless a name says otherwise.
 """
 
+import itertools
+
 import numpy as np
 
 
@@ -131,43 +133,49 @@ def cotangents_of_dots(dot0, dot1, dot2, det):
     return dot0 / doubled, dot1 / doubled, dot2 / doubled, 0.5 * doubled
 
 
-def patch_groups(values, pilot, missing, noise, side, stride, reach, members, near, loss):
-    """m + C (C + Cn)^-1 (y - m) for the patches of each group, averaged: Lebrun, Buades, Morel 2013, second step; (k, h, w)."""
-    k, h, w = values.shape
+def patch_groups(values, pilot, missing, noise, deep, side, stride, reach, members, near, loss):
+    """m + C (C + Cn)^-1 (y - m) for the patches of each group, averaged (Lebrun, Buades, Morel 2013); (k, d, h, w)."""
+    k, *size = values.shape
     total, weight = np.zeros_like(values), np.zeros_like(values)
+    shape = (deep, side, side)
+    lasts = [along - length for along, length in zip(size, shape, strict=True)]
 
-    def patch(a, r, c):
-        return a[:, r : r + side, c : c + side].reshape(k, -1)
+    def at(place):
+        return tuple(slice(i, i + length) for i, length in zip(place, shape, strict=True))
+
+    def patch(a, place):
+        return a[(slice(None), *at(place))].reshape(k, -1)
 
     def references(last):
         return [at for at in range(last + 1) if (at if 2 * at <= last else last - at) % stride == 0]
 
-    def whole(r, c):
-        return not missing[r : r + side, c : c + side].any()
+    def whole(*axes):
+        return [place for place in itertools.product(*axes) if not missing[at(place)].any()]
 
-    for r, c in ((r, c) for r in references(h - side) for c in references(w - side) if whole(r, c)):
-        places = [
-            (i, j)
-            for i in range(max(0, r - reach), min(h - side, r + reach) + 1)
-            for j in range(max(0, c - reach), min(w - side, c + reach) + 1)
-            if whole(i, j)
-        ]
+    for middle in whole(*map(references, lasts)):
+        places = whole(
+            *(range(max(0, i - reach), min(last, i + reach) + 1) for i, last in zip(middle, lasts, strict=True))
+        )
         far = [
             np.floor(
-                1024 * (np.sum((patch(pilot, i, j) - patch(pilot, r, c)) ** 2) + near * ((i - r) ** 2 + (j - c) ** 2))
+                1024
+                * (
+                    np.sum((patch(pilot, place) - patch(pilot, middle)) ** 2)
+                    + near * np.sum(np.square(np.subtract(place, middle)))
+                )
             )
-            for i, j in places
+            for place in places
         ]
         bound = np.sort(far)[min(members, len(far)) - 1]
         group = [place for place, distance in zip(places, far, strict=True) if distance <= bound]
         for channel in range(k) if len(group) > 1 else ():
-            p, y = (np.array([patch(a, i, j)[channel] for i, j in group]) for a in (pilot, values))
+            p, y = (np.array([patch(a, place)[channel] for place in group]) for a in (pilot, values))
             covariance = np.cov(p.T)
             filter_ = covariance @ np.linalg.inv(covariance + loss * noise)
-            much = 1 / (np.sum(filter_**2) / side**2 + 1 / len(group))
-            for (i, j), one in zip(group, p.mean(0) + (y - p.mean(0)) @ filter_.T, strict=True):
-                total[channel, i : i + side, j : j + side] += much * one.reshape(side, side)
-                weight[channel, i : i + side, j : j + side] += much
+            much = 1 / (np.sum(filter_**2) / len(covariance) + 1 / len(group))
+            for place, one in zip(group, p.mean(0) + (y - p.mean(0)) @ filter_.T, strict=True):
+                total[channel][at(place)] += much * one.reshape(shape)
+                weight[channel][at(place)] += much
     return np.where(weight > 0, total / np.where(weight > 0, weight, 1), pilot)
 
 

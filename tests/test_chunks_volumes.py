@@ -78,8 +78,8 @@ def test_a_data_array_is_a_volume_by_name_lazy_or_not():
         meshflow.smooth(da.from_array(values()[:1], (1, 9, 9)), **FIXED)
 
 
-@pytest.mark.parametrize("method", [None, "quick"])
-def test_what_is_found_by_default_is_that_of_the_whole(method):
+@pytest.mark.parametrize("method", [meshflow.Search(second_stage=False), "quick"])
+def test_what_is_found_without_a_second_stage_is_that_of_the_whole(method):
     made = values()
     done = meshflow.smooth(da.from_array(made, (9, 22, 16)), method=method, kind="volume")
     same(done.compute(), meshflow.smooth(made, method=method, kind="volume"))

@@ -6,13 +6,15 @@ import pytest
 
 from meshflow.kernels.patch_groups import GroupOptions, patch_groups
 
-SMALL = (5, 3, 4, 12, 0.2, 0.9)  # side, stride, reach, members, near, loss
+SMALL = (1, 5, 3, 4, 12, 0.2, 0.9)  # slices, side, stride, reach, members, near, loss
+OF_VOLUME = (2, 3, 2, 2, 12, 0.2, 0.9)
 
 
-def scene(k=1, shape=(19, 23), holes=False, seed=0, dtype=np.float64):
+def scene(k=1, shape=(1, 19, 23), holes=False, seed=0, dtype=np.float64):
     """A step and a wave with noise of deviation 1, a pilot with little of it, and where nothing is."""
     rng = np.random.default_rng(seed)
-    r, c = np.mgrid[: shape[0], : shape[1]]
+    z, r, c = np.indices(shape)
+    r = r + z
     truth = np.stack([8.0 * (c > 9 + q) + 3 * np.sin(0.7 * r + q) for q in range(k)])
     missing = rng.random(shape) < 0.01 if holes else np.zeros(shape, bool)
     values = truth + rng.normal(size=truth.shape)
@@ -22,7 +24,7 @@ def scene(k=1, shape=(19, 23), holes=False, seed=0, dtype=np.float64):
 
 def filtered(values, pilot, missing, noise=None, options=SMALL, threads=2):
     out = np.empty_like(pilot)
-    noise = np.eye(options[0] ** 2) if noise is None else noise
+    noise = np.eye(options[0] * options[1] ** 2) if noise is None else noise
     patch_groups(values, pilot, missing, noise, GroupOptions(*options), out, None, threads)
     return out
 
@@ -48,23 +50,36 @@ def test_groups_are_those_of_the_equation(k, holes, noise):
 @pytest.mark.parametrize(("side", "stride"), [(3, 1), (4, 2), (6, 4)])
 def test_any_side_and_stride(side, stride):
     values, pilot, missing = scene()
-    options = (side, stride, 4, 12, 0.2, 0.5)
+    options = (1, side, stride, 4, 12, 0.2, 0.5)
     expected = naive.patch_groups(values, pilot, missing, np.eye(side * side), *options)
     np.testing.assert_allclose(filtered(values, pilot, missing, options=options), expected, atol=1e-11)
 
 
+@pytest.mark.parametrize("holes", [False, True], ids=["whole", "holes"])
+@pytest.mark.parametrize(("k", "deep"), [(1, 2), (2, 3)])
+def test_groups_of_a_volume_are_those_of_the_equation(k, deep, holes):
+    values, pilot, missing = scene(k, (7, 8, 9), holes)
+    there = np.where(missing, 0.0, values), np.where(missing, 0.0, pilot)
+    options = (deep, *OF_VOLUME[1:])
+    expected = naive.patch_groups(*there, missing, np.eye(9 * deep), *options)
+    worst = np.abs(filtered(values, pilot, missing, options=options) - expected)[:, ~missing].max()
+    assert worst < 1e-11, f"{worst:.2g}"
+
+
 def test_samples_that_no_patch_covers_are_those_of_the_pilot():
     values, pilot, missing = scene()
-    missing[4::5] = True
+    missing[:, 4::5] = True
     np.testing.assert_array_equal(filtered(values, pilot, missing), pilot)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_equal_bits_for_any_number_of_threads(dtype):
-    values, pilot, missing = scene(2, (90, 130), holes=True, dtype=dtype)
-    one = filtered(values, pilot, missing, threads=1)
-    for threads in (2, 3, 7):
-        np.testing.assert_array_equal(filtered(values, pilot, missing, threads=threads), one)
+    for shape, options in (((1, 90, 130), SMALL), ((17, 20, 22), OF_VOLUME)):
+        values, pilot, missing = scene(2, shape, holes=True, dtype=dtype)
+        one = filtered(values, pilot, missing, options=options, threads=1)
+        for threads in (2, 3, 7):
+            found = filtered(values, pilot, missing, options=options, threads=threads)
+            np.testing.assert_array_equal(found, one)
 
 
 def test_the_result_may_be_written_over_the_pilot():
@@ -76,7 +91,7 @@ def test_the_result_may_be_written_over_the_pilot():
 
 @pytest.mark.parametrize("shape", [(19, 23), (20, 24), (50, 41)])
 def test_turned_and_mirrored_grids_give_turned_and_mirrored_results(shape):
-    values, pilot, missing = scene(shape=shape, holes=True)
+    values, pilot, missing = scene(shape=(1, *shape), holes=True)
     whole = filtered(values, pilot, missing)
     for name, move in {
         "mirrored": lambda a: a[..., ::-1],
@@ -86,6 +101,20 @@ def test_turned_and_mirrored_grids_give_turned_and_mirrored_results(shape):
         moved = filtered(*(np.ascontiguousarray(move(a)) for a in (values, pilot, missing)))
         worst = np.abs(moved - move(whole))[..., ~move(missing)].max()
         assert worst < 1e-11, f"{name}: {worst:.2g}"
+
+
+def test_turned_volumes_give_turned_results():
+    options = (3, *OF_VOLUME[1:])  # a cube, which is one along each axis
+    values, pilot, missing = scene(shape=(14, 9, 11), holes=True)
+    whole = filtered(values, pilot, missing, options=options)
+    for axes in ((1, 2, 0), (2, 1, 0)):
+        moved = filtered(
+            *(np.ascontiguousarray(a.transpose(0, *(i + 1 for i in axes))[:, ::-1]) for a in (values, pilot)),
+            np.ascontiguousarray(missing.transpose(axes)[::-1]),
+            options=options,
+        )
+        worst = np.abs(moved - whole.transpose(0, *(i + 1 for i in axes))[:, ::-1])
+        assert worst[:, ~missing.transpose(axes)[::-1]].max() < 1e-11
 
 
 def test_flat_data_is_as_flat_as_its_pilot():
@@ -100,6 +129,7 @@ def test_a_covariance_that_is_none_gives_numbers_all_the_same():
 
 def test_sizes_that_make_no_sense_are_refused():
     values, pilot, missing = scene()
-    for options in ((5, 0, 4, 12, 0.2, 0.9), (5, 3, 0, 12, 0.2, 0.9), (5, 3, 4, 1, 0.2, 0.9), (5, 3, 4, 300, 0.2, 0.9)):
+    for wrong in ({2: 0}, {3: 0}, {4: 1}, {4: 300}, {0: 2}):
+        options = tuple(wrong.get(i, number) for i, number in enumerate(SMALL))
         with pytest.raises(ValueError, match="patch_groups"):
             filtered(values, pilot, missing, options=options)

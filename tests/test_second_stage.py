@@ -139,3 +139,62 @@ def test_a_second_stage_that_cannot_be_had_is_refused():
         meshflow.smooth(z, kind="image", method=Search(second_stage=True), constraints=Mobility(np.full(z.shape, 0.5)))
     with pytest.raises(InputError, match="second_stage: True, False or None expected, got the text 'yes'"):
         Search(second_stage="yes")
+
+
+def test_a_volume_has_a_second_stage_where_it_lowers_the_error():
+    truth = np.stack([100 + np.roll(stripes((24, 26)), z // 3, axis=1) for z in range(22)]).astype(np.float32)
+    z = noisy(truth, 20.0)
+    flow = meshflow.smooth(z, kind="volume", noise=20.0, method=Search(second_stage=False))
+    found = meshflow.smooth(z, kind="volume", noise=20.0, result=True)
+    assert "falls by" in found.parameters["second_stage"].why
+    assert rms(found.data, truth) < 0.8 * rms(flow, truth), f"{rms(found.data, truth):.3g} {rms(flow, truth):.3g}"
+    plain = meshflow.smooth(z, kind="volume", method="heat", time=1.0, result=True)
+    assert "second_stage" not in plain.parameters
+
+
+def test_patches_of_a_volume_of_few_slices_have_all_of_them_and_leave_what_is_missing_or_fixed():
+    truth = np.stack([stripes((20, 22))] * 3)
+    z, missing = noisy(truth), np.zeros(truth.shape, bool)
+    missing[1, 3:6, 4] = True
+    out = [
+        PatchGroups.of([10.0]).filtered(*(np.where(missing, filler, a)[None] for a in (z, truth + 2.0)), missing)[0]
+        for filler in (0.0, 1e30)
+    ]
+    assert (out[1][missing] == 1e30).all()
+    np.testing.assert_array_equal(out[0][~missing], out[1][~missing])
+    fixed = np.zeros(truth.shape, bool)
+    fixed[0, :8] = True
+    done = meshflow.smooth(
+        z, kind="volume", noise=10.0, method=Search(second_stage=True), constraints=[Fixed(fixed), MaxChange(6.0)]
+    )
+    np.testing.assert_array_equal(done[fixed], z[fixed])
+    assert np.abs(done - z).max() <= 6.0 * (1 + 1e-12)
+
+
+def test_correlated_noise_of_a_volume_is_removed_better_where_it_is_known():
+    draw, truth = np.random.default_rng(1), np.stack([stripes((20, 22))] * 12)
+    white = draw.normal(size=(14, 22, 24))
+    noise = (
+        10.0
+        / 27**0.5
+        * sum(white[z : z + 12, r : r + 20, c : c + 22] for z in range(3) for r in range(3) for c in range(3))
+    )
+    tent = np.array([1, 2, 3, 2, 1]) / 3
+    lags = tent[:, None, None] * np.outer(tent, tent)
+    blind, told = (
+        rms(
+            PatchGroups.of([10.0], correlation=c).filtered(
+                (truth + noise)[None], (truth + 0.3 * noise)[None], np.zeros(truth.shape, bool)
+            )[0],
+            truth,
+        )
+        for c in (None, lags)
+    )
+    assert told < 0.9 * blind, f"{told:.3g} {blind:.3g}"
+
+
+def test_tetrahedra_have_no_second_stage():
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    mesh = meshflow.TetMesh(points, np.array([[0, 1, 2, 3]]), np.arange(4.0))
+    with pytest.raises(InputError, match="second_stage: of height fields, images and volumes only, got TetMesh"):
+        meshflow.smooth(mesh, noise=0.1, method=Search(second_stage=True))

@@ -24,14 +24,14 @@ from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.stops import Scale
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
-from meshflow.surfaces.grid import Lift, Whole
+from meshflow.surfaces.grid import Grid, Lift, Whole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.orientation import AS_IT_IS, Orientation
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.tet_mesh import TetMesh
-from meshflow.surfaces.volume import Volume, WholeVolume
+from meshflow.surfaces.volume import Block, Volume, WholeVolume
 
 __all__ = ["GIVEN", "Decided", "Part", "Plan", "size_of"]
 
@@ -129,6 +129,14 @@ class Plan:
         if self.base is None:
             return self.data
         return self.data.lowered(self.data.gridded(self.lift).planes.reshape(len(self.base), -1).T - self.base_columns)
+
+    @property
+    def grid(self) -> Grid | Block:
+        """The samples that an engine moves: those of the grid relative to its base, or of the volume.
+
+        :raises TypeError: for a mesh, and tetrahedra.
+        """
+        return (self.data if isinstance(self.data, Volume) else self.above).gridded(self.lift)
 
     @property
     def base_columns(self) -> Array:

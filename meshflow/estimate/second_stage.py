@@ -2,17 +2,21 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import overload
 
 import numpy as np
 
 from meshflow.errors import InputError
+from meshflow.estimate.choices import channels_of
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.plan import Decided, Plan, size_of
 from meshflow.estimate.probes import probes
 from meshflow.estimate.risk import PROBE
-from meshflow.estimate.spread import Tile, spread_tiles
+from meshflow.estimate.spread import spread_tiles
+from meshflow.estimate.volume_pieces import cubes
 from meshflow.flow.constraints import Limit
 from meshflow.flow.engines.grid import GridFlow
+from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import march
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.patch_groups import PatchGroups
@@ -22,16 +26,21 @@ from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
+from meshflow.surfaces.volume import Block, Volume, WholeVolume
 
 __all__ = ["groups_of", "with_second_stage"]
+
+Window = tuple[slice, ...]
 
 # Grids of up to WHOLE samples are looked at whole; of larger ones the middle and the corners of TILES by TILES tiles with ENOUGH
 # samples in total. CUT samples at a cut are not counted. On 66 crops of photographs and terrains the answers are those of all
 # tiles but on three, where the gain is within 2.6 of its standard errors.
 WHOLE, ENOUGH, TILES, CUT = 11_600, 20_736, 3, 4
-# The largest number of values for which it is considered by default: it takes 5 to 17 microseconds of CPU per value, many times
-# as long as a flow.
-LARGEST = 2**20
+# Likewise of volumes, and the number of cubes of larger ones.
+WHOLE_VOLUME, CUBES = 40_000, 4
+# The largest number of values for which it is considered by default, of grids and of volumes: it takes 5 to 17 microseconds of
+# CPU per value, many times as long as a flow.
+LARGEST, LARGEST_VOLUME = 2**20, 2**23
 # The second stage must lower the error by this many standard errors of the difference.
 SURE = 1.0
 
@@ -55,9 +64,9 @@ def with_second_stage(plan: Plan) -> Plan:
     :raises InputError: if it is requested but not possible.
     """
     data, request, asked = plan.data, plan.request, plan.request.heights.second_stage
-    on_grid = isinstance(data, (HeightField, Image))
+    on_grid = isinstance(data, (HeightField, Image, Volume))
     if asked and not on_grid:
-        raise InputError(f"second_stage: of height fields and images only, got {type(data).__name__}")
+        raise InputError(f"second_stage: of height fields, images and volumes only, got {type(data).__name__}")
     if asked and (plan.mobility is not None or plan.pull is not None):
         raise InputError("second_stage: not possible with mobility or data weights; leave it out")
     if (
@@ -68,10 +77,10 @@ def with_second_stage(plan: Plan) -> Plan:
         or plan.noise.sigma <= 0
     ):
         return plan if asked is None else plan.with_({"second_stage": Decided("given")})
-    groups = groups_of(plan.noise, request.strength, len(data.gridded(plan.lift).planes))
+    groups = groups_of(plan.noise, request.strength, channels_of(data))
     if asked:
         return plan.with_({"second_stage": Decided("given")}, groups=groups)
-    large = array_of(data).size > LARGEST
+    large = array_of(data).size > (LARGEST_VOLUME if isinstance(data, Volume) else LARGEST)
     bound = large or request.named or request.asked or not plan.candidates or plan.noise.is_rounded
     if bound or plan.mobility is not None or plan.pull is not None:
         return plan
@@ -100,43 +109,54 @@ def _gains(plan: Plan, groups: PatchGroups) -> Iterator[Array]:
     deviations = np.sqrt(np.diag(groups.channels))
     power = int(np.frexp(deviations.max())[1])
     between = None if len(deviations) == 1 else plan.noise.between
-    if not isinstance(plan.data, (HeightField, Image)):
-        return
-    whole = plan.above.gridded(plan.lift)
-    for seed, (rows, columns) in enumerate(_looked_at(whole.shape)):
-        grid = _cut(whole, rows, columns)
-        k, (h, w) = len(grid.planes), grid.shape
-        probe = probes((k, h, w), 1, groups.correlation, between, seed)[0] * deviations[:, None, None]
-        probe = probe.astype(grid.planes.dtype)
-        counted = ~(grid.missing | grid.fixed)
-        if grid.shape != whole.shape:
-            inner = np.zeros(grid.shape, bool)
-            inner[CUT:-CUT, CUT:-CUT] = True
-            counted &= inner
-        if not counted.any() or min(grid.shape) < 2:
+    whole = plan.grid
+    for seed, window in enumerate(_looked_at(whole)):
+        part = _cut(whole, window)
+        k, shape = len(part.planes), part.shape
+        probe = probes((k, *shape), 1, groups.correlation, between, seed)[0] * deviations.reshape(
+            -1, *(1,) * len(shape)
+        )
+        probe = probe.astype(part.planes.dtype)
+        counted = ~(part.missing | part.fixed) & _inside(shape, whole.shape)
+        if not counted.any() or min(shape) < 2:
             continue
-        twin = replace(grid, planes=grid.planes + grid.planes.dtype.type(PROBE) * probe)
-        most = _limit(plan, rows, columns)
+        twin = replace(part, planes=part.planes + part.planes.dtype.type(PROBE) * probe)
+        most = _limit(plan, window)
         squares, kept = [], []
-        runs = [_two_stages(plan, part, groups, most, threads) for part in (grid, twin)]
+        runs = [_two_stages(plan, one, groups, most, threads) for one in (part, twin)]
         for one, two in zip(*runs, strict=True):
-            squares.append((one - grid.planes)[:, counted].astype(np.float64) ** 2)
+            squares.append((one - part.planes)[:, counted].astype(np.float64) ** 2)
             # In a unit near the noise: squares of large or small numbers do not fit into single precision.
             product = np.ldexp(probe, -power) * np.ldexp(two - one, -power)
             kept.append(np.ldexp(product[:, counted].astype(np.float64) * (2.0 / PROBE), 2 * power))
         yield np.mean(squares[0] + kept[0] - squares[1] - kept[1], axis=0)
 
 
-def _looked_at(shape: tuple[int, ...]) -> list[Tile]:
-    """The tiles of a grid that are used: every other one, which are the middle and the corners."""
-    size = shape[0] * shape[1]
-    return spread_tiles(shape, WHOLE if size <= WHOLE else min(ENOUGH, size - 1), TILES)[::2]
+def _looked_at(grid: Grid | Block) -> list[Window]:
+    """The windows of a grid that are used: every other tile, which are the middle and the corners; or cubes of a volume."""
+    size = grid.missing.size
+    if isinstance(grid, Block):
+        whole: list[Window] = [tuple(slice(0, side) for side in grid.shape)]
+        return whole if size <= WHOLE_VOLUME else [*cubes(grid, CUBES)]
+    return [*spread_tiles(grid.shape, WHOLE if size <= WHOLE else min(ENOUGH, size - 1), TILES)[::2]]
 
 
-def _two_stages(plan: Plan, grid: Grid, groups: PatchGroups, most: object, threads: int | None) -> tuple[Array, Array]:
-    """The planes (k, h, w) after the flow, and after the second stage."""
-    flow = GridFlow(grid, plan.variant, threads)
-    shape = grid.shape if len(grid.planes) == 1 else (*grid.shape, len(grid.planes))
+def _inside(shape: tuple[int, ...], whole: tuple[int, ...]) -> Array:
+    """The samples of a window away from its cuts, which are along the axes where it is smaller than the whole."""
+    inner = np.zeros(shape, bool)
+    inner[tuple(slice(CUT, -CUT) if side < size else slice(None) for side, size in zip(shape, whole, strict=True))] = (
+        True
+    )
+    return inner
+
+
+def _two_stages(
+    plan: Plan, grid: Grid | Block, groups: PatchGroups, most: object, threads: int | None
+) -> tuple[Array, Array]:
+    """The planes (k, ...) after the flow, and after the second stage."""
+    variant = plan.variant
+    flow = VolumeFlow(grid, variant, threads) if isinstance(grid, Block) else GridFlow(grid, variant, threads)
+    shape = (*grid.shape, *size_of(plan.data)[0][len(grid.shape) :])
     limit = None if most is None else Limit.of(flow.start(), most, shape)
     until, twicing = plan.until, plan.twicing
     marked = replace(until, time=2 * plan.time, marks=(plan.time,)) if twicing > 0 else until
@@ -158,21 +178,30 @@ def _two_stages(plan: Plan, grid: Grid, groups: PatchGroups, most: object, threa
     return first, second
 
 
-def _limit(plan: Plan, rows: slice, columns: slice) -> object:
-    """The largest change on a tile: a number, or an array with one number per sample."""
+def _limit(plan: Plan, window: Window) -> object:
+    """The largest change in a window: a number, or an array with one number per sample."""
     if plan.max_change is None or np.ndim(plan.max_change) == 0:
         return plan.max_change
-    shape = size_of(plan.data)[0]
+    shape, axes = size_of(plan.data)[0], len(window)
     held = np.asarray(plan.max_change)
-    if held.shape == shape[:2] and len(shape) == 3:
+    if held.shape == shape[:axes] and len(shape) == axes + 1:
         held = held[..., None]
-    return np.broadcast_to(held, shape)[rows, columns]
+    return np.broadcast_to(held, shape)[window]
 
 
-def _cut(grid: Grid, rows: slice, columns: slice) -> Grid:
-    """A window of a grid."""
-    planes = np.ascontiguousarray(grid.planes[:, rows, columns])
-    missing, fixed = grid.missing[rows, columns], grid.fixed[rows, columns]
+@overload
+def _cut(grid: Grid, window: Window) -> Grid: ...
+@overload
+def _cut(grid: Block, window: Window) -> Block: ...
+def _cut(grid: Grid | Block, window: Window) -> Grid | Block:
+    """A window of a grid or a volume."""
+    planes = np.ascontiguousarray(grid.planes[(slice(None), *window)])
+    missing, fixed = grid.missing[window], grid.fixed[window]
+    if isinstance(grid, Block):
+        whole = WholeVolume(grid.ends, tuple(first for first, _ in grid.spans), grid.ragged)
+        alternate = grid.diagonals == "alternate"
+        return replace(grid, planes=planes, missing=missing, fixed=fixed, whole=whole if alternate else None)
+    rows, columns = window
     widths, cuts = grid.spacing[0], None
     if np.ndim(widths):
         widths = np.asarray(widths)[rows]

@@ -74,7 +74,8 @@ def _of_magnitudes(values: Array, missing: Array, sigma: float) -> float:
         return 0.0
     known = values[~missing]
     for _ in range(ROUNDS):  # where sigma is too large, what lies below a multiple of it is not air alone
-        sigma = min(sigma, float(np.median(known[known < AIR * sigma])) / 1.177)
+        low = known[known < AIR * sigma]
+        sigma = min(sigma, float(np.median(low)) / 1.177) if low.size else 0.0
         if sigma <= 0:
             return 0.0
     air = known[known < AIR * sigma].astype(np.float64)

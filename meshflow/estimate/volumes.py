@@ -37,6 +37,7 @@ from meshflow.estimate.planner import (
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE
 from meshflow.estimate.search_rounds import Found, GridSearch
+from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.stabilized import photons_stabilized
 from meshflow.estimate.tet_search import searched_on_tetrahedra
 from meshflow.estimate.volume_noise import noise_of_volume
@@ -111,7 +112,7 @@ def plan_of_solid(data: SolidData, request: Request) -> Plan:
     else:
         found = _tuned(data, request, noise, mobility)
     found = replace(found, mobility=mobility, stays=stays, preparation=how, warnings=(*warnings, *found.warnings))
-    return ended(held(found))
+    return with_second_stage(ended(held(found)))
 
 
 def _must_suit(data: SolidData, request: Request) -> None:
@@ -129,7 +130,6 @@ def _must_suit(data: SolidData, request: Request) -> None:
         ("PreserveVolume and PreserveArea", constraints.preserve is not None),
         ("triangles", compute.triangles != "auto"),
         (f"boundary={request.boundary!r}", request.boundary not in (None, "neumann", "fixed")),
-        ("second_stage", bool(request.heights.second_stage)),
     ):
         if given:
             raise InputError(f"{word}: not for {name}; leave it out")

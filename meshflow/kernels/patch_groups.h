@@ -1,12 +1,12 @@
-// Groups of similar patches of a grid, each filtered as one: the second step of non-local Bayes (Lebrun, Buades, Morel 2013).
+// Groups of similar patches of a grid or a volume, each filtered as one: the second step of non-local Bayes (Lebrun, Buades, Morel 2013).
 //
 // A pilot, a first result, says which patches are alike, and by their mean m and covariance C how these vary. With Cn the
 // covariance of the noise, a noisy patch y of the group becomes m + C (C + Cn)^-1 (y - m), each channel by itself; what all groups
 // say of a sample is averaged. Ours: m is the pilot's, not that of the noisy patches; distance in place counts a little, so that
 // ties do not depend on an order; groups are weighted by the noise that they leave; what is added up is the change of the pilot.
 //
-// References of one tile write into its surroundings. Tiles are done in four turns, so that no two of a turn touch, and sums do not
-// depend on threads.
+// References of one tile write into its surroundings. Tiles are done in turns, two along each axis, so that no two of a turn touch,
+// and sums do not depend on threads. A grid of two axes is a volume of one slice.
 #pragma once
 #include <cmath>
 
@@ -17,7 +17,8 @@
 namespace meshflow {
 
 struct GroupOptions {
-    i64 side;     // of a patch, samples
+    i64 deep;     // slices of a patch: 1 on a grid of two axes
+    i64 side;     // rows and columns of a patch
     i64 stride;   // from one reference to the next, samples
     i64 reach;    // how far from its reference a member may be along each axis, samples
     i64 members;  // of a group, where so many are in reach; a few more where distances are the same
@@ -117,9 +118,10 @@ template <class T> LOOP void add_distances(i64 n, i64 side, const T* reference, 
     }
 }
 
-// What all tiles share. d: samples of a patch; wide: the same, padded; tile: side of a tile; box: side of its window, padded.
+// What all tiles share. z: slices; d: samples of a patch; wide: the same, padded; thick, tile: slices and side of a tile; layers, box:
+// slices and side of its window, padded.
 template <class T> struct Task {
-    i64 k, h, w;
+    i64 k, z, h, w;
     const T *values, *pilot;
     const u8* missing;
     const double* noise;
@@ -127,71 +129,87 @@ template <class T> struct Task {
     double least_pivot;
     GroupOptions o;
     T *sum, *weight;
-    i64 d, wide, tile, box;
+    i64 d, wide, thick, tile, layers, box;
+    i64 room() const { return layers * box * box; }  // of a window of one channel
 };
 
 // The room of one thread: patches (members, wide) of one channel; covariance and filter (d, wide); distances of a row; the window
-// (k, box, box) of a tile; its patches of which all samples are there; keys, and where members are in the window.
+// (k, layers, box, box) of a tile; its patches of which all samples are there; keys, and where members are in the window.
 template <class T> struct Room {
     T *noisy, *pilot, *change, *covariance, *filter, *far, *values, *piloted;
     double *inverse, *mean;
     i32 *keys, *order, *where;
     u8* whole;
-    i64 row, column, high, broad;  // where the window begins, and its samples
+    i64 slice, row, column, deep, high, broad;  // where the window begins, and its samples
     i64 members;
 };
 
-// The window of a tile: samples that are missing are 0.
-template <class T> void copy_window(const Task<T>& q, i64 top, i64 left, Room<T>& room) {
-    const i64 reach = q.o.reach, side = q.o.side, box = q.box;
-    room.row = most(0, top - reach), room.column = most(0, left - reach);
-    room.high = least(q.h, top + q.tile + reach + side - 1) - room.row;
-    room.broad = least(q.w, left + q.tile + reach + side - 1) - room.column;
-    for (i64 i = 0; i < q.k * box * box; ++i) room.values[i] = room.piloted[i] = T(0);
-    for (i64 i = 0; i < box * box; ++i) room.whole[i] = 0;
-    for (i64 r = 0; r < room.high; ++r) {
-        const i64 from = (room.row + r) * q.w + room.column;
-        for (i64 c = 0; c < q.k; ++c)
-            for (i64 j = 0; j < room.broad; ++j) {
-                if (q.missing && q.missing[from + j]) continue;
-                room.values[(c * box + r) * box + j] = q.values[c * q.h * q.w + from + j];
-                room.piloted[(c * box + r) * box + j] = q.pilot[c * q.h * q.w + from + j];
-            }
-    }
-    for (i64 r = 0; r + side <= room.high; ++r)
-        for (i64 j = 0; j + side <= room.broad; ++j) {
-            bool all = true;
-            for (i64 a = 0; q.missing && all && a < side; ++a)
-                for (i64 b = 0; all && b < side; ++b) all = !q.missing[(room.row + r + a) * q.w + room.column + j + b];
-            room.whole[r * box + j] = all;
-        }
+// Whether all samples of a patch are there.
+template <class T> bool is_whole(const Task<T>& q, i64 slice, i64 row, i64 column) {
+    for (i64 e = 0; q.missing && e < q.o.deep; ++e)
+        for (i64 a = 0; a < q.o.side; ++a)
+            for (i64 b = 0; b < q.o.side; ++b)
+                if (q.missing[((slice + e) * q.h + row + a) * q.w + column + b]) return false;
+    return true;
 }
 
-// The members of the group of a reference at y, x of the window: where, and how many.
-template <class T> void find_members(const Task<T>& q, i64 y, i64 x, Room<T>& room) {
+// The window of a tile: samples that are missing are 0.
+template <class T> void copy_window(const Task<T>& q, i64 front, i64 top, i64 left, Room<T>& room) {
+    const i64 reach = q.o.reach, side = q.o.side, box = q.box, size = q.z * q.h * q.w;
+    room.slice = most(0, front - reach), room.row = most(0, top - reach), room.column = most(0, left - reach);
+    room.deep = least(q.z, front + q.thick + reach + q.o.deep - 1) - room.slice;
+    room.high = least(q.h, top + q.tile + reach + side - 1) - room.row;
+    room.broad = least(q.w, left + q.tile + reach + side - 1) - room.column;
+    for (i64 i = 0; i < q.k * q.room(); ++i) room.values[i] = room.piloted[i] = T(0);
+    for (i64 i = 0; i < q.room(); ++i) room.whole[i] = 0;
+    for (i64 e = 0; e < room.deep; ++e)
+        for (i64 r = 0; r < room.high; ++r) {
+            const i64 from = ((room.slice + e) * q.h + room.row + r) * q.w + room.column;
+            for (i64 c = 0; c < q.k; ++c) {
+                const i64 to = c * q.room() + (e * box + r) * box;
+                for (i64 j = 0; j < room.broad; ++j) {
+                    if (q.missing && q.missing[from + j]) continue;
+                    room.values[to + j] = q.values[c * size + from + j];
+                    room.piloted[to + j] = q.pilot[c * size + from + j];
+                }
+            }
+        }
+    for (i64 e = 0; e + q.o.deep <= room.deep; ++e)
+        for (i64 r = 0; r + side <= room.high; ++r)
+            for (i64 j = 0; j + side <= room.broad; ++j)
+                room.whole[(e * box + r) * box + j] = is_whole(q, room.slice + e, room.row + r, room.column + j);
+}
+
+// The members of the group of a reference at z, y, x of the window: where, and how many.
+template <class T> void find_members(const Task<T>& q, i64 z, i64 y, i64 x, Room<T>& room) {
     const i64 side = q.o.side, reach = q.o.reach, box = q.box;
-    const i64 y0 = most(0, y - reach), y1 = least(room.high - side, y + reach);
+    const i64 z0 = most(0, z - reach), z1 = least(room.deep - q.o.deep, z + reach);
+    const i64 y0 = most(0, y - reach), y1 = least(room.high - side, y + reach), high = y1 - y0 + 1;
     const i64 x0 = most(0, x - reach), wide = least(room.broad - side, x + reach) - x0 + 1, n = (wide + 7) / 8 * 8;
     i64 found = 0, there = 0;
-    for (i64 r = y0; r <= y1; ++r, found += wide) {
-        for (i64 j = 0; j < n; ++j) room.far[j] = T(0);
-        for (i64 c = 0; c < q.k; ++c)
-            for (i64 i = 0; i < side; ++i)
-                add_distances(n, side, room.piloted + (c * box + y + i) * box + x, room.piloted + (c * box + r + i) * box + x0,
-                              room.far);
-        const u8* whole = room.whole + r * box + x0;
-        for (i64 j = 0; j < wide; ++j) {
-            const double off = double((r - y) * (r - y) + (x0 + j - x) * (x0 + j - x));
-            const double key = (double(room.far[j]) + q.o.near * off) * PARTS;
-            room.order[found + j] = room.keys[found + j] = whole[j] ? static_cast<i32>(key < FAR ? key : FAR) : NOT_THERE;
-            there += whole[j];
+    for (i64 e = z0; e <= z1; ++e)
+        for (i64 r = y0; r <= y1; ++r, found += wide) {
+            for (i64 j = 0; j < n; ++j) room.far[j] = T(0);
+            for (i64 c = 0; c < q.k; ++c)
+                for (i64 s = 0; s < q.o.deep; ++s)
+                    for (i64 i = 0; i < side; ++i)
+                        add_distances(n, side, room.piloted + c * q.room() + ((z + s) * box + y + i) * box + x,
+                                      room.piloted + c * q.room() + ((e + s) * box + r + i) * box + x0, room.far);
+            const u8* whole = room.whole + (e * box + r) * box + x0;
+            for (i64 j = 0; j < wide; ++j) {
+                const double off = double((e - z) * (e - z) + (r - y) * (r - y) + (x0 + j - x) * (x0 + j - x));
+                const double key = (double(room.far[j]) + q.o.near * off) * PARTS;
+                room.order[found + j] = room.keys[found + j] = whole[j] ? static_cast<i32>(key < FAR ? key : FAR) : NOT_THERE;
+                there += whole[j];
+            }
         }
-    }
     const i32 bound = nth(found, least(q.o.members, there) - 1, room.order);
     room.members = 0;
     for (i64 i = 0; i < found && room.members < MOST_MEMBERS; ++i)
-        if (room.keys[i] <= bound)
-            room.where[room.members++] = static_cast<i32>((y0 + i / wide) * box + x0 + i % wide);
+        if (room.keys[i] <= bound) {
+            const i64 slice = z0 + i / (high * wide), row = y0 + i / wide % high;
+            room.where[room.members++] = static_cast<i32>((slice * box + row) * box + x0 + i % wide);
+        }
 }
 
 // The patches of a group in one channel, noisy and pilot, less the mean of the pilot's; rows up to a multiple of four are 0.
@@ -199,11 +217,12 @@ template <class T> void gather(const Task<T>& q, i64 channel, Room<T>& room) {
     const i64 side = q.o.side, box = q.box, d = q.d, wide = q.wide, padded = (room.members + ROWS - 1) / ROWS * ROWS;
     for (i64 j = 0; j < d; ++j) room.mean[j] = 0.0;
     for (i64 i = 0; i < room.members; ++i) {
-        const i64 at = channel * box * box + room.where[i];
+        const i64 at = channel * q.room() + room.where[i];
         T *a = room.noisy + i * wide, *b = room.pilot + i * wide;
-        for (i64 s = 0; s < side; ++s)
-            for (i64 j = 0; j < side; ++j)
-                a[s * side + j] = room.values[at + s * box + j], b[s * side + j] = room.piloted[at + s * box + j];
+        for (i64 s = 0; s < q.o.deep * side; ++s) {
+            const i64 from = at + (s / side * box + s % side) * box;
+            for (i64 j = 0; j < side; ++j) a[s * side + j] = room.values[from + j], b[s * side + j] = room.piloted[from + j];
+        }
         for (i64 j = 0; j < d; ++j) room.mean[j] += double(b[j]);
         for (i64 j = d; j < wide; ++j) a[j] = b[j] = T(0);
     }
@@ -239,34 +258,43 @@ template <class T> double find_filter(const Task<T>& q, Room<T>& room) {
 
 // What the members of a group become, less the pilot, added to the sums of one channel.
 template <class T> void add_changes(const Task<T>& q, i64 channel, T weight, const Room<T>& room) {
-    const i64 side = q.o.side;
+    const i64 side = q.o.side, box = q.box;
     for (i64 i = 0; i < room.members; ++i) {
         const T *e = room.change + i * q.wide, *b = room.pilot + i * q.wide;
-        const i64 at = (room.row + room.where[i] / q.box) * q.w + room.column + room.where[i] % q.box;
-        for (i64 s = 0; s < side; ++s) {
-            T* to = q.sum + channel * q.h * q.w + at + s * q.w;
-            T* by = q.weight + channel * q.h * q.w + at + s * q.w;
+        const i64 line = room.where[i] / box, slice = channel * q.z + room.slice + line / box;
+        const i64 at = (slice * q.h + room.row + line % box) * q.w + room.column + room.where[i] % box;
+        for (i64 s = 0; s < q.o.deep * side; ++s) {
+            const i64 from = at + (s / side * q.h + s % side) * q.w;
+            T *to = q.sum + from, *by = q.weight + from;
             for (i64 j = 0; j < side; ++j) to[j] += weight * (e[s * side + j] - b[s * side + j]), by[j] += weight;
         }
     }
 }
 
+// A reference at z, y, x of the window.
+template <class T> void reference(const Task<T>& q, i64 z, i64 y, i64 x, Room<T>& room) {
+    find_members(q, z, y, x, room);
+    if (room.members < 2) return;
+    for (i64 c = 0; c < q.k; ++c) {
+        gather(q, c, room);
+        const double leaves = find_filter(q, room) + 1.0 / double(room.members);
+        product<1>((room.members + ROWS - 1) / ROWS * ROWS, q.d, q.wide, room.noisy, room.filter, room.change, false);
+        add_changes(q, c, T(1.0 / leaves), room);
+    }
+}
+
 // All references of a tile.
-template <class T> void tile(const Task<T>& q, i64 top, i64 left, Room<T>& room) {
-    const i64 last_row = q.h - q.o.side, last_column = q.w - q.o.side;
-    copy_window(q, top, left, room);
-    for (i64 row = top; row < least(top + q.tile, last_row + 1); ++row) {
-        if (!is_reference(row, last_row, q.o.stride)) continue;
-        for (i64 column = left; column < least(left + q.tile, last_column + 1); ++column) {
-            const i64 y = row - room.row, x = column - room.column;
-            if (!is_reference(column, last_column, q.o.stride) || !room.whole[y * q.box + x]) continue;
-            find_members(q, y, x, room);
-            if (room.members < 2) continue;
-            for (i64 c = 0; c < q.k; ++c) {
-                gather(q, c, room);
-                const double leaves = find_filter(q, room) + 1.0 / double(room.members);
-                product<1>((room.members + ROWS - 1) / ROWS * ROWS, q.d, q.wide, room.noisy, room.filter, room.change, false);
-                add_changes(q, c, T(1.0 / leaves), room);
+template <class T> void tile(const Task<T>& q, i64 front, i64 top, i64 left, Room<T>& room) {
+    const i64 last_slice = q.z - q.o.deep, last_row = q.h - q.o.side, last_column = q.w - q.o.side;
+    copy_window(q, front, top, left, room);
+    for (i64 slice = front; slice < least(front + q.thick, last_slice + 1); ++slice) {
+        if (!is_reference(slice, last_slice, q.o.stride)) continue;
+        for (i64 row = top; row < least(top + q.tile, last_row + 1); ++row) {
+            if (!is_reference(row, last_row, q.o.stride)) continue;
+            for (i64 column = left; column < least(left + q.tile, last_column + 1); ++column) {
+                const i64 z = slice - room.slice, y = row - room.row, x = column - room.column;
+                if (is_reference(column, last_column, q.o.stride) && room.whole[(z * q.box + y) * q.box + x])
+                    reference(q, z, y, x, room);
             }
         }
     }
@@ -276,47 +304,50 @@ template <class T> void tile(const Task<T>& q, i64 top, i64 left, Room<T>& room)
 
 namespace meshflow {
 
-// values and pilot (k, h, w) in units of their noise, of the covariance (d, d) within a patch; out may be the pilot.
+// values and pilot (k, z, h, w) in units of their noise, of the covariance (d, d) within a patch; out may be the pilot.
 template <class T>
-i64 patch_groups(i64 k, i64 h, i64 w, i64 d, const T* values, const T* pilot, const u8* missing, const double* noise,
+i64 patch_groups(i64 k, i64 z, i64 h, i64 w, i64 d, const T* values, const T* pilot, const u8* missing, const double* noise,
                  const GroupOptions* options, T* out, Stop stop, i32 threads) {
     using namespace groups;
     const GroupOptions& o = *options;
-    if (o.side < 1 || o.stride < 1 || o.reach < 1 || o.members < 2 || o.members > MOST_MEMBERS || d != o.side * o.side ||
-        o.side > h || o.side > w)
+    if (o.deep < 1 || o.side < 1 || o.stride < 1 || o.reach < 1 || o.members < 2 || o.members > MOST_MEMBERS ||
+        d != o.deep * o.side * o.side || o.deep > z || o.side > h || o.side > w)
         return BAD_SIZES;
-    const i64 wide = (d + LANES - 1) / LANES * LANES, tall = most(32, 2 * o.reach + o.side);
-    const i64 box = (tall + 2 * o.reach + o.side + 7) / 8 * 8 + 8, area = box * box;
-    const i64 offsets = (2 * o.reach + 1) * (2 * o.reach + 1), n = k * h * w;
-    const i64 numbers_each = 3 * MOST_MEMBERS * wide + 2 * (d + ROWS) * wide + box + 2 * k * area, doubles_each = d * wide + d;
+    const i64 wide = (d + LANES - 1) / LANES * LANES, apart = 2 * o.reach + most(o.deep, o.side);
+    const i64 tall = z > 1 ? apart : most(32, apart), thick = z > 1 ? apart : 1;
+    const i64 box = (tall + 2 * o.reach + o.side + 7) / 8 * 8 + 8, layers = least(z, thick + 2 * o.reach + o.deep - 1);
+    const i64 span = 2 * o.reach + 1, offsets = span * span * least(span, z), n = k * z * h * w, volume = layers * box * box;
+    const i64 numbers_each = 3 * MOST_MEMBERS * wide + 2 * (d + ROWS) * wide + box + 2 * k * volume, doubles_each = d * wide + d;
     const Memory<T> sum(n), weight(n), numbers(threads * numbers_each);
     const Memory<double> doubles(threads * doubles_each);
     const Memory<i32> integers(threads * 3 * offsets);
-    const Memory<u8> flags(threads * area);
+    const Memory<u8> flags(threads * volume);
     if (!sum || !weight || !numbers || !doubles || !integers || !flags) return NO_MEMORY;
     for (i64 i = 0; i < n; ++i) sum[i] = weight[i] = T(0);
     bool white = true;
     double least_pivot = noise[0];
     for (i64 i = 0; i < d * d; ++i) white = white && noise[i] == (i % (d + 1) ? 0.0 : 1.0);
     least_pivot *= 1e-6;
-    const Task<T> q{k,    h,           w, values,    pilot,        missing, noise, white,
-                    least_pivot, o, sum.get(), weight.get(), d,       wide,  tall,  box};
-    const i64 down = (h + tall - 1) / tall, across = (w + tall - 1) / tall;
-    for (i64 turn = 0; turn < 4; ++turn) {
-        const i64 first_row = turn / 2, first_column = turn % 2;
-        const i64 rows = (down - first_row + 1) / 2, columns = (across - first_column + 1) / 2;
+    const Task<T> q{k,           z, h,         w,            values, pilot, missing, noise, white,
+                    least_pivot, o, sum.get(), weight.get(), d,      wide,  thick,   tall,  layers, box};
+    const i64 through = (z + thick - 1) / thick, down = (h + tall - 1) / tall, across = (w + tall - 1) / tall;
+    for (i64 turn = 0; turn < 8; ++turn) {
+        const i64 first_slice = turn / 4, first_row = turn / 2 % 2, first_column = turn % 2;
+        const i64 slices = (through - first_slice + 1) / 2, rows = (down - first_row + 1) / 2;
+        const i64 columns = (across - first_column + 1) / 2;
         const bool done = parallel_for(
-            rows * columns, threads,
+            slices * rows * columns, threads,
             [&](i64 part, i32 who) {
                 T* at = numbers.get() + who * numbers_each;
                 Room<T> room;
                 room.noisy = at, room.pilot = at += MOST_MEMBERS * wide, room.change = at += MOST_MEMBERS * wide;
                 room.covariance = at += MOST_MEMBERS * wide, room.filter = at += (d + ROWS) * wide;
-                room.far = at += (d + ROWS) * wide, room.values = at += box, room.piloted = at + k * area;
+                room.far = at += (d + ROWS) * wide, room.values = at += box, room.piloted = at + k * volume;
                 room.inverse = doubles.get() + who * doubles_each, room.mean = room.inverse + d * wide;
                 room.keys = integers.get() + who * 3 * offsets, room.order = room.keys + offsets, room.where = room.order + offsets;
-                room.whole = flags.get() + who * area;
-                tile(q, (2 * (part / columns) + first_row) * tall, (2 * (part % columns) + first_column) * tall, room);
+                room.whole = flags.get() + who * volume;
+                const i64 slice = 2 * (part / (rows * columns)) + first_slice, row = 2 * (part / columns % rows) + first_row;
+                tile(q, slice * thick, row * tall, (2 * (part % columns) + first_column) * tall, room);
             },
             stop);
         if (!done) return CANCELLED;

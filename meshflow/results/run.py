@@ -35,8 +35,6 @@ from meshflow.results.afterwards import of_area, of_lone_samples
 from meshflow.results.result import History, Result, release
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Whole
-from meshflow.surfaces.height_field import HeightField
-from meshflow.surfaces.image import Image
 from meshflow.surfaces.joined import Gridded, columns_around, cut_back, period_of, unrolled
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
@@ -267,9 +265,7 @@ def _blended(plan: Plan, first: State) -> State:
 
 def _grouped(end: State, plan: Plan, groups: PatchGroups) -> State:
     """The end of a run after the second stage; fixed samples do not change."""
-    if not isinstance(plan.data, (HeightField, Image)):
-        return end
-    grid, limit = plan.above.gridded(plan.lift), plan.limit(end.flow.start())
+    grid, limit = plan.grid, plan.limit(end.flow.start())
     first = np.ascontiguousarray(end.u.T).reshape(grid.planes.shape).astype(grid.planes.dtype)
     planes = groups.filtered(np.ascontiguousarray(grid.planes), first, grid.missing, plan.request.compute.threads)
     planes[:, grid.fixed] = first[:, grid.fixed]

@@ -65,8 +65,8 @@ class HeightMethod:
     )
     second_stage: bool | None = option(
         None,
-        "Filter groups of similar patches after the flow; height fields and images only. Default: yes where no method is "
-        "named, it lowers the expected error, and the data has at most 2^20 values.",
+        "Filter groups of similar patches after the flow; height fields, images and volumes only. Default: yes where no "
+        "method is named, it lowers the expected error, and the data has at most 2^20 values (2^23 of a volume).",
     )
     indicator: Indicator = option(
         "metric", "How steep places are recognized as edges; without effect where gamma is 0."
