@@ -37,7 +37,7 @@ Window = tuple[slice, ...]
 # tiles but on three, where the gain is within 2.6 of its standard errors.
 WHOLE, ENOUGH, TILES, CUT = 11_600, 20_736, 3, 4
 # Likewise of volumes, and the number of cubes of larger ones.
-WHOLE_VOLUME, CUBES = 40_000, 4
+WHOLE_VOLUME, CUBES = 70_000, 8
 # The largest number of values for which it is considered by default, of grids and of volumes: it takes 5 to 17 microseconds of
 # CPU per value, many times as long as a flow.
 LARGEST, LARGEST_VOLUME = 2**20, 2**23
