@@ -39,7 +39,9 @@ def without_offsets(points: Array, before: Array, faces: Array, held: Array) -> 
     :param before: (n, 3), the data.
     :param held: (n,), points that stay.
     """
-    x = np.ascontiguousarray(points, dtype=np.float64)
+    # A power of two changes no digits: solving squares volumes, which in other units would be beyond double precision.
+    unit = 2.0 ** np.rint(np.log2(mean_edge(points, faces)))
+    x, before = np.ascontiguousarray(points, dtype=np.float64) / unit, before / unit
     normals, areas = measured(x, faces)
     moved = (before - x)[faces].mean(axis=1)
     own = np.einsum("ij,ij->i", normals, moved)
@@ -55,7 +57,7 @@ def without_offsets(points: Array, before: Array, faces: Array, held: Array) -> 
     inverse, change = np.linalg.inv(squares + RIDGE * np.eye(3)), np.zeros_like(pull)
     for _ in range(REFINED):
         change = change + inverse @ (pull - squares @ change)
-    return np.where(held[:, None], points, x + change[:, :, 0]).astype(points.dtype)
+    return np.where(held[:, None], points, unit * (x + change[:, :, 0])).astype(points.dtype)
 
 
 def _averaging(x: Array, faces: Array, normals: Array, areas: Array) -> Any:

@@ -24,6 +24,7 @@ __all__ = [
     "must_be_truth",
     "must_be_vertices",
     "must_be_real",
+    "must_have_areas",
     "must_have_squares",
     "noise_of_samples",
     "nowhere",
@@ -96,6 +97,19 @@ def must_have_squares(values: Array, name: str) -> None:
         raise InputError(
             f"{name}: numbers up to {LARGEST:g} expected, got {typical:.3g} as a typical one; scale the data"
         )
+
+
+def must_have_areas(points: Array, name: str) -> None:
+    """Refuse points so close together that the areas between them, and the squares of these, are zero in double precision.
+
+    Points at one place are no reason.
+
+    :param points: (n, d), finite.
+    :raises InputError: with their size.
+    """
+    size = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
+    if 0.0 < size < 1.0 / LARGEST:
+        raise InputError(f"{name}: a size of {1.0 / LARGEST:g} or more expected, got {size:.3g}; scale the data")
 
 
 def missing_among(values: ArrayLike, array: Array, missing: ArrayLike | None, axes: int) -> Array:

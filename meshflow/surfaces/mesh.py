@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from meshflow.errors import InputError
 from meshflow.geometry.normals import mean_edge, normals_at
 from meshflow.geometry.options import named_fields
-from meshflow.geometry.validation import Array, must_have_squares, nowhere, real
+from meshflow.geometry.validation import Array, must_have_areas, must_have_squares, nowhere, real
 from meshflow.surfaces.free import Axes
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.surface import Boundary, Surface
@@ -44,6 +44,7 @@ class Mesh:
         points = real(self.points, "mesh points")
         must_have_squares(points, "mesh points")
         surface = Surface(points, (self.faces,), fixed=self.fixed)  # checks points, faces and fixed
+        must_have_areas(points, "mesh points")
         if len(surface.triangulations[0]) == 0:
             raise InputError(
                 f"mesh: at least one triangle expected, got {len(points)} points and none; a point cloud has no surface"
