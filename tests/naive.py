@@ -257,10 +257,15 @@ def min_max(u, r, c, radius):
     ways = [(down, right)] if length > 0 else [(0, far), (far, 0)]
     ends = [u[min(max(r + s * i, 0), h - 1), min(max(c + s * j, 0), w - 1)] for i, j in ways for s in (1, -1)]
     motion = xi_xi(u, r, c)
-    rate = max(motion, 0.0) if mean < np.mean(ends) else min(motion, 0.0)
-    around = [near(u, r, c, i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
-    rate = min(rate, 0.0) if u[r, c] >= max(around) else rate
-    return max(rate, 0.0) if u[r, c] <= min(around) else rate
+    return max(motion, 0.0) if mean < np.mean(ends) else min(motion, 0.0)
+
+
+@each
+def in_range(u, r, c, rate, fastest, start=None):
+    """The rate with which an explicit step of 2 / fastest stays between the neighbours, and the start where that pulls."""
+    around = [near(u, r, c, i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    around += [] if start is None else [start[r, c]]
+    return min(max(rate[r, c], (min(around) - u[r, c]) * fastest / 2), (max(around) - u[r, c]) * fastest / 2)
 
 
 def over_links(u, conductance):

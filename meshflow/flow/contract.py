@@ -52,7 +52,8 @@ class Flow(Protocol):
     :ivar slivers: triangles may be so thin that their bound says nothing of the others.
     :ivar pace: the share of a stable explicit step for which stages of a super-time step are stable. Beside missing triangles a
         mode may be fast in one triangulation and at rest in another; stages that alternate between them make it grow, unless
-        none of them overshoots: half a step does not.
+        none of them overshoots: half a step does not. 0: no stage is stable, as of flows that switch with the sign of a
+        difference.
     """
 
     slivers: bool

@@ -264,9 +264,15 @@ def stepper_for(word: Stepper | StepperName, flow: Flow, time: float | None) -> 
     It chooses explicit steps where they are few, super-time-stepping where that saves rates, and the semi-implicit stepper where
     slivers of a mesh would make even those too many.
 
-    :raises InputError: for an unknown word.
+    :raises InputError: for an unknown word, and super-time steps of a flow of which no stage is stable.
     """
     word = stepper_word(word)
+    if flow.pace == 0:
+        if word == "super-time" or isinstance(word, SuperTime):
+            raise InputError(
+                "stepper='super-time': only explicit steps keep the range of the values here; leave it out"
+            )
+        word = "explicit" if word == "auto" else word
     if not isinstance(word, str):
         return word
     if word == "auto":

@@ -53,6 +53,11 @@ class Samples:
         dx, dy = self.spacing
         return (self.at(0, 1) - self.at(0, -1)) / (2 * dx), (self.at(1, 0) - self.at(-1, 0)) / (2 * dy)
 
+    def around(self) -> tuple[Array, Array]:
+        """The least and the greatest of a sample and its eight neighbours (k, h, w)."""
+        near = [self.at(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        return np.minimum.reduce(near), np.maximum.reduce(near)
+
     def curvatures(self) -> tuple[Array, Array, Array]:
         """u_xx, u_xy, u_yy by central differences."""
         (dx, dy), v = self.spacing, self.values
@@ -84,9 +89,19 @@ class Scheme(Protocol):
         """Upper bound of the fastest decay, per squared length: explicit steps of at most 2 / this are stable."""
         ...
 
+    def reach(self, samples: Samples, start: Samples) -> tuple[Array, Array] | None:
+        """The least and the greatest value (k, h, w) that a step may give each sample; None: any.
+
+        Central differences do not keep the range, as the equation does.
+        """
+        ...
+
 
 class SampleFlow(Around):
     """A scheme as a flow: missing and fixed samples stay, and no scheme has a system for implicit steps.
+
+    A scheme that keeps the range has rates with which the longest explicit step does. Stages of super-time steps do not, hence
+    its pace is zero.
 
     :param grid: above which the samples move; one spacing for all rows.
     :param scheme: its rate.
@@ -110,13 +125,20 @@ class SampleFlow(Around):
             stays[[0, -1], :] = stays[:, [0, -1]] = True
         self._moves = self._there & ~stays
         self._first = self._samples(self.start())
+        if scheme.reach(self._first, self._first) is not None:
+            self.pace = 0.0
 
     def _samples(self, u: Array) -> Samples:
         return Samples(u.T.reshape(self._planes), self._there, self._spacing)
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """du/dt (n, k), or what the blend makes of it; zero where a sample is missing or fixed."""
-        rate = self._scheme.rate(self._samples(u), self._first) * self._moves
+        samples = self._samples(u)
+        rate, reach = self._scheme.rate(samples, self._first), self._scheme.reach(samples, self._first)
+        if reach is not None:
+            fastest = 0.5 * self._scheme.fastest(self._spacing)
+            rate = np.clip(rate, fastest * (reach[0] - samples.values), fastest * (reach[1] - samples.values))
+        rate = rate * self._moves
         columns = np.ascontiguousarray(rate, dtype=u.dtype).reshape(self._planes[0], -1).T
         return blend.of_rate(u, columns, out)
 

@@ -42,6 +42,9 @@ class LowCurvatureScheme:
         dx, dy = spacing
         return (4.0 / dx**2 + 4.0 / dy**2) ** 2 * dx * dy
 
+    def reach(self, samples: Samples, start: Samples) -> None:
+        """Any value: of fourth order, it has no range that is kept."""
+
 
 @named_fields
 @dataclass(frozen=True, kw_only=True)

@@ -57,6 +57,9 @@ class RingScheme:
         dx, dy = spacing
         return 1.0 / dx**2 + 1.0 / dy**2
 
+    def reach(self, samples: Samples, start: Samples) -> None:
+        """Any value: as the paper prints it."""
+
     @staticmethod
     def _present(samples: Samples, axis: tuple[int, int], corner: tuple[int, int]) -> Array:
         """Whether (h, w) a triangle of the ring is there: on the grid, all three corners present."""

@@ -41,6 +41,10 @@ class SelectiveScheme:
         dx, dy = spacing
         return 4.0 / dx**2 + 4.0 / dy**2
 
+    def reach(self, samples: Samples, start: Samples) -> tuple[Array, Array]:
+        """Between its neighbours."""
+        return samples.around()
+
 
 def along_isophotes(samples: Samples) -> Array:
     """|grad u| div(grad u / |grad u|) = (u_xx u_y^2 - 2 u_x u_y u_xy + u_yy u_x^2) / (u_x^2 + u_y^2).
@@ -66,6 +70,7 @@ class SelectiveSmoothing(SchemeMethod):
     """
 
     word: ClassVar[str] = "selective"
+    conserves: ClassVar[str] = "no mean; no value leaves the range of the start"
     aliases: ClassVar[tuple[str, ...]] = ("alm92",)
 
     presmoothing: float = option(1.0, "Standard deviation of the Gaussian before edges are measured.", "samples")

@@ -66,6 +66,9 @@ class SharedEdgesScheme:
         dx, dy = spacing
         return 4.0 / dx**2 + 4.0 / dy**2 + self.fidelity
 
+    def reach(self, samples: Samples, start: Samples) -> None:
+        """Any value: weights of links are none below zero, so that the range is kept as it is."""
+
 
 @named_fields
 @dataclass(frozen=True, kw_only=True)

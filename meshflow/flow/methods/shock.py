@@ -66,6 +66,11 @@ class ShockScheme:
         dx, dy = spacing
         return 4.0 / dx**2 + 4.0 / dy**2 + self.fidelity + 2.0 * self.shock * (1.0 / dx + 1.0 / dy)
 
+    def reach(self, samples: Samples, start: Samples) -> tuple[Array, Array]:
+        """Between its neighbours, and with a fidelity its start."""
+        low, high = samples.around()
+        return (np.minimum(low, start.values), np.maximum(high, start.values)) if self.fidelity else (low, high)
+
     @staticmethod
     def _upwind(samples: Samples, sign: Array) -> Array:
         """|grad u| by the scheme of Osher and Rudin: of the differences on both sides, those against the motion (minmod)."""
@@ -93,6 +98,7 @@ class ShockFilter(SchemeMethod):
     """
 
     word: ClassVar[str] = "shock"
+    conserves: ClassVar[str] = "no mean; no value leaves the range of the start"
     aliases: ClassVar[tuple[str, ...]] = ("kda97",)
 
     fidelity: float = option(0.0, "How strongly the start pulls.", "1 / squared length")

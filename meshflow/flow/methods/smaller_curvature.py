@@ -53,6 +53,10 @@ class SmallerCurvatureScheme:
         dx, dy = spacing
         return 4.0 / dx**2 + 4.0 / dy**2
 
+    def reach(self, samples: Samples, start: Samples) -> tuple[Array, Array]:
+        """Between its neighbours."""
+        return samples.around()
+
     def _directions(self, samples: Samples) -> tuple[tuple[Array, Array], tuple[Array, Array], Array, Array]:
         """The direction of the smaller curvature, that of the greater, and their weights, each (k, h, w)."""
         smooth = samples.of(self.contrast * samples.blurred(self.presmoothing))
@@ -107,6 +111,7 @@ class SmallerCurvature(SchemeMethod):
     """
 
     word: ClassVar[str] = "smaller-curvature"
+    conserves: ClassVar[str] = "no mean; no value leaves the range of the start"
     aliases: ClassVar[tuple[str, ...]] = ("principal-curvature", "mdsb02")
 
     presmoothing: float = option(2.0, "Standard deviation of the Gaussian before edges are measured.", "samples")
