@@ -31,8 +31,8 @@ from meshflow.geometry.validation import Array
 __all__ = ["VANISHED", "State", "march"]
 
 
-# The number of remaining explicit steps at which a run with the explicit stepper is given up: it would take hours.
-HOPELESS = 100_000
+# The number of remaining rates at which a run with a stepper of the caller is given up: it would take hours.
+HOPELESS = 1_000_000
 # The share of its area below which a mesh counts as a point.
 GONE = 1e-9
 # The reason given then.

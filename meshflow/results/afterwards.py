@@ -3,11 +3,13 @@
 from meshflow.estimate.plan import Plan
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.march import VANISHED, State
+from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.steppers import SemiImplicit
 from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["of_area", "of_lone_samples"]
+__all__ = ["of_area", "of_lag", "of_lone_samples"]
 
 # A warning is given where more than this number, and this share, of the samples have no triangle.
 ALONE, ALONE_SHARE = 10, 1e-3
@@ -25,6 +27,26 @@ def of_area(done: Data, plan: Plan, start: State, end: State) -> tuple[str, ...]
     if not isinstance(done, Mesh) or done.moves != "points" or plan.candidates or end.area > LOST * start.area:
         return ()
     return (f"the surface lost {1 - end.area / start.area:.0%} of its area; a smaller time keeps more",)
+
+
+def of_lag(plan: Plan, end: State) -> tuple[str, ...]:
+    """A warning about a run on a grid for which implicit steps were taken, since explicit ones would be too many.
+
+    The metric is then that of the start of each step: a disc of steep sides hardly shrinks, and a cone does so too fast.
+    """
+    method = plan.method
+    if (
+        plan.request.compute.stepper != "auto"
+        or end.stepper != SemiImplicit.name
+        or not isinstance(method, HeightMethod)
+    ):
+        return ()
+    if isinstance(plan.data, Mesh) or method.once:
+        return ()
+    return (
+        "explicit steps would be too many, and implicit ones were taken, in which steep edges lag behind: a smaller contrast "
+        "allows others; stepper='super-time' takes exact ones, however many",
+    )
 
 
 def of_lone_samples(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
