@@ -5,7 +5,11 @@ from typing import Any, Protocol, runtime_checkable
 from meshflow.flow.blend import RATE, Blend
 from meshflow.geometry.validation import Array
 
-__all__ = ["Flow", "MatrixFree", "Ordered", "System"]
+__all__ = ["FEW_RATES", "MANY_RATES", "Flow", "MatrixFree", "Ordered", "System"]
+
+# The rates after which a run loses patience with explicit steps: more cost far more than ten linear solves; and where implicit
+# steps are poor, by far.
+FEW_RATES, MANY_RATES = 1000.0, 50_000.0
 
 
 class System(Protocol):
@@ -49,14 +53,15 @@ class Flow(Protocol):
     Beside these it says where it starts, and how large a difference of states is: only the engine knows how its states lie in
     memory (planes of a grid, rows of a mesh), which of their samples stand for all, and by how many threads they are read.
 
-    :ivar slivers: triangles may be so thin that their bound says nothing of the others.
+    :ivar patience: the number of rates above which implicit steps are better: where triangles may be so thin that their bound
+        says nothing of the others. Infinite: explicit steps do not shorten.
     :ivar pace: the share of a stable explicit step for which stages of a super-time step are stable. Beside missing triangles a
         mode may be fast in one triangulation and at rest in another; stages that alternate between them make it grow, unless
         none of them overshoots: half a step does not. 0: no stage is stable, as of flows that switch with the sign of a
         difference.
     """
 
-    slivers: bool
+    patience: float
     pace: float
 
     def start(self) -> Array:

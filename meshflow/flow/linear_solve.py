@@ -1,5 +1,8 @@
 """Solve a sparse symmetric positive definite system for all channels at once, or fail loudly."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Lock
 from typing import Any, Literal
 
 import numpy as np
@@ -21,6 +24,7 @@ SMALL = 3000
 STIFF = 10_000.0
 # Mass, as a share of the diagonal, that makes a system regular whose own has been lost.
 ROUNDING = 1e-13
+_DRAWING = Lock()
 # The number of rows for the typical condition.
 SAMPLE = 20000
 
@@ -116,13 +120,26 @@ def _direct(matrix: Sparse, right: Array, guess: Array | None, tolerance: float)
     return x, 1
 
 
+@contextmanager
+def _same_numbers() -> Iterator[None]:
+    """The same random numbers each time, by which pyamg estimates spectral radii; the caller's state comes back."""
+    with _DRAWING:
+        state = np.random.get_state()  # noqa: NPY002  (pyamg draws from it)
+        np.random.seed(0)  # noqa: NPY002
+        try:
+            yield
+        finally:
+            np.random.set_state(state)  # noqa: NPY002
+
+
 def _multigrid(matrix: Sparse, right: Array, guess: Array | None, tolerance: float) -> tuple[Array, int]:
     """Conjugate gradients preconditioned by smoothed aggregation, for the system scaled to a unit diagonal."""
     import pyamg
 
     half: Array = 1.0 / np.sqrt(matrix.diagonal())
     scaled = scipy.sparse.diags(half) @ matrix @ scipy.sparse.diags(half)
-    hierarchy = pyamg.smoothed_aggregation_solver(scaled.tocsr(), symmetry="symmetric", max_coarse=200)
+    with _same_numbers():
+        hierarchy = pyamg.smoothed_aggregation_solver(scaled.tocsr(), symmetry="symmetric", max_coarse=200)
     x, most = np.empty_like(right), 0
     for column in range(right.shape[1]):
         residuals: list[float] = []

@@ -14,7 +14,6 @@ from meshflow.flow.controls import Control, Embedded, FixedStep, Until
 from meshflow.flow.progress import Progress, reporting
 from meshflow.flow.step_lengths import Steps
 from meshflow.flow.steppers import (
-    MANY,
     Embedding,
     Explicit,
     SemiImplicit,
@@ -157,8 +156,8 @@ def march(
         while state.reason is None:
             longest = _longest(stepper, state)
             left = until.left(state.time)
-            most = MANY if changes else HOPELESS
-            if flow.slivers and np.isfinite(left) and longest * most < left * stepper.rates:
+            most = flow.patience if changes or np.isinf(flow.patience) else HOPELESS
+            if np.isfinite(most) and np.isfinite(left) and longest * most < left * stepper.rates:
                 stepper = _implicit_instead(changes, state, longest)
                 steps = FixedStep().opened(flow, stepper, state.u, Until(time=left))
                 longest = _longest(stepper, state)
@@ -234,7 +233,7 @@ def _stopped(old: State, new: State, until: Until) -> State:
 def _gone(new: State, stepper: Stepper) -> State:
     """The new state; the run ends where implicit steps have shrunk a mesh to points, which no step can move."""
     flow = new.flow
-    if new.reason is not None or not flow.slivers or not isinstance(stepper, SemiImplicit):
+    if new.reason is not None or np.isinf(flow.patience) or not isinstance(stepper, SemiImplicit):
         return new
     left = new.area / max(flow.area(flow.start()), np.finfo(float).tiny)
     if left > GONE:

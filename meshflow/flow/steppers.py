@@ -16,7 +16,6 @@ from meshflow.geometry.validation import Array, positive
 
 __all__ = [
     "FEW",
-    "MANY",
     "Embedding",
     "Explicit",
     "SemiImplicit",
@@ -31,8 +30,6 @@ __all__ = [
 StepperName = Literal["auto", "explicit", "semi-implicit", "super-time"]
 STEPPERS: tuple[StepperName, ...] = ("auto", "explicit", "semi-implicit", "super-time")
 
-# A run of more rates than this costs far more than ten linear solves.
-MANY = 1000
 # Up to this number of explicit steps, super-time steps of equal accuracy take as many rates.
 FEW = 48
 # The factor by which the bound may grow during a step; the bound exceeds the fastest decay by as much.
@@ -277,6 +274,6 @@ def stepper_for(word: Stepper | StepperName, flow: Flow, time: float | None) -> 
         return word
     if word == "auto":
         steps, longest = 0.0 if time is None else time * flow.bound(flow.start()) / 2.0, SuperTime()
-        few = not flow.slivers or steps * longest.rates <= MANY * longest.stretch
+        few = steps * longest.rates <= flow.patience * longest.stretch
         word = "explicit" if steps <= FEW else "super-time" if few else "semi-implicit"
     return {"explicit": Explicit(), "semi-implicit": SemiImplicit(), "super-time": SuperTime()}[word]

@@ -14,7 +14,7 @@ class Around:
     """
 
     def __init__(self, flow: Flow) -> None:
-        self.flow, self.slivers, self.pace = flow, flow.slivers, flow.pace
+        self.flow, self.patience, self.pace = flow, flow.patience, flow.pace
 
     def start(self) -> Array:
         """Free coordinates (n, k) at time zero."""

@@ -44,8 +44,8 @@ def of_lag(plan: Plan, end: State) -> tuple[str, ...]:
     if isinstance(plan.data, Mesh) or method.once:
         return ()
     return (
-        "explicit steps would be too many, and implicit ones were taken, in which steep edges lag behind: a smaller contrast "
-        "allows others; stepper='super-time' takes exact ones, however many",
+        "explicit steps would be too many, and implicit ones were taken, in which steep edges lag behind; a smaller contrast or "
+        "time allows others, and stepper='super-time' takes them however many",
     )
 
 

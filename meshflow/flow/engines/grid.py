@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from meshflow.flow.blend import RATE, Blend
+from meshflow.flow.contract import FEW_RATES, MANY_RATES
 from meshflow.flow.engines.grid_layout import Layout, border_samples
 from meshflow.flow.engines.grid_system import GridSystem
 from meshflow.flow.engines.planes import cleaned, fits_single
@@ -68,7 +69,7 @@ class GridFlow:
         alternating = grid.diagonals == "alternate" and grid.boundary == "neumann" and grid.lines is None
         self._evened = alternating and m.conserves
         self._by_forms = False  # laws compare the loops for few coordinates with those for any number
-        self.slivers = self._shortens()
+        self.patience = self._patience()
         self.pace = 0.5 if grid.diagonals == "alternate" and grid.ragged else 1.0
 
     # --- the contract ---------------------------------------------------------------------------------------------------
@@ -104,11 +105,15 @@ class GridFlow:
             return self._bound_at_start  # a run asks for it several times before its first step
         return self._bound(u)
 
-    def _shortens(self) -> bool:
-        """Whether stable steps may shorten without bound: of several channels with gamma below 0, and of cliffs below -1."""
+    def _patience(self) -> float:
+        """Finite where stable steps may shorten without bound: of several channels with gamma below 0; along rays, which may
+        nearly meet; and of cliffs below -1.
+        """
+        if self.grid.lines is not None:
+            return MANY_RATES
         if len(self.grid.planes) > 1 or self.variant.gamma >= -1:
-            return len(self.grid.planes) > 1 and self.variant.gamma < 0
-        return self._by_gradients and self._bound_at_start > STEEP * self._flat_bound
+            return FEW_RATES if len(self.grid.planes) > 1 and self.variant.gamma < 0 else np.inf
+        return MANY_RATES if self._by_gradients and self._bound_at_start > STEEP * self._flat_bound else np.inf
 
     @cached_property
     def _bound_at_start(self) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.flow.blend import RATE, Blend
+from meshflow.flow.contract import FEW_RATES
 from meshflow.flow.engines.dense import Dense
 from meshflow.flow.engines.metric import Given, Measured, Metric
 from meshflow.flow.engines.triangulation import Triangulation, triangulations_of
@@ -95,7 +96,7 @@ class MeshFlow(Dense):
     :raises InputError: for a variant or a metric that contradicts the surface.
     """
 
-    slivers = True
+    patience = FEW_RATES
     pace = 1.0
 
     def __init__(self, surface: Surface, variant: Variant | None = None, metric: Metric | None = None) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.flow.blend import RATE, Blend
+from meshflow.flow.contract import FEW_RATES
 from meshflow.flow.family import Variant
 from meshflow.geometry.tetrahedra import Tetrahedra
 from meshflow.geometry.validation import Array, whole
@@ -54,7 +55,7 @@ class TetFlow:
     :raises InputError: for a variant without meaning here.
     """
 
-    slivers = True
+    patience = FEW_RATES
     pace = 1.0
 
     def __init__(self, data: TetMesh, lift: Lift, variant: Variant | None = None, threads: int | None = None) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend
+from meshflow.flow.contract import FEW_RATES
 from meshflow.flow.engines.grid import LARGE, ROUGHLY
 from meshflow.flow.engines.planes import cleaned, fits_single
 from meshflow.flow.engines.volume_system import VolumeSystem
@@ -45,7 +46,7 @@ class VolumeFlow:
         self._contrast = 0.0 if self.variant.linear else float(block.contrast)
         self.shape = (len(block.planes), *block.shape)
         self._alone = len(block.planes) == 1
-        self.slivers = not self._alone and self.variant.gamma < 0
+        self.patience = FEW_RATES if not self._alone and self.variant.gamma < 0 else np.inf
         # A power of two, so that counting lengths in it costs no bit.
         self._unit = float(2.0 ** np.floor(np.log2(np.prod(block.spacing)) / 3.0))
         self.dtype = self._number_type()

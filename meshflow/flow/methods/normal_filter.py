@@ -115,7 +115,7 @@ class NormalFilterFlow(Dense):
     :raises InputError: for another surface.
     """
 
-    slivers = False
+    patience = np.inf
     pace = 1.0
 
     def __init__(self, surface: Surface, how: NormalFilter | None = None) -> None:
