@@ -15,7 +15,7 @@ SIDE, STEP, SHARE = 12, 6, 0.05
 # and bricks); with noise that is everywhere it is 0.77 or more.
 GAPS = 0.58
 # A block holds too few independent numbers of noise that is wider than this, in samples; the least number of blocks.
-WIDEST, FEW = 1.0, 40
+WIDEST, FEW = 0.8, 40
 
 
 def leaves_gaps(parts: Sequence[tuple[Array, Array]], covariance: Array, length: float) -> bool:
