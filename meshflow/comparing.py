@@ -55,7 +55,7 @@ class MethodRun:
 
 def compare_methods(
     data: Any,
-    methods: Iterable[Method | str] | str,
+    methods: Iterable[Method | str] | Method | str,
     truth: ArrayLike | None = None,
     *,
     noise: float | None = None,
@@ -79,7 +79,7 @@ def compare_methods(
         ['perona-malik', 'heat']
 
     :param data: as in :func:`meshflow.smooth`; not of several parts.
-    :param methods: names, or methods with options; one name stands for itself.
+    :param methods: names, or methods with options; one alone stands for itself.
     :param truth: values of the shape of the data; points (n, d) of a mesh.
     :param noise: as in :func:`meshflow.smooth`.
     :param removed: share of the noise, above 0, at most 1.
@@ -88,6 +88,8 @@ def compare_methods(
     :param metadata: what the data does not say of itself (``spacing``, ``kind``, ...), as in :func:`meshflow.smooth`.
     :raises InputError: for no method, a truth of another shape, or where :func:`meshflow.smooth` refuses.
     """
+    if not isinstance(methods, Iterable):
+        methods = (methods,)
     asked = [method_of(one) for one in ((methods,) if isinstance(methods, str) else methods)]
     if not asked:
         raise InputError("methods: one or more expected, got none")

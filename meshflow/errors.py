@@ -18,11 +18,26 @@ __all__ = [
     "NothingThere",
     "attention",
     "need",
+    "said_by",
     "warn",
 ]
 
 # The files of this package, as the frames of a call name them.
 _PACKAGE = f"{Path(__file__).parent}{os.sep}"
+
+
+# Advice of libraries that would have a file run code, and what is said instead.
+_UNSAFE = {
+    "pickle": "it holds Python objects, which are not read, or no array",
+    "VRT_ENABLE_PYTHON": "a pixel function in it is Python code, which is not run; gdal_translate it to .tif where you trust it",
+}
+
+
+def said_by(cause: BaseException) -> str:
+    """What a library says of a failure, in one line of at most 300 characters, without advice to run code of a file."""
+    words = " ".join(str(cause).split())
+    instead = next((words_of_ours for sign, words_of_ours in _UNSAFE.items() if sign in words), "")
+    return (instead or words or type(cause).__name__)[:300]
 
 
 class InputError(ValueError):

@@ -11,7 +11,7 @@ from meshflow.estimate.frames import Averaged, averaged
 from meshflow.estimate.parameters import Parameter
 from meshflow.estimate.request import Request
 from meshflow.flow.progress import Progress
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, shown
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import Imported, taken_in
 from meshflow.results.inverse_depths import smoothed_in_disparity
@@ -120,6 +120,8 @@ class _Seen:
 
     def __iter__(self) -> Iterator[Array]:
         used = 0
+        if not isinstance(self.frames, Iterable):
+            raise InputError(f"frames: two or more of the same view, in a list, expected, got {shown(self.frames)}")
         for number, frame in enumerate(self.frames, 1):
             try:
                 taken = None if frame is None else self._depths(frame)

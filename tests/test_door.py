@@ -100,9 +100,9 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
     [
         (lambda: Beltrami(gamma="a"), "gamma: a finite number"),  # type: ignore[arg-type]
         (lambda: Beltrami(sharpness=0), "sharpness: a positive"),
-        (lambda: Beltrami(patch=99), "patch: a width"),
+        (lambda: Beltrami(patch=99), "patch: 0 to 6 samples"),
         (lambda: Beltrami(contrast=-1), "contrast: a positive"),
-        (lambda: Beltrami(twicing=2), "twicing: a weight"),
+        (lambda: Beltrami(twicing=2), "twicing: 0 to 1 expected"),
         (lambda: PeronaMalik(mass="fat"), "mass: barycentric"),  # type: ignore[arg-type]
         (lambda: Fairing(order=0), "order: a whole number"),
         (lambda: Fairing(weights="heavy"), "weights: cotangent or uniform"),  # type: ignore[arg-type]
@@ -120,7 +120,7 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
         (lambda: Compute(dt=0), "dt: a positive"),
         (lambda: Compute(threads=0), "threads: a whole number"),
         (lambda: Compute(triangles="round"), "triangles: auto"),  # type: ignore[arg-type]
-        (lambda: Compute(search="yes"), "search: True or False"),  # type: ignore[arg-type]
+        (lambda: Compute(search="yes"), "search: True, False or None"),  # type: ignore[arg-type]
         (lambda: Request(time=True), "time: a finite number"),
         (lambda: Request(time=1.0, scale=2.0), "give one of them"),
         (lambda: Request(domain="moon"), "domain: auto, length, disparity, luv, lab, linear-rgb or stabilized"),  # type: ignore[arg-type]

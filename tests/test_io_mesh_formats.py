@@ -155,7 +155,7 @@ def test_negative_indices_and_continued_faces_of_an_obj_are_read(tmp_path):
     [
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "three corners"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "vertices 0 to 2"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "names vertex 9 of 3"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1//1 2//1 3//7\n", "names normal 7"),
         ("v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "could not convert"),
         ("v 0 0 \\\n0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "several lines"),

@@ -18,7 +18,7 @@ import typer
 from meshflow.cli import looking
 from meshflow.cli.asking import asked, narrowed
 from meshflow.cli.by_windows import memory_for, smooth_by_windows, tiles_together
-from meshflow.cli.console import err, out, said, table
+from meshflow.cli.console import err, must_be_open, one_line, out, said, table
 from meshflow.cli.environment import environment
 from meshflow.cli.flags import FLOW, Given, command, only
 from meshflow.cli.hints import usage
@@ -119,6 +119,8 @@ def smooth(given: Given) -> None:
     if len(named) > 2:
         raise InputError(f"smooth: IN and OUT expected, got {len(named)} names; --output FOLDER takes several inputs")
     piped = target == STDIN
+    if piped or given["json"]:
+        must_be_open()
     if piped and given["json"]:
         raise InputError("smooth: OUT or --json goes to stdout, not both; name a file for OUT")
     told = _one(given)
@@ -300,6 +302,7 @@ def main() -> None:
     """Run the command. A refusal is one line on stderr and a nonzero exit code."""
     _end_in_order()
     _hush()
+    _keep_streams_apart()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a name, or a sign of ours, that the locale has no bytes for
             stream.reconfigure(errors="backslashreplace")
@@ -313,7 +316,10 @@ def main() -> None:
         said(f"meshflow: {usage(refusal, sys.argv[1:])}{about}", (), style="red")
         sys.exit(refusal.exit_code)
     except (InputError, MissingPackage, NotConverged, OSError) as refusal:
-        err.print(f"meshflow: {spoken(str(refusal))}", markup=False, soft_wrap=True, style="red")
+        words = spoken(str(refusal))
+        if isinstance(refusal, OSError) and refusal.filename is None:
+            words = f"stdout takes no more ({refusal.strerror or refusal}); send it elsewhere"
+        err.print(f"meshflow: {one_line(words)}", markup=False, soft_wrap=True, style="red")
         sys.exit(1)
     except (MemoryError, ImportError, RuntimeError) as refusal:
         if not isinstance(refusal, MemoryError) and not any(word in str(refusal) for word in NO_ROOM):
@@ -325,6 +331,15 @@ def main() -> None:
         if end.code in (INTERRUPTED, *ENDED):
             err.print("meshflow: interrupted; OUT is whole, or as it was before", markup=False, soft_wrap=True)
         raise
+
+
+def _keep_streams_apart() -> None:
+    """Streams that are closed lead to nothing: a file would else be opened in their place, and libraries write into it."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
 
 
 def _hush() -> None:

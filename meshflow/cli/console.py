@@ -1,6 +1,7 @@
 """Output of the commands: results on stdout, messages and notes on stderr."""
 
 import json as notation
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,16 +10,32 @@ from rich.table import Table
 from rich.text import Text
 
 from meshflow.cli.spoken import spoken
+from meshflow.errors import InputError
 
-__all__ = ["err", "listed", "out", "rows_printed", "said", "table"]
+__all__ = ["err", "listed", "must_be_open", "one_line", "out", "rows_printed", "said", "table"]
 
 # The width of what is not shown on a terminal: no line of a table is broken, and no name is cut.
 WIDE = 100_000
 out, err = Console(), Console(stderr=True, highlight=False)
 
 
+def must_be_open() -> None:
+    """Refuse to write to a stdout that is closed.
+
+    :raises InputError: it says so.
+    """
+    if sys.stdout is None:
+        raise InputError("stdout is closed; send it to a file or to another command")
+
+
+def one_line(message: str) -> str:
+    """A message in which the signs of a name that begin a line, or command a terminal, are spelled out."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in message)
+
+
 def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
     """Print facts as JSON or as a table to stdout, notes to stderr."""
+    must_be_open()
     if json:
         out.print_json(notation.dumps({**facts, "notes": list(notes)}))
         return
@@ -32,6 +49,7 @@ def table(facts: dict[str, Any], json: bool, notes: tuple[str, ...]) -> None:
 
 def listed(rows: Sequence[Mapping[str, Any]], json: bool, notes: tuple[str, ...]) -> None:
     """Print rows of the same facts as JSON or as a table with their names above to stdout, notes to stderr."""
+    must_be_open()
     if json:
         out.print_json(notation.dumps({"rows": list(rows), "notes": list(notes)}))
         return

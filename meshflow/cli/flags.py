@@ -121,23 +121,32 @@ def flow_flags() -> tuple[Flag, ...]:
 
 def _of_methods(methods: Iterable[type], panel: str, known: set[str]) -> list[Flag]:
     """The options of methods, each once; each says which methods have it."""
-    found: dict[str, tuple[Option, list[str]]] = {}
+    found: dict[str, tuple[Option, list[tuple[str, Option]]]] = {}
     for method in methods:
         for option in options_of(method):
             if option.name not in known and option.has_flag:
-                found.setdefault(option.name, (option, []))[1].append(getattr(method, "word", ""))
-    every = [_of(option, panel) for option, _ in found.values()]
-    return [
-        flag if "search" in words else replace(flag, help=f"For {', '.join(words)}: {flag.help}")
-        for flag, (_, words) in zip(every, found.values(), strict=True)
-    ]
+                found.setdefault(option.name, (option, []))[1].append((getattr(method, "word", ""), option))
+    every = []
+    for first, having in found.values():
+        words = [word for word, _ in having]
+        flag = _of(first, panel, _others(first, having))
+        every.append(flag if "search" in words else replace(flag, help=f"For {', '.join(words)}: {flag.help}"))
+    return every
 
 
-def _of(option: Option, panel: str) -> Flag:
-    """The flag of an option. Its value is None where it is not given, so that given values can be told from defaults."""
-    unit = f" ({option.unit})" if option.unit else ""
+def _others(first: Option, having: Iterable[tuple[str, Option]]) -> str:
+    """The defaults of the methods whose default is another one."""
+    return "".join(f"; {word}: {one.default}" for word, one in having if one.default not in (None, first.default))
+
+
+def _of(option: Option, panel: str, others: str = "") -> Flag:
+    """The flag of an option. Its value is None where it is not given, so that given values can be told from defaults.
+
+    :param others: the defaults of the methods whose default is another one.
+    """
+    unit = f" ({found})" if (found := ", ".join(filter(None, (option.unit, option.range)))) else ""
     declared = option.default is None or "Default" in option.meaning or panel == STOP
-    default = "" if declared else f" Default: {option.default}."
+    default = "" if declared else f" Default: {option.default}{others}."
     kind = _kind(option.kind)
     words = (f"--{option.flag}", f"--no-{option.flag}") if kind == bool | None else ()
     named = (f"{words[0]}/{words[1]}",) if words else ()

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.cli.flags import Given
 from meshflow.cli.regions import is_region, region
-from meshflow.errors import InputError, NothingThere
+from meshflow.errors import InputError, NothingThere, said_by
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
 from meshflow.io.metadata import ReadOptions
@@ -86,7 +86,7 @@ def _column(path: Path) -> Array | None:
     try:
         values = np.load(path, allow_pickle=False)
     except ValueError as cause:
-        raise InputError(f"{path}: an array of numbers expected; {cause}") from cause
+        raise InputError(f"{path}: an array of numbers expected ({said_by(cause)})") from cause
     return values if values.ndim == 1 and values.dtype.kind in "biuf" else None
 
 

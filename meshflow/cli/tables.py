@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from meshflow.cli.console import out, rows_printed
+from meshflow.cli.console import must_be_open, out, rows_printed
 from meshflow.cli.flags import FLOW
 from meshflow.flow.methods import METHODS, Search, no_method, papers_of, word_of
 from meshflow.flow.methods.beltrami import HeightMethod
@@ -73,14 +73,14 @@ def _options_of_method(given: str, json: bool, markdown: bool) -> None:
     for one in _used(kind):
         flag = f"--{one.flag}" if one.has_flag else "(Python only)"
         default = "from the data" if one.default is None else str(one.default)
-        rows.append((flag, one.name, _named(_readable(one.kind)), one.unit, default, one.meaning))
+        rows.append((flag, one.name, _named(_readable(one.kind)), one.unit, one.range, default, one.meaning))
     if not json and not markdown:
         text = "\n".join(map(_plain, (inspect.getdoc(kind) or "").split("\n\n")))
         conserves = getattr(kind, "conserves", "")
         out.print(
             Text(f"{word_of(given)} ({kind.__name__}): {text}\nIt moves: {_moved(kind)}. It conserves: {conserves}.\n")
         )
-    _printed(("option", "in Python", "type", "unit", "default", "meaning"), rows, json, markdown)
+    _printed(("option", "in Python", "type", "unit", "range", "default", "meaning"), rows, json, markdown)
 
 
 def _readable(kind: Any) -> Any:
@@ -107,6 +107,7 @@ def _named(kind: Any) -> str:
 
 def _printed(heads: tuple[str, ...], rows: list[tuple[str, ...]], json: bool, markdown: bool) -> None:
     """A table on stdout."""
+    must_be_open()
     if json:
         out.print_json(notation.dumps([dict(zip(heads, row, strict=True)) for row in rows]))
         return

@@ -88,9 +88,9 @@ class Request:
                 raise InputError(f"{name}: a finite number, zero or more, expected, got {value}")
         if self.scale is not None and self.scale > WIDEST:
             raise InputError(f"scale: a length up to {WIDEST:g} expected, whose square is a number, got {self.scale}")
-        positive(self.strength, "strength")
-        if self.noise is not None:
-            positive(self.noise, "noise")
+        for name in ("strength", "noise"):
+            if getattr(self, name) is not None and not 1.0 / WIDEST <= positive(getattr(self, name), name) <= WIDEST:
+                raise InputError(f"{name}: {1.0 / WIDEST:g} to {WIDEST:g} expected, got {getattr(self, name)}")
         for name in ("time", "scale", "strength", "noise"):
             if isinstance(value := getattr(self, name), np.ndarray):  # of one number
                 object.__setattr__(self, name, float(value))

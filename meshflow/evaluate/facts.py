@@ -8,7 +8,7 @@ from meshflow.geometry import operator
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.tetrahedra import Tetrahedra
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import Data
+from meshflow.surfaces.data import KINDS, Data, data_from
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -20,8 +20,10 @@ from meshflow.surfaces.volume import Volume
 __all__ = ["describe"]
 
 
-def describe(data: Data) -> dict[str, Any]:
+def describe(data: Data | Array) -> dict[str, Any]:
     """Facts about a data object by name, in reading order; lengths are in the unit of the data.
+
+    An array (h, w) is a height field, an array (h, w, k) an image, with a spacing of 1.
 
     The area of an image is that of (x, y, channels) at contrast 1; angles are those of triangles between valid samples.
 
@@ -32,13 +34,14 @@ def describe(data: Data) -> dict[str, Any]:
         >>> describe(HeightField(np.zeros((4, 5)), spacing=10.0))["rows x columns"]
         '4 x 5'
     """
-    if isinstance(data, Volume):
-        return _of_volume(data)
-    if isinstance(data, TetMesh):
-        return _of_tetrahedra(data)
-    surface = data.lifted(Lift(diagonals="forward"))
+    known = data_from(data, KINDS, "describe")
+    if isinstance(known, Volume):
+        return _of_volume(known)
+    if isinstance(known, TetMesh):
+        return _of_tetrahedra(known)
+    surface = known.lifted(Lift(diagonals="forward"))
     faces = surface.triangulations[0]
-    facts = _of_mesh(data, faces) if isinstance(data, Mesh) else _of_grid(data)
+    facts = _of_mesh(known, faces) if isinstance(known, Mesh) else _of_grid(known)
     if surface.charts:
         forms, points = operator.forms(surface.charts[0]), surface.start
     else:

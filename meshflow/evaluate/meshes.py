@@ -1,17 +1,18 @@
 """Quality of a smoothed mesh against the true surface."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.evaluate import metrics
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, shown
 
 __all__ = ["MeshQuality", "Shape", "flipped", "mesh_quality"]
 
 
+@runtime_checkable
 class Shape(Protocol):
     """A mesh whose vertices lie on a known surface, as in ``meshflow.synthetic.shapes``."""
 
@@ -70,6 +71,8 @@ def mesh_quality(points: Array, shape: Shape) -> MeshQuality:
 
     :raises InputError: when their number differs from that of the shape, or one is not finite.
     """
+    if not isinstance(shape, Shape):
+        raise InputError(f"mesh_quality: a shape with points and faces expected, got {shown(shape)}")
     if np.shape(points) != shape.points.shape:
         raise InputError(f"{shape.name}: points of shape {shape.points.shape} expected, got {np.shape(points)}")
     points = np.asarray(points, dtype=np.float64)

@@ -11,7 +11,7 @@ from meshflow.errors import InputError
 from meshflow.geometry import operator
 from meshflow.geometry.validation import Array
 from meshflow.geometry.volume import is_closed, volume
-from meshflow.surfaces.data import Data, on_surface
+from meshflow.surfaces.data import KINDS, Data, data_from, on_surface
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -177,8 +177,10 @@ class Comparison:
         return {name: value for name, value in lines.items() if value is not None}
 
 
-def compare(before: Data, after: Data) -> Comparison:
+def compare(before: Data | Array, after: Data | Array) -> Comparison:
     """Measure the differences of two data objects of the same kind on the same samples.
+
+    Arrays (h, w) are height fields, arrays (h, w, k) images, with a spacing of 1.
 
     Example:
 
@@ -190,11 +192,12 @@ def compare(before: Data, after: Data) -> Comparison:
 
     :raises InputError: when kinds, shapes, spacings, units, cameras or triangles differ, or no sample is present in both.
     """
-    if type(before) is not type(after):
-        raise InputError(f"compare: data of one kind expected, got {_name(before)} and {_name(after)}")
-    if isinstance(before, Mesh) or isinstance(after, Mesh):
-        return _compared_meshes(cast(Mesh, before), cast(Mesh, after))
-    grids = [on_surface(one, "compare") for one in (before, after)]
+    one, other = data_from(before, KINDS, "compare"), data_from(after, KINDS, "compare")
+    if type(one) is not type(other):
+        raise InputError(f"compare: data of one kind expected, got {_name(one)} and {_name(other)}")
+    if isinstance(one, Mesh) or isinstance(other, Mesh):
+        return _compared_meshes(cast(Mesh, one), cast(Mesh, other))
+    grids = [on_surface(each, "compare") for each in (one, other)]
     return _compared_grids(*(one for one in grids if not isinstance(one, Mesh)))
 
 

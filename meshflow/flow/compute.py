@@ -8,7 +8,7 @@ from meshflow.flow.controls import AreaChange, Embedded, FixedStep, GivenSteps
 from meshflow.flow.steppers import Stepper, StepperName, stepper_word
 from meshflow.geometry.delaunay import Triangles
 from meshflow.geometry.options import must_be_object, named_fields, option
-from meshflow.geometry.validation import must_be_truth, positive, shown, whole
+from meshflow.geometry.validation import positive, shown, whole
 from meshflow.kernels.library import default_threads, using_threads
 from meshflow.surfaces.triangles import Diagonals
 
@@ -49,8 +49,6 @@ class Compute:
         must_be_object(self.control, "control: FixedStep, AreaChange or Embedded")
         if self.control is not None and not isinstance(self.control, (FixedStep, AreaChange, Embedded, GivenSteps)):
             raise InputError(f"control: FixedStep, AreaChange or Embedded expected, got {shown(self.control)}")
-        if self.search is not None:
-            must_be_truth(self.search, "search")
         stepper_word(self.stepper)
         if self.triangles == "clamped" and self.stepper == "super-time":
             raise InputError(

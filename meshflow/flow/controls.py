@@ -17,6 +17,9 @@ __all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "GivenSteps", "Unti
 
 # The default number of steps of a semi-implicit run: the metric is then lagged by a tenth of the time.
 IMPLICIT_STEPS = 10
+# The number of steps beyond which no run is begun: a million take minutes on a hundred samples. Where stops end the run,
+# its time is only the latest end, and this times as many are possible.
+MOST, SOONER = 1_000_000, 1000
 
 
 @named_fields
@@ -90,9 +93,9 @@ class FixedStep:
     def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> EvenSteps:
         """The steps of this run.
 
-        :raises InputError: for a dt beyond the largest stable one, which is named.
+        :raises InputError: for a dt beyond the largest stable one, which is named, and for one that needs millions of steps.
         """
-        return EvenSteps(_longest(self.dt, flow, stepper, u, until))
+        return EvenSteps(_ending(_longest(self.dt, flow, stepper, u, until), until))
 
 
 @named_fields
@@ -135,7 +138,7 @@ class AreaChange:
 
     def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> AreaSteps:
         """The steps of this run."""
-        return AreaSteps(self.target, _longest(self.dt, flow, stepper, u, until))
+        return AreaSteps(self.target, _ending(_longest(self.dt, flow, stepper, u, until), until))
 
 
 @named_fields
@@ -170,6 +173,20 @@ class Embedded:
             )
         dt = _longest(self.dt, flow, stepper, u, until)
         return ErrorSteps(self.tolerance, dt, dt)
+
+
+def _ending(dt: float, until: Until) -> float:
+    """The length of steps itself, where a run of such steps comes to an end.
+
+    :raises InputError: for more than :data:`MOST` steps, with their number and a length that suits.
+    """
+    most = MOST * (SOONER if until.stops else 1)
+    if until.time is not None and until.time > most * dt and (until.steps is None or until.steps > most):
+        raise InputError(
+            f"dt: {until.time / dt:.3g} steps of {dt:.3g} would be needed to reach time {until.time:.6g}, at most {most:.0e} are "
+            f"taken; take a longer dt, or none with stepper='auto', or a shorter time"
+        )
+    return dt
 
 
 def _longest(dt: float | None, flow: Flow, stepper: Stepper, u: Array, until: Until) -> float:

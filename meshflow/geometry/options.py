@@ -1,14 +1,15 @@
 """Options: each is declared once with default, unit and meaning, from which flags, help and tables are made."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import MISSING, Field, field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
+from math import isinf
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from meshflow.errors import InputError
-from meshflow.geometry.validation import shown
+from meshflow.geometry.validation import must_be_truth, number, shown
 
 __all__ = [
     "Option",
@@ -19,6 +20,7 @@ __all__ = [
     "option",
     "options_of",
     "refused",
+    "spanned",
     "spelled",
 ]
 
@@ -36,15 +38,18 @@ SYNONYMS = {
 NOTED = {"border-curve": "border-curve (of meshes)"}
 
 
-def option(default: Any, meaning: str, unit: str = "", flag: str = "") -> Any:
+def option(
+    default: Any, meaning: str, unit: str = "", flag: str = "", within: tuple[float, float] | None = None
+) -> Any:
     """Declare a field of a frozen dataclass as an option.
 
     :param default: its value if it is not given; None: it is estimated from the data; MISSING: it must be given.
     :param meaning: a short sentence for users.
     :param unit: of a number; empty if it has none.
     :param flag: its name in the command; by default the name of the field. ``-``: the command does not have it.
+    :param within: the least and the largest number; others are refused by :func:`named_fields`.
     """
-    return field(default=default, metadata={"meaning": meaning, "unit": unit, "flag": flag})
+    return field(default=default, metadata={"meaning": meaning, "unit": unit, "flag": flag, "within": within})
 
 
 class Option:
@@ -61,6 +66,12 @@ class Option:
         self.meaning: str = declared.metadata["meaning"]
         self.unit: str = declared.metadata["unit"]
         self.flag: str = declared.metadata["flag"] or declared.name.replace("_", "-")
+        self.within: tuple[float, float] | None = declared.metadata["within"]
+
+    @property
+    def range(self) -> str:
+        """The numbers that are possible, in words; empty where the declaration does not say."""
+        return "" if self.within is None else spanned(self.within)
 
     @property
     def has_flag(self) -> bool:
@@ -74,6 +85,12 @@ def options_of(owner: type) -> tuple[Option, ...]:
     return tuple(Option(owner, f, kinds[f.name]) for f in fields(owner) if "meaning" in f.metadata)  # type: ignore[arg-type]
 
 
+def spanned(within: tuple[float, float]) -> str:
+    """A range of numbers in words."""
+    least, largest = within
+    return f"{least:g} or more" if isinf(largest) else f"{least:g} to {largest:g}"
+
+
 def must_be_object(given: object, what: str) -> None:
     """Refuse a class where one of its objects is meant: a forgotten pair of brackets.
 
@@ -82,10 +99,11 @@ def must_be_object(given: object, what: str) -> None:
     """
     if not isinstance(given, type):
         return
-    needs = [p for p in signature(given).parameters.values() if p.default is p.empty] if is_dataclass(given) else ["?"]
-    raise InputError(
-        f"{what} expected, got the class {given.__name__}; give {given.__name__}({'...' if needs else ''})"
-    )
+    way = ""
+    if is_dataclass(given):
+        needs = [p for p in signature(given).parameters.values() if p.default is p.empty]
+        way = f"; give {given.__name__}({'...' if needs else ''})"
+    raise InputError(f"{what} expected, got the class {given.__name__}{way}")
 
 
 def nearest(word: str, known: "list[str] | tuple[str, ...]") -> str:
@@ -127,9 +145,10 @@ def named_fields(kind: type[Made]) -> type[Made]:
     """Decorator: a call of a dataclass that does not fit its fields is refused in words, with the field that was meant.
 
     Words of fields that are one of several (``Literal``) are taken in any spelling of :func:`spelled`, and others refused.
+    Fields of yes or no take True and False alone, and numbers must be within the range that :func:`option` declares.
     Type checkers and :func:`inspect.signature` see the class as it is.
     """
-    make, choices = kind.__init__, _choices(kind)
+    make, choices, checks = kind.__init__, _choices(kind), _checks(kind)
     placed = [f.name for f in _fields(kind) if f.init and not f.kw_only]
 
     @wraps(make)
@@ -141,6 +160,9 @@ def named_fields(kind: type[Made]) -> type[Made]:
                 + given[len(placed) :]
             )
             named = {name: _chosen(choices, name, one) for name, one in named.items()}
+        for name, one in (*zip(placed, given, strict=False), *named.items()):
+            if name in checks:
+                checks[name].made(one)
         try:
             make(self, *given, **named)
         except TypeError:
@@ -169,6 +191,49 @@ def _choices(kind: type) -> dict[str, tuple[tuple[str, ...], bool]]:
         words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
         if words and str not in parts and all(isinstance(word, str) for word in words):
             found[one.name] = tuple(words), any(get_origin(part) is not Literal for part in parts)
+    return found
+
+
+@dataclass(frozen=True)
+class _Check:
+    """What a field takes: True and False, or numbers within a range.
+
+    :ivar name: of the field; ``within``: the least and the largest number, None for yes and no.
+    :ivar whole: whether numbers are whole; ``optional``: whether None may be given.
+    """
+
+    name: str
+    within: tuple[float, float] | None
+    unit: str
+    whole: bool
+    optional: bool
+
+    def made(self, given: object) -> None:
+        """Refuse anything else.
+
+        :raises InputError: with what came.
+        """
+        if given is None and self.optional:
+            return
+        if self.within is None:
+            must_be_truth(given, self.name, self.optional)
+            return
+        found = number(given, self.name)
+        if not self.within[0] <= found <= self.within[1] or (self.whole and found != int(found)):
+            what = f"a whole number from {spanned(self.within)}" if self.whole else spanned(self.within)
+            unit = f" {self.unit}" if self.unit else ""
+            raise InputError(f"{self.name}: {what}{unit} expected, got {shown(given)}")
+
+
+def _checks(kind: type) -> dict[str, _Check]:
+    """The checks of the fields that have one."""
+    found = {}
+    for one in _fields(kind):
+        parts = get_args(one.type) if get_origin(one.type) in (Union, UnionType) else (one.type,)
+        within = one.metadata.get("within")
+        if within is not None or bool in parts:
+            whole = int in parts and float not in parts
+            found[one.name] = _Check(one.name, within, one.metadata.get("unit", ""), whole, NoneType in parts)
     return found
 
 

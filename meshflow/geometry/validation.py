@@ -170,13 +170,15 @@ def indices_of(faces: Array) -> Array:
     return np.ascontiguousarray(faces, np.int32)
 
 
-def must_be_truth(value: object, name: str) -> None:
+def must_be_truth(value: object, name: str, optional: bool = False) -> None:
     """Refuse anything but True and False.
 
+    :param optional: None is possible, too; for the message.
     :raises InputError: with the value.
     """
     if not isinstance(value, (bool, np.bool_)):
-        raise InputError(f"{name}: True or False expected, got {shown(value)}")
+        words = "True, False or None" if optional else "True or False"
+        raise InputError(f"{name}: {words} expected, got {shown(value)}")
 
 
 def triangles_of(faces: ArrayLike) -> Array:
@@ -318,6 +320,8 @@ def spacing_of(spacing: Any, rows: int) -> Spacing:
 
     :raises InputError: otherwise.
     """
+    if isinstance(spacing, np.ndarray) and spacing.shape == (2,):
+        spacing = tuple(spacing)
     pair = spacing if isinstance(spacing, (tuple, list)) else (spacing, spacing)
     if len(pair) != 2:
         raise InputError(f"spacing: one number or a pair (dx, dy) expected, got {shown(spacing)}")

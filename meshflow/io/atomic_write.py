@@ -1,5 +1,6 @@
 """Atomic writing: a file is written beside the old one and replaces it only when it is complete."""
 
+import errno
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +25,11 @@ def must_be_free(path: Path, overwrite: bool) -> None:
     if path.exists() and not path.is_file() and not path.is_dir():
         raise FormatError(
             f"{path} is a device or a pipe, and no file that can be replaced; the command writes to stdout as -"
+        )
+    if path.is_dir() and not overwrite:
+        raise FormatError(
+            f"{path} is a folder; name a file in it (the command puts results into a folder with --output {path}), or replace "
+            "the series or store that it is on purpose (overwrite=True)"
         )
     if path.exists() and not overwrite:
         raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (overwrite=True)")
@@ -54,12 +60,20 @@ def beside(path: Path, *, several: bool = False) -> Iterator[Path]:
     except OSError as cause:
         reason = cause.strerror or cause.__cause__ or cause
         raise FormatError(
-            f"{path} was not written ({reason}); an existing file is unchanged. "
-            "Make room, or name a folder where writing is allowed"
+            f"{path} was not written ({reason}); an existing file is unchanged. {_way_out(cause)}"
         ) from cause
     finally:
         for left in path.parent.glob(f"{token}*"):
             left.unlink()
+
+
+def _way_out(cause: OSError) -> str:
+    """What to do where something was not written."""
+    if cause.errno in (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS):
+        return "Name a folder where writing is allowed"
+    if cause.errno == errno.ENAMETOOLONG:
+        return "Give it a shorter name"
+    return "Make room, or name a folder where writing is allowed"
 
 
 @contextmanager
@@ -80,8 +94,7 @@ def folder_beside(path: Path, suffix: str = "") -> Iterator[Path]:
         temporary.rename(path)
     except OSError as cause:
         raise FormatError(
-            f"{path} was not written ({cause.strerror or cause}); an existing folder is unchanged. "
-            "Make room, or name a place where writing is allowed"
+            f"{path} was not written ({cause.strerror or cause}); an existing folder is unchanged. {_way_out(cause)}"
         ) from cause
     finally:
         if old.exists() and not path.exists():

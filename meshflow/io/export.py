@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from meshflow.errors import InputError, need
 from meshflow.geometry.normals import normals_at
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, shown
 from meshflow.io.grid_mesh import mesh_of_grid
+from meshflow.surfaces.data import data_from
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -86,12 +87,12 @@ def to_normals(image: RangeImage) -> Array:
 
 
 def to_mesh(
-    image: RangeImage | HeightField | Image, colours: ArrayLike | None = None, *, every: int = 1
+    image: RangeImage | HeightField | Image | Array, colours: ArrayLike | None = None, *, every: int = 1
 ) -> "trimesh.Trimesh":
     """The triangles between samples that do not cross a jump, oriented towards the camera; isolated points are left out.
 
-    Of a height field or an image they are those of :func:`meshflow.io.grid_mesh.mesh_of_grid`; the channels of an image are the
-    vertex attribute ``channels``.
+    Of a height field or an image, and of their arrays (h, w) and (h, w, k), they are those of
+    :func:`meshflow.io.grid_mesh.mesh_of_grid`; the channels of an image are the vertex attribute ``channels``.
 
     Example:
 
@@ -107,15 +108,16 @@ def to_mesh(
     """
     import trimesh
 
-    if not isinstance(image, RangeImage):
+    seen = data_from(image, (RangeImage, HeightField, Image), "to_mesh")
+    if not isinstance(seen, RangeImage):
         if colours is not None:
-            raise InputError(f"colours: of range images only, got {type(image).__name__}")
-        mesh = mesh_of_grid(image, every)
+            raise InputError(f"colours: of range images only, got {type(seen).__name__}")
+        mesh = mesh_of_grid(seen, every)
         attributes: Any = {} if mesh.channels is None else {"channels": mesh.channels}
         return trimesh.Trimesh(mesh.points, mesh.faces, process=False, vertex_attributes=attributes)
     if every != 1:
         raise InputError(f"every: of height fields and images only, got {every} for a range image")
-    points, faces, paint = _parts(image, colours)
+    points, faces, paint = _parts(seen, colours)
     return trimesh.Trimesh(points, faces, vertex_colors=paint, process=False)
 
 
@@ -180,6 +182,7 @@ def to_pyvista(image: RangeImage, colours: ArrayLike | None = None) -> "pv.Struc
     """
     import pyvista as pv
 
+    _must_have_rays(image)
     paint, missing = _painted(image, colours), np.asarray(image.missing)
     depth = np.where(missing, np.median(image.depth[~missing]), image.depth).astype(np.float64)
     points = image.points_at(depth)
@@ -210,11 +213,17 @@ def _tensor(open3d: ModuleType, points: Array, faces: Array | None, normals: Arr
     return made
 
 
-def _shell(image: RangeImage) -> _Shell:
+def _must_have_rays(image: object) -> None:
+    """Refuse anything but a range image.
+
+    :raises InputError: with what came.
+    """
     if not isinstance(image, RangeImage):
-        raise InputError(
-            f"a RangeImage expected, got {type(image).__name__}; read one with meshflow.read(..., camera=...)"
-        )
+        raise InputError(f"a RangeImage expected, got {shown(image)}; read one with meshflow.read(..., camera=...)")
+
+
+def _shell(image: RangeImage) -> _Shell:
+    _must_have_rays(image)
     points, there = image.cloud.reshape(-1, 3), ~image.missing.ravel()
     step = (image.points_at(image.depth + np.float64(1.0)) - image.points_at(image.depth)).reshape(-1, 3)
     length = np.linalg.norm(step, axis=1, keepdims=True)

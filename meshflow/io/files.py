@@ -15,7 +15,7 @@ from meshflow.io.atomic_write import must_be_free
 from meshflow.io.document import Document, Format, WriteOptions, Writing
 from meshflow.io.formats.elsewhere import must_be_known
 from meshflow.io.formats.ply_layout import has_grid
-from meshflow.io.incoming import set_down
+from meshflow.io.incoming import absent, set_down
 from meshflow.io.metadata import Metadata, ReadOptions
 from meshflow.io.suffixes import suffix_of
 from meshflow.surfaces.data import Data
@@ -386,7 +386,7 @@ def writable(document: Document, path: str | Path, *, overwrite: bool = False, *
 
 def _must_be_a_file(path: Path) -> None:
     if not path.exists():
-        raise FormatError(f"{path}: no such file")
+        raise absent(path)
     if path.is_dir():
         from meshflow.io.formats.dicom import holds_series
 

@@ -4,6 +4,7 @@ link.
 
 import atexit
 import os
+import re
 import shutil
 import stat
 import sys
@@ -15,9 +16,12 @@ from tempfile import TemporaryDirectory, mkdtemp
 
 from meshflow.errors import FormatError
 
-__all__ = ["STDIN", "plainly_named", "set_down", "temporary"]
+__all__ = ["STDIN", "absent", "plainly_named", "set_down", "temporary"]
 
 STDIN = Path("-")
+_STDIN = (STDIN, Path("/dev/stdin"), Path("/dev/fd/0"))
+# A name that is an address in a network; as a path it has one slash.
+_ADDRESS = re.compile(r"(?i)(https?|ftp|s3|gs|az|file):/")
 # The first bytes of formats that can be recognised by them, for files without an extension.
 _BEGINS = (
     (b"ply", ".ply"),
@@ -46,6 +50,15 @@ def temporary(process: int) -> Path:
     return Path(folder)
 
 
+def absent(path: Path) -> FormatError:
+    """The refusal of a path at which no file is."""
+    if _ADDRESS.match(str(path)):
+        return FormatError(f"{path}: a file expected, got an address; download it first")
+    if path.is_symlink():
+        return FormatError(f"{path}: a link to {os.readlink(path)}, which leads to no file; name the file itself")
+    return FormatError(f"{path}: no such file")
+
+
 def set_down(path: Path) -> Path:
     """The path of a regular file unchanged; the content of ``-`` (stdin), a pipe or a device as a file with the right extension.
 
@@ -53,10 +66,12 @@ def set_down(path: Path) -> Path:
     """
     if path != STDIN and (not path.exists() or path.is_dir() or stat.S_ISREG(path.stat().st_mode)):
         return path
-    name = "stdin" if path == STDIN or path.resolve() == Path("/dev/stdin").resolve() else path.name
+    name = "stdin" if path in _STDIN else path.name
+    if path == STDIN and sys.stdin is None:
+        raise FormatError("stdin is closed; send the content of a file to it, or name the file")
     content = sys.stdin.buffer.read() if path == STDIN else path.read_bytes()
     if not content:
-        raise FormatError(f"{name} is empty (0 bytes)")
+        raise FormatError(f"{name if path in _STDIN else path} is empty (0 bytes)")
     suffix = path.suffix if path != STDIN else ""
     suffix = suffix or next((suffix for begin, suffix in _BEGINS if content.startswith(begin)), "")
     if not suffix and len(content) >= 84 and len(content) == 84 + 50 * int.from_bytes(content[80:84], "little"):

@@ -22,6 +22,13 @@ from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.vectors import Vectors
 from meshflow.surfaces.volume import Volume
 
+# What says that an object has an array, and how it is made; results are arrays, which no such object takes back by itself.
+ARRAYS = {
+    "to_numpy": "data.to_numpy()",
+    "__array__": "numpy.asarray(data)",
+    "__dlpack__": "numpy.from_dlpack(data)",
+}
+
 __all__ = ["Imported", "from_object", "opened", "taken_in"]
 
 
@@ -58,10 +65,19 @@ def taken_in(data: object, options: ReadOptions) -> Imported:
     adapter = _adapter(data)
     if adapter is None:
         raise InputError(
-            f"{type(data).__module__}.{type(data).__qualname__}: expected a numpy array, (points, faces), a mesh of "
-            "trimesh, pyvista, open3d or meshio, an xarray.DataArray, a picture of Pillow, a path, or a data object of meshflow"
+            f"{type(data).__module__}.{type(data).__qualname__}: expected {_as_array(data)}a numpy array, (points, faces), a "
+            "mesh of trimesh, pyvista, open3d or meshio, an xarray.DataArray, a picture of Pillow, a path, or a data object of "
+            "meshflow"
         )
     return adapter(data, options)
+
+
+def _as_array(data: object) -> str:
+    """How an object of another library becomes an array, as the beginning of what is expected; empty where it does not say."""
+    for name, way in ARRAYS.items():
+        if hasattr(data, name):
+            return f"{way}, which gives the numbers; else "
+    return ""
 
 
 def _aligned(data: Irregular, given: ArrayLike | None, word: str) -> ArrayLike | None:

@@ -146,7 +146,11 @@ def _lazy(data: object, options: ReadOptions) -> Lazy:
         values, kind = said.ordered.data.reshape(said.shape), said.kind
         spacing, unit, notes = said.spacing, said.unit or unit, said.notes
     axes = 3 if volume else 2
-    if values.ndim not in (axes, axes + 1) or any(np.isnan(values.shape)) or min(values.shape[:axes]) < 2:
+    if any(np.isnan(values.shape)):
+        raise InputError(
+            f"chunks of known sizes expected, got the shape {values.shape}; call compute_chunk_sizes() of the array first"
+        )
+    if values.ndim not in (axes, axes + 1) or min(values.shape[:axes]) < 2:
         letters, least = ("d, h, w", "2 x 2 x 2") if volume else ("h, w", "2 x 2")
         raise InputError(
             f"an array of shape ({letters}) or ({letters}, k), at least {least} samples, expected, got {values.shape}"

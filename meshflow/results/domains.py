@@ -58,8 +58,9 @@ def _in_colours(data: Data, word: ColourWord, request: Request, progress: Progre
     back = np.where(same, colours, white * space.back(smooth.astype(np.float64))).astype(colours.dtype)
     done = _with_colours(found.after, np.concatenate([back, array_of(data)[..., 3:]], axis=-1))
     parameters = _of_colours(found, space, word, white)
-    below = int((colours[_there(data)] < 0).sum()) if space.positive else 0
-    warnings = (f"{below} values below zero are no colours: they were taken for zero",) if below else ()
+    below = int((colours[_there(data)] < 0).sum())
+    taken = "they were taken for zero" if space.positive else "they were smoothed with their sign"
+    warnings = (f"{below} values below zero are no colours: {taken}",) if below else ()
     noise = noise_in(data) if given is None else Noise(given, 0.0, how="given")
     return replace(
         found, data=done, after=done, before=data, parameters=parameters, noise=noise,

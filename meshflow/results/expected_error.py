@@ -14,7 +14,7 @@ from meshflow.estimate.quantized import LeastBending
 from meshflow.geometry.validation import Array, whole
 from meshflow.results.result import Result
 from meshflow.results.run import end_of
-from meshflow.surfaces.data import Data, array_of
+from meshflow.surfaces.data import Data, array_of, must_be
 from meshflow.surfaces.grid import Whole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -88,6 +88,7 @@ def expected_error(result: Result, runs: int = RUNS) -> Array:
     :returns: (h, w) or (h, w, k); NaN where samples are missing, or were left out.
     :raises InputError: for other data than height fields and images, quantized data, and other domains.
     """
+    must_be(result, (Result,), "expected_error")
     plan, after = result.plan, result.after
     plan, data = must_have_error(plan)
     whole(runs, "runs", 2)

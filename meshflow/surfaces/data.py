@@ -1,7 +1,11 @@
 """The data objects: a height field, an image, a range image, a mesh, a volume, or a mesh of tetrahedra."""
 
+from typing import TypeVar
+
+import numpy as np
+
 from meshflow.errors import InputError
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, shown
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -9,7 +13,11 @@ from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["Data", "SolidData", "SurfaceData", "array_of", "on_surface"]
+KINDS = (HeightField, Image, RangeImage, Mesh, Volume, TetMesh)
+
+__all__ = ["KINDS", "Data", "SolidData", "SurfaceData", "array_of", "data_from", "must_be", "on_surface"]
+
+Kind = TypeVar("Kind")
 
 # Data on a triangulated surface.
 SurfaceData = HeightField | Image | RangeImage | Mesh
@@ -27,6 +35,29 @@ def array_of(data: Data) -> Array:
     if isinstance(data, Mesh):
         return data.points if data.channels is None or data.moves == "points" else data.channels
     return data.z if isinstance(data, HeightField) else data.depth if isinstance(data, RangeImage) else data.values
+
+
+def must_be(data: object, kinds: tuple[type[Kind], ...], what: str) -> Kind:
+    """The data itself, where it is of one of these kinds.
+
+    :param what: what takes it, for the message.
+    :raises InputError: for anything else, with what came.
+    """
+    if isinstance(data, kinds):
+        return data
+    names = [kind.__name__ for kind in kinds]
+    listed = " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    raise InputError(f"{what}: {listed} expected, got {shown(data)}")
+
+
+def data_from(data: object, kinds: tuple[type[Kind], ...], what: str) -> Kind | HeightField | Image:
+    """:func:`must_be`, where arrays (h, w) are height fields, and arrays (h, w, k) images, with a spacing of 1.
+
+    :raises InputError: for anything else, with what came.
+    """
+    if isinstance(data, np.ndarray) and data.ndim in (2, 3):
+        return HeightField(data) if data.ndim == 2 else Image(data)
+    return must_be(data, kinds, what)
 
 
 def on_surface(data: Data, what: str) -> SurfaceData:

@@ -1,7 +1,7 @@
 """The methods of the W^q family: by exponents, and its named members."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
@@ -9,10 +9,10 @@ from meshflow.flow.controls import AreaChange, Control
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
-from meshflow.flow.family import Indicator, Mass, Variant
+from meshflow.flow.family import WIDEST, Indicator, Mass, Variant
 from meshflow.flow.steppers import Explicit, Stepper, StepperName
 from meshflow.geometry.options import named_fields, option
-from meshflow.geometry.validation import number, positive, shown
+from meshflow.geometry.validation import positive
 from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.surface import Surface
 
@@ -26,6 +26,7 @@ __all__ = [
     "Patches",
     "SchemeMethod",
     "UnsearchedMethod",
+    "presmoothing_of",
 ]
 
 MEAN = "the mean of the values, each weighted by the area of its sample, with neumann borders"
@@ -60,8 +61,9 @@ class HeightMethod:
     )
     twicing: float | None = option(
         None,
-        "Weight w of twicing, 0 (none) to 1: the flow goes on to twice the time, and w times what it removes there is "
+        "Weight w of twicing, 0: none; else the flow goes on to twice the time, and w times what it removes there is "
         "added to the result, u(t) + w (u(t) - u(2 t)), which restores signal.",
+        within=(0.0, 1.0),
     )
     second_stage: bool | None = option(
         None,
@@ -76,10 +78,6 @@ class HeightMethod:
     def __post_init__(self) -> None:
         if self.contrast is not None:
             positive(self.contrast, "contrast")
-        if self.twicing is not None and not 0 <= number(self.twicing, "twicing") <= 1:
-            raise InputError(f"twicing: a weight between 0 and 1 expected, got {self.twicing}")
-        if self.second_stage not in (None, True, False):
-            raise InputError(f"second_stage: True, False or None expected, got {shown(self.second_stage)}")
         _ = self.variant
 
     @property
@@ -156,6 +154,13 @@ class UnsearchedMethod(HeightMethod):
         return True
 
 
+def presmoothing_of(sigma: float) -> Any:
+    """Declare the Gaussian of a scheme, with its default; a wider one costs more than a run and leaves no edge."""
+    return option(
+        sigma, "Standard deviation of the Gaussian before edges are measured.", "samples", within=(0.0, 1000.0)
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class SchemeMethod(UnsearchedMethod):
     """A method by finite differences between samples of a grid, with explicit steps."""
@@ -173,6 +178,12 @@ class SchemeMethod(UnsearchedMethod):
         :raises InputError: always; meshes have no differences between samples.
         """
         raise InputError(f"method={self.word!r}: of height fields and images, whose samples lie on a grid; got a mesh")
+
+
+def patch_of(width: float) -> Any:
+    """Declare the width of the patches, with its default."""
+    meaning = "Width of the patches; lengths are measured in the space of patches. Grids only."
+    return option(width, meaning, "samples", within=(0.0, WIDEST))
 
 
 @named_fields
@@ -194,9 +205,7 @@ class Beltrami(HeightMethod):
         "-2: graph flow.",
     )
     sharpness: float = option(1.0, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
-    patch: float = option(
-        0.0, "Width of the patches; lengths are measured in the space of patches. Grids only.", "samples"
-    )
+    patch: float = patch_of(0.0)
 
     @property
     def exponents(self) -> dict[str, float]:
@@ -302,9 +311,7 @@ class Patches(HeightMethod):
 
     word: ClassVar[str] = "patches"
 
-    patch: float = option(
-        0.7, "Width of the patches; lengths are measured in the space of patches. Grids only.", "samples"
-    )
+    patch: float = patch_of(0.7)
 
     @property
     def exponents(self) -> dict[str, float]:

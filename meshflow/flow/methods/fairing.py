@@ -37,7 +37,9 @@ class Fairing(PointMethod):
     once: ClassVar[bool] = True
 
     order: int | None = option(
-        None, "1 is implicit fairing, 2 the bi-Laplacian, 20 nearly an ideal low-pass. Without a search: 2."
+        None,
+        "1 is implicit fairing, 2 the bi-Laplacian, 20 nearly an ideal low-pass. Without a search: 2.",
+        within=(1, 20),
     )
     weights: Weights | None = option(
         None, "cotangent keeps the sampling, uniform also makes it even. Without a search: cotangent."

@@ -72,7 +72,7 @@ class LambdaMu(CurvatureFlow):
     aliases: ClassVar[tuple[str, ...]] = ("tau95",)
 
     weight: float = option(0.5, "lambda of the first step, above 0, at most 1.")
-    passband: float = option(0.1, "Frequency of the umbrella, 0 to 2, below which shapes are kept.")
+    passband: float = option(0.1, "Frequency of the umbrella below which shapes are kept, from 0 to below 1 / weight.")
 
     def __post_init__(self) -> None:
         super().__post_init__()

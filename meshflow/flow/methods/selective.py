@@ -5,12 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.samples import SampleFlow, Samples
-from meshflow.flow.methods.beltrami import SchemeMethod
-from meshflow.geometry.options import named_fields, option
-from meshflow.geometry.validation import Array, number
+from meshflow.flow.methods.beltrami import SchemeMethod, presmoothing_of
+from meshflow.geometry.options import named_fields
+from meshflow.geometry.validation import Array
 from meshflow.surfaces.grid import Grid
 
 __all__ = ["SelectiveScheme", "SelectiveSmoothing"]
@@ -73,12 +72,7 @@ class SelectiveSmoothing(SchemeMethod):
     conserves: ClassVar[str] = "no mean; no value leaves the range of the start"
     aliases: ClassVar[tuple[str, ...]] = ("alm92",)
 
-    presmoothing: float = option(1.0, "Standard deviation of the Gaussian before edges are measured.", "samples")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if number(self.presmoothing, "presmoothing") < 0:
-            raise InputError(f"presmoothing: a width, zero or more, expected, got {self.presmoothing}")
+    presmoothing: float = presmoothing_of(1.0)
 
     def on_grid(self, grid: Grid, threads: int | None) -> Flow:
         """The scheme."""

@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.samples import SampleFlow, Samples
-from meshflow.flow.methods.beltrami import SchemeMethod
+from meshflow.flow.methods.beltrami import SchemeMethod, presmoothing_of
 from meshflow.flow.methods.selective import along_isophotes
 from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array, number
@@ -103,7 +103,7 @@ class ShockFilter(SchemeMethod):
 
     fidelity: float = option(0.0, "How strongly the start pulls.", "1 / squared length")
     shock: float = option(0.1, "Strength of the shock term; 0: none.", "1 / length")
-    presmoothing: float = option(1.0, "Standard deviation of the Gaussian before edges are measured.", "samples")
+    presmoothing: float = presmoothing_of(1.0)
     switch: float = option(
         0.0,
         "Slope of the smoothed values from which the shock term replaces the diffusion across edges; 0: both act everywhere.",
@@ -112,7 +112,7 @@ class ShockFilter(SchemeMethod):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("fidelity", "shock", "presmoothing", "switch"):
+        for name in ("fidelity", "shock", "switch"):
             if number(getattr(self, name), name) < 0:
                 raise InputError(f"{name}: a number, zero or more, expected, got {getattr(self, name)}")
 

@@ -5,12 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.samples import SampleFlow, Samples
-from meshflow.flow.methods.beltrami import SchemeMethod
+from meshflow.flow.methods.beltrami import SchemeMethod, presmoothing_of
 from meshflow.geometry.options import named_fields, option
-from meshflow.geometry.validation import Array, number, positive
+from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.grid import Grid
 
 __all__ = ["SmallerCurvature", "SmallerCurvatureScheme"]
@@ -114,14 +113,12 @@ class SmallerCurvature(SchemeMethod):
     conserves: ClassVar[str] = "no mean; no value leaves the range of the start"
     aliases: ClassVar[tuple[str, ...]] = ("principal-curvature", "mdsb02")
 
-    presmoothing: float = option(2.0, "Standard deviation of the Gaussian before edges are measured.", "samples")
+    presmoothing: float = presmoothing_of(2.0)
     feature: float = option(12.0, "Curvatures above the inverse of this are creases.", "samples")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         positive(self.feature, "feature")
-        if number(self.presmoothing, "presmoothing") < 0:
-            raise InputError(f"presmoothing: a width, zero or more, expected, got {self.presmoothing}")
 
     def on_grid(self, grid: Grid, threads: int | None) -> Flow:
         """The scheme."""

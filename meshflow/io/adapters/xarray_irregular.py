@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshflow.errors import Fact
+from meshflow.errors import Fact, InputError
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.curvilinear import Curvilinear
 from meshflow.surfaces.irregular import Irregular
@@ -33,11 +33,16 @@ def irregular_of(
     :param plane: its dimensions, rows and columns.
     :param values: (h, w) or (h, w, k), in that order.
     :param missing: (h, w).
+    :raises InputError: for coordinates that are NaN everywhere.
     """
     found = _uneven(array, plane) if set(plane) <= set(array.coords) else _curved(array, plane)
     if found is None:
         return None
     x, y, degrees = found
+    if not (np.isfinite(x) & np.isfinite(y if np.ndim(y) == 2 else y[:, None])).any():
+        raise InputError(
+            f"coordinates of {' and '.join(map(str, plane))}: no sample has a place, they are NaN; give them, or spacing="
+        )
     if degrees:
         taken: Irregular = OnSphere(x, y, values, _EARTH, missing=missing)
     else:

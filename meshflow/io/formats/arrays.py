@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import FormatError, InputError, said_by
 from meshflow.geometry.validation import Array, must_be_real, nowhere, real, shown, spacing_of, triangles_of
 from meshflow.io.atomic_write import beside
 from meshflow.io.depth_units import LARGEST, doubtful_depths, in_metres
@@ -353,9 +353,9 @@ def loaded(path: Path) -> dict[str, Array]:
         found = np.load(path, allow_pickle=False)
         return dict(found) if isinstance(found, np.lib.npyio.NpzFile) else {"values": found}
     except _BROKEN as cause:
-        reason = " ".join(str(cause).split())[:300] or type(cause).__name__
         raise FormatError(
-            f"{path.name} cannot be read ({reason}); an array of numbers, as numpy.save and numpy.savez write it, is expected"
+            f"{path.name} cannot be read ({said_by(cause)}); an array of numbers, as numpy.save and numpy.savez write it, "
+            "is expected"
         ) from cause
 
 

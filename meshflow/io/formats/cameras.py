@@ -12,7 +12,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import FormatError, InputError, said_by
 from meshflow.geometry.options import must_be_object, refused
 from meshflow.io.atomic_write import beside
 from meshflow.io.formats.camera_info import said_in, words_for
@@ -190,8 +190,8 @@ def _calibration(source: object, shape: tuple[int, int]) -> Calibration:
         *_ZIPPED,
     ) as cause:  # ValueError: no JSON, or no text
         raise FormatError(
-            f"camera {path} cannot be read ({cause}); a name ({', '.join(CONVENTIONS)}), a camera_info YAML, or a JSON file "
-            f"such as {_example(shape)} is expected"
+            f"camera {path} cannot be read ({said_by(cause)}); a name ({', '.join(CONVENTIONS)}), a camera_info YAML, or a JSON "
+            f"file such as {_example(shape)} is expected"
         ) from cause
     return _told(said, path, shape)
 

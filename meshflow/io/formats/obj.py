@@ -237,12 +237,18 @@ def _parsed(
                     f"{path.name}, line {number + 1}: a face of three corners expected, got {line.strip()!r}"
                 )
             polygons.append([_index(corner[0], len(rows)) for corner in corners])
+            if min(polygons[-1]) < 0:
+                raise FormatError(
+                    f"{path.name}, line {number + 1}: vertices count from 1, or back from -1, of {len(rows)} so far; got "
+                    f"{line.strip()!r}"
+                )
             normals.append([_index(corner[2], len(normal_rows)) if corner[2] else -1 for corner in corners])
             for kind, name in now.items():
                 names[kind].append(name)
-    highest = max((max(polygon) for polygon in normals), default=-1)
-    if highest >= len(normal_rows):
-        raise FormatError(f"{path.name}: a face names normal {highest + 1} of {len(normal_rows)}")
+    for what, used, there in (("vertex", polygons, len(rows)), ("normal", normals, len(normal_rows))):
+        highest = max((max(polygon) for polygon in used), default=-1)
+        if highest >= there:
+            raise FormatError(f"{path.name}: a face names {what} {highest + 1} of {there}; is the file whole?")
     return rows, normal_rows, polygons, normals, names
 
 

@@ -15,7 +15,7 @@ import rasterio.shutil
 from rasterio._err import CPLE_BaseError  # errors of GDAL for which rasterio has no public name
 from rasterio.errors import DriverRegistrationError, RasterioError
 
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import FormatError, InputError, said_by
 from meshflow.io.formats.raster_frame import Frame, place
 
 __all__ = ["DRIVERS", "TILE", "Encoding", "copied_to", "driver_of", "encoding_for", "must_work", "reason_of"]
@@ -184,7 +184,7 @@ def reason_of(cause: BaseException) -> str:
     """The message of GDAL, which rasterio only refers to."""
     while cause.__cause__ is not None:
         cause = cause.__cause__
-    return " ".join(str(cause).split())[:300]
+    return said_by(cause)
 
 
 class _Complaints(logging.Handler):

@@ -219,8 +219,13 @@ def _must_be_whole(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(84)
     count = int.from_bytes(head[80:84], "little")
-    if len(head) == 84 and size < 84 + 50 * count < 1000 * size:
+    text = head.lstrip()[:5].lower() == b"solid"
+    if len(head) == 84 and size < 84 + 50 * count and (not text or 84 + 50 * count < 1000 * size):
         raise FormatError(f"{path.name}: cut off, {count} triangles expected in {size} bytes; get the whole file")
+    if len(head) == 84 and count == 0 and size > 84 and not text:
+        raise FormatError(
+            f"{path.name}: it says that it has no triangle, but {size - 84} bytes follow; export it again"
+        )
 
 
 def _parts_of(title: str, scene: trimesh.Scene, suffix: str) -> tuple[Part, ...]:

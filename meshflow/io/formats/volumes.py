@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from meshflow.errors import Fact, FormatError, InputError, need
+from meshflow.errors import Fact, FormatError, InputError, need, said_by
 from meshflow.geometry.validation import Array, nowhere
 from meshflow.io.document import Document, WriteOptions
 from meshflow.io.formats.volume_arrays import must_be_no_labels
@@ -158,8 +158,7 @@ def placed_by_header(source: Scan) -> tuple[Array, Scan]:
 
 def broken(path: Path, cause: Exception) -> FormatError:
     """The refusal of a file that cannot be read."""
-    reason = " ".join(str(cause).split())[:200] or type(cause).__name__
-    return FormatError(f"{path.name} cannot be read ({reason})")
+    return FormatError(f"{path.name} cannot be read ({said_by(cause)})")
 
 
 def three(path: Path, values: Array) -> Array:
