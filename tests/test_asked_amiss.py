@@ -4,6 +4,7 @@ import re
 import sys
 from dataclasses import fields, is_dataclass
 from errno import ENOSPC
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -13,9 +14,10 @@ import meshflow
 from meshflow import HeightField, Image, InputError, classics, evaluate, smooth
 from meshflow.cli import commands
 from meshflow.cli.commands import main
+from meshflow.cli.flags import FLOW
 from meshflow.errors import said_by
 from meshflow.flow.controls import FixedStep, Until
-from meshflow.flow.methods import HEIGHT_METHODS, POINT_METHODS
+from meshflow.flow.methods import AUTHORS, HEIGHT_METHODS, METHODS, POINT_METHODS, word_of
 from meshflow.flow.stops import Residual
 from meshflow.geometry.options import options_of
 from meshflow.geometry.validation import spacing_of
@@ -184,6 +186,27 @@ def test_names_that_are_no_files_are_refused_for_what_they_are(tmp_path):
             read(name)
     with pytest.raises(InputError, match="is a folder; name a file in it .*--output"):
         meshflow.write(Z, tmp_path)
+
+
+def test_methods_are_found_by_their_authors_and_by_the_keys_of_their_papers():
+    assert all(word in METHODS for word in AUTHORS.values())
+    assert [word_of(name) for name in ("Kornprost", "KDA97", "Rudin, Osher, Fatemi", "Alvarez")] == [
+        "shock", "shock", "rof", "selective",
+    ]  # fmt: skip
+    for name in ("preusser-rumpf", "PR99"):
+        with pytest.raises(InputError, match="meshflow.classics.field_picture"):
+            smooth(Z, method=name)
+
+
+def test_the_help_names_each_default_of_an_option_that_methods_share():
+    helps = {flag.name: flag.help for flag in FLOW}
+    for flag, words in (("sharpness", "Default: 1.0; perona-malik: 2.0"), ("patch", "Default: 0.0; patches: 0.7")):
+        assert words in helps[flag]
+
+
+def test_no_docstring_names_a_file_that_users_do_not_have():
+    for file in Path(meshflow.__file__).parent.rglob("*.py"):
+        assert "shared/" not in file.read_text(), file
 
 
 def refused(monkeypatch, capsys, *words):

@@ -23,7 +23,7 @@ def field_diffusion(
 
     A has the eigenvalue 1 along the field and ``across`` G(|grad rho|) perpendicular to it, G(s) = 1 / (1 + (h s)^2), h the
     mean edge; f(rho) = (2 rho - 1)(1 - (2 rho - 1)^2) / (4 h^2) drives rho to 0 and 1 and keeps the contrast. T. Preusser, M.
-    Rumpf, IEEE Visualization 1999, 323-332, from the survey in shared/PEERS.md; the paper itself could not be checked: its f
+    Rumpf, IEEE Visualization 1999, 323-332, as surveys give it; the paper itself was not at hand: its f
     and its presmoothed gradient are replaced by these. Linear finite elements, semi-implicit steps, as there; where the field
     is zero diffusion is equal in all directions.
 

@@ -8,11 +8,18 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from meshflow.cli.console import must_be_open, out, rows_printed
+from meshflow.cli.console import must_be_open, out, rows_printed, said
 from meshflow.cli.flags import FLOW
+from meshflow.errors import Fact
 from meshflow.flow.methods import METHODS, Search, no_method, papers_of, word_of
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.geometry.options import Option, options_of
+
+# What is said below the methods.
+CLASSICS = (
+    "schemes as they were published (umbrella, hc, perona_malik, field_picture, hierarchy, compressed, ...) are functions of "
+    "meshflow.classics in Python"
+)
 
 __all__ = ["methods_table", "options_table"]
 
@@ -31,6 +38,7 @@ def methods_table(json: bool, markdown: bool) -> None:
         rows.append((word, ", ".join(papers_of(kind)), _moved(kind), names, what, when, conserves))
     heads = ("method", "paper", "moves", "options", "what it is", "when", "conserves")
     _printed(heads, rows, json, markdown)
+    said("", () if json else (Fact(CLASSICS),))
 
 
 def _used(kind: type) -> tuple[Option, ...]:

@@ -77,12 +77,24 @@ ELSEWHERE = {
     "tv": "total-variation (a flow) or rof (at rest)",
     "ms96": "graph (graph mean curvature) or min-max",
     "pr99": "meshflow.classics.field_picture (grids) or field_diffusion (surfaces)",
+    "preusser-rumpf": "meshflow.classics.field_picture (grids) or field_diffusion (surfaces)",
+    "preusser": "meshflow.classics.field_picture (grids) or field_diffusion (surfaces)",
     "lic": "meshflow.classics.field_picture (grids) or field_diffusion (surfaces)",
     "anisotropic": "perona-malik or beltrami",
     "anisotropic-diffusion": "perona-malik or beltrami",
     "windowed-sinc": "fairing (with an order)",
     "two-step": "normal-filter",
 }
+
+
+# Methods by their authors; their keys, such as PM90, are aliases of their own.
+AUTHORS = {
+    "alvarez": "selective", "alvarez-lions-morel": "selective", "kornprost": "shock", "kornprost-deriche-aubert": "shock",
+    "malladi": "min-max", "malladi-sethian": "min-max", "tumblin": "low-curvature", "tumblin-turk": "low-curvature",
+    "shah": "shared-edges", "rudin": "rof", "rudin-osher-fatemi": "rof", "el-fallah": "mean-curvature",
+    "el-fallah-ford": "mean-curvature", "sochen": "beltrami", "sochen-kimmel-malladi": "beltrami",
+    "desbrun": "implicit-fairing", "perona": "perona-malik", "geman": "geman-mcclure",
+}  # fmt: skip
 
 
 def method_of(given: "str | Method") -> Method:
@@ -114,7 +126,7 @@ def word_of(given: str) -> str:
         names = (kind.__name__, *kind.aliases)
         if letters in ("".join(filter(str.isalnum, name)).lower() for name in names):
             return kind.word
-    return ""
+    return AUTHORS.get(spelled(given, AUTHORS), "")
 
 
 def no_method(word: str) -> InputError:

@@ -77,7 +77,7 @@ class HalfQuadratic(_AtRest):
     The minimum of sum A phi(s) / contrast^2 + |u - f|^2 / (2 time), s = contrast |grad u|, by half-quadratic minimization
     (:class:`meshflow.flow.proximal.Proximal`). phi by name: ``hypersurface`` sqrt(1 + s^2) - 1, ``lorentz`` log(1 + s^2) / 2,
     ``geman-mcclure`` s^2 / (1 + s^2) / 2, those of P. Charbonnier, L. Blanc-Feraud, G. Aubert, M. Barlaud, IEEE Trans. Image
-    Process. 6 (1997), 298-311 (from the survey in shared/PEERS.md; the paper itself could not be checked). With a ``sharpness`` q
+    Process. 6 (1997), 298-311 (as surveys give them; the paper itself was not at hand). With a ``sharpness`` q
     it is the potential of the flow with conductance 1 / W^q, ((1 + s^2)^(1 - q / 2) - 1) / (2 - q). Without a time the
     residual is made equal to the noise, or the estimated risk least (``balance="risk"``). Take it where a flow's time is hard to
     choose: its result is the end.

@@ -88,8 +88,8 @@ class MinMax(SchemeMethod):
 
     u_t = F |grad u|, F = max(kappa, 0) where the mean of u over a disc of this radius is below the threshold T, else
     min(kappa, 0), kappa = div(grad u / |grad u|); T is the mean of u at both ends of the diameter along the isophote. No extremum
-    grows. R. Malladi, J. A. Sethian, Graphical Models and Image Processing 58 (1996), 127-141, from the survey in
-    shared/PEERS.md; the paper itself could not be checked. Take it for speckles: those smaller than the window vanish.
+    grows. R. Malladi, J. A. Sethian, Graphical Models and Image Processing 58 (1996), 127-141, as
+    surveys give it; the paper itself was not at hand. Take it for speckles: those smaller than the window vanish.
     """
 
     word: ClassVar[str] = "min-max"

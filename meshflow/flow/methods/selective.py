@@ -63,8 +63,8 @@ class SelectiveSmoothing(SchemeMethod):
     """Selective smoothing by curvature motion of isophotes, slow at edges of the smoothed image [ALM92].
 
     u_t = g(|G_sigma * grad u|) |grad u| div(grad u / |grad u|), g(s) = 1 / (1 + (contrast s)^2): equation and g as in L. Alvarez,
-    P.-L. Lions, J.-M. Morel, SIAM J. Numer. Anal. 29 (1992), 845-866, from the survey in shared/PEERS.md; the paper itself could
-    not be checked. Each channel moves by its own isophotes, with one g for all. Take it for drawings and letters: it rounds
+    P.-L. Lions, J.-M. Morel, SIAM J. Numer. Anal. 29 (1992), 845-866, as surveys give them; the paper itself was
+    not at hand. Each channel moves by its own isophotes, with one g for all. Take it for drawings and letters: it rounds
     corners, and keeps the levels of flat parts.
     """
 

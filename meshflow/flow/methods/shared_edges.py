@@ -76,8 +76,8 @@ class SharedEdges(SchemeMethod):
     """Diffusion that one edge field v stops in all channels at once, after Mumford and Shah [Sha96].
 
     u_k,t = div(v^2 grad u_k) - fidelity (u_k - g_k), and v_t = rho div grad v + (1 - v) / rho - 2 v S, with S = sum |grad u_k|^2
-    (power 2) or its root (power 1, Shah's), u in units of 1 / contrast: J. Shah, ICIP 1996, 461-464, from the survey in
-    shared/PEERS.md; the paper itself could not be checked. Here v is at rest for the present u, the limit of a fast v, and S is
+    (power 2) or its root (power 1, Shah's), u in units of 1 / contrast: J. Shah, ICIP 1996, 461-464, as surveys
+    give it; the paper itself was not at hand. Here v is at rest for the present u, the limit of a fast v, and S is
     counted in 1 / rho, so that the threshold does not depend on rho. Take it for colours whose edges are in different channels.
     """
 

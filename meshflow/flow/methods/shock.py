@@ -91,7 +91,7 @@ class ShockFilter(SchemeMethod):
 
     u_t = (phi'(s)/s) u_xi_xi + phi''(s) u_eta_eta - fidelity (u - u0) - shock sign(G_sigma * u_eta_eta) |grad u|, with
     phi(s) = sqrt(1 + s^2), s = contrast |grad u|, xi along and eta across isophotes: after P. Kornprobst, R. Deriche, G. Aubert,
-    CVPR 1997, 325-331, from the survey in shared/PEERS.md; the paper itself could not be checked. With a ``switch`` tau, as in
+    CVPR 1997, 325-331, as surveys give it; the paper itself was not at hand. With a ``switch`` tau, as in
     the same authors' coupled model (ICIP 1997, from memory), phi'' acts where |G_sigma * grad u| < tau and the shock term where
     it is not, so that noise on flat parts is no longer sharpened. Take it for blurred images with little noise: the shock term
     makes ramps into steps.
