@@ -184,7 +184,7 @@ def test_names_that_are_no_files_are_refused_for_what_they_are(tmp_path):
     ):
         with pytest.raises(InputError, match=words):
             read(name)
-    with pytest.raises(InputError, match="is a folder; name a file in it .*--output"):
+    with pytest.raises(InputError, match="exists and is a folder; name a file in it .*--output"):
         meshflow.write(Z, tmp_path)
 
 

@@ -28,8 +28,8 @@ def must_be_free(path: Path, overwrite: bool) -> None:
         )
     if path.is_dir() and not overwrite:
         raise FormatError(
-            f"{path} is a folder; name a file in it (the command puts results into a folder with --output {path}), or replace "
-            "the series or store that it is on purpose (overwrite=True)"
+            f"{path} exists and is a folder; name a file in it (the command puts results into a folder with --output {path}), or "
+            "overwrite the series or store that it is on purpose (overwrite=True)"
         )
     if path.exists() and not overwrite:
         raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (overwrite=True)")
