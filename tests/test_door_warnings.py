@@ -39,7 +39,7 @@ CASES = [
     (lambda **how: meshflow.smooth(UNDECLARED, **how), "-9999"),
     (lambda **how: meshflow.smooth(ball(), time=1e9, **how), "vanished"),
     (lambda **how: meshflow.smooth(ball(), time=0.1, **how), "of its area; a smaller time"),
-    (lambda **how: meshflow.smooth(ball(), method="heat", **how), "no effect where points move"),
+    (lambda **how: meshflow.smooth(ball(), method="graph", **how), "no effect where points move"),
     (lambda **how: meshflow.smooth(TRANSPARENT, **how), "if it is alpha"),
     (lambda **how: meshflow.smooth(ROUGH, **how), "the estimate of the noise is uncertain: two estimates differ"),
 ]

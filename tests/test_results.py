@@ -8,7 +8,7 @@ from helpers.shapes import along_normals, sphere
 from PIL import Image as Picture
 
 import meshflow
-from meshflow.errors import FormatError
+from meshflow.errors import FormatError, InputError
 from meshflow.evaluate.metrics import compare
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import Fairing, Search
@@ -72,7 +72,9 @@ def test_options_without_effect_on_points_are_told_and_choose_no_other_method(op
     assert f"{next(iter(options))}: no effect where points move" in reported.warnings
 
 
-@pytest.mark.parametrize("words", [{"method": "heat"}, {"gamma": -1.0}, {"sharpness": 2.0}, {"method": "perona-malik"}])
+@pytest.mark.parametrize(
+    "words", [{"method": "graph"}, {"gamma": -1.0}, {"sharpness": 2.0}, {"method": "mean-curvature"}]
+)
 def test_variants_of_grids_say_that_they_have_no_effect_on_points(words):
     result = smooth((NOISY, FACES), **parts(time=0.01, **words), result=True)
     plain = smooth((NOISY, FACES), time=0.01, result=True)
@@ -80,6 +82,14 @@ def test_variants_of_grids_say_that_they_have_no_effect_on_points(words):
     assert words.get("method", "beltrami") in warning  # exponents are those of beltrami
     assert np.array_equal(result.after.points, plain.after.points)
     assert not plain.warnings
+
+
+@pytest.mark.parametrize("word", ["heat", "perona-malik", "rof", "min-max", "total-variation", "paper"])
+def test_methods_of_values_are_refused_where_points_move(word):
+    with pytest.raises(
+        InputError, match=f"method='{word}': of values above a base.*; methods for this data are search"
+    ):
+        smooth((NOISY, FACES), method=word)
 
 
 def test_an_unknown_method_is_refused_in_one_line(tmp_path):

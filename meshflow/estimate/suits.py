@@ -4,8 +4,10 @@ from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.flow.compute import Compute
 from meshflow.flow.methods import words_for
-from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.beltrami import Beltrami, HeightMethod, MeanCurvatureDiffusion
+from meshflow.flow.methods.graph import GraphFlow
 from meshflow.flow.methods.points import PointMethod
+from meshflow.flow.methods.searched import Search
 from meshflow.surfaces.data import Data
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
@@ -13,6 +15,9 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
 __all__ = ["must_suit", "words_on"]
+
+# Members of the family that are mean curvature flow where points move alone, whatever their exponents.
+MEAN_CURVATURE = (Beltrami, MeanCurvatureDiffusion, GraphFlow)
 
 
 def must_suit(data: Data, request: Request) -> None:
@@ -67,8 +72,11 @@ def _must_be_defined(data: Data, request: Request) -> None:
     method, rays = request.method, isinstance(data, RangeImage)
     if not isinstance(method, HeightMethod):
         return
-    moving = isinstance(data, Mesh) and data.moves != "channels"  # all but patches stand for mean curvature flow there
-    why = (method.variant if moving else method).misfit(rays, not isinstance(data, Mesh))
+    moving = isinstance(data, Mesh) and data.moves != "channels"
+    if isinstance(data, Mesh) and data.moves == "points" and not isinstance(method, (Search, *MEAN_CURVATURE)):
+        why = "of values above a base, got points that move"
+    else:
+        why = (method.variant if moving else method).misfit(rays, not isinstance(data, Mesh))
     if not why:
         return
     inverse = "; domain='disparity' takes all methods of height fields" if rays else ""
