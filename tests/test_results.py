@@ -84,6 +84,16 @@ def test_variants_of_grids_say_that_they_have_no_effect_on_points(words):
     assert not plain.warnings
 
 
+def test_a_method_that_takes_the_shape_with_the_noise_is_a_warning():
+    ball = meshflow.synthetic.sphere(2)
+    points, faces = ball.points, ball.faces
+    noisy = points + 0.02 * np.random.default_rng(0).normal(size=points.shape)
+    for word in ("quick", "curvature"):
+        result = smooth((noisy, faces), method=word, result=True)
+        assert any("times the noise was removed" in warning for warning in result.warnings)
+    assert not any("times" in warning for warning in smooth((noisy, faces), result=True).warnings)
+
+
 @pytest.mark.parametrize("word", ["heat", "perona-malik", "rof", "min-max", "total-variation", "paper"])
 def test_methods_of_values_are_refused_where_points_move(word):
     with pytest.raises(

@@ -1,5 +1,7 @@
 """Warnings about what a run has done to the data, and about what it could not move."""
 
+import numpy as np
+
 from meshflow.estimate.plan import Plan
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.march import VANISHED, State
@@ -9,12 +11,14 @@ from meshflow.surfaces.data import Data
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 
-__all__ = ["of_area", "of_lag", "of_lone_samples"]
+__all__ = ["of_area", "of_excess", "of_lag", "of_lone_samples"]
 
 # A warning is given where more than this number, and this share, of the samples have no triangle.
 ALONE, ALONE_SHARE = 10, 1e-3
 # The share of its area below which a mesh is warned of.
 LOST = 0.8
+# The multiple of the noise from which on more was removed than that.
+EXCESS = 2.0
 
 
 def of_area(done: Data, plan: Plan, start: State, end: State) -> tuple[str, ...]:
@@ -27,6 +31,28 @@ def of_area(done: Data, plan: Plan, start: State, end: State) -> tuple[str, ...]
     if not isinstance(done, Mesh) or done.moves != "points" or plan.candidates or end.area > LOST * start.area:
         return ()
     return (f"the surface lost {1 - end.area / start.area:.0%} of its area; a smaller time keeps more",)
+
+
+def of_excess(before: Data, done: Data, plan: Plan) -> tuple[str, ...]:
+    """A warning about a method with its own time that moved the points of a mesh by far more than the noise."""
+    if (
+        not isinstance(before, Mesh)
+        or not isinstance(done, Mesh)
+        or before.moves != "points"
+        or before.points.shape[1] != 3
+    ):
+        return ()
+    noise = plan.noise.sigma * plan.request.strength
+    if plan.candidates or plan.request.asked or noise == 0:
+        return ()
+    along = np.einsum("ij,ij->i", before.points - done.points, np.asarray(before.normals))
+    times = float(np.sqrt(np.mean(np.square(along)))) / noise
+    if times < EXCESS:
+        return ()
+    return (
+        f"{times:.1f} times the noise was removed: for this method the mesh is coarse, and its shape went, too; a smaller time "
+        "keeps more, and so does no method",
+    )
 
 
 def of_lag(plan: Plan, end: State) -> tuple[str, ...]:

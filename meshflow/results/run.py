@@ -31,7 +31,7 @@ from meshflow.flow.progress import Progress
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.crossings import moved_without_harm
 from meshflow.geometry.validation import Array, whole
-from meshflow.results.afterwards import of_area, of_lag, of_lone_samples
+from meshflow.results.afterwards import of_area, of_excess, of_lag, of_lone_samples
 from meshflow.results.result import History, Result, release
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Whole
@@ -86,7 +86,7 @@ def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None)
         warnings += of_area(done, plan, start, end)
         done, held = _without_harm(data, done, plan)
         warnings += held
-        warnings += held_back(plan, end) + of_lag(plan, end)
+        warnings += held_back(plan, end) + of_lag(plan, end) + of_excess(data, done, plan)
     if isinstance(engine, GridFlow):
         warnings += of_lone_samples(engine, plan)
     done = replace(done, fixed=data.fixed)
