@@ -15,7 +15,7 @@ from meshflow.estimate.schemes import held_back
 from meshflow.flow.conservation import Kept, free_of
 from meshflow.flow.constraints import Both, Faithful, Hold
 from meshflow.flow.contract import Flow
-from meshflow.flow.controls import Control, FixedStep, Until
+from meshflow.flow.controls import Control, FixedStep, GrowingStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Clamped
@@ -28,7 +28,7 @@ from meshflow.flow.mobility import slowed
 from meshflow.flow.offsets import without_offsets
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
-from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, stepper_for
+from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
 from meshflow.geometry.crossings import moved_without_harm
 from meshflow.geometry.validation import Array, whole
 from meshflow.results.afterwards import of_area, of_excess, of_lag, of_lone_samples
@@ -294,7 +294,15 @@ def stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | N
     if isinstance(plan.method, HeightMethod):
         stepper, control = plan.method.stepper(stepper), plan.method.control(control)
         control = FixedStep(plan.time) if plan.method.once and control is None and plan.time else control
+        if stepper == "auto" and control is None and time is not None and plan.method.variant.linear:
+            return _of_linear(flow, time)
     return stepper, control
+
+
+def _of_linear(flow: Flow, time: float) -> tuple[Stepper, Control | None]:
+    """Steps that do not depend on the data, so that the result is linear in it."""
+    chosen = stepper_for("auto", flow, time)
+    return (SuperTime(order=2), GrowingStep()) if isinstance(chosen, SuperTime) else (chosen, None)
 
 
 def _stepper(flow: Flow, plan: Plan) -> Stepper | StepperName:
