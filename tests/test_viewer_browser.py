@@ -99,7 +99,7 @@ SERVER = """
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def served(raster, request):
     process = subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(SERVER), str(raster), request.param], stdout=subprocess.PIPE, text=True

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
-from functools import wraps
+from functools import cache, wraps
 from inspect import Parameter, Signature, signature
 from math import isinf
 from types import NoneType, UnionType
@@ -79,6 +79,7 @@ class Option:
         return self.flag != "-"
 
 
+@cache
 def options_of(owner: type) -> tuple[Option, ...]:
     """The options of a dataclass, in order."""
     kinds = get_type_hints(owner)

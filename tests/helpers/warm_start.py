@@ -19,14 +19,16 @@ ROOT = Path(__file__).parents[2]
 SECONDS = 120  # after which a process is ended, as by subprocess.run
 
 
-def run(*words, cwd=None, stdin=b"", limits=(), **environment):
+def run(*words, cwd=None, stdin=b"", limits=(), start=None, **environment):
     """``meshflow WORDS`` in a process of its own.
 
     :param stdin: the bytes that it reads.
     :param limits: pairs of a limit of the system and its value.
+    :param start: variables with which Python starts.
     :param environment: variables beside those of this process; None: without it.
     """
-    variables = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    started = tuple(sorted((start or {}).items()))
+    variables = {**os.environ, "PYTHONPATH": str(ROOT), **dict(started), **environment}
     asked = {
         "words": [os.fsencode(word).hex() for word in words],
         "cwd": os.path.abspath(cwd or os.curdir),
@@ -35,7 +37,7 @@ def run(*words, cwd=None, stdin=b"", limits=(), **environment):
     }
     pipes = [os.pipe() for _ in range(3)]
     theirs = [pipes[0][0], pipes[1][1], pipes[2][1]]
-    server = served()
+    server = served(started)
     socket.send_fds(server, [json.dumps(asked).encode()], theirs)
     for end in theirs:
         os.close(end)
@@ -47,14 +49,14 @@ def run(*words, cwd=None, stdin=b"", limits=(), **environment):
 
 
 @cache
-def served():
-    """The connection to the process that forks; its own streams are pipes, as Python makes them for those that it forks."""
+def served(started):
+    """The connection to the process that forks, started with these variables; its streams are pipes, as theirs are."""
     ours, theirs = socket.socketpair()
     with theirs:
         subprocess.Popen(
             [sys.executable, __file__, str(theirs.fileno())],
             pass_fds=[theirs.fileno()], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            env={**os.environ, "PYTHONPATH": str(ROOT), **dict(started)},
         )  # fmt: skip
     return ours
 
@@ -103,6 +105,7 @@ def prepared(asked, ends):
     os.environ.clear()
     os.environ.update(asked["environment"])
     os.chdir(asked["cwd"])
+    sys.dont_write_bytecode = bool(asked["limits"])  # no file of Python's may be cut off, too
     for kind, value in asked["limits"]:
         resource.setrlimit(getattr(resource, kind), (value, value))
     sys.argv = ["meshflow", *(os.fsdecode(bytes.fromhex(word)) for word in asked["words"])]
