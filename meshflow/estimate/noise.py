@@ -7,6 +7,7 @@ import numpy as np
 
 from meshflow.estimate.evenness import leaves_gaps
 from meshflow.estimate.jpeg import Jpeg
+from meshflow.estimate.magnitudes import Magnitudes
 from meshflow.estimate.noise_by_intensity import ByIntensity
 from meshflow.estimate.noise_channels import spectra_of
 from meshflow.estimate.noise_growth import MAD, residuals
@@ -65,7 +66,8 @@ class Noise:
     :ivar channels: sigma of each channel.
     :ivar share: of the samples whose differences are multiples of the quantum; 0 without a quantum.
     :ivar how: the estimator: ``patches``, ``spectrum`` (correlated noise, and rough surfaces), ``differences``, ``intensity``
-        (blocks of each intensity, where the noise depends on it), the steps of a compression, or ``nothing`` for too few samples.
+        (blocks of each intensity, where the noise depends on it), ``air`` (of magnitudes), the steps of a compression, or
+        ``nothing`` for too few samples.
     :ivar correlation: (2 r + 1, 2 r + 1), correlation of samples by lag in rows and columns, 1 in the middle; None: the noise
         is white.
     :ivar length: standard deviation, in samples, of the Gaussian filter that gives white noise the same correlation of
@@ -89,7 +91,7 @@ class Noise:
     between: Array | None = None
     lines: Lines = field(default_factory=Lines)
     doubt: str = ""
-    by_intensity: tuple[ByIntensity | None, ...] = ()
+    by_intensity: tuple[ByIntensity | Magnitudes | None, ...] = ()
 
     @property
     def is_rounded(self) -> bool:

@@ -22,10 +22,9 @@ from meshflow.estimate.rims import with_smooth_rims
 from meshflow.estimate.schemes import within_noise
 from meshflow.estimate.second_stage import with_second_stage
 from meshflow.estimate.spikes import without_spikes
-from meshflow.estimate.stabilized import one_number_for_all, photons_stabilized, with_constant_noise
+from meshflow.estimate.stabilized import one_number_for_all, volume_of_constant_noise, with_constant_noise
 from meshflow.estimate.suits import must_suit
 from meshflow.estimate.tet_search import noise_in_body
-from meshflow.estimate.volume_noise import noise_of_volume
 from meshflow.flow.constraints import Limit, trust_of
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.mobility import speed_of
@@ -71,9 +70,7 @@ def noise_in(data: Data, mask: Array | None = None) -> Noise:
     if isinstance(data, RangeImage):
         return _noise_along(data, unseen(data.missing, mask))[0]
     if isinstance(data, Volume):
-        data, made = photons_stabilized(data, Request())
-        found = noise_of_volume(data.values, unseen(data.missing, mask), data.spacing)
-        return found if made is None or made.stabilizer is None else found.stabilized(made.stabilizer)
+        return volume_of_constant_noise(data, Request(), unseen(data.missing, mask))[2]
     if isinstance(data, TetMesh):
         return noise_in_body(data, mask)
     data, how = with_constant_noise(*prepared(data), Request())

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from meshflow.estimate.magnitudes import Magnitudes
 from meshflow.estimate.parameters import Parameter, contrast_unit, squared_unit, value_unit
 from meshflow.estimate.plan import Decided, Part, Plan
 from meshflow.estimate.risk import Candidate
@@ -43,9 +44,14 @@ def _of_noise(plan: Plan) -> dict[str, Parameter]:
     unit, strength = value_unit(plan.data), plan.request.strength
     found = {"noise": Parameter(plan.noise.sigma, unit, "given" if plan.noise.how == "given" else "estimated", why)}
     if plan.noise.by_intensity:
-        found["noise"] = Parameter(plan.noise.sigma, unit, "estimated", f"at the median intensity, {how}")
-        origin = "given" if plan.request.domain == "stabilized" else "estimated"
-        found["domain"] = Parameter("stabilized", "", origin, "the same noise at every intensity")
+        origin = "estimated" if plan.request.domain == "auto" else "given"
+        if any(isinstance(one, Magnitudes) for one in plan.noise.by_intensity):
+            found["domain"] = Parameter(
+                "magnitudes", "", origin, "the same noise at every signal, without the bias of Rice"
+            )
+        else:
+            found["noise"] = Parameter(plan.noise.sigma, unit, "estimated", f"at the median intensity, {how}")
+            found["domain"] = Parameter("stabilized", "", origin, "the same noise at every intensity")
     if plan.points is None:
         found["quantum"] = Parameter(plan.noise.quantum, unit, "estimated")
     return {**found, "strength": Parameter(strength, "", "default" if strength == 1.0 else "given")}

@@ -22,7 +22,7 @@ from meshflow.surfaces.surface import Boundary
 
 __all__ = ["BoundaryWord", "Domain", "Request", "Stopping"]
 
-Domain = Literal["auto", "length", "disparity", "luv", "lab", "linear-rgb", "stabilized"]
+Domain = Literal["auto", "length", "disparity", "luv", "lab", "linear-rgb", "stabilized", "magnitudes"]
 BoundaryWord = Boundary | Literal["border-curve"]
 Stopping = Steps | Residual | AreaLoss | Displacement | When | Callable[[Array, float], object]
 # The largest scale: its square must be a number.
@@ -64,9 +64,11 @@ class Request:
         "Where the values are smoothed. length: as they are; depths move along their rays. disparity: inverse depths, in "
         "which planes stay planes, and stereo and structured light have uniform noise; luv, lab, linear-rgb: colours in CIE "
         "L*u*v* or L*a*b*, where distances are those of the eye, or in linear light; stabilized: values with the same noise "
-        "at every intensity, for photon noise the square root. auto: disparity for the depths of a pinhole, unless a method, "
+        "at every intensity, for photon noise the square root; magnitudes: likewise for those of magnetic resonance in a "
+        "volume, without the bias of Rice. auto: disparity for the depths of a pinhole, unless a method, "
         "a time, a stop, a boundary or data weights are given; stabilized for images whose noise depends on the intensity, "
-        "unless a method, a time, a stop, a noise, a largest change or data weights are given; else length. The noise and the "
+        "and magnitudes for volumes whose air is that of magnitudes, unless a method, a time, a stop, a noise, a largest "
+        "change or data weights are given; else length. The noise and the "
         "largest change of depths are given in depths in both.",
     )
     outliers: OutlierWord | None = option(

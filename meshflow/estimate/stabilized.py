@@ -1,25 +1,27 @@
-"""Whether a picture is smoothed in values whose noise is the same at every intensity."""
+"""Whether a picture or a volume is smoothed in values whose noise is the same at every intensity."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.noise import ENOUGH, Window, noise_of
+from meshflow.estimate.magnitudes import Magnitudes
+from meshflow.estimate.noise import ENOUGH, Noise, Window, noise_of
 from meshflow.estimate.noise_by_intensity import ByIntensity, noise_by_intensity
 from meshflow.estimate.preparation import OnGrid, Preparation, prepared, stabilized_by, stabilized_volume
 from meshflow.estimate.quantization import quantum_of
 from meshflow.estimate.request import Request
 from meshflow.estimate.spread import spread_tiles
 from meshflow.estimate.stabilizer import Stabilizer
-from meshflow.estimate.volume_noise import slices_of
+from meshflow.estimate.volume_noise import OF_MAGNITUDES, noise_of_volume, slices_of
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.orientation import orientation_of
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["one_number_for_all", "photons_stabilized", "with_constant_noise"]
+__all__ = ["one_number_for_all", "volume_of_constant_noise", "with_constant_noise"]
 
 # The noise of stabilized values is near that of the flat blocks, unless these show texture.
 ALIKE = (0.6, 1.5)
@@ -52,13 +54,59 @@ def with_constant_noise(data: OnGrid, how: Preparation, request: Request) -> tup
     return (stable, made) if asked or _as_expected(stable, made, stabilizer) else (data, how)
 
 
-def photons_stabilized(data: Volume, request: Request) -> tuple[Volume, Preparation | None]:
-    """A volume in which the noise does not depend on the intensity, and its preparation; the same and None where it does not.
+def volume_of_constant_noise(data: Volume, request: Request, unseen: Array) -> tuple[Volume, Preparation | None, Noise]:
+    """A volume in which the noise does not depend on the intensity, its preparation, and its noise; the same and None where it
+    does not.
 
-    By default this is done for numbers of photons alone: the noise of magnitudes, which depends on the signal, too, is
-    estimated otherwise.
+    By default this is done for numbers of photons, and for magnitudes, whose air says that they are.
+
+    :param unseen: (d, h, w), samples that are not used for the noise.
+    :raises InputError: if it is asked for and not possible.
+    """
+    if request.domain != "magnitudes":
+        stable, how = _photons_stabilized(data, request)
+        noise = noise_of_volume(stable.values, unseen, data.spacing)
+        if how is not None and how.stabilizer is not None:
+            return stable, how, noise.stabilized(how.stabilizer)
+    else:
+        noise = noise_of_volume(data.values, unseen, data.spacing)
+    if not _of_magnitudes(data, request, noise):
+        return data, None, noise
+    sigmas = (request.noise,) * len(noise.channels) if request.noise else noise.channels
+    stabilizer = Stabilizer.of(tuple(Magnitudes(float(sigma)) if sigma > 0 else None for sigma in sigmas))
+    if stabilizer is None:
+        return data, None, noise
+    stable, how = stabilized_volume(data, stabilizer)
+    return stable, how, replace(noise, by_intensity=stabilizer.noise)
+
+
+def _of_magnitudes(data: Volume, request: Request, noise: Noise) -> bool:
+    """Whether a volume is smoothed as magnitudes.
 
     :raises InputError: if it is asked for and not possible.
+    """
+    if request.domain != "magnitudes":
+        return noise.how == OF_MAGNITUDES and request.domain == "auto" and _open(request)
+    if (least := float(data.values.min(where=~_each(data.missing, data.values), initial=0.0))) < 0:
+        raise InputError(f"domain='magnitudes': values of 0 or more expected, got {least:.6g}; leave the domain out")
+    held = request.constraints
+    for word, given in (("MaxChange", held.max_change), ("DataWeights", held.data_weights)):
+        if given is not None:
+            raise InputError(
+                f"domain='magnitudes': {word} is in the unit of the values, which are others there; leave one of both out"
+            )
+    return True
+
+
+def _each(missing: Array, values: Array) -> Array:
+    """The missing samples (d, h, w) for each channel of values."""
+    return missing if values.ndim == missing.ndim else np.broadcast_to(missing[..., None], values.shape)
+
+
+def _photons_stabilized(data: Volume, request: Request) -> tuple[Volume, Preparation | None]:
+    """A volume of numbers of photons whose noise does not depend on them, and its preparation; the same and None if it is none.
+
+    :raises InputError: if it is asked for, for any dependence, and not possible.
     """
     asked = _asked(request)
     if not asked and not (request.domain == "auto" and _open(request)):

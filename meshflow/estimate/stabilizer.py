@@ -2,7 +2,7 @@
 
 For photon noise f is the square root of Anscombe (1948), with read noise nearly that of Murtagh, Starck and Bijaoui (1995). The
 mean of f(v) over noise is not f of the mean: the way back is that of the mean of f, so that it is without bias (Makitalo and Foi
-2011, 2013), here for photons and for Gaussian noise of any sigma(v).
+2011, 2013), here for photons, for magnitudes, and for Gaussian noise of any sigma(v).
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln, xlogy
 
+from meshflow.estimate.magnitudes import Magnitudes
 from meshflow.estimate.noise_by_intensity import ONE_PHOTON, ByIntensity
 from meshflow.geometry.validation import Array
 
@@ -33,11 +34,11 @@ class Stabilizer:
     :ivar tables: intensities, f, and the mean of f over noise, (3, PLACES), of each channel.
     """
 
-    noise: tuple[ByIntensity | None, ...]
+    noise: tuple[ByIntensity | Magnitudes | None, ...]
     tables: tuple[Array | None, ...]
 
     @classmethod
-    def of(cls, noise: tuple[ByIntensity | None, ...]) -> "Stabilizer | None":
+    def of(cls, noise: tuple[ByIntensity | Magnitudes | None, ...]) -> "Stabilizer | None":
         """The one for a noise; None where the noise of no channel depends on the intensity."""
         if not any(noise):
             return None
@@ -74,8 +75,10 @@ class Stabilizer:
         return made
 
 
-def _table(noise: ByIntensity) -> Array:
+def _table(noise: ByIntensity | Magnitudes) -> Array:
     """Intensities, f, and the mean of f over noise, (3, PLACES)."""
+    if isinstance(noise, Magnitudes):
+        return noise.table()
     at, f, mean = _of_photons(noise) if noise.photons else _of_gaussian(noise)
     middle = np.interp(noise.typical, at, f)
     return np.stack([at, f - middle, np.maximum.accumulate(mean) - middle])

@@ -43,6 +43,8 @@ def must_suit(data: Data, request: Request) -> None:
             f"outliers: of height fields, images and values of vertices only, got "
             f"{'a mesh whose points move' if isinstance(data, Mesh) else kind}"
         )
+    if request.domain == "magnitudes":
+        raise InputError(f"domain='magnitudes': of volumes only, got {kind}")
     if request.domain == "stabilized" and not isinstance(data, (HeightField, Image)):
         raise InputError(f"domain='stabilized': of height fields and images only, got {kind}")
     if request.compute.triangles == "clamped" and not isinstance(data, Mesh):

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import binary_dilation
 
+from meshflow.estimate.magnitudes import sigma_of_air
 from meshflow.estimate.noise import ENOUGH, Noise, Window, noise_in_windows
 from meshflow.estimate.spread import spread_tiles
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.volume import Steps
 
-__all__ = ["noise_of_volume", "slices_of"]
+__all__ = ["OF_MAGNITUDES", "noise_of_volume", "slices_of"]
 
 # The largest number of slices, and of the windows along each side of a slice.
 SLICES, TILES = 12, 4
@@ -21,6 +22,8 @@ CUT, LEFT = 0.01, 0.1
 # Air lies below so many times its own deviation, and is at least this share of a volume; how far its spread may be from that of
 # magnitudes.
 AIR, OF_AIR, ALIKE = 4.5, 0.05, 0.15
+# How the noise of magnitudes is found.
+OF_MAGNITUDES = "air"
 # Rounds in which air is told from tissue; the least number of pairs in the air, and the largest correlation of white noise there.
 ROUNDS, ENOUGH_OF_AIR, WHITE = 4, 500, 0.2
 
@@ -44,10 +47,11 @@ def noise_of_volume(values: Array, missing: Array, spacing: Steps) -> Noise:
     across = _across(spacing)
     found = noise_in_windows(values, missing, _windows(missing.shape, across))
     magnitude = _of_magnitudes(values, missing, found.sigma)
+    white = found.correlation is None or _is_white(values, ~missing & (values < AIR * magnitude))
+    if magnitude > 0 and white and (magnitude > found.sigma or found.correlation is not None):
+        return replace(found, sigma=magnitude, channels=(magnitude,), correlation=None, how=OF_MAGNITUDES)
     if found.correlation is None:
-        return replace(found, sigma=magnitude, channels=(magnitude,)) if magnitude > found.sigma else found
-    if magnitude > 0 and _is_white(values, ~missing & (values < AIR * magnitude)):
-        return replace(found, sigma=magnitude, channels=(magnitude,), correlation=None)
+        return found
     within = [axis for axis in range(3) if axis != across]
     other = within[0]
     planes, first = found.correlation, np.ones(1)
@@ -82,7 +86,7 @@ def _of_magnitudes(values: Array, missing: Array, sigma: float) -> float:
     if air.size < OF_AIR * known.size or (air == 0).mean() > CUT:
         return 0.0
     alike = abs(float(air.std() / air.mean()) / 0.523 - 1.0) < ALIKE
-    return float(np.median(air)) / 1.177 if alike else 0.0
+    return sigma_of_air(air, float(np.median(air)) / 1.177) if alike else 0.0
 
 
 def _is_white(values: Array, air: Array) -> bool:

@@ -38,9 +38,8 @@ from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE
 from meshflow.estimate.search_rounds import Found, GridSearch
 from meshflow.estimate.second_stage import with_second_stage
-from meshflow.estimate.stabilized import photons_stabilized
+from meshflow.estimate.stabilized import volume_of_constant_noise
 from meshflow.estimate.tet_search import searched_on_tetrahedra
-from meshflow.estimate.volume_noise import noise_of_volume
 from meshflow.estimate.volume_search import searched_on_volume
 from meshflow.flow.family import Variant
 from meshflow.flow.methods import HEIGHT_METHODS
@@ -97,9 +96,7 @@ def plan_of_solid(data: SolidData, request: Request) -> Plan:
     seen = mask if mask is None or not np.any(mask) else np.asarray(mask, bool)
     how = None
     if isinstance(data, Volume):
-        data, how = photons_stabilized(data, request)
-        noise = noise_of_volume(data.values, unseen(data.missing, seen), data.spacing)
-        noise = noise if how is None or how.stabilizer is None else noise.stabilized(how.stabilizer)
+        data, how, noise = volume_of_constant_noise(data, request, unseen(data.missing, seen))
     else:
         noise = noise_in(data, seen)
     if request.noise is not None:
@@ -123,7 +120,7 @@ def _must_suit(data: SolidData, request: Request) -> None:
     compute, constraints = request.compute, request.constraints
     name = "volumes" if isinstance(data, Volume) else "meshes of tetrahedra"
     for word, given in (
-        (f"domain={request.domain!r}", request.domain not in ("auto", "length", "stabilized")),
+        (f"domain={request.domain!r}", not _has_domain(data, request)),
         ("outliers", request.outliers is not None),
         ("level", request.level is not None),
         ("MinComponent", constraints.min_component is not None),
@@ -138,6 +135,11 @@ def _must_suit(data: SolidData, request: Request) -> None:
         return
     if not isinstance(method, HeightMethod) or _without_engine(method) or not method.searches_for(channels_of(data)):
         raise InputError(f"method={method.word!r}: not for {name}; methods for {name} are {', '.join(volume_words())}")
+
+
+def _has_domain(data: SolidData, request: Request) -> bool:
+    """Whether the domain of a request is one of the data."""
+    return request.domain in ("auto", "length", *(("stabilized", "magnitudes") if isinstance(data, Volume) else ()))
 
 
 def _tuned(data: SolidData, request: Request, noise: Noise, mobility: Array | None) -> Plan:

@@ -200,7 +200,7 @@ def must_be_local(request: Request) -> None:
         "level": (request.level is not None, "an offset is that of a whole line"),
         "max_change='step'": (isinstance(held.max_change, str), "steps are found by all samples; give a number"),
         "domain": (
-            request.domain not in ("auto", "length", "stabilized"),
+            request.domain not in ("auto", "length", "stabilized", "magnitudes"),
             "of range images, and of pictures in memory",
         ),
     }

@@ -137,7 +137,7 @@ def states(data: Data, request: Request, count: int, progress: Progress = None) 
     :raises InputError: as :func:`run`, and for a count below two or inverse depths.
     """
     whole(count, "count", 2)
-    if request.domain not in ("auto", "length", "stabilized"):
+    if request.domain not in ("auto", "length", "stabilized", "magnitudes"):
         raise InputError(f"domain={request.domain!r}: states can be shown for domain='length' only; leave it out")
     if not isinstance(data, (Mesh, TetMesh, Volume)) and period_of(data):
         wide, asked, margin = _around(data, request)
