@@ -41,9 +41,9 @@ SETTLED = 1.0
 CALM, CALMEST, AROUND = 4.0, 0.5, 10
 # Of coarse models most vertices are beside a crease, which seems to be noise (a box of 386 vertices, noise of 0.01 edges: 0.12).
 # If sigma is LEAKED times that at the edges, which are flat across most of them, and residuals do not alternate (white noise
-# and impulses -0.34 to -0.22, creases -0.16 to 0.13), it is replaced by that, unless that is above LARGE mean edges, where it is
-# too small. Correlated noise is at most SMOOTH times that at the edges.
-LEAKED, ALTERNATING, SMOOTH, LARGE = 1.3, -0.19, 1.1, 0.3
+# and impulses -0.34 to -0.22, creases -0.16 to 0.13), it is replaced by that, unless that is above LARGE mean edges: it is
+# never above 0.23 of them, however strong the noise. Correlated noise is at most SMOOTH times that at the edges.
+LEAKED, ALTERNATING, SMOOTH, LARGE = 1.3, -0.19, 1.1, 0.2
 # The kurtosis of Gaussian noise, the one above which noise is impulsive, and the largest number of rounds of neighbour means.
 GAUSSIAN, IMPULSIVE, SPREAD = 3.0, 3.8, 6
 # The kurtosis above which correlation is not estimated, because impulses also correlate neighbours.

@@ -6,13 +6,12 @@ from typing import ClassVar
 import numpy as np
 from scipy.ndimage import convolve
 
-from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.engines.samples import SampleFlow, Samples
 from meshflow.flow.methods.beltrami import SchemeMethod
 from meshflow.flow.methods.selective import along_isophotes
 from meshflow.geometry.options import named_fields, option
-from meshflow.geometry.validation import Array, positive
+from meshflow.geometry.validation import Array
 from meshflow.surfaces.grid import Grid
 
 __all__ = ["MinMax", "MinMaxScheme"]
@@ -97,12 +96,7 @@ class MinMax(SchemeMethod):
     unused: ClassVar[tuple[str, ...]] = ("contrast", "indicator", "mass")
     aliases: ClassVar[tuple[str, ...]] = ("min-max-flow",)
 
-    radius: float = option(2.0, "Radius of the window; smaller details vanish.", "samples")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 1 <= positive(self.radius, "radius") <= WIDEST:
-            raise InputError(f"radius: 1 to {WIDEST:g} samples expected, got {self.radius}")
+    radius: float = option(2.0, "Radius of the window; smaller details vanish.", "samples", within=(1.0, WIDEST))
 
     def on_grid(self, grid: Grid, threads: int | None) -> Flow:
         """The scheme."""
