@@ -18,8 +18,8 @@ __all__ = ["Magnitudes", "sigma_of_air"]
 # The number of places of a table, how far it reaches, in deviations, and the places at which a mean over one part of the noise is
 # taken. Beyond its end f is a straight line, which is off by less than 1 / 100 of the noise.
 PLACES, REACH, NODES = 2048, 64.0, 24
-# How often the rate of f is corrected by the noise that is left uneven.
-EVENED = 4
+# How often the rate of f is corrected by the noise that is left uneven; with more, strong noise is smoothed less well.
+EVENED = 1
 # From so many deviations of signal on the variance is taken from its series, whose terms do not cancel.
 STRONG = 30.0
 # Air is told by the magnitudes below so many deviations, where there is little signal; the number of rounds.
