@@ -88,7 +88,7 @@ def test_an_unknown_word_is_refused_with_what_was_meant(words, message):
 
 
 @pytest.mark.parametrize(
-    ("word", "meant"), [("perona", "perona-malik"), ("normal_filtr", "normal-filter"), ("Fairin", "fairing")]
+    ("word", "meant"), [("peronna", "perona-malik"), ("normal_filtr", "normal-filter"), ("Fairin", "fairing")]
 )
 def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
     with pytest.raises(InputError, match=f"did you mean {meant}"):
@@ -123,7 +123,10 @@ def test_an_unknown_method_is_refused_with_the_nearest_one(word, meant):
         (lambda: Compute(search="yes"), "search: True, False or None"),  # type: ignore[arg-type]
         (lambda: Request(time=True), "time: a finite number"),
         (lambda: Request(time=1.0, scale=2.0), "give one of them"),
-        (lambda: Request(domain="moon"), "domain: auto, length, disparity, luv, lab, linear-rgb or stabilized"),  # type: ignore[arg-type]
+        (
+            lambda: Request(domain="moon"),
+            "domain: auto, length, disparity, luv, lab, linear-rgb, stabilized or magnitudes",
+        ),  # type: ignore[arg-type]
         (lambda: Request(compute="fast"), "compute: a Compute"),  # type: ignore[arg-type]
         (lambda: Request.of(stop=[Steps(2), Steps(3)]), "Steps is given twice"),
         (lambda: Request.of(stop=[Residual(0.9), Residual(0.5)]), "Residual is given twice"),

@@ -30,7 +30,15 @@ def test_every_option_that_a_format_names_exists():
 
 @pytest.mark.parametrize("name", [field.name for field in fields(ReadOptions)])
 def test_what_was_not_said_is_not_given_and_what_was_said_is(name):
-    words = {"unit": "m", "kind": "mesh", "moves": "all", "measure": "range", "time_unit": "noise", "slices": "each"}
+    words = {
+        "allow_remote": True,
+        "unit": "m",
+        "kind": "mesh",
+        "moves": "all",
+        "measure": "range",
+        "time_unit": "noise",
+        "slices": "each",
+    }
     said = ReadOptions.of({name: words.get(name, 0.5)})
     assert said.given == (name,)
     assert said.without(name).given == ()

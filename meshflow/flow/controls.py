@@ -120,10 +120,10 @@ class GivenSteps:
 @named_fields
 @dataclass(frozen=True)
 class GrowingStep:
-    """Steps of a share of the elapsed time, the first as long as an explicit one: whatever the data, as linear flows need it.
+    """Steps of a share of the elapsed time, at first of an explicit step: whatever the data, as linear flows need it.
 
-    With super-time steps of second order and a quarter of the time white noise is within 4e-3 of the exact solution, as it is
-    with the longest explicit steps.
+    With super-time steps of second order and a quarter of the time white noise is within 0.4 % of the exact solution, and
+    within 1.4 % at times below one squared distance, where the longest explicit steps are off by 40 %.
 
     :param share: of the elapsed time.
     """
@@ -145,7 +145,7 @@ class GrowingStep:
             return FixedStep().opened(flow, stepper, u, until)
         lengths, gone, longest = [], 0.0, stepper.largest(flow, u)
         while gone < until.time and (not lengths or lengths[-1] < longest):
-            lengths.append(min(max(first, self.share * gone), longest))
+            lengths.append(min(self.share * max(first, gone), longest))
             gone += lengths[-1]
         return ListedSteps(tuple(lengths))
 

@@ -43,6 +43,9 @@ from meshflow.surfaces.volume import Volume, WholeVolume
 
 __all__ = ["carried_out", "end_of", "engine_of", "hold_of", "run", "states", "steered", "stepping", "until_of"]
 
+# The share of the elapsed time of a step within which a stop is met by linear interpolation.
+WITHIN = 0.1
+
 
 def run(data: Data, request: Request, progress: Progress = None, *, record: bool | None = True) -> Result:
     """Smooth a data object as requested; returns a new data object in a result.
@@ -295,14 +298,16 @@ def stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | N
         stepper, control = plan.method.stepper(stepper), plan.method.control(control)
         control = FixedStep(plan.time) if plan.method.once and control is None and plan.time else control
         if stepper == "auto" and control is None and time is not None and plan.method.variant.linear:
-            return _of_linear(flow, time)
+            return _of_linear(flow, plan.until)
     return stepper, control
 
 
-def _of_linear(flow: Flow, time: float) -> tuple[Stepper, Control | None]:
-    """Steps that do not depend on the data, so that the result is linear in it."""
-    chosen = stepper_for("auto", flow, time)
-    return (SuperTime(order=2), GrowingStep()) if isinstance(chosen, SuperTime) else (chosen, None)
+def _of_linear(flow: Flow, until: Until) -> tuple[Stepper, Control | None]:
+    """Steps that do not depend on the data, so that the result is linear in it; shorter ones where a stop is met within one."""
+    if isinstance(stepper_for("auto", flow, until.time), SemiImplicit):
+        return SemiImplicit(), None
+    control = GrowingStep(WITHIN) if until.stops else GrowingStep()
+    return SuperTime(order=2), control
 
 
 def _stepper(flow: Flow, plan: Plan) -> Stepper | StepperName:
