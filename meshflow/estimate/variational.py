@@ -18,7 +18,7 @@ from meshflow.surfaces.mesh import Mesh
 __all__ = ["at_rest"]
 
 # Until the residual is this near to the noise, at most so many restorations, each to this share of its change.
-NEAR, MOST, ROUGH = 0.005, 25, 1e-2
+NEAR, MOST, ROUGH = 0.002, 25, 2e-3
 # The search goes out by factors of four, at most five.
 STRIDE, STRIDES = float(np.log(4.0)), 5
 # The risk is estimated at so many times below that of the noise, this factor apart (log), each to this share of its change.
