@@ -11,8 +11,8 @@ __all__ = ["ALL", "DRAWING", "FILES", "PLACING", "READING", "flags"]
 
 INPUT, OUTPUT, LOOK = "Input file", "Output", "Appearance"
 FILES = (
-    "GeoTIFF, COG, .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM; "
-    "MSH; organised PCD; CSV (points); PNG, JPEG; NIfTI, NRRD, a folder of DICOM; .npy, .npz; DATA.zarr/VARIABLE."
+    "GeoTIFF, COG, stacks of TIFF (--kind volume), .asc, .hgt, .lbl, .dem, whatever GDAL opens; PLY, OBJ, STL, OFF, GLB, VTP, "
+    "VTU, VTK, VTM, MSH; organised PCD; CSV (points); PNG, JPEG; NIfTI, NRRD, a folder of DICOM; .npy, .npz; DATA.zarr/VARIABLE."
 )
 QUANTITIES = Literal["curvature", "edges", "triangles", "samples"]
 COMPARED = Literal["removed", "curvature", "edges", "triangles", "samples"]
@@ -223,8 +223,8 @@ ALL: tuple[Flag, ...] = (
     Flag(
         "most_memory",
         str | None,
-        "Memory that the command may take, such as 2GB: a raster that does not fit is smoothed by windows, with the same result. "
-        "Default: half of what is free.",
+        "Memory that the command may take, such as 2GB: what does not fit is smoothed by windows: noise and method are found on "
+        "a sample of it, and similar patches are not grouped. Default: half of what is free.",
         OUTPUT,
         None,
         ("--memory",),

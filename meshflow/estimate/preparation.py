@@ -332,8 +332,9 @@ def _said(found: Outliers, repaired: Array) -> list[str]:
             )
         else:
             share = 100.0 * count / mask.size
+            other = "'keep' leaves them" if made == count else "'repair' replaces them"
             words.append(
                 f"{count} sample{'s' * (count > 1)} ({share:.2g} %) unlike all neighbours, as impulses are: {done}; "
-                f"outliers='repair' replaces them, 'keep' leaves them, 'include' takes them for data"
+                f"outliers={other}, 'include' takes them for data"
             )
     return words
