@@ -65,6 +65,16 @@ def test_a_run_of_millions_of_steps_is_refused_before_it_begins_with_their_numbe
     FixedStep(1e-8).opened(None, meshflow.SemiImplicit(), Z, Until(time=1.0, stops=(Residual(),)))
 
 
+@pytest.mark.parametrize("take", [lambda array: evaluate.compare(array, array), evaluate.describe, meshflow.to_mesh])
+@pytest.mark.parametrize(
+    ("shape", "likeness"),
+    [((50, 3), "points"), ((12, 14, 16), "a volume"), ((3, 20, 30), "3 channels that come first")],
+)
+def test_arrays_with_the_shape_of_something_else_are_refused(take, shape, likeness):
+    with pytest.raises(InputError, match=f"looks like {likeness}; make it the data that it is"):
+        take(np.zeros(shape))
+
+
 def test_arrays_are_compared_described_and_triangulated_as_the_data_that_they_are():
     for array, kind in ((Z, HeightField), (np.dstack([Z, Z]), Image)):
         data = kind(array)

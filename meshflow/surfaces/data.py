@@ -15,10 +15,12 @@ from meshflow.surfaces.volume import Volume
 
 KINDS = (HeightField, Image, RangeImage, Mesh, Volume, TetMesh)
 
-__all__ = ["KINDS", "Data", "SolidData", "SurfaceData", "array_of", "data_from", "must_be", "on_surface"]
+__all__ = ["KINDS", "Data", "SolidData", "SurfaceData", "array_of", "data_from", "likeness_of", "must_be", "on_surface"]
 
 Kind = TypeVar("Kind")
 
+# More rows of three numbers than these are points.
+LONE = 8
 # Data on a triangulated surface.
 SurfaceData = HeightField | Image | RangeImage | Mesh
 # Data in a body.
@@ -53,11 +55,28 @@ def must_be(data: object, kinds: tuple[type[Kind], ...], what: str) -> Kind:
 def data_from(data: object, kinds: tuple[type[Kind], ...], what: str) -> Kind | HeightField | Image:
     """:func:`must_be`, where arrays (h, w) are height fields, and arrays (h, w, k) images, with a spacing of 1.
 
-    :raises InputError: for anything else, with what came.
+    :raises InputError: for anything else, with what came, and for arrays that have the shape of something else.
     """
     if isinstance(data, np.ndarray) and data.ndim in (2, 3):
+        if likeness := likeness_of(data.shape):
+            raise InputError(
+                f"{what}: an array of shape {data.shape} looks like {likeness}; make it the data that it is, such as "
+                "HeightField, Image, Volume or Mesh"
+            )
         return HeightField(data) if data.ndim == 2 else Image(data)
     return must_be(data, kinds, what)
+
+
+def likeness_of(shape: tuple[int, ...]) -> str:
+    """What an array (h, w) or (h, w, k) seems to be that is neither heights nor an image; empty where it may be these.
+
+    :returns: ``points``, ``a volume``, or how many channels come first.
+    """
+    if len(shape) == 2 and shape[1] == 3 and shape[0] > LONE:
+        return "points"
+    if len(shape) == 3 and shape[2] > 4 and 2 * shape[2] >= min(shape[:2]):
+        return f"{shape[0]} channels that come first" if shape[0] <= 4 else "a volume"
+    return ""
 
 
 def on_surface(data: Data, what: str) -> SurfaceData:

@@ -23,6 +23,7 @@ from meshflow.io.formats.fields import field_from
 from meshflow.io.formats.volume_arrays import volume_from
 from meshflow.io.metadata import Found, Kind, ReadOptions, as_given
 from meshflow.io.vertex_merging import Skin, is_soup
+from meshflow.surfaces.data import likeness_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
@@ -62,8 +63,6 @@ _BROKEN = (
     struct.error,
     zlib.error,
 )
-# Rows of three numbers, above which an array is taken for points.
-LONE = 8
 _KEYS = ("z", "values", "depth", "data")
 # The options of each kind of array, and its name.
 _TAKES: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
@@ -266,20 +265,21 @@ def _must_be_meant(shape: tuple[int, ...]) -> None:
 
     :raises InputError: for points (n, 3), volumes, and channels that come first.
     """
-    if len(shape) == 2 and shape[1] == 3 and shape[0] > LONE:
+    likeness = likeness_of(shape)
+    if likeness == "points":
         raise InputError(
             f"an array of shape {shape} looks like points: a mesh is (points, faces), and a cloud has no surface; for heights on "
             f"a grid of {shape[0]} x 3 give kind='terrain'"
         )
-    if len(shape) == 3 and shape[2] > 4 and 2 * shape[2] >= min(shape[:2]):
-        if shape[0] <= 4:
-            raise InputError(
-                f"an array of shape {shape} looks like {shape[0]} channels that come first; they come last: "
-                "numpy.moveaxis(array, 0, -1); or give kind='image'"
-            )
+    if likeness == "a volume":
         raise InputError(
             f"an array of shape {shape} looks like a volume; give kind='volume' to smooth it as one, slices first and with "
             f"spacing=(dz, dy, dx); for an image of {shape[2]} channels give kind='image'"
+        )
+    if likeness:
+        raise InputError(
+            f"an array of shape {shape} looks like {likeness}; they come last: "
+            "numpy.moveaxis(array, 0, -1); or give kind='image'"
         )
     if len(shape) == 4:
         raise InputError(
