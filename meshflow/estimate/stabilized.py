@@ -89,12 +89,7 @@ def _of_magnitudes(data: Volume, request: Request, noise: Noise) -> bool:
         return noise.how == OF_MAGNITUDES and request.domain == "auto" and _open(request)
     if (least := float(data.values.min(where=~_each(data.missing, data.values), initial=0.0))) < 0:
         raise InputError(f"domain='magnitudes': values of 0 or more expected, got {least:.6g}; leave the domain out")
-    held = request.constraints
-    for word, given in (("MaxChange", held.max_change), ("DataWeights", held.data_weights)):
-        if given is not None:
-            raise InputError(
-                f"domain='magnitudes': {word} is in the unit of the values, which are others there; leave one of both out"
-            )
+    _must_be_without(_in_their_unit(request, noise=False), request)  # the noise is that of the magnitudes
     return True
 
 
@@ -152,18 +147,30 @@ def _asked(request: Request) -> bool:
 
     :raises InputError: if something else is given that is in the unit of the values.
     """
-    given = _in_their_unit(request)
-    if request.domain == "stabilized" and given:
+    if request.domain != "stabilized":
+        return False
+    _must_be_without(_in_their_unit(request), request)
+    return True
+
+
+def _must_be_without(given: str, request: Request) -> None:
+    """Refuse what is given in the unit of the values beside a domain of other values.
+
+    :raises InputError: with its name.
+    """
+    if given:
         raise InputError(
-            f"domain='stabilized': {given} is in the unit of the values, which are others there; leave one of both out"
+            f"domain={request.domain!r}: {given} is in the unit of the values, which are others there; leave one of both out"
         )
-    return request.domain == "stabilized"
 
 
-def _in_their_unit(request: Request) -> str:
-    """What the caller gives in the unit of the values; empty if nothing."""
+def _in_their_unit(request: Request, noise: bool = True) -> str:
+    """What the caller gives in the unit of the values; empty if nothing.
+
+    :param noise: whether the noise is among it.
+    """
     held = request.constraints
-    given = {"noise": request.noise, "MaxChange": held.max_change, "DataWeights": held.data_weights}
+    given = {"noise": request.noise if noise else None, "MaxChange": held.max_change, "DataWeights": held.data_weights}
     return " and ".join(word for word, value in given.items() if value is not None)
 
 
