@@ -135,6 +135,18 @@ def test_channels_say_together_what_each_of_them_leaves_in_doubt():
     assert max(found) < 1.4
 
 
+def test_a_channel_in_doubt_follows_one_whose_noise_is_correlated_beyond_doubt():
+    land, missing = fractal_terrain(128), np.zeros((128, 128), bool)
+    land = land / np.ptp(land)
+    for seed in range(4):
+        noise = np.stack([CorrelatedNoise(0.8).drawn((128, 128), 3 * seed + k) for k in range(3)], axis=-1)
+        rough = np.stack([10 * land, 200 * land, 200 * land[::-1]], axis=-1) + noise
+        assert noise_of(rough[..., 1], missing).correlation is None
+        assert noise_of(rough, missing).channels == pytest.approx((1, 1, 1), rel=0.4)
+        noise[..., 1] = np.random.default_rng(seed).normal(size=(128, 128))
+        assert noise_of(10 * land[..., None] + noise, missing).channels == pytest.approx((1, 1, 1), rel=0.1)
+
+
 def test_noise_common_to_all_channels_is_told_from_noise_of_each():
     rng = np.random.default_rng(2)
     common, own = rng.normal(size=(256, 256, 1)), rng.normal(size=(256, 256, 3))

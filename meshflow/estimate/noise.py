@@ -232,7 +232,7 @@ def noise_in_windows(values: Array, missing: Array, windows: Sequence[Window]) -
     power = _power(stack, missing, windows)
     seen = [_measured(channel, missing, windows, power) for channel in np.moveaxis(stack, -1, 0)]
     spectra = spectra_of([(one.parts, one.lines.rows > 0, one.lines.columns > 0) for one in seen])
-    found = [_channel(one, spectrum, spectra.together) for one, spectrum in zip(seen, spectra.found, strict=True)]
+    found = [_channel(*each) for each in zip(seen, spectra.found, spectra.of_each, strict=True)]
     covariances = [one.covariance for one in found if one.covariance is not None]
     correlation = correlation_of(np.sum(covariances, axis=0)) if covariances else None
     lengths = length_of(correlation)
@@ -279,15 +279,15 @@ def _measured(channel: Array, missing: Array, windows: Sequence[Window], power: 
     return _Measured(parts, channel.dtype, _times(quantum, -power), share, Lines(rows, columns), power)
 
 
-def _channel(seen: _Measured, spectrum: Found | None, together: bool) -> _Channel:
+def _channel(seen: _Measured, spectrum: Found | None, correlated: bool) -> _Channel:
     """The noise of one channel.
 
-    :param together: whether the channels together show that the noise is correlated.
+    :param correlated: whether the channels show that its noise is correlated.
     """
     parts, quantum, lines = seen.parts, seen.quantum, seen.lines
     least, most = _range(parts)
     faint = max(FAINT * (most - least), ROUNDING * quantum / np.sqrt(12.0))
-    covariance, doubt = _correlated(spectrum, faint, together)
+    covariance, doubt = _correlated(spectrum, faint, correlated)
     if covariance is not None and leaves_gaps(parts, covariance, _mean_square(length_of(correlation_of(covariance)))):
         covariance, doubt = None, ""
     if covariance is not None and quantum > 0 and _white(parts)[0] < DITHERED * quantum:
@@ -335,9 +335,9 @@ def _range(parts: list[Part]) -> tuple[float, float]:
     return (float(min(map(np.min, known))), float(max(map(np.max, known)))) if known else (0.0, 0.0)
 
 
-def _correlated(found: Found | None, least: float, together: bool) -> tuple[Array | None, str]:
+def _correlated(found: Found | None, least: float, correlated: bool) -> tuple[Array | None, str]:
     """The covariance of correlated noise and the reason for doubt; None if the noise is white or at most ``least``."""
-    if found is None or not (together or found.correlated):
+    if found is None or not correlated:
         return None, ""
     covariance = found.covariance()
     if np.sqrt(covariance[0, 0]) <= least:

@@ -49,7 +49,16 @@ class Spectra:
     @property
     def correlated(self) -> bool:
         """Whether the noise of any channel is correlated."""
-        return self.together or any(one is not None and one.correlated for one in self.found)
+        return any(self.of_each)
+
+    @cached_property
+    def of_each(self) -> tuple[bool, ...]:
+        """Whether the noise of each channel is correlated: beyond doubt, or like that of one whose noise is."""
+        sure = [one for one in self.found if one is not None and one.correlated]
+        return tuple(
+            one is not None and (self.together or one.correlated or any(_alike(one, other) for other in sure))
+            for one in self.found
+        )
 
     @property
     def hint(self) -> bool:
@@ -77,6 +86,17 @@ def spectra_of(channels: Sequence[ChannelPart]) -> Spectra:
         if spectra.correlated or not spectra.hint:
             return spectra if spectra.correlated else usual
     return usual if usual is not None else Spectra((), ())
+
+
+def _alike(found: Found, sure: Found) -> bool:
+    """Whether the noise of a channel may be correlated as that of another one is beyond doubt."""
+    own, other = (float(np.sqrt(np.prod(one.spectrum.lengths))) for one in (found, sure))
+    return (
+        found.evidence > HINT
+        and max(own, other) < UNLIKE * min(own, other)
+        and found.error < MISFIT
+        and found.scatter > WAVES
+    )
 
 
 def _correlated_together(found: Sequence[Found], between: Array | None) -> bool:
