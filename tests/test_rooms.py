@@ -215,6 +215,10 @@ def test_the_top_of_the_package_holds_the_door_and_little_more():
     assert {path.stem for path in PACKAGE.glob("*.py")} == TOP
 
 
+def test_no_module_is_named_for_nothing():
+    assert not {path.stem for path in FILES} & {"core", "util", "utils", "common", "base", "misc", "helpers"}
+
+
 def packages_above(target, name):
     """The packages that are imported on the way to a module, but for those that the importing module is in itself."""
     parts = target.split(".")

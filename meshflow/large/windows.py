@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.base import base_of, base_reach
+from meshflow.estimate.base_surface import base_of, base_reach
 from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.heights import limit_of
 from meshflow.estimate.plan import Decided, Plan

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.base import base_of
+from meshflow.estimate.base_surface import base_of
 from meshflow.estimate.noise_fields import NoiseFields
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.preparation import lowered_by, stabilized_by
