@@ -12,6 +12,8 @@
 // Which of the four main diagonals: in the frame of a diagonal it joins corner 0 and corner 7. Bit 0 of a corner is its place
 // along x, bit 1 along y, bit 2 along z. Another diagonal exchanges the rows of the cell at the two places along y, or along z.
 #pragma once
+#include <utility>
+
 #include "grid_rows.h"
 
 namespace meshflow {
@@ -31,11 +33,11 @@ namespace meshflow::volume {
 using grid::Lane;
 using grid::Mix;
 
-constexpr int CORNERS = 8, ORDERS = 6;
+constexpr int CORNERS = 8, ORDERS = 6, DIAGONALS = 4;
 // The orders of the axes, one for each tetrahedron.
 constexpr int ORDER[ORDERS][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
-// The number of tetrahedra at each corner.
-constexpr int AT_CORNER[CORNERS] = {6, 2, 2, 2, 2, 2, 2, 6};
+// The number of tetrahedra at each corner, and of all diagonals together.
+constexpr int AT_CORNER[CORNERS] = {6, 2, 2, 2, 2, 2, 2, 6}, ALL_AT_CORNER = 12;
 
 // The ground of a cell.
 template <class T> struct Ground {
@@ -113,17 +115,82 @@ LOOP void one_channel(i64 n, T q, const Ground<T> g, const Rows<T> u, [[maybe_un
     }
 }
 
-// The quarters of the tetrahedra of the ground that exist.
-template <class T> LOOP void flat_masses(i64 n, T quarter, const Rows<Lane<T>> there, const Corners<T> masses) {
+// The step-th corner of the path of a tetrahedron, and the lower end of its leg along an axis.
+constexpr int on_path(int diagonal, int order, int step) {
+    int corner = diagonal << 1;
+    for (int s = 0; s < step; ++s) corner ^= 1 << ORDER[order][s];
+    return corner;
+}
+constexpr int lower_end(int diagonal, int order, int axis) {
+    int step = 0;
+    while (ORDER[order][step] != axis) ++step;
+    return on_path(diagonal, order, step) & ~(1 << axis);
+}
+
+// A cell with all four diagonals: each leg is read once, and its flow is its difference times the sum over the six tetrahedra that
+// have it. By corner, or by axis and lower end of a leg.
+template <class W, bool Weighed, bool Gaps, class T> struct WholeCell {
+    T leg[3][CORNERS], square[3][CORNERS], sum[3][CORNERS], mass[CORNERS], count[CORNERS];
+    Lane<T> is[CORNERS];
+
+    template <int C> INLINE void read(i64 i, const Ground<T>& g, const Rows<T>& u, [[maybe_unused]] const Rows<Lane<T>>& there) {
+        constexpr int r = C >> 1, end = C & 1;
+        const T from = u.at[r][i + end];
+        if constexpr (!(C & 1)) leg[0][C] = u.at[r][i + 1] - from, square[0][C] = g.ax * (leg[0][C] * leg[0][C]), sum[0][C] = 0;
+        if constexpr (!(C & 2)) leg[1][C] = u.at[r | 1][i + end] - from, square[1][C] = g.ay * (leg[1][C] * leg[1][C]), sum[1][C] = 0;
+        if constexpr (!(C & 4)) leg[2][C] = u.at[r | 2][i + end] - from, square[2][C] = g.az * (leg[2][C] * leg[2][C]), sum[2][C] = 0;
+        mass[C] = 0, count[C] = 0;
+        if constexpr (Gaps) is[C] = there.at[r][i + end];
+    }
+    template <int N> INLINE void add(T q) {
+        constexpr int D = N / ORDERS, O = N % ORDERS;
+        constexpr int x = lower_end(D, O, 0), y = lower_end(D, O, 1), z = lower_end(D, O, 2);
+        constexpr int a = on_path(D, O, 0), b = on_path(D, O, 1), c = on_path(D, O, 2), d = on_path(D, O, 3);
+        T volume = W::expansion(T(1) + (square[0][x] + (square[1][y] + square[2][z])), q), by = T(1) / volume;
+        if constexpr (Gaps) {
+            const Lane<T> all = (is[a] & is[d]) & (is[b] & is[c]);
+            const T one = kept(all, T(1));
+            by = kept(all, by), volume = kept(all, volume);
+            count[a] += one, count[b] += one, count[c] += one, count[d] += one;
+        }
+        sum[0][x] += by, sum[1][y] += by, sum[2][z] += by;
+        if constexpr (Weighed) mass[a] += volume, mass[b] += volume, mass[c] += volume, mass[d] += volume;
+    }
+    template <int C> INLINE T pull(const Ground<T>& g) const {
+        constexpr int x = C & ~1, y = C & ~2, z = C & ~4;
+        const T fx = g.kx * leg[0][x] * sum[0][x], fy = g.ky * leg[1][y] * sum[1][y], fz = g.kz * leg[2][z] * sum[2][z];
+        return (C & 1 ? fx : -fx) + ((C & 2 ? fy : -fy) + (C & 4 ? fz : -fz));
+    }
+};
+
+// As one_channel, of all four diagonals together, in the frame of the first. counts: with Gaps, the tetrahedra at each corner.
+template <class W, bool Weighed, bool Gaps, class T>
+LOOP void every_diagonal(i64 n, T q, const Ground<T> g, const Rows<T> u, const Rows<Lane<T>> there, const Corners<T> pulls,
+                         [[maybe_unused]] const Corners<T> masses, [[maybe_unused]] const Corners<T> counts) {
+    [&]<int... C, int... N>(std::integer_sequence<int, C...>, std::integer_sequence<int, N...>) {
+        SIMD for (i64 i = 0; i < n; ++i) {
+            WholeCell<W, Weighed, Gaps, T> cell;
+            (cell.template read<C>(i, g, u, there), ...);
+            (cell.template add<N>(q), ...);
+            ((pulls.at[C][i + (C & 1)] = cell.template pull<C>(g)), ...);
+            if constexpr (Weighed) ((masses.at[C][i + (C & 1)] = g.quarter * cell.mass[C]), ...);
+            if constexpr (Gaps) ((counts.at[C][i + (C & 1)] = cell.count[C]), ...);
+        }
+    }(std::make_integer_sequence<int, CORNERS>{}, std::make_integer_sequence<int, DIAGONALS * ORDERS>{});
+}
+
+// The number of tetrahedra that exist, at each corner.
+template <class T> LOOP void flat_counts(i64 n, const Rows<Lane<T>> there, const Corners<T> counts) {
     const Lane<T>*m = there.at[0], *k = there.at[1], *l = there.at[2], *o = there.at[3];
     SIMD for (i64 i = 0; i < n; ++i) {
         const Lane<T> ends = m[i] & o[i + 1];
-        const T v0 = kept(ends & m[i + 1] & k[i + 1], quarter), v1 = kept(ends & m[i + 1] & l[i + 1], quarter);
-        const T v2 = kept(ends & k[i] & k[i + 1], quarter), v3 = kept(ends & k[i] & o[i], quarter);
-        const T v4 = kept(ends & l[i] & l[i + 1], quarter), v5 = kept(ends & l[i] & o[i], quarter);
+        const T v0 = kept(ends & m[i + 1] & k[i + 1], T(1)), v1 = kept(ends & m[i + 1] & l[i + 1], T(1));
+        const T v2 = kept(ends & k[i] & k[i + 1], T(1)), v3 = kept(ends & k[i] & o[i], T(1));
+        const T v4 = kept(ends & l[i] & l[i + 1], T(1)), v5 = kept(ends & l[i] & o[i], T(1));
         const T s01 = v0 + v1, s23 = v2 + v3, s45 = v4 + v5, all = s01 + s23 + s45;
-        masses.at[0][i] = all, masses.at[7][i + 1] = all, masses.at[1][i + 1] = s01, masses.at[2][i] = s23, masses.at[4][i] = s45;
-        masses.at[3][i + 1] = v0 + v2, masses.at[5][i + 1] = v1 + v4, masses.at[6][i] = v3 + v5;
+        counts.at[0][i] = all, counts.at[7][i + 1] = all;
+        counts.at[1][i + 1] = s01, counts.at[2][i] = s23, counts.at[4][i] = s45;
+        counts.at[3][i + 1] = v0 + v2, counts.at[5][i + 1] = v1 + v4, counts.at[6][i] = v3 + v5;
     }
 }
 

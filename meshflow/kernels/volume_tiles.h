@@ -45,6 +45,9 @@ struct Measured {
 // The loop over a row of cells, for each weight.
 template <class T> struct Loops {
     void (*one[2][2])(i64, T, const Ground<T>, const Rows<T>, const Rows<Lane<T>>, const Corners<T>, const Corners<T>);
+    // Of all diagonals together; null for a sharpness that is rare.
+    void (*all[2][2])(i64, T, const Ground<T>, const Rows<T>, const Rows<Lane<T>>, const Corners<T>, const Corners<T>,
+                      const Corners<T>);
     void (*several)(const Task<T>&, const Rows<T>&, const Rows<Lane<T>>&, const Corners<T>*, const Corners<T>&, double*);
     void (*edges)(const Task<T>&, const Rows<T>&, const Rows<Lane<T>>&, i64, const Tile&, i64, i64);
 };
@@ -154,10 +157,16 @@ void edge_cells(const Task<T>& t, const Rows<T>& u, const Rows<Lane<T>>& there, 
 }
 
 template <class W, class T> Loops<T> loops_with() {
-    return {{{one_channel<W, false, false, T>, one_channel<W, false, true, T>},
-             {one_channel<W, true, false, T>, one_channel<W, true, true, T>}},
-            several_cells<W, T>,
-            edge_cells<W, T>};
+    Loops<T> loops = {{{one_channel<W, false, false, T>, one_channel<W, false, true, T>},
+                       {one_channel<W, true, false, T>, one_channel<W, true, true, T>}},
+                      {},
+                      several_cells<W, T>,
+                      edge_cells<W, T>};
+    if constexpr (!std::is_same_v<W, grid::Weight<0>> && !std::is_same_v<W, grid::Weight<8>>) {
+        loops.all[0][0] = every_diagonal<W, false, false, T>, loops.all[0][1] = every_diagonal<W, false, true, T>;
+        loops.all[1][0] = every_diagonal<W, true, false, T>, loops.all[1][1] = every_diagonal<W, true, true, T>;
+    }
+    return loops;
 }
 template <class T> Loops<T> loops_for(double sharpness) {
     return grid::with_weight(sharpness, []<class W>(W) { return loops_with<W, T>(); });
@@ -178,7 +187,14 @@ struct Cut {
     }
 };
 
-template <class T> LOOP void filled(i64 n, T own, T beside, T* to) {
+template <class T> LOOP void scaled(i64 n, T by, const T* from, T* to) {
+    SIMD for (i64 i = 0; i < n; ++i) to[i] = by * from[i];
+}
+
+template <class T> LOOP void filled(i64 n, T all, T* to) {
+    SIMD for (i64 i = 0; i < n; ++i) to[i] = all;
+}
+template <class T> LOOP void ended(i64 n, T own, T beside, T* to) {
     SIMD for (i64 i = 0; i < n; ++i) to[i] = own + beside;
     to[0] = own, to[n - 1] = beside;
 }
@@ -194,9 +210,10 @@ template <class T> struct Sums {
 template <class T> class Sweep {
   public:
     Sweep(const Task<T>& task, const Loops<T>& loops, Asked asked, const Tile& tile, Room<T> room)
-        : t(task), loops_(loops), asked_(asked), tile_(tile), rows_(tile.end - tile.begin), light_(asked == MOVED && task.quarters == -4) {
+        : t(task), loops_(loops), asked_(asked), tile_(tile), rows_(tile.end - tile.begin),
+          light_(asked == MOVED && task.quarters == -4), together_(together(task, loops, asked)) {
         for (i64 c = 0; c < t.k; ++c) pulls_[c] = Corners<T>::of(room);
-        masses_ = Corners<T>::of(room), flats_ = Corners<T>::of(room);
+        masses_ = Corners<T>::of(room), counts_ = Corners<T>::of(room);
         mass_ = Sums<T>::of(room, rows_), flat_ = Sums<T>::of(room, rows_);
         for (Lane<T>*& row : lanes_) row = reinterpret_cast<Lane<T>*>(room.take());
         pace_ = room.take(), flat_row_ = room.take();
@@ -217,24 +234,32 @@ template <class T> class Sweep {
     }
 
   private:
+    // Whether all diagonals are moved at once.
+    static bool together(const Task<T>& t, const Loops<T>& loops, Asked asked) {
+        const bool every = t.options.last_diagonal - t.options.first_diagonal == DIAGONALS;
+        return every && loops.all[0][0] && asked != AREA && !t.several() && !t.edges;
+    }
+
     void cells(i64 z, i64 y, bool own) {
         const auto& o = t.options;
-        for (i64 diagonal = o.first_diagonal; diagonal < o.last_diagonal; ++diagonal) {
+        const i64 step = together_ ? DIAGONALS : 1;
+        for (i64 diagonal = o.first_diagonal; diagonal < o.last_diagonal; diagonal += step) {
             Rows<T> u;
-            Rows<Lane<T>> there = {};
             i64 at_z[4], at_y[4];
             for (int r = 0; r < 4; ++r) {
                 at_y[r] = y + ((r ^ diagonal) & 1), at_z[r] = z + ((r ^ diagonal) >> 1 & 1);
                 u.at[r] = t.u + t.row(at_z[r], at_y[r]);
-                if (t.there) widened<T>(t.w, t.there + t.row(at_z[r], at_y[r]), lanes_[r]), there.at[r] = lanes_[r];
             }
+            const Rows<Lane<T>> there = gaps_in(at_z, at_y);
             if (t.edges) loops_.edges(t, u, there, diagonal, tile_, z, y);
             if (t.several()) {
                 for (i64 c = 0; c < t.k; ++c) cleared(pulls_[c]);
                 cleared(masses_);
                 loops_.several(t, u, there, pulls_, masses_, asked_ == BOUND ? &found_.expansion : nullptr);
-            } else loops_.one[!light_][t.there != nullptr](t.w - 1, t.sharpness, t.ground, u, there, pulls_[0], masses_);
-            if (t.there) flat_masses(t.w - 1, t.ground.quarter, there, flats_);
+            } else if (together_) {
+                loops_.all[!light_][there.at[0] != nullptr](t.w - 1, t.sharpness, t.ground, u, there, pulls_[0], masses_, counts_);
+            } else loops_.one[!light_][there.at[0] != nullptr](t.w - 1, t.sharpness, t.ground, u, there, pulls_[0], masses_);
+            if (t.there) counted(there);
             if (asked_ == AREA && own) {
                 grid::Sum sum;
                 grid::sum_over(sum, t.w - 1, [&](i64 i) { return masses_.at[0][i]; });
@@ -244,18 +269,36 @@ template <class T> class Sweep {
                 if (at_z[r] < tile_.top || at_z[r] >= tile_.bottom || at_y[r] < tile_.begin || at_y[r] >= tile_.end) continue;
                 const bool fresh = diagonal == o.first_diagonal && z == grid::most(at_z[r] - 1, 0) && y == grid::most(at_y[r] - 1, 0);
                 // The last cells of a row of samples: their pulls are added where it moves.
-                const bool last = diagonal == o.last_diagonal - 1 && at_z[r] == z && at_y[r] == y && !fresh;
+                const bool last = diagonal + step == o.last_diagonal && at_z[r] == z && at_y[r] == y && !fresh;
                 if (last) last_ = r;
                 gather(r, at_z[r], at_y[r] - tile_.begin, fresh, last);
             }
         }
     }
 
+    // The masks of four rows of samples; null where none of them is missing.
+    Rows<Lane<T>> gaps_in(const i64* at_z, const i64* at_y) {
+        Rows<Lane<T>> there = {};
+        bool gaps = false;
+        for (int r = 0; r < 4 && t.there && !gaps; ++r)
+            gaps = std::memchr(t.there + t.row(at_z[r], at_y[r]), 0, static_cast<std::size_t>(t.w)) != nullptr;
+        for (int r = 0; r < 4 && gaps; ++r)
+            widened<T>(t.w, t.there + t.row(at_z[r], at_y[r]), lanes_[r]), there.at[r] = lanes_[r];
+        return there;
+    }
+
+    // The numbers of tetrahedra of a row of cells at its corners.
+    void counted(const Rows<Lane<T>>& there) {
+        if (!there.at[0])
+            for (int c = 0; c < CORNERS; ++c) filled(t.w - 1, T(together_ ? ALL_AT_CORNER : AT_CORNER[c]), counts_.at[c] + (c & 1));
+        else if (!together_) flat_counts(t.w - 1, there, counts_);
+    }
+
     void gather(int r, i64 z, i64 y, bool fresh, bool last) {
         const auto add = fresh ? gathered<true, T> : gathered<false, T>;
         for (i64 c = 0; c < t.k && !last; ++c) add(t.w, pulls_[c].at[2 * r], pulls_[c].at[2 * r + 1], sums_.row(z, c * rows_ + y));
         if (!light_) add(t.w, masses_.at[2 * r], masses_.at[2 * r + 1], mass_.row(z, y));
-        if (t.there) add(t.w, flats_.at[2 * r], flats_.at[2 * r + 1], flat_.row(z, y));
+        if (t.there) add(t.w, counts_.at[2 * r], counts_.at[2 * r + 1], flat_.row(z, y));
     }
 
     void cleared(const Corners<T>& corners) {
@@ -272,7 +315,7 @@ template <class T> class Sweep {
                 own += AT_CORNER[2 * (r ^ diagonal)], beside += AT_CORNER[2 * (r ^ diagonal) + 1];
         }
         same_ = own == own_ && beside == beside_;
-        if (!same_) filled(t.w, t.ground.quarter * T(own), t.ground.quarter * T(beside), flat_row_);
+        if (!same_) ended(t.w, t.ground.quarter * T(own), t.ground.quarter * T(beside), flat_row_);
         own_ = own, beside_ = beside;
         return flat_row_;
     }
@@ -280,7 +323,8 @@ template <class T> class Sweep {
     void finish(i64 z, i64 y) {
         const i64 n = t.w, at = t.row(z, y), row = y - tile_.begin;
         T *mass = mass_.row(z, row), *flat = flat_.row(z, row);
-        const T* ground = t.there ? flat : ground_masses(z, y);
+        if (t.there) scaled(n, t.ground.quarter, flat, flat_row_);
+        const T* ground = t.there ? flat_row_ : ground_masses(z, y);
         const T whole = t.options.ring ? T(4) : T(1);
         if (!light_) grid::paces_of(t.quarters, n, t.gamma, T(0), whole, ground, mass, mass, pace_);
         else if (t.there || t.held || !same_) grid::paces<0>(n, t.gamma, T(0), whole, ground, ground, ground, pace_);
@@ -311,10 +355,10 @@ template <class T> class Sweep {
     Asked asked_;
     Tile tile_;
     i64 rows_;
-    bool light_, same_ = false;
+    bool light_, together_, same_ = false;
     int last_ = -1;  // the row of the present cells whose pulls are not yet added; -1: none
     int own_ = -1, beside_ = -1;
-    Corners<T> pulls_[MOST], masses_, flats_;
+    Corners<T> pulls_[MOST], masses_, counts_;
     Sums<T> sums_, mass_, flat_;
     Lane<T>* lanes_[4];
     T *pace_, *flat_row_;
