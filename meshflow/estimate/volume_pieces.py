@@ -56,7 +56,9 @@ def cubes(block: Block, count: int) -> list[Cube]:
     room = np.array(block.shape) / sides
     free, found = ~(block.missing | block.fixed), []
     for more in (1, 3, 9):
-        numbers = np.clip(np.rint(room * (more * count / room.prod()) ** (1 / 3)), 1, np.maximum(room, 1)).astype(int)
+        numbers = np.clip(
+            np.rint(room * (more * count / room.prod()) ** (1 / 3)), 1, np.maximum(np.rint(room), 1)
+        ).astype(int)
         starts = [
             np.unique(np.clip((np.arange(n) + 0.5) * size / n - 0.5 * side, 0, size - side).astype(int))
             for size, side, n in zip(block.shape, sides, numbers, strict=True)

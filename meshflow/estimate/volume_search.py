@@ -13,14 +13,16 @@ from meshflow.estimate.search_rounds import (
     weights_of,
 )
 from meshflow.estimate.sure import Probed
-from meshflow.estimate.volume_pieces import VolumePiece, cubes, piece_of, probed, whole_piece
+from meshflow.estimate.volume_pieces import SIDE, VolumePiece, cubes, piece_of, probed, whole_piece
 from meshflow.flow.pools import Pool
 from meshflow.surfaces.volume import Block
 
 __all__ = ["searched_on_volume"]
 
-# The largest volumes that are searched whole, and the numbers of cubes of larger ones, in the first round and in the second.
-WHOLE, FEW, MANY = 40_000, 6, 16
+# The numbers of cubes in the first round and in the second, and the largest volumes that are searched whole: they have no more
+# samples than the cubes of the first round.
+FEW, MANY = 6, 16
+WHOLE = FEW * SIDE**3
 # Cubes that are run together.
 TOGETHER = 6
 
