@@ -10,6 +10,7 @@ from helpers.command import run
 
 import meshflow
 from meshflow import FormatError, InputError, Volume
+from meshflow.cli.inputs import plain_sample
 from meshflow.synthetic import head
 from meshflow.view.slices import three_slices
 
@@ -115,7 +116,8 @@ def test_what_is_no_volume_in_a_file_is_refused_with_the_way_out(tmp_path):
     labels[:4] = 3
     for values, affine, words in (
         (np.zeros((8, 8, 8, 5), np.float32), AFFINE, "Which axis is what"),
-        (np.zeros((8, 8), np.float32), AFFINE, "three axes|single slice"),
+        (np.zeros((8, 8), np.float32), AFFINE, "three axes.*single slice"),
+        (np.zeros((8, 8, 8), np.complex64), AFFINE, "real numbers expected, got complex ones; smooth the magnitude"),
         (np.zeros((8, 8, 1), np.float32), AFFINE, "single slice is an image"),
         (noisy(), sheared, "sheared affine.*resample"),
         (labels, AFFINE, "labels.*probability"),
@@ -129,6 +131,26 @@ def test_what_is_no_volume_in_a_file_is_refused_with_the_way_out(tmp_path):
             meshflow.read(tmp_path / name)
     with pytest.raises(FormatError, match=r"a volume does not fit into .png"):
         meshflow.write(Volume(noisy()), tmp_path / "v.png")
+
+
+def test_masks_of_a_volume_come_from_files_of_the_same_samples(tmp_path):
+    region = np.zeros((9, 10, 11), np.uint8)
+    region[2:7, 3:8, 1:10] = 1
+    nrrd.write(str(tmp_path / "m.nrrd"), region)
+    np.save(tmp_path / "m.npy", region)
+    for path in (nifti(tmp_path / "m.nii.gz", region), tmp_path / "m.nrrd", tmp_path / "m.npy"):
+        np.testing.assert_array_equal(plain_sample("mask", str(path)), region == 1)
+    nifti(tmp_path / "v.nii.gz", noisy(8))
+    words = (
+        "smooth",
+        tmp_path / "v.nii.gz",
+        tmp_path / "o.nii.gz",
+        "--mask",
+        tmp_path / "m.nii.gz",
+        "--method",
+        "quick",
+    )
+    assert "a mask of shape (8, 8, 8) expected, got (9, 10, 11)" in run(*words).stderr
 
 
 def test_pictures_show_the_three_slices_through_the_middle(tmp_path):

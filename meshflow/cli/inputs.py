@@ -11,11 +11,16 @@ from meshflow.cli.regions import is_region, region
 from meshflow.errors import InputError, NothingThere, said_by
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
+from meshflow.io.formats import volumes
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import taken_in
 from meshflow.io.stores import in_store, opened_variable
+from meshflow.io.suffixes import suffix_of
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
+
+# An array with so many channels or fewer is an image.
+COLOURS = 4
 
 __all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "read_options", "samples"]
 
@@ -58,36 +63,39 @@ def samples(path: Path | None) -> Array | None:
     """The samples of a raster, a picture or an array file, as weights or limits."""
     if path is None:
         return None
-    column = _column(path)
-    return array_of(read(path).data) if column is None else column
+    plain = _plain_numbers(path)
+    return array_of(read(path).data) if plain is None else plain
 
 
 def mask(path: Path | None) -> Array | None:
     """True where a sample of a file exists and is not zero in any channel."""
     if path is None:
         return None
-    column = _column(path)
-    if column is not None:
-        return truth_of(column)
+    plain = _plain_numbers(path)
+    if plain is not None:
+        return truth_of(plain)
     data = read(path).data
     if isinstance(data, Mesh) or data.missing is None:
         raise InputError(f"{path}: a mask is a raster, a picture or an array; got a mesh")
     there = truth_of(array_of(data))
-    return (there if there.ndim == 2 else there.any(axis=2)) & ~data.missing
+    return (there if there.ndim == data.missing.ndim else there.any(axis=-1)) & ~data.missing
 
 
-def _column(path: Path) -> Array | None:
-    """The numbers (n,) of an array file with one for each vertex of a mesh; None for anything else.
+def _plain_numbers(path: Path) -> Array | None:
+    """The numbers of a file with one for each vertex of a mesh (n,) or each sample of a volume (d, h, w); None for anything else.
 
     :raises InputError: for a file that is not there, or holds no array of numbers.
     """
+    if path.exists() and suffix_of(path) in (*volumes.NIFTI, *volumes.NRRD):
+        return volumes.stored(path)
     if path.suffix.lower() != ".npy" or not path.exists():
         return None
     try:
         values = np.load(path, allow_pickle=False)
     except ValueError as cause:
         raise InputError(f"{path}: an array of numbers expected ({said_by(cause)})") from cause
-    return values if values.ndim == 1 and values.dtype.kind in "biuf" else None
+    of_samples = values.ndim == 1 or (values.ndim == 3 and values.shape[-1] > COLOURS)
+    return values if of_samples and values.dtype.kind in "biuf" else None
 
 
 def per_sample(document: Document, word: str, given: str) -> Any:

@@ -19,7 +19,7 @@ from meshflow.io.suffixes import suffix_of
 from meshflow.surfaces.volume import Steps, Volume, steps_of
 
 __all__ = [
-    "NIFTI", "broken", "can_write", "layout_of", "nifti_opened", "placed_by_header", "read", "spacing_along",
+    "NIFTI", "broken", "can_write", "layout_of", "nifti_opened", "placed_by_header", "read", "spacing_along", "stored",
     "stored_type", "three", "write",
 ]  # fmt: skip
 
@@ -44,12 +44,25 @@ def read(path: Path, options: ReadOptions) -> Document:
     if options.kind != "volume":
         raise InputError(f"{path.name}: a volume is read as one, got kind={options.kind!r}; leave it out")
     values, affine, source = _nifti(path) if suffix_of(path) in NIFTI else _nrrd(path)
+    if values.dtype.kind == "c":
+        raise InputError(
+            f"{path.name}: real numbers expected, got complex ones; smooth the magnitude (numpy.abs), or the real and the "
+            "imaginary part as two channels of an array (d, h, w, 2)"
+        )
     must_be_no_labels(values, path.name)
     spacing = spacing_along(path, affine) if options.spacing is None else steps_of(options.spacing)
     given = options.missing_in(values)
     floating = values if values.dtype.kind == "f" else values.astype(np.float32 if values.itemsize <= 2 else np.float64)
     data = Volume(np.ascontiguousarray(floating), spacing, nowhere(given), unit=options.unit or source.unit)
     return Document(data, path, source)
+
+
+def stored(path: Path) -> Array:
+    """The numbers of a file (d, h, w) in the order of :func:`read`, whatever they mean: masks and labels, too.
+
+    :raises FormatError: for a file that cannot be read.
+    """
+    return (_nifti(path) if suffix_of(path) in NIFTI else _nrrd(path))[0]
 
 
 def can_write(document: Document, suffix: str) -> bool:
@@ -164,14 +177,18 @@ def broken(path: Path, cause: Exception) -> FormatError:
 def three(path: Path, values: Array) -> Array:
     """Samples of three axes; a fourth one of length 1 is dropped.
 
-    :raises InputError: for a series.
+    :raises InputError: for a series, and for a picture.
     """
     values = values[..., 0] if values.ndim == 4 and values.shape[-1] == 1 else values
-    if values.ndim != 3:
+    if values.ndim < 3:
         raise InputError(
-            f"{path.name} has shape {values.shape}: a volume of three axes expected. Which axis is what? Of a series smooth each "
-            "volume, smooth(array[..., i], kind='volume', spacing=...); channels that belong together in one go, smooth(array, "
-            "kind='volume')"
+            f"{path.name} has shape {values.shape}: a volume of three axes expected; a single slice is an image: give its array "
+            "(h, w) as one"
+        )
+    if values.ndim > 3:
+        raise InputError(
+            f"{path.name} has shape {values.shape}: a volume of three axes expected. Which axis is what? Split a series into its "
+            "volumes (nibabel.four_to_three) and smooth each; channels that belong together are smoothed as an array (d, h, w, k)"
         )
     return values
 
