@@ -43,12 +43,31 @@ def test_a_volume_of_magnitudes_loses_its_bias_by_default():
     found = meshflow.smooth(x, kind="volume", result=True)
     assert found.parameters["domain"].value == "magnitudes"
     assert found.parameters["domain"].origin == "estimated"
-    assert found.noise.sigma == pytest.approx(0.06, rel=0.1)
+    assert found.noise.sigma == pytest.approx(0.06, rel=0.03)
     plain = meshflow.smooth(x, kind="volume", domain="length", method="quick")
     assert rms(found.data - truth) < 0.5 * rms(plain - truth)
+    told = meshflow.smooth(x, kind="volume", noise=0.06, result=True)
+    assert told.parameters["domain"].value == "magnitudes"
+    assert rms(told.data - truth) < 1.05 * rms(found.data - truth)
     air = truth == 0
+    assert max(rms(z.data[air]) for z in (found, told)) < 0.27 * 0.06
     assert found.data[air].mean() < 0.02 < 0.07 < plain[air].mean()
     assert isinstance(meshflow.estimate_noise(x, kind="volume").by_intensity[0], Magnitudes)
+
+
+def test_noise_that_is_left_where_there_is_no_signal_comes_back_as_none_and_stronger_signals_as_they_are():
+    by, left = Stabilizer.of((Magnitudes(SIGMA),)), 0.1 * SIGMA
+    after = by.after((left,))
+    none, half, strong = (Magnitudes(SIGMA).table()[2, 1 + i] for i in (0, 214, 443))
+    assert after.back(np.array([none + 0.99 * left]))[0] == 0 < by.back(np.array([none + 0.99 * left]))[0]
+    assert 0 < after.back(np.array([half]))[0] < by.back(np.array([half]))[0]
+    assert after.back(np.array([strong]))[0] == pytest.approx(by.back(np.array([strong]))[0], rel=2e-3)
+
+
+def test_a_noise_that_is_not_that_of_the_air_leaves_the_bias_with_a_warning():
+    x = magnitudes(head(24), 0.06).astype(np.float32)
+    found = meshflow.smooth(x, kind="volume", noise=0.02, method="quick", result=True)
+    assert any("the air is that of magnitudes with noise 0.06" in one for one in found.warnings)
 
 
 def test_magnitudes_of_which_the_air_was_cut_out_are_named_by_the_caller():

@@ -3,6 +3,9 @@
 Where the signal is strong, the deviation of a magnitude is that of the noise. Where there is none, it is 0.655 of it, and the
 mean of the magnitude is 1.253 of it instead of 0 (Gudbjartsson and Patz 1995). As Foi (2011) does, f is found for which the noise
 of f(magnitude) is nearly the same at every signal, and the way back is that of the mean of f, so that it is without bias.
+
+Near no signal this mean is level, f(0) + c signal^2. There the noise that is left after smoothing would come back as a signal, of
+the size of its square root, and what is within this noise is taken for no signal.
 """
 
 from dataclasses import dataclass
@@ -53,14 +56,19 @@ class Magnitudes:
         """The deviation of the magnitudes of a signal, in its unit."""
         return self.sigma * _moments(intensity / self.sigma)[1]
 
-    def table(self) -> Array:
-        """Intensities, f, and the mean of f over noise, (3, m); f has the noise ``sigma`` at every signal."""
+    def table(self, left: float = 0.0) -> Array:
+        """Intensities, f, and the mean of f over noise, (3, m); f has the noise ``sigma`` at every signal.
+
+        :param left: the deviation of the noise in what is brought back. What is above the mean of no signal by less comes back
+            as none; of a signal of twice the noise and more nothing changes.
+        """
         at = np.linspace(0.0, np.sqrt(REACH), PLACES) ** 2
         mean, deviation = _moments(at)
         rate = 1.0 / np.interp(at, mean, deviation)
         for _ in range(EVENED):
             rate /= np.interp(at, mean, _over_noise(at, rate)[1])
-        shifted = np.maximum.accumulate(_over_noise(at, rate)[0])
+        shifted = _over_noise(at, rate)[0] + left / self.sigma * np.exp(-0.5 * np.square(at))
+        shifted = np.maximum.accumulate(shifted)
         # Whatever is below the mean of no signal comes back as none.
         made = np.stack([at, _integral(at, rate), shifted])
         return self.sigma * np.concatenate([made[:, :1] - [[0.0], [0.0], [1.0]], made], axis=1)

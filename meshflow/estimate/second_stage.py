@@ -28,7 +28,7 @@ from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.volume import Block, Volume, WholeVolume
 
-__all__ = ["groups_of", "with_second_stage"]
+__all__ = ["after_the_flow", "cut_out", "groups_of", "with_second_stage"]
 
 Window = tuple[slice, ...]
 
@@ -111,7 +111,7 @@ def _gains(plan: Plan, groups: PatchGroups) -> Iterator[Array]:
     between = None if len(deviations) == 1 else plan.noise.between
     whole = plan.grid
     for seed, window in enumerate(_looked_at(whole)):
-        part = _cut(whole, window)
+        part = cut_out(whole, window)
         k, shape = len(part.planes), part.shape
         probe = probes((k, *shape), 1, groups.correlation, between, seed)[0] * deviations.reshape(
             -1, *(1,) * len(shape)
@@ -150,10 +150,11 @@ def _inside(shape: tuple[int, ...], whole: tuple[int, ...]) -> Array:
     return inner
 
 
-def _two_stages(
-    plan: Plan, grid: Grid | Block, groups: PatchGroups, most: object, threads: int | None
-) -> tuple[Array, Array]:
-    """The planes (k, ...) after the flow, and after the second stage."""
+def after_the_flow(plan: Plan, grid: Grid | Block, most: object, threads: int | None) -> tuple[Array, Limit | None]:
+    """The planes (k, ...) of a window after the flow, and the limit of its changes.
+
+    :param most: the largest change in the window, as the caller gives it; None: none.
+    """
     variant = plan.variant
     flow = VolumeFlow(grid, variant, threads) if isinstance(grid, Block) else GridFlow(grid, variant, threads)
     shape = (*grid.shape, *size_of(plan.data)[0][len(grid.shape) :])
@@ -169,7 +170,14 @@ def _two_stages(
         u = kept + kept.dtype.type(twicing) * (kept - u)
     if limit is not None:
         u = limit.hold(u.copy(order="K"))
-    first = np.ascontiguousarray(u.T).reshape(grid.planes.shape).astype(grid.planes.dtype)
+    return np.ascontiguousarray(u.T).reshape(grid.planes.shape).astype(grid.planes.dtype), limit
+
+
+def _two_stages(
+    plan: Plan, grid: Grid | Block, groups: PatchGroups, most: object, threads: int | None
+) -> tuple[Array, Array]:
+    """The planes (k, ...) after the flow, and after the second stage."""
+    first, limit = after_the_flow(plan, grid, most, threads)
     second = groups.filtered(grid.planes, first, grid.missing, threads)
     second[:, grid.fixed] = first[:, grid.fixed]
     if limit is not None:
@@ -190,10 +198,10 @@ def _limit(plan: Plan, window: Window) -> object:
 
 
 @overload
-def _cut(grid: Grid, window: Window) -> Grid: ...
+def cut_out(grid: Grid, window: Window) -> Grid: ...
 @overload
-def _cut(grid: Block, window: Window) -> Block: ...
-def _cut(grid: Grid | Block, window: Window) -> Grid | Block:
+def cut_out(grid: Block, window: Window) -> Block: ...
+def cut_out(grid: Grid | Block, window: Window) -> Grid | Block:
     """A window of a grid or a volume."""
     planes = np.ascontiguousarray(grid.planes[(slice(None), *window)])
     missing, fixed = grid.missing[window], grid.fixed[window]

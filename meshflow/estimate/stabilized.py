@@ -21,11 +21,13 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.orientation import orientation_of
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["one_number_for_all", "volume_of_constant_noise", "with_constant_noise"]
+__all__ = ["bias_left", "one_number_for_all", "volume_of_constant_noise", "with_constant_noise"]
 
 # The noise of stabilized values is near that of the flat blocks, unless these show texture.
 ALIKE = (0.6, 1.5)
 UNCLEAR = "domain='stabilized': the noise does not clearly depend on the intensity; leave the domain out"
+# A noise that the caller gives is that of magnitudes if it is so near to that of their air.
+GIVEN_ALIKE = (0.7, 1.4)
 # How far a multiple of the quantum may be from a whole number.
 EXACT = 1e-3
 
@@ -86,11 +88,30 @@ def _of_magnitudes(data: Volume, request: Request, noise: Noise) -> bool:
     :raises InputError: if it is asked for and not possible.
     """
     if request.domain != "magnitudes":
-        return noise.how == OF_MAGNITUDES and request.domain == "auto" and _open(request)
+        if noise.how != OF_MAGNITUDES or request.domain != "auto" or not _open(request, noise=False):
+            return False
+        return request.noise is None or GIVEN_ALIKE[0] < request.noise / noise.sigma < GIVEN_ALIKE[1]
     if (least := float(data.values.min(where=~_each(data.missing, data.values), initial=0.0))) < 0:
         raise InputError(f"domain='magnitudes': values of 0 or more expected, got {least:.6g}; leave the domain out")
     _must_be_without(_in_their_unit(request, noise=False), request)  # the noise is that of the magnitudes
     return True
+
+
+def bias_left(request: Request, noise: Noise, how: Preparation | None) -> tuple[str, ...]:
+    """A warning where values are magnitudes by their air, and something that the caller gives leaves their bias.
+
+    :param noise: as it is found.
+    :param how: how the volume was prepared.
+    """
+    given = _in_their_unit(request)
+    if how is not None or noise.how != OF_MAGNITUDES or request.domain != "auto" or not given:
+        return ()
+    if request.named or request.timed:
+        return ()
+    return (
+        f"the air is that of magnitudes with noise {noise.sigma:.3g}; since {given} is given, weak signals keep their bias; "
+        "give domain='magnitudes' without it, or domain='length' if they are none",
+    )
 
 
 def _each(missing: Array, values: Array) -> Array:
@@ -174,9 +195,12 @@ def _in_their_unit(request: Request, noise: bool = True) -> str:
     return " and ".join(word for word, value in given.items() if value is not None)
 
 
-def _open(request: Request) -> bool:
-    """Whether the caller gives nothing in the unit of the values, nor a method that should run as it is."""
-    return not (request.named or request.timed or _in_their_unit(request))
+def _open(request: Request, noise: bool = True) -> bool:
+    """Whether the caller gives nothing in the unit of the values, nor a method that should run as it is.
+
+    :param noise: whether the noise is among what is in their unit.
+    """
+    return not (request.named or request.timed or _in_their_unit(request, noise))
 
 
 def _of_parts(values: Array, missing: Array, windows: Sequence[Window]) -> tuple[ByIntensity | None, ...]:

@@ -44,6 +44,14 @@ class Stabilizer:
             return None
         return cls(noise, tuple(None if one is None else _table(one) for one in noise))
 
+    def after(self, left: tuple[float, ...]) -> "Stabilizer":
+        """The way back from values in which noise is left, of a deviation for each channel (:meth:`.Magnitudes.table`)."""
+        tables = tuple(
+            one.table(much) if isinstance(one, Magnitudes) else table
+            for one, table, much in zip(self.noise, self.tables, left, strict=True)
+        )
+        return Stabilizer(self.noise, tables)
+
     @property
     def photons(self) -> bool:
         """Whether the values of a channel are numbers of photons."""

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, uniform_filter
 
 from meshflow.estimate.magnitudes import sigma_of_air
 from meshflow.estimate.noise import ENOUGH, Noise, Window, noise_in_windows
@@ -22,6 +22,8 @@ CUT, LEFT = 0.01, 0.1
 # Air lies below so many times its own deviation, and is at least this share of a volume; how far its spread may be from that of
 # magnitudes.
 AIR, OF_AIR, ALIKE = 4.5, 0.05, 0.15
+# The side of the cubes whose means tell the noise of the air, and how far above the expected mean these may be.
+NEIGHBOURS, ABOVE = 5, 1.15
 # How the noise of magnitudes is found.
 OF_MAGNITUDES = "air"
 # Rounds in which air is told from tissue; the least number of pairs in the air, and the largest correlation of white noise there.
@@ -86,7 +88,25 @@ def _of_magnitudes(values: Array, missing: Array, sigma: float) -> float:
     if air.size < OF_AIR * known.size or (air == 0).mean() > CUT:
         return 0.0
     alike = abs(float(air.std() / air.mean()) / 0.523 - 1.0) < ALIKE
-    return sigma_of_air(air, float(np.median(air)) / 1.177) if alike else 0.0
+    return _by_means(values, missing, sigma_of_air(air, float(np.median(air)) / 1.177)) if alike else 0.0
+
+
+def _by_means(values: Array, missing: Array, sigma: float) -> float:
+    """The noise of magnitudes by means over cubes: they are 1.253 of it in the air, and larger where there is any signal.
+
+    Single magnitudes of a weak signal are not told from those of the air, and would make the noise too large.
+
+    :param sigma: by single magnitudes.
+    """
+    capped = np.where(missing, 2 * AIR * sigma, np.minimum(values, 2 * AIR * sigma))
+    means = np.sort(uniform_filter(capped, NEIGHBOURS), axis=None)
+    means = means[: np.searchsorted(means, ABOVE * np.sqrt(0.5 * np.pi) * sigma)]
+    if means.size < ENOUGH_OF_AIR:
+        return sigma
+    # The shortest interval with half of them.
+    half = means.size // 2
+    first = int(np.argmin(means[half:] - means[: means.size - half]))
+    return float(means[first : first + half].mean() / np.sqrt(0.5 * np.pi))
 
 
 def _is_white(values: Array, air: Array) -> bool:

@@ -20,6 +20,7 @@ from meshflow.estimate.families import Family, configurations
 from meshflow.estimate.heights import limit_of
 from meshflow.estimate.mesh_search import LOOKED_AT, TIMES, MeshSearch
 from meshflow.estimate.noise import Noise
+from meshflow.estimate.noise_left import without_noise_as_signal
 from meshflow.estimate.plan import Decided, Plan
 from meshflow.estimate.planner import (
     HELD,
@@ -38,7 +39,7 @@ from meshflow.estimate.request import Request
 from meshflow.estimate.risk import TWICE
 from meshflow.estimate.search_rounds import Found, GridSearch
 from meshflow.estimate.second_stage import with_second_stage
-from meshflow.estimate.stabilized import volume_of_constant_noise
+from meshflow.estimate.stabilized import bias_left, volume_of_constant_noise
 from meshflow.estimate.tet_search import searched_on_tetrahedra
 from meshflow.estimate.volume_search import searched_on_volume
 from meshflow.flow.family import Variant
@@ -99,9 +100,10 @@ def plan_of_solid(data: SolidData, request: Request) -> Plan:
         data, how, noise = volume_of_constant_noise(data, request, unseen(data.missing, seen))
     else:
         noise = noise_in(data, seen)
+    warnings = bias_left(request, noise, how)
     if request.noise is not None:
         noise = replace(noise, sigma=float(request.noise), how="given")
-    warnings = excessive(data, request, noise)
+    warnings = (*warnings, *excessive(data, request, noise))
     request = stepped(data, request)
     if still(data):
         found = replace(_by_rule(data, request, noise, mobility), idle=HELD, time=0.0)
@@ -109,7 +111,7 @@ def plan_of_solid(data: SolidData, request: Request) -> Plan:
     else:
         found = _tuned(data, request, noise, mobility)
     found = replace(found, mobility=mobility, stays=stays, preparation=how, warnings=(*warnings, *found.warnings))
-    return with_second_stage(ended(held(found)))
+    return with_second_stage(without_noise_as_signal(ended(held(found))))
 
 
 def _must_suit(data: SolidData, request: Request) -> None:
