@@ -63,6 +63,8 @@ def test_a_grid_of_cells_comes_back_with_its_cells_and_arrays():
     assert done.active_scalars_name == "depth"
     assert np.std(done["depth"]) < 0.8 * np.std(before["depth"])
     assert np.array_equal(done["number"], before["number"])
+    assert "the active array 'depth' moves; for another one give channels='number'" in " ".join(from_object(grid).notes)
+    assert "active" not in " ".join(from_object(grid, {"channels": "number"}).notes)
     number = meshflow.smooth(grid, channels="number", **QUICK)
     assert number["number"].dtype.kind == "f"
     fixed = meshflow.smooth(grid, constraints=meshflow.Fixed("number"), **QUICK)  # all but the first are not zero

@@ -1,6 +1,7 @@
 """Bodies of pyvista: UnstructuredGrid with cells that fill space, RectilinearGrid, and StructuredGrid of three axes."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -61,7 +62,9 @@ def from_unstructured_grid(grid: pyvista.UnstructuredGrid, options: ReadOptions)
     values = np.array(grid.point_data[name])
     data = TetMesh(np.array(grid.points), np.concatenate(cells), values, nowhere(_marked(values, options)))
     whole = all(kind.endswith("tetrahedrons") for kind in kinds)
-    notes = () if whole else (Fact(f"{' and '.join(kinds)} are smoothed as {len(data.tetrahedra)} tetrahedra"),)
+    notes = _of_several(grid.point_data, options, name)
+    if not whole:
+        notes += (Fact(f"{' and '.join(kinds)} are smoothed as {len(data.tetrahedra)} tetrahedra"),)
     kept = grid.copy(deep=True)
 
     def to_object(smoothed: TetMesh) -> pyvista.UnstructuredGrid:
@@ -98,14 +101,16 @@ def from_rectilinear_grid(grid: pyvista.RectilinearGrid, options: ReadOptions) -
         return new
 
     if len(long) == 2:
-        return _flat([along[axis] for axis in long], values, marked, holding, place)
+        flat = _flat([along[axis] for axis in long], values, marked, holding, place)
+        return replace(flat, notes=(*_of_several(place, options, name), *flat.notes))
     if len(long) < 2:
         raise InputError(
             f"RectilinearGrid of dimensions {tuple(grid.dimensions)}: two dimensions above 1 expected, or three"
         )
     x, y, z = along
     points = np.stack(np.meshgrid(z, y, x, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
-    return _block((len(z), len(y), len(x)), points, values, marked, holding, place)
+    block = _block((len(z), len(y), len(x)), points, values, marked, holding, place)
+    return replace(block, notes=(*_of_several(place, options, name), *block.notes))
 
 
 def from_curved_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> Imported:
@@ -125,7 +130,8 @@ def from_curved_grid(grid: pyvista.StructuredGrid, options: ReadOptions) -> Impo
         return new
 
     w, h, d = grid.dimensions
-    return _block((d, h, w), np.array(grid.points), values, _marked(values, options), holding, grid.point_data)
+    block = _block((d, h, w), np.array(grid.points), values, _marked(values, options), holding, grid.point_data)
+    return replace(block, notes=(*_of_several(grid.point_data, options, name), *block.notes))
 
 
 def _block(
@@ -193,6 +199,16 @@ def array_of_points(data: pyvista.DataSetAttributes, options: ReadOptions, what:
             "of the points by .cell_data_to_point_data()"
         )
     return name
+
+
+def _of_several(data: pyvista.DataSetAttributes, options: ReadOptions, name: str) -> tuple[Fact, ...]:
+    """A note on which array moves, where there are several and the caller names none."""
+    others = [other for other in list(data.keys()) if other != name]
+    if options.channels is not None or not others:
+        return ()
+    return (
+        Fact(f"the active array {name!r} moves; for another one give channels={others[0]!r} ({', '.join(others)})"),
+    )
 
 
 def put_back(new: pyvista.DataSet, place: pyvista.DataSetAttributes, name: str, values: Array) -> None:
