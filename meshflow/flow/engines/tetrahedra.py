@@ -9,12 +9,16 @@ import scipy.sparse as sparse
 from meshflow.flow.blend import RATE, Blend
 from meshflow.flow.contract import FEW_RATES
 from meshflow.flow.family import Variant
+from meshflow.flow.linear_solve import solve
 from meshflow.geometry.tetrahedra import Tetrahedra
 from meshflow.geometry.validation import Array, whole
 from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.tet_mesh import TetMesh
 
 __all__ = ["TetFlow", "TetSystem"]
+
+# A factorization of so many unknowns costs less than iterations.
+FEW = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,13 @@ class TetSystem:
             only = sparse.diags(self.moves.astype(np.float64))
             stiffness = only @ stiffness @ only
         return sparse.csr_matrix(sparse.diags(self.mass) + dt * stiffness)
+
+    def conjugate_gradients(self, dt: float, right: Array, tolerance: float) -> Array:
+        """x (n, k) with (mass + dt stiffness) x = right. A factorization fills up in space: few unknowns alone are factorized.
+
+        :raises NotConverged: with the residual reached and the iterations.
+        """
+        return solve(self.matrix(dt), right, None, "direct" if len(right) <= FEW else "cg", tolerance)
 
 
 class TetFlow:
