@@ -10,6 +10,7 @@ from meshflow.errors import InputError
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.symmetric import exponential, held_definite, least_eigenvalue, logarithm, packed, unpacked
 from meshflow.geometry.validation import Array, Spacing, mask_of, nowhere, real
+from meshflow.geometry.whitening import whitening
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.vectors import with_channels
 from meshflow.surfaces.volume import Steps, Volume
@@ -50,8 +51,9 @@ class Tensors:
         √2 xy; in space with an axis before these: (d, h, w, 3, 3) or (d, h, w, 6). NaN: missing.
     :param spacing: one number or (dx, dy), in space (dz, dy, dx).
     :param missing: (h, w) or (d, h, w), further samples that are missing.
-    :param metric: ``euclidean``, the distance is the norm of the difference; or ``log-euclidean``, that of the logarithms, of
-        positive definite tensors only.
+    :param metric: ``euclidean``, the distance is the norm of the difference; ``noise``, the same in components in which the noise
+        is equal and not correlated (Mahalanobis), as that of tensors which are fitted to signals is not; or ``log-euclidean``,
+        the distance of the logarithms, of positive definite tensors only.
     :param definite: whether the tensors are positive definite by nature, so that results are held so. None: where all that came
         are.
     :param unit: the name of their unit.
@@ -62,7 +64,7 @@ class Tensors:
     values: Array
     spacing: Spacing | Steps | float = 1.0
     missing: Array = field(default_factory=nowhere)
-    metric: Literal["euclidean", "log-euclidean"] = "euclidean"
+    metric: Literal["euclidean", "noise", "log-euclidean"] = "euclidean"
     definite: bool | None = None
     unit: str = ""
 
@@ -119,17 +121,33 @@ class Tensors:
         return float(values[good].min()) if good.all() or self.definite else 0.0
 
     @cached_property
+    def _whitening(self) -> Array:
+        """With ``noise``: the matrix by which components are multiplied."""
+        return whitening(self._components, self.missing)
+
+    @property
+    def _components(self) -> Array:
+        """(..., 3) or (..., 6)."""
+        return packed(self.values) if self._square else self.values
+
+    @cached_property
     def image(self) -> Image | Volume:
         """The components as channels of an image or a volume, those of the logarithms with ``log-euclidean``."""
         least = self._least if not self.missing.all() else 0.0
         if self.metric == "euclidean":
-            return with_channels(packed(self.values) if self._square else self.values, self.spacing, self.missing)
+            return with_channels(self._components, self.spacing, self.missing)
+        if self.metric == "noise":
+            white = (self._components @ self._whitening).astype(self.values.dtype)
+            return with_channels(white, self.spacing, self.missing)
         there = np.where(self.missing[..., None, None], least * np.eye(self._whole.shape[-1]), self._whole)
         return with_channels(packed(logarithm(there.astype(self.values.dtype))), self.spacing, self.missing)
 
     def holding(self, image: Image | Volume) -> "Tensors":
         """A copy with the components of a smoothed image or volume; missing samples keep theirs."""
-        whole = unpacked(image.values)
+        components = image.values
+        if self.metric == "noise":
+            components = (components @ np.linalg.inv(self._whitening)).astype(components.dtype)
+        whole = unpacked(components)
         there = ~self.missing
         if self.metric == "log-euclidean":
             whole = exponential(np.where(self.missing[..., None, None], 0.0, whole).astype(whole.dtype))
