@@ -1,9 +1,12 @@
-"""One rate of a volume beside a copy of memory: ``pytest -m bench -s tests/bench_volume_speed.py``.
+"""One rate of a volume beside a copy of memory, and the second stage: ``pytest -m bench -s -n 0 tests/bench_volume_speed.py``.
 
-Ratios of medians of interleaved runs, with two threads (``BENCH_THREADS``).
+Ratios of medians of interleaved runs, with two threads (``BENCH_THREADS``): of CPU time, so that other work on the machine does
+not count. Of the second stage the CPU time per value, and the memory beside that of the volume and its first result.
 """
 
 import os
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -41,11 +44,35 @@ def test_a_rate_costs_few_copies(name):
     flat = np.ascontiguousarray(u.T).ravel()
     target, ratios = np.empty_like(flat), []
     for _ in range(7):
-        begun = time.perf_counter()
+        begun = time.process_time()
         copied(flat, target, THREADS)
-        between = time.perf_counter()
+        between = time.process_time()
         flow.rate(u, 0, euler(0.1), out)
-        ratios.append(((time.perf_counter() - between), between - begun))
+        ratios.append(((time.process_time() - between), between - begun))
     rate, copy = np.median(ratios[1:], axis=0)
-    print(f"\n{name}: {rate * 1e3:.0f} ms, {rate / copy:.1f} copies of {copy * 1e3:.1f} ms")
+    print(f"\n{name}: {rate * 1e3:.0f} ms of CPU, {rate / copy:.1f} copies of {copy * 1e3:.1f} ms")
     assert channels > 1 or rate < TARGET * copy
+
+
+FILTERED = """
+import resource, sys, time
+import numpy as np
+from meshflow.flow.patch_groups import PatchGroups
+side = int(sys.argv[1])
+values, missing = np.random.default_rng(0).standard_normal((1, side, side, side), np.float32), np.zeros((side,) * 3, bool)
+pilot, small = 0.1 * values, np.s_[:, :12, :12, :12]
+PatchGroups.of([1.0]).filtered(values[small].copy(), pilot[small].copy(), missing[small[1:]], 2)
+before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+PatchGroups.of([1.0]).filtered(values, pilot, missing, 2)
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / side**3, (time.process_time() - begun) / side**3)
+"""
+
+
+def test_the_second_stage_takes_few_bytes_and_microseconds_a_value():
+    for side in (64, 96):
+        ran = subprocess.run([sys.executable, "-c", FILTERED, str(side)], capture_output=True, text=True, check=True)
+        bytes_each, seconds = map(float, ran.stdout.split())
+        print(
+            f"\nsecond stage of {side}³ values: {bytes_each:.0f} bytes and {seconds * 1e6:.1f} microseconds of CPU a value"
+        )
+    assert bytes_each < 24
