@@ -8,6 +8,7 @@ from meshflow.estimate.magnitudes import Magnitudes
 from meshflow.estimate.plan import Plan
 from meshflow.estimate.second_stage import after_the_flow, cut_out
 from meshflow.estimate.volume_pieces import MARGIN, cubes
+from meshflow.estimate.volume_search import WHOLE
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.volume import Block
 
@@ -32,10 +33,13 @@ def without_noise_as_signal(plan: Plan) -> Plan:
     if not any(isinstance(one, Magnitudes) for one in by.noise):
         return plan
     found, threads = [], plan.request.compute.threads
-    for window in cubes(plan.grid, CUBES):
+    small = plan.grid.missing.size <= WHOLE
+    whole = tuple(slice(0, side) for side in plan.grid.shape)
+    for window in [whole] if small else cubes(plan.grid, CUBES):
         part = cut_out(plan.grid, window)
         planes, _ = after_the_flow(plan, part, None, threads)
-        inner = tuple(slice(MARGIN, -MARGIN) if side > 3 * MARGIN else slice(None) for side in part.shape)
+        cut = [side > 3 * MARGIN and not small for side in part.shape]
+        inner = tuple(slice(MARGIN, -MARGIN) if each else slice(None) for each in cut)
         free = ~(part.missing | part.fixed)[inner]
         found.append([plane[inner][free] for plane in planes])
     left = tuple(
