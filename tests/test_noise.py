@@ -147,6 +147,13 @@ def test_a_channel_in_doubt_follows_one_whose_noise_is_correlated_beyond_doubt()
         assert noise_of(10 * land[..., None] + noise, missing).channels == pytest.approx((1, 1, 1), rel=0.1)
 
 
+def test_correlated_noise_that_is_the_same_in_all_channels_is_doubted():
+    own, missing = [CorrelatedNoise(1.0).drawn((96, 96), seed) for seed in range(4)], np.zeros((96, 96), bool)
+    assert noise_of(np.stack(own[:3], axis=-1), missing).doubt == ""
+    common = np.stack([own[3] + 0.5 * one for one in own[:3]], axis=-1)
+    assert "nearly the same in all channels" in noise_of(common, missing).warning
+
+
 def test_noise_common_to_all_channels_is_told_from_noise_of_each():
     rng = np.random.default_rng(2)
     common, own = rng.normal(size=(256, 256, 1)), rng.normal(size=(256, 256, 3))

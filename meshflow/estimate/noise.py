@@ -250,7 +250,7 @@ def noise_in_windows(values: Array, missing: Array, windows: Sequence[Window]) -
             _times(_mean_square([one.lines.rows for one in found]), power),
             _times(_mean_square([one.lines.columns for one in found]), power),
         ),
-        next((one.doubt for one in found if one.doubt), ""),
+        next((one.doubt for one in found if one.doubt), spectra.doubt if covariances else ""),
     )
 
 

@@ -19,6 +19,9 @@ __all__ = ["ChannelPart", "Spectra", "spectra_of"]
 # all, and the largest ratio of lengths. Of 80 crops by a simulated camera 0.81 are recognized, by their channels alone 0.55.
 OF_CHANNELS = (2.0, 40.0, 0.5)
 FEW_OF_CHANNELS, UNLIKE = 12, 1.6
+# Above this mean correlation between channels the noise may be texture: of 96 crops by a simulated camera 7 are above it, whose
+# noise is found 16 to 208 % too large, in one 35 % too small.
+SAME = 0.6
 
 ChannelPart = tuple[list[tuple[Array, Array]], bool, bool]
 
@@ -45,6 +48,14 @@ class Spectra:
         """Whether the channels together show that their noise is correlated."""
         every = self._every
         return len(every) > 1 and _correlated_together(every, self.between)
+
+    @property
+    def doubt(self) -> str:
+        """Why correlated noise may be texture; empty if it differs between channels."""
+        if self.between is None or not self.correlated:
+            return ""
+        same = float(self.between[np.triu_indices(len(self.between), 1)].mean())
+        return "it is nearly the same in all channels, as texture is" if same > SAME else ""
 
     @property
     def correlated(self) -> bool:
