@@ -17,6 +17,16 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 
+def pytest_addoption(parser):
+    parser.addoption("--long", action="store_true", help="the long tests, too, as continuous integration does")
+
+
+def pytest_configure(config):
+    """Long tests run when they are asked for, and in files that are named."""
+    if config.option.long or config.args_source == config.ArgsSource.ARGS:
+        config.option.markexpr = config.option.markexpr.removesuffix(" and not long")
+
+
 def pytest_xdist_auto_num_workers(config):
     """A process for each core for all of the tests; none of its own for measurements and for files that are named."""
     measures = "bench" in config.option.markexpr and "not bench" not in config.option.markexpr

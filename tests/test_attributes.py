@@ -79,6 +79,7 @@ def test_attributes_of_real_files_come_back_as_they_were(path, tmp_path):
                 assert np.array_equal(kept[where], values), where
 
 
+@pytest.mark.long
 def test_a_smooth_field_on_an_irregular_mesh_loses_its_noise_by_the_heat_equation_and_steps_by_another():
     mesh, rng = dome(1500), np.random.default_rng(0)
     x, y, z = mesh.points.T

@@ -43,6 +43,7 @@ def counting(values, chunks):
     return da.from_array(values, chunks).map_blocks(read, meta=np.zeros((0,) * values.ndim, values.dtype)), reads
 
 
+@pytest.mark.long
 @settings(max_examples=12, deadline=None)
 @given(
     rows=st.lists(st.integers(4, 40), min_size=1, max_size=5).filter(lambda sizes: max(sizes) > 20),
@@ -232,6 +233,7 @@ def test_bands_of_a_data_array_are_channels():
 # --- more than one process ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="starts processes")
 def test_two_processes_compute_the_bits_of_one():
     distributed = pytest.importorskip("distributed")
@@ -246,6 +248,7 @@ def test_two_processes_compute_the_bits_of_one():
     same(done, meshflow.smooth(z, method=Search(second_stage=False), outliers="include"))
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="starts processes")
 def test_a_worker_that_dies_changes_no_bit(tmp_path):
     distributed = pytest.importorskip("distributed")

@@ -18,7 +18,7 @@ def script(name):
 
 
 def test_the_readme_of_this_repository_has_a_test_command():
-    assert script("readme").command((ROOT / "README.md").read_text(encoding="utf-8")) == "python -m pytest"
+    assert script("readme").command((ROOT / "README.md").read_text(encoding="utf-8")) == "python -m pytest --long"
 
 
 @pytest.mark.parametrize(

@@ -80,6 +80,7 @@ KEEPING = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", KEEPING, ids=lambda one: one.word)
 def test_what_keeps_the_range_keeps_it_at_any_time(method):
     """Super-time steps took a disc of +-50 to +-1e3 by min-max flow; central differences to +-66 by the shock filter."""
@@ -317,6 +318,7 @@ def test_with_a_switch_the_shock_filter_sharpens_edges_and_no_noise():
     assert np.abs(np.diff(switched[10])).max() > 1.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [meshflow.RudinOsherFatemi, meshflow.HalfQuadratic])
 def test_the_fidelity_of_least_estimated_risk_is_near_the_least_error(method):
     truth, noisy = cliff()

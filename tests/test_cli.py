@@ -166,6 +166,7 @@ def test_a_depth_image_needs_its_camera_and_keeps_its_holes(tmp_path):
     assert smoothed[depth > 0].std() < 0.5 * depth[depth > 0].std()
 
 
+@pytest.mark.long
 @pytest.mark.needs_gl
 def test_the_picture_is_drawn_beside_the_result(terrain, tmp_path):
     done = run("smooth", terrain, tmp_path / "out.tif", "--picture", tmp_path / "p.png")

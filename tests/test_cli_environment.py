@@ -72,6 +72,7 @@ QUICK = ("--method", "quick", "--quiet")
 # --- where it is installed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("flags", "environment"),
     [
@@ -217,6 +218,7 @@ def test_little_memory_is_one_line_or_enough(heights):
     assert done.returncode == 0, words_of(done)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "megabytes"), [("z.npy", 700), ("z.tif", 500), ("z.tif", 700), ("ball.ply", 500), ("ball.vtp", 700)]
 )
@@ -256,6 +258,7 @@ def test_a_pool_does_its_jobs_where_no_thread_can_be_started(monkeypatch, thread
         assert pool.submit(abs, -5).result() == 5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_a_signal_leaves_nothing_behind(tmp_path, heights, number):
     waiting = tmp_path / "site"

@@ -64,6 +64,7 @@ def test_data_that_does_not_change_keeps_its_bits_and_its_type(word, white, dtyp
     assert np.array_equal(held, values, equal_nan=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("word", WORDS)
 def test_noise_goes_and_the_result_does_not_depend_on_the_value_of_white(word):
     truth, noisy = colours(32, 0.05, word)
@@ -75,6 +76,7 @@ def test_noise_goes_and_the_result_does_not_depend_on_the_value_of_white(word):
         assert result.parameters["domain"].value == word
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("word", WORDS)
 def test_the_noise_of_each_channel_is_told_in_the_space(word):
     truth, noisy = colours(96, 0.01, word)
@@ -85,6 +87,7 @@ def test_the_noise_of_each_channel_is_told_in_the_space(word):
         assert float(found.parameters[f"noise {name}"]) == pytest.approx(sigma, rel=0.15), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("word", WORDS)
 def test_a_given_noise_is_that_of_the_values_and_told_as_that_of_the_space(word):
     space, truth = COLOUR_SPACES[word], np.full((64, 64, 3), (0.7, 0.4, 0.3))

@@ -158,6 +158,7 @@ def command(files, *words):
     return CliRunner().invoke(app, given, env={"COLUMNS": "200"})
 
 
+@pytest.mark.long
 def test_the_command_prints_what_the_library_measures_and_draws_it(files, compared):
     camera = ("--camera", files / "camera.json")
     done = command(files, *camera, "--truth", files / "truth.npy", "--json", "--picture", files / "flows.png")

@@ -81,6 +81,7 @@ def test_what_would_cross_moves_less_and_nothing_else_does():
     assert np.array_equal(found[beyond], after[beyond])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "level"), [("nrm", 0.3), ("iso", 0.7)])
 @pytest.mark.parametrize("shape", [shapes.part(0.04), shapes.plate(40)], ids=["part", "plate"])
 def test_the_default_makes_no_crossings_and_moves_no_point_farther_than_noise_goes(shape, kind, level):

@@ -89,6 +89,7 @@ def test_a_cylinder_rests_and_ripples_along_it_go_as_fast_as_they_would():
     assert -np.polyfit(ripple[deep], rate, 1)[0] == pytest.approx(16.0, rel=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("level", "stepper"), [(0.03, "auto"), (0.1, "auto"), (0.1, "explicit"), (0.2, "auto"), (0.3, "auto")]
 )

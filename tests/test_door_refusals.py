@@ -125,6 +125,7 @@ def test_an_error_of_type_from_within_a_class_is_not_taken_for_a_wrong_call():
 UNDECLARED = np.where(np.arange(40) < 6, -9999.0, Z)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", [{"nodata": -9999}, {"missing": -9999}, {"missing": UNDECLARED == -9999}])
 @pytest.mark.parametrize("data", [UNDECLARED, np.dstack([Z, UNDECLARED]), UNDECLARED.astype(np.float32)])
 def test_what_the_warning_of_undeclared_samples_advises_is_taken_and_equals_a_mask(data, how):

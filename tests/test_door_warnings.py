@@ -45,6 +45,7 @@ CASES = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("call", "word"), CASES)
 def test_each_warning_of_a_result_is_issued_where_no_result_is_returned(call, word):
     result = []

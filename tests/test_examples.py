@@ -42,6 +42,7 @@ def test_figure_1_terraces_of_quantisation_go_and_the_truth_comes_nearer(tmp_pat
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.long
 @pytest.mark.needs_gl
 def test_figure_3_cotangents_leave_vertices_where_uniform_weights_drag_them(tmp_path):
     assert 0 < example("paper_3_irregular_sampling").main(tmp_path / "a.png") < 0.3
@@ -54,11 +55,13 @@ def test_figure_6_the_curvature_of_an_unevenly_sampled_sphere_is_one(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.long
 def test_figure_7_discs_come_out_of_noise_in_grey_and_in_colour(tmp_path):
     assert 0 < example("paper_7_synthetic").main(tmp_path / "a.png") < 0.25
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.long
 def test_figure_8_super_time_takes_a_sixth_of_the_rates_to_the_same_picture(tmp_path):
     rates, away = example("paper_8_colour").main(tmp_path / "a.png")
     assert rates < 60  # instead of 300
@@ -72,6 +75,7 @@ def test_figure_10_the_clock_is_an_image_and_a_height_field(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.long
 @pytest.mark.needs_gl
 def test_figure_9_a_head_comes_out_of_noisy_depths(tmp_path):
     pytest.importorskip("pymeshlab")
@@ -79,11 +83,13 @@ def test_figure_9_a_head_comes_out_of_noisy_depths(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.long
 def test_a_scene_of_four_decades_fits_on_a_screen_of_two_with_its_details(tmp_path):
     assert example("tone_mapping").main(tmp_path / "a.png") > 50
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.long
 @pytest.mark.needs_gl
 def test_stripes_follow_the_flow_past_a_cylinder(tmp_path):
     module = example("flow_past_cylinder")
@@ -93,12 +99,14 @@ def test_stripes_follow_the_flow_past_a_cylinder(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.long
 def test_heights_that_move_alone_end_nearer_the_truth_than_points_that_move_in_space(tmp_path):
     space, heights = example("compare_3d_and_graph_flow").main(tmp_path / "a.png")
     assert drawn(tmp_path / "a.png")
     assert heights < 0.95 * space < 1.0
 
 
+@pytest.mark.long
 def test_of_four_flows_equally_smooth_the_ray_flow_alone_leaves_silhouettes_where_they_are(tmp_path):
     rays, others, normals = example("compare_flows").main(tmp_path / "flows.png")
     assert rays < 1e-9
@@ -107,6 +115,7 @@ def test_of_four_flows_equally_smooth_the_ray_flow_alone_leaves_silhouettes_wher
     assert (tmp_path / "flows.png").stat().st_size > 50_000
 
 
+@pytest.mark.long
 @pytest.mark.needs_gl
 def test_a_terrain_is_written_and_pictured_before_and_after(tmp_path):
     removed = example("view_before_after").main(tmp_path)

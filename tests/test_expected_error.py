@@ -56,6 +56,7 @@ def smoothed(name, sigma, length):
     return meshflow.smooth((SCENES[name] + noise(sigma, length)).astype("float32"), result=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "sigma", "length"),
     [*((name, 3.0, 0.0) for name in SCENES), ("plane", 2.0, 1.2), ("mesas", 2.0, 1.2), ("hills", 1.0, 0.0)],
@@ -189,6 +190,7 @@ def test_the_raster_of_windows_is_that_of_the_whole(k, level, tmp_path):
         assert one.read().tobytes() == two.read().tobytes()
 
 
+@pytest.mark.long
 def test_bands_smoothed_one_by_one_have_each_their_own(tmp_path):
     samples = np.stack([SCENES["hills"] + noise(2.0, 0.0), 100 * SCENES["mesas"] + noise(200.0, 0.0, 3)]).astype(
         "float32"

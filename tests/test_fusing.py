@@ -70,6 +70,7 @@ def seen_from(place):
     return np.where(inside > 0, (along - np.sqrt(np.maximum(inside, 0))) / square, wall)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("far", [0.0, 0.002, 0.02])
 def test_frames_of_a_camera_that_moves_are_no_worse_than_one_of_them(far):
     rng = np.random.default_rng(1)
@@ -84,6 +85,7 @@ def test_frames_of_a_camera_that_moves_are_no_worse_than_one_of_them(far):
     assert ("the scene has moved" in " ".join(found.warnings)) == (far > 0)
 
 
+@pytest.mark.long
 def test_more_frames_are_better():
     errors = []
     for many in (1, 2, 4, 12):

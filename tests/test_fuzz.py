@@ -24,6 +24,7 @@ def tried(what, folder, seconds, seed):
     assert done.returncode == 0, f"seed {seed}; {last}\n{done.stdout[-8000:]}\n{done.stderr[-2000:]}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", ["files", "options"])
 def test_some_seconds_of_anything(tmp_path, what):
     tried(what, tmp_path, 15, 1)

@@ -87,6 +87,7 @@ def digest():
     return found.hexdigest()[:32]
 
 
+@pytest.mark.long
 def test_instruction_sets_give_the_same_bits():
     levels, found = Target.here().instruction_sets, set()
     for level in levels:
@@ -103,6 +104,7 @@ def test_instruction_sets_give_the_same_bits():
     assert len(found) == 1, f"{found}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_threads_give_the_same_bits(kind, dtype):
@@ -116,6 +118,7 @@ def test_threads_give_the_same_bits(kind, dtype):
     assert found[0] == found[1] == found[2]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["one", "2", "3", "5", "lines"])
 @pytest.mark.parametrize("boundary", ["neumann", "plane-preserving"])
 def test_a_part_of_a_grid_moves_as_in_the_whole_to_the_bit(kind, boundary):

@@ -230,6 +230,7 @@ def test_states_of_a_run_stay_as_they_were_unless_their_memory_is_recycled():
     assert all((state.u == copy).all() for state, copy in zip(kept, copies, strict=True))
 
 
+@pytest.mark.long
 def test_the_memory_of_a_run_is_at_most_seven_more_of_the_array():
     # The run itself needs four, the grid in its standard orientation and masks the others.
     code = """
@@ -257,6 +258,7 @@ LONG_RUNS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("run", LONG_RUNS.values(), ids=LONG_RUNS)
 def test_ctrl_c_stops_a_long_run_within_a_second_and_leaves_the_array_as_it_was(run):
     code = """

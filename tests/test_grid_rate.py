@@ -126,6 +126,7 @@ def test_the_seven_point_weights_are_the_stiffness_and_cg_on_the_grid_equals_the
                 assert np.abs(found - truth).max() < 1e-9 * scale, solver
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["one", "3", "range"])
 @pytest.mark.parametrize("gamma", GAMMAS)
 def test_the_bound_on_the_grid_is_no_lower_than_the_fastest_decay(kind, gamma):

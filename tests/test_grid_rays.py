@@ -62,6 +62,7 @@ def test_scalars_along_the_rays_are_what_whole_pulls_give(camera, boundary, diag
         assert ours.area(u) == pytest.approx(mesh.area(mesh.start()), rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("noise", [0.0, 0.003, 0.02])
 @pytest.mark.parametrize("mass", MASSES)

@@ -28,6 +28,7 @@ def headings(page):
     return [re.sub(r"[^\w -]", "", title).lower().replace(" ", "-") for title in titles]
 
 
+@pytest.mark.long
 @pytest.mark.needs_gl
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_the_blocks_of_a_page_run_and_make_its_pictures(page, tmp_path, monkeypatch):

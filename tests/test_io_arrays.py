@@ -112,6 +112,7 @@ def test_what_cannot_be_imported_is_refused_with_the_way_out(data, hints, expect
         from_object(data, hints)
 
 
+@pytest.mark.long
 def test_numbers_of_numpy_are_numbers():
     points = meshflow.Scattered(np.random.default_rng(0).uniform(0, 9, (40, 2)), np.arange(40.0))
     for word in ("time", "scale", "noise", "strength"):

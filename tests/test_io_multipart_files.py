@@ -66,6 +66,7 @@ def vtm(path, *meshes):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("made", "suffix"), [(glb, ".glb"), (obj, ".obj"), (stl, ".stl"), (vtm, ".vtm")])
 @pytest.mark.parametrize("words", [[], ["--method", "curvature", "--preserve", "volume"]], ids=["search", "curvature"])
 def test_a_part_of_a_file_is_smoothed_to_the_bit_as_if_it_were_alone(made, suffix, words, tmp_path):

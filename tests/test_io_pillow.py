@@ -15,6 +15,7 @@ def noisy(shape, seed=0, scale=1.0):
     return (RAMP.reshape(*RAMP.shape, *(1 for _ in shape)) * scale + noise).round()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["L", "RGB", "RGBA", "LA", "I;16", "I", "F"])
 def test_a_picture_comes_back_in_its_mode_with_less_noise(mode):
     count = {"RGB": 3, "RGBA": 4, "LA": 2}.get(mode)

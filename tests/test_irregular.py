@@ -113,6 +113,7 @@ def test_no_triangle_faces_the_rim_with_a_wide_angle():
     assert len(np.unique(mesh.faces)) == len(PLACES)  # no point has lost its triangles
 
 
+@pytest.mark.long
 def test_spikes_are_left_out_and_kept_or_replaced_and_the_others_are_as_smooth_as_without_them():
     truth = np.sin(PLACES[:, 0] / 6)
     values = truth + 0.1 * NOISE
@@ -130,6 +131,7 @@ def test_spikes_are_left_out_and_kept_or_replaced_and_the_others_are_as_smooth_a
     assert meshflow.estimate_noise(Scattered(PLACES, spiked)).sigma == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("values", [np.hypot(*(PLACES - 20).T), (PLACES[:, 0] > 20) * 9.0 + NOISE, np.round(NOISE)])
 def test_cones_steps_and_levels_have_no_spikes(values):
     assert not meshflow.smooth(Scattered(PLACES, values), result=True).warnings

@@ -66,6 +66,7 @@ def test_a_picture_that_was_never_compressed_is_told_from_those_that_were(name):
     assert jpeg_of(drawing, none(drawing)) is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "quality", "gain"), [("camera", 20, 0.4), ("coffee", 50, 0.3)])
 def test_a_compressed_picture_becomes_better_by_default_and_the_result_says_why(name, quality, gain):
     truth, picture = subject(name).astype(float), compressed(subject(name), quality)

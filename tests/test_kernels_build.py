@@ -106,6 +106,7 @@ def test_the_library_needs_no_runtime_of_a_compiler():
     assert needed <= {b"libc.so.6", b"libm.so.6", b"libpthread.so.0", b"ld-linux-x86-64.so.2", b"ld-linux-aarch64.so.1"}
 
 
+@pytest.mark.long
 @needs_sources
 @needs_compiler
 def test_a_source_tree_compiles_when_a_kernel_is_used_and_again_only_what_has_changed(tree):

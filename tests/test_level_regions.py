@@ -32,6 +32,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [11, 12])
 @pytest.mark.parametrize("sigma", [0.3, 3.0])
 def test_level_water_beside_noisy_land_stays_and_the_land_is_smoothed(seed, sigma):
@@ -46,6 +47,7 @@ def test_level_water_beside_noisy_land_stays_and_the_land_is_smoothed(seed, sigm
     assert rms((found.after.z - truth)[~water]) < 0.9 * gauss
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wide", [1, 2, 3, 5])
 def test_rivers_and_ponds_of_level_water_stay_however_narrow_and_no_shore_is_an_impulse(wide):
     z, truth, _ = land_and_lake(4, 1.5)

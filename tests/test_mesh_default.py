@@ -99,6 +99,7 @@ def test_sigma_of_impulses_is_their_root_mean_square_and_they_are_told_from_othe
     assert found.kurtosis > 3.8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shape", [shapes.sphere(4), shapes.cube(20), shapes.dome(3000)], ids=["ball", "cube", "dome"])
 def test_sigma_of_correlated_noise_is_that_of_the_noise_and_not_of_its_differences(shape):
     from meshflow.geometry.laplacians import neighbour_means
@@ -159,6 +160,7 @@ def test_strongly_uneven_triangles_come_right_however_folded_by_their_noise(name
     assert angle < most, f"{angle:.2f} degrees"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "level", "most"), [("iso", 0.1, 0.4), ("iso", 0.3, 0.6), ("nrm", 0.3, 0.45)])
 def test_a_smooth_shape_keeps_neither_facets_nor_waves_of_its_noise(kind, level, most):
     shape = shapes.sphere(4)
@@ -177,6 +179,7 @@ FOLDING = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("level", [0.4, 0.5])
 def test_noise_between_moderate_and_strong_leaves_creases(level):
     shape = shapes.part(0.026)
@@ -214,6 +217,7 @@ def test_single_spikes_are_put_back_and_told_and_nothing_else_moves(shape):
     assert np.linalg.norm(after - shape.points, axis=1)[~spikes].max() < 0.3 * shape.edge
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shape", [CUBE, BALL], ids=["cube", "ball"])
 def test_what_comes_back_does_not_depend_on_numbering_turns_of_triangles_place_or_unit(shape):
     points, faces = shape.noisy("nrm", 0.3), shape.faces
@@ -312,6 +316,7 @@ def test_what_would_fold_moves_otherwise_and_nothing_else_does():
     assert np.array_equal(found[still], points[still])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("shape", "kind", "level", "seed"), FOLDING)
 def test_no_fold_is_left_of_those_that_noise_made(shape, kind, level, seed):
     points, nowhere = shape.noisy(kind, level, seed), np.zeros_like(shape.points)

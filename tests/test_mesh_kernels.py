@@ -85,12 +85,14 @@ def by_two_threads():
         return digests()
 
 
+@pytest.mark.long
 def test_no_loop_over_a_mesh_depends_on_the_number_of_threads(by_two_threads):
     for threads in (1, 5):
         with using_threads(threads):
             assert digests() == by_two_threads
 
 
+@pytest.mark.long
 def test_loops_over_a_mesh_give_the_same_bits_with_every_instruction_set(by_two_threads):
     others = [level for level in ("v2", "v3") if level != environment().instruction_set]
     if environment().instruction_set == "baseline" or not others:
@@ -324,6 +326,7 @@ def _smoothed(seed):
     return float(operator.area_gradient(points, faces).sum() + operator.stiffness(points, faces).data.sum())
 
 
+@pytest.mark.long
 def test_a_child_that_is_forked_after_a_mesh_was_smoothed_smooths_another_one():
     if "fork" not in multiprocessing.get_all_start_methods():
         pytest.skip("no fork on this system")

@@ -87,6 +87,7 @@ def test_flat_irregular_meshes_rest_in_every_flow(way):
     assert np.abs(found - points).max() < 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.shared
 @pytest.mark.skipif(not MESHES.exists(), reason="no ../shared/data/meshes")
 def test_what_would_only_lose_by_it_is_left_alone_and_says_so():
@@ -156,6 +157,7 @@ def test_methods_of_points_are_refused_where_no_points_move():
             smooth((BALL, FACES), **parts(channels=BALL[:, 2], **words))
 
 
+@pytest.mark.long
 @pytest.mark.shared
 @pytest.mark.skipif(not MESHES.exists(), reason="no ../shared/data/meshes")
 @pytest.mark.parametrize("path", MESSY, ids=lambda path: path.name)

@@ -149,6 +149,7 @@ def test_the_risk_of_a_search_counts_what_is_held_back():
     assert held.parameters["risk"].value > 2 * free.parameters["risk"].value
 
 
+@pytest.mark.long
 def test_the_risk_of_a_mesh_counts_what_is_held_back():
     ball, faces = sphere(2000)
     noisy = along_normals(ball, faces, 0.2)

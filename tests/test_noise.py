@@ -176,6 +176,7 @@ def test_noise_scales_with_the_values_and_no_offset_changes_it(length):
         assert turned.length == pytest.approx(found.length, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("power", [-200, -100, 66, 100, 200])
 @pytest.mark.parametrize("shape", [(32, 36), (24, 24, 3)])
 def test_a_power_of_two_times_the_values_gives_that_times_the_noise_and_the_result_to_the_bit(power, shape):
@@ -190,6 +191,7 @@ def test_a_power_of_two_times_the_values_gives_that_times_the_noise_and_the_resu
         assert meshflow.estimate_noise(np.ldexp(z, power).astype(np.float32)).sigma > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [1e-30, 1e20, 1e25, 1e35])
 @pytest.mark.parametrize("number", [np.float32, np.float64])
 @pytest.mark.parametrize("method", [None, "quick"])
@@ -364,6 +366,7 @@ def test_terraces_of_a_rounded_surface_are_no_correlated_noise():
             assert found.correlation is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("size", "period"), [(200, 4), (256, 5), (300, 6), (256, 9), (200, 11)])
 def test_the_waves_of_a_smooth_surface_are_no_correlated_noise(size, period):
     y, x = np.mgrid[:size, :size].astype(float)

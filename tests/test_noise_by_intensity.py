@@ -71,6 +71,7 @@ def test_the_way_back_has_no_bias(level):
     assert abs(mean - level) < 4.0 * np.sqrt(level) / 400 + 1e-3 * level
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("most", "share"), [(3, 0.5), (100, 0.6)])
 def test_a_picture_of_few_photons_is_smoothed_far_better_than_as_if_its_noise_were_one_number(most, share):
     truth = data.camera()[150:246, 180:276].astype(float)

@@ -70,6 +70,7 @@ VOLUMES = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("shape", "kind", "level", "most"), VOLUMES)
 def test_by_default_the_volume_is_that_of_the_noisy_mesh(shape, kind, level, most):
     points = shape.noisy(kind, level, 11)

@@ -36,6 +36,7 @@ def same(turned, there):
     assert np.nanmax(np.abs(turned - there)) <= 1e-12 * np.nanmax(np.abs(there))
 
 
+@pytest.mark.long
 @few
 @given(st.integers(0, 999), ways, st.sampled_from([(24, 24), (20, 31)]), st.booleans())
 def test_a_search_does_not_depend_on_how_the_data_lies(seed, way, shape, holes):

@@ -4,11 +4,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import meshflow
 
 ROOT = Path(__file__).parents[1]
 
 
+@pytest.mark.long
 def test_the_pages_build_and_the_reference_has_every_public_name(tmp_path):
     built = subprocess.run(
         [sys.executable, ROOT / ".ci" / "pages.py", tmp_path], capture_output=True, text=True, check=False

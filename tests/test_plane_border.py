@@ -122,6 +122,7 @@ def test_the_border_operator_is_what_is_written(seed):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(20))
 def test_a_surveyed_terrain_is_never_thrown_about(seed):
     flat, faces, plane, z = terrain(seed)

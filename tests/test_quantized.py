@@ -74,6 +74,7 @@ def peers(z, truth):
     return min(rms(t - truth) for t in tried), min(slopes(t, truth) for t in tried)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [0.0, 0.15])
 @pytest.mark.parametrize("scene", list(SCENES))
 def test_whole_numbers_come_back_no_worse_than_they_went_in(scene, noise):

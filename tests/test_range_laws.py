@@ -113,6 +113,7 @@ def test_pixels_beside_a_silhouette_see_after_the_flow_what_they_saw_before():
     assert wrong == 0, f"{wrong} of {beside} pixels beside a silhouette see the other side"
 
 
+@pytest.mark.long
 def test_rays_that_nearly_meet_end_by_implicit_steps(tmp_path):
     """An organised cloud whose viewpoint does not see it: explicit steps would be shorter and shorter for hours."""
     rough = np.random.default_rng(0).normal(size=(40, 50)).cumsum(axis=0)

@@ -185,6 +185,7 @@ def test_a_limit_of_half_the_step_holds_at_each_depth():
         meshflow.smooth(RangeImage(wall(0.01)[1], camera), constraints=MaxChange("step"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", [{}, {"domain": "disparity"}, {"domain": "length"}])
 @pytest.mark.parametrize("most", [0.003, "one per pixel", "step", np.inf])
 def test_no_depth_moves_by_more_than_the_limit_whatever_the_domain(words, most):
@@ -204,6 +205,7 @@ def test_no_depth_moves_by_more_than_the_limit_whatever_the_domain(words, most):
     assert (moved[10:14, 20:24] == 0).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", [{}, {"domain": "disparity"}])
 def test_a_limit_in_depths_is_reached_and_an_infinite_one_is_none(words):
     _, noisy, camera = wall(0.01)
@@ -254,6 +256,7 @@ def test_data_weights_hold_pixels_where_they_are():
     assert np.abs(smoothed - noisy)[20:40].max() < 1e-3 < np.abs(smoothed - noisy)[:20].max()
 
 
+@pytest.mark.long
 def test_the_scene_by_default_is_near_the_best_time():
     scene = depth_scene(CAMERA, seed=1, noise=0.0015)
     there = np.isfinite(scene.truth)
@@ -266,6 +269,7 @@ def test_the_scene_by_default_is_near_the_best_time():
     assert error() < 1.05 * best
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sensor", [StructuredLight(seed=1), StructuredLight(seed=2, step=None), TimeOfFlight(seed=3)])
 def test_a_pinhole_is_smoothed_in_inverse_depths_by_default_and_is_better_for_it(sensor):
     frame = observe(SHAPES, Sight.through(CAMERA, (120, 160)), sensor)
@@ -281,6 +285,7 @@ def test_a_pinhole_is_smoothed_in_inverse_depths_by_default_and_is_better_for_it
     assert chosen.rms < along.rms
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "given",
     [

@@ -193,6 +193,7 @@ DRIVERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("nodata", [-9999.0, np.nan])
 @pytest.mark.parametrize("name", DRIVERS)
 def test_every_driver_stores_the_result_as_a_whole_and_by_windows(name, nodata, tmp_path):

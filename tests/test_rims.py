@@ -84,6 +84,7 @@ def from_curve(some, points, faces):
 LEFT = {"disk": 0.35, "square": 0.45, "vault": 0.75, "face": 0.45, "wavy": 0.55, "half sphere": 0.85}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "level"), [("iso", 0.1), ("iso", 0.6), ("nrm", 0.3)])
 @pytest.mark.parametrize("name", PATCHES)
 def test_a_rim_loses_its_noise_and_nothing_folds_or_crosses(name, kind, level):
@@ -98,6 +99,7 @@ def test_a_rim_loses_its_noise_and_nothing_folds_or_crosses(name, kind, level):
     assert "border curve" in result.parameters["boundary"].why
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["square", "vault"])
 @pytest.mark.parametrize("level", [0.1, 0.3])
 def test_corners_of_a_border_stay_corners(name, level):
@@ -139,6 +141,7 @@ def test_a_border_that_the_caller_holds_is_held():
     assert np.array_equal(meshflow.smooth((given, faces), boundary="fixed")[0][rim], given[rim])
 
 
+@pytest.mark.long
 def test_the_rim_does_not_depend_on_numbering_turns_of_triangles_place_or_unit():
     points, faces = PATCHES["vault"]
     given, rng = noisy(points, faces, "iso", 0.3), np.random.default_rng(1)

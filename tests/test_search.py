@@ -65,6 +65,7 @@ def test_the_estimated_risk_is_the_error_that_is_made(variant):
     assert curve.mean(1.0, 2.0) == pytest.approx(rms(again - truth) ** 2, abs=0.25)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("make", [ramps, mesas])
 @pytest.mark.parametrize("sigma", [0.7, 4.0])
 def test_what_is_chosen_is_near_the_best_that_there_is(make, sigma):
@@ -94,6 +95,7 @@ def test_the_least_risk_is_one_that_was_evaluated():
     assert diverging.least == (0.35, 0.331)
 
 
+@pytest.mark.long
 def test_a_search_on_tiles_chooses_what_a_search_on_all_would(monkeypatch):
     truth, z = noisy(lambda n: np.tile(ramps(96), (2, 3)), 0)
     all_of_it = rms(meshflow.smooth(z) - truth)
@@ -190,6 +192,7 @@ def test_what_is_given_is_held_and_what_is_not_is_found():
     assert meshflow.smooth(z, stop=Steps(2), result=True).end.step == 2
 
 
+@pytest.mark.long
 def test_every_name_of_a_variant_is_one_and_runs():
     _, z = noisy(n=32)
     names = [kind.word for kind in HEIGHT_METHODS]

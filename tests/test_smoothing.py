@@ -183,6 +183,7 @@ def test_every_messy_mesh_gives_a_finite_result(path):
         assert (outcome.end.largest > 0) != (outcome.start.area == 0 or rests)
 
 
+@pytest.mark.long
 @pytest.mark.shared
 @shared
 def test_the_horse_with_its_slivers_is_smoothed_in_one_call():

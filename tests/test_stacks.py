@@ -33,6 +33,7 @@ def same(one, two):
     assert np.asarray(one).tobytes() == np.asarray(two).tobytes()
 
 
+@pytest.mark.long
 def test_each_slice_is_smoothed_as_if_it_were_alone():
     data = stack()
     done = meshflow.smooth(data, slices="each", result=True)
@@ -44,6 +45,7 @@ def test_each_slice_is_smoothed_as_if_it_were_alone():
     assert set(done.to_dict()["slices"]) == set(done)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("options", [FIXED, {}], ids=["given", "found"])
 def test_slices_alike_have_one_choice(options):
     data = stack((2.0, 2.0, 2.0))
@@ -58,6 +60,7 @@ def test_slices_alike_have_one_choice(options):
     assert done.removed.rms == pytest.approx(np.sqrt(np.mean(gone**2)), rel=1e-6)
 
 
+@pytest.mark.long
 def test_slices_alike_may_be_looked_at_in_part():
     data = xarray.concat([stack((2.0, 2.0, 2.0, 2.0)).drop_vars("time")] * 3, "time")
     done = meshflow.smooth(data, slices="alike", result=True)

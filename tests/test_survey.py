@@ -64,6 +64,7 @@ def mosaic_of(folder):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("request_", [FIXED, Request.of(outliers="include")], ids=["given", "found"])
 def test_tiles_equal_the_mosaic_bit_for_bit(request_, tmp_path):
     z = heights()
@@ -143,6 +144,7 @@ def test_the_command_smooths_a_folder_of_tiles_together(tmp_path):
     assert len({(noise, time) for _, noise, time, *_ in columns}) == 1  # one choice for all
 
 
+@pytest.mark.long
 def test_the_command_says_of_all_tiles_what_it_says_of_their_mosaic(tmp_path):
     z = heights()
     whole = make(tmp_path / "whole.tif", z, nodata=-9999, transform=placed(0, 0, 30))

@@ -35,6 +35,7 @@ def same(here, there, start):
     assert worst < ROUNDING, f"{worst:.1e} of the largest change"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", OF_GRIDS)
 @pytest.mark.parametrize("channels", [0, 3])
 def test_a_grid_may_lie_any_way(method, channels):
@@ -71,6 +72,7 @@ def shapes():
 SHAPES = list(shapes())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", OF_POINTS)
 @pytest.mark.parametrize(("points", "faces"), SHAPES, ids=["ball", "sheet"])
 def test_vertices_and_faces_of_a_mesh_may_have_any_number_and_winding(method, points, faces):
@@ -80,6 +82,7 @@ def test_vertices_and_faces_of_a_mesh_may_have_any_number_and_winding(method, po
     same(here[order], there, moved)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", OF_CHANNELS)
 @pytest.mark.parametrize(("points", "faces"), SHAPES, ids=["ball", "sheet"])
 def test_so_may_those_of_a_mesh_whose_channels_move(method, points, faces):

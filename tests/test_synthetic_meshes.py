@@ -172,6 +172,7 @@ def test_refusals_say_what_was_expected(call, says):
         call()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("peer", peers.mesh_peers(MADE["cube"].faces), ids=lambda peer: peer.name)
 def test_every_peer_smooths_in_the_order_that_vertices_came(peer):
     shape = MADE["cube"]

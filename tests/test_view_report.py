@@ -79,6 +79,7 @@ def written(figure):
     return [text.get_text() for text in figure.texts]
 
 
+@pytest.mark.long
 def test_a_report_holds_every_parameter_and_its_origin(result, tmp_path):
     page, words = html(result, tmp_path), written(_figure(found(result, "")))
     for name, parameter in result.parameters.items():

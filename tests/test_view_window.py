@@ -60,6 +60,7 @@ assert not plotters._ALL_PLOTTERS, "a window is left behind"
 """
 
 
+@pytest.mark.long
 def test_a_window_wipes_blinks_turns_and_closes():
     done = subprocess.run(
         ["xvfb-run", "-a", sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False, timeout=200

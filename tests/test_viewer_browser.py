@@ -164,6 +164,7 @@ def test_in_a_browser_what_is_let_go_is_computed_again_and_saving_waits_for_the_
     assert page.errors == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("served", ["0.0.0.0", "127.0.0.1"], indirect=True)
 def test_nobody_sees_anything_without_the_token(page, served):
     assert "?secret=" in served
@@ -174,6 +175,7 @@ def test_nobody_sees_anything_without_the_token(page, served):
     page.wait_for_selector("#picture img", timeout=60_000)
 
 
+@pytest.mark.long
 def test_a_port_that_is_taken_is_refused_by_name():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -212,6 +212,7 @@ def test_who_does_not_know_the_token_hears_nothing(served):
     assert all("error" in answer for answer in with_client(url, talk))
 
 
+@pytest.mark.long
 @pytest.mark.needs_gl
 @pytest.mark.timeout(240)
 def test_a_client_turns_controls_and_nothing_else_and_ends_nothing(served):

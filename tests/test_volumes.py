@@ -72,6 +72,7 @@ def test_constraints_hold():
     assert 0 < error(held, x) < 0.2
 
 
+@pytest.mark.long
 def test_missing_samples_stay_and_are_not_read():
     truth = head(22)
     x = noisy(truth)

@@ -46,6 +46,7 @@ METHODS = {
 }
 
 
+@pytest.mark.long
 @settings(max_examples=40, deadline=None)
 @given(
     method=st.sampled_from(sorted(METHODS)),
@@ -86,6 +87,7 @@ def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
     same(done, array_of(run(data, request, record=None).after))
 
 
+@pytest.mark.long
 @settings(max_examples=10, deadline=None)
 @given(
     kind=st.sampled_from(["terrain", "image", "colours"]),
@@ -146,6 +148,7 @@ def test_weights_of_samples_hold_by_windows_as_they_do_in_the_whole(weights):
     assert found.local.plan.most_pull == pytest.approx(np.max(each) / 4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [None, "quick", "search"])
 @pytest.mark.parametrize("k", [0, 3])
 def test_what_is_chosen_by_default_runs_by_windows_as_it_does_on_the_whole(method, k):
@@ -161,6 +164,7 @@ def test_what_is_chosen_by_default_runs_by_windows_as_it_does_on_the_whole(metho
     assert not np.array_equal(done, array_of(data))
 
 
+@pytest.mark.long
 def test_a_plan_found_on_spread_tiles_is_that_of_the_whole_to_the_error_of_its_estimates():
     data = terrain(400, 500, holes=0.01)
     request = Request.of(outliers="include")

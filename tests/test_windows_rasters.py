@@ -117,6 +117,7 @@ def test_outliers_of_a_file_are_those_of_the_whole(k, outliers, tmp_path):
     assert any("unlike all neighbours" in word for word in outcome.warnings)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(FILES))
 def test_the_file_that_windows_write_is_that_of_the_whole(name, tmp_path):
     path = FILES[name](tmp_path / "in.tif")
@@ -251,6 +252,7 @@ finally:
 FIXED = ("--method", "beltrami", "--contrast", "5", "--time", "900", "--noise", "2", "--outliers", "include")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="the limit is that of Linux")
 def test_a_process_that_may_take_less_memory_than_the_raster_needs_writes_the_same_bits(tmp_path):
     path, memory = large(tmp_path / "in.tif"), 450e6

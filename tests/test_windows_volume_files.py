@@ -96,6 +96,7 @@ def test_headers_are_kept_and_types_by_request(tmp_path):
     assert np.abs(values("int16") - removed - np.asarray(image.dataobj)).max() <= 0.51
 
 
+@pytest.mark.long
 def test_the_command_takes_windows_where_the_whole_does_not_fit(tmp_path):
     path = tmp_path / "v.npy"
     np.save(path, np.tile(values(), (4, 5, 4)))

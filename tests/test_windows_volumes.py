@@ -45,6 +45,7 @@ def volume(shape=SHAPE, dtype=np.float32, seed=0, holes=0.03, level=0.0, k=0):
     return Volume(values.astype(dtype), (1.0, 0.8, 1.3), missing, unit="mm")
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None)
 @given(
     method=st.sampled_from(sorted(METHODS)),
@@ -75,6 +76,7 @@ def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
     same(done, run(data, request, record=None).after.values)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [Search(second_stage=False), "quick"])
 @pytest.mark.parametrize("k", [0, 2])
 def test_what_is_chosen_runs_by_windows_as_it_does_on_the_whole(method, k):
