@@ -4,6 +4,7 @@ import igl
 import naive_volumes as naive
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 import meshflow
 from meshflow import Fixed, InputError, Mask, MaxChange, Mobility, Residual, Steps, TetMesh, Volume
@@ -136,6 +137,18 @@ def test_linear_functions_rest_inside_and_steps_within_the_bound_lower_the_volum
     rough = TetFlow(body((6, 6, 6)), Lift(0.5), variant)
     *_, end = march(rough, Until(steps=5), Explicit())
     assert rough.area(end.u) < rough.area(rough.start())
+
+
+def test_implicit_steps_on_slivers_are_positive_definite_and_keep_the_range():
+    draw = np.random.default_rng(0)
+    points = draw.random((400, 3))
+    values = np.where(points[:, :1] > 0.5, 1.0, 0.0) + 0.2 * draw.normal(size=(400, 1))
+    data = TetMesh(points, Delaunay(points).simplices, values)
+    for sharpness in (1.5, 3.0):
+        flow = TetFlow(data, Lift(3.0), Variant(-1.0, sharpness))
+        assert np.linalg.eigvalsh(flow.system(flow.start()).matrix(0.01).toarray()).min() > 0
+        after = SemiImplicit().step(flow, flow.start(), 0.01)
+        assert np.ptp(after) < np.ptp(values)
 
 
 def test_order_orientation_place_and_threads_do_not_matter():

@@ -17,7 +17,8 @@ struct Frame {
 };
 
 // Weights (m, 6), minus the stiffness between the ends of each edge, and volumes (m,) of the tetrahedra lifted by values u (n, k).
-// frames (m, 7). scale: alpha^2; 0: the ground itself.
+// frames (m, 7). scale: alpha^2; 0: the ground itself. One channel runs along its gradient alone, where V0 / W^q takes the place of
+// the metric: across it that one grows as W^q, which slivers make so large that rounding is left of implicit steps.
 inline i64 tetrahedra_measured(i64, i64 k, i64 m, const double* u, const i32* cells, const double* frames, double scale,
                                double sharpness, double* weights, double* volumes, i32 threads) {
     grid::with_weight(sharpness, [&](auto weight) {
@@ -35,7 +36,11 @@ inline i64 tetrahedra_measured(i64, i64 k, i64 m, const double* u, const i32* ce
                     xx += scale * (x * x), yy += scale * (y * y), zz += scale * (z * z);
                     yz += scale * (y * z), xz += scale * (x * z), xy += scale * (x * y);
                 }
-                volumes[t] = g.volume * lifted<W>(sharpness, g.volume, xx, yy, zz, yz, xz, xy);
+                if (k > 1) volumes[t] = g.volume * lifted<W>(sharpness, g.volume, xx, yy, zz, yz, xz, xy);
+                else {
+                    const double root = W::expansion(1.0 + (xx + (yy + zz)), sharpness);
+                    volumes[t] = g.volume * root, xx = yy = zz = g.volume / root, yz = xz = xy = 0;
+                }
                 // G^T F G: the stiffness between the ends of the legs.
                 const double x1 = xx * g.xx + xy * g.yx + xz * g.zx, y1 = xy * g.xx + yy * g.yx + yz * g.zx;
                 const double z1 = xz * g.xx + yz * g.yx + zz * g.zx, y2 = yy * g.yy + yz * g.zy, z2 = yz * g.yy + zz * g.zy;
