@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 import pyvista
 from helpers.command import run
+from PIL import Image as Picture
 
 import meshflow
 from meshflow import FormatError, InputError, Volume
-from meshflow.cli.inputs import plain_sample
+from meshflow.cli.inputs import per_sample, plain_sample
+from meshflow.io.files import read
 from meshflow.synthetic import head
 from meshflow.view.slices import three_slices
 
@@ -140,7 +142,10 @@ def test_masks_of_a_volume_come_from_files_of_the_same_samples(tmp_path):
     np.save(tmp_path / "m.npy", region)
     for path in (nifti(tmp_path / "m.nii.gz", region), tmp_path / "m.nrrd", tmp_path / "m.npy"):
         np.testing.assert_array_equal(plain_sample("mask", str(path)), region == 1)
-    nifti(tmp_path / "v.nii.gz", noisy(8))
+    pages = [Picture.fromarray(page) for page in region]
+    pages[0].save(tmp_path / "m.tif", save_all=True, append_images=pages[1:])
+    volume = read(nifti(tmp_path / "v.nii.gz", noisy(8)))
+    np.testing.assert_array_equal(per_sample(volume, "fixed", str(tmp_path / "m.tif")), region == 1)
     words = (
         "smooth",
         tmp_path / "v.nii.gz",

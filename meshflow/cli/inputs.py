@@ -11,13 +11,14 @@ from meshflow.cli.regions import is_region, region
 from meshflow.errors import InputError, NothingThere, said_by
 from meshflow.geometry.validation import Array, truth_of
 from meshflow.io.files import Document, read
-from meshflow.io.formats import volumes
+from meshflow.io.formats import stacks, volumes
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import taken_in
 from meshflow.io.stores import in_store, opened_variable
 from meshflow.io.suffixes import suffix_of
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
+from meshflow.surfaces.volume import Volume
 
 # An array with so many channels or fewer is an image.
 COLOURS = 4
@@ -103,6 +104,9 @@ def per_sample(document: Document, word: str, given: str) -> Any:
 
     :raises InputError: for text that names neither.
     """
+    if isinstance(document.data, Volume) and Path(given).suffix.lower() in (".tif", ".tiff") and isfile(given):
+        values = stacks.stored(Path(given))
+        return truth_of(values) if word in ("mask", "fixed") else values
     if _is_plain(word, given) or isfile(given):
         return plain_sample(word, given)
     if word in ("mask", "fixed") and is_region(given):

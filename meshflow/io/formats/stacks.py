@@ -8,14 +8,14 @@ from PIL import Image as Picture
 from PIL import ImageSequence
 
 from meshflow.errors import Fact, FormatError, InputError
-from meshflow.geometry.validation import nowhere
+from meshflow.geometry.validation import Array, nowhere
 from meshflow.io.document import Document, Source, WriteOptions
 from meshflow.io.formats.volume_arrays import must_be_no_labels
 from meshflow.io.formats.volume_storage import as_pages, volume_written
 from meshflow.io.metadata import ReadOptions
 from meshflow.surfaces.volume import Volume, steps_of
 
-__all__ = ["can_write", "read", "write"]
+__all__ = ["can_write", "read", "stored", "write"]
 
 NAME: str = "a TIFF stack"
 READS: tuple[str, ...] = ("kind", "spacing", "nodata", "unit")
@@ -44,6 +44,19 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises FormatError: for a file that cannot be read.
     :raises InputError: for pages of several sizes or with colours, a single page, and labels.
     """
+    values = stored(path)
+    must_be_no_labels(values, path.name)
+    spacing = steps_of(1.0 if options.spacing is None else options.spacing)
+    data = Volume(values, spacing, nowhere(options.missing_in(values)), unit=options.unit or "")
+    return Document(data, path, Pages(str(values.dtype)))
+
+
+def stored(path: Path) -> Array:
+    """The numbers (d, h, w) of a stack, whatever they mean: masks and labels, too.
+
+    :raises FormatError: for a file that cannot be read.
+    :raises InputError: for pages of several sizes or with colours.
+    """
     try:
         with Picture.open(path) as opened:
             pages = [np.array(page) for page in ImageSequence.Iterator(opened)]
@@ -52,11 +65,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     if len({page.shape for page in pages}) != 1 or pages[0].ndim != 2:
         shapes = ", ".join(sorted({str(page.shape) for page in pages}))
         raise InputError(f"{path.name}: pages of one size and one channel expected, got {shapes}")
-    values = np.stack(pages)
-    must_be_no_labels(values, path.name)
-    spacing = steps_of(1.0 if options.spacing is None else options.spacing)
-    data = Volume(values, spacing, nowhere(options.missing_in(values)), unit=options.unit or "")
-    return Document(data, path, Pages(str(values.dtype)))
+    return np.stack(pages)
 
 
 def can_write(document: Document, suffix: str) -> bool:
