@@ -24,6 +24,8 @@ CUT, LEFT = 0.01, 0.1
 AIR, OF_AIR, ALIKE = 4.5, 0.05, 0.15
 # The side of the cubes whose means tell the noise of the air, and how far above the expected mean these may be.
 NEIGHBOURS, ABOVE = 5, 1.15
+# The largest volume of which all such cubes are used, and the number of slabs of larger ones.
+MOST, SLABS = 2**23, 4
 # How the noise of magnitudes is found.
 OF_MAGNITUDES = "air"
 # Rounds in which air is told from tissue; the least number of pairs in the air, and the largest correlation of white noise there.
@@ -98,15 +100,25 @@ def _by_means(values: Array, missing: Array, sigma: float) -> float:
 
     :param sigma: by single magnitudes.
     """
-    capped = np.where(missing, 2 * AIR * sigma, np.minimum(values, 2 * AIR * sigma))
-    means = np.sort(uniform_filter(capped, NEIGHBOURS), axis=None)
-    means = means[: np.searchsorted(means, ABOVE * np.sqrt(0.5 * np.pi) * sigma)]
+    most, found = 2 * AIR * sigma, []
+    for slab in _slabs(*values.shape):
+        near = uniform_filter(np.where(missing[slab], most, np.minimum(values[slab], most)), NEIGHBOURS)
+        found.append(near[near < ABOVE * np.sqrt(0.5 * np.pi) * sigma])
+    means = np.sort(np.concatenate(found))
     if means.size < ENOUGH_OF_AIR:
         return sigma
     # The shortest interval with half of them.
     half = means.size // 2
     first = int(np.argmin(means[half:] - means[: means.size - half]))
     return float(means[first : first + half].mean() / np.sqrt(0.5 * np.pi))
+
+
+def _slabs(depth: int, rows: int, columns: int) -> list[slice]:
+    """The slices of a volume that are used, all of a small one, else a few slabs spread over it."""
+    thick = max(NEIGHBOURS, MOST // (SLABS * rows * columns))
+    if depth <= SLABS * thick:
+        return [slice(0, depth)]
+    return [slice(first, first + thick) for first in np.linspace(0, depth - thick, SLABS).astype(int).tolist()]
 
 
 def _is_white(values: Array, air: Array) -> bool:
