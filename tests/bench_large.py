@@ -120,6 +120,19 @@ def test_windows_take_the_time_of_the_whole(words, tmp_path):
                 assert one.read(1, window=window).tobytes() == two.read(1, window=window).tobytes()
 
 
+def test_a_long_flow_by_legs_takes_the_time_of_the_whole(tmp_path):
+    side, found = int(os.environ.get("BENCH_LONG", "4096")), {}
+    path, words = made(tmp_path / "in.tif", side), (*FIXED[:4], "--steps", "300", "--stepper", "explicit", *FIXED[6:])
+    for name, memory in (("300 steps in memory", "12GB"), ("300 steps by windows in 400 MB", "400MB")):
+        found[name] = run("smooth", path, tmp_path / f"{memory}.tif", "-q", "--memory", memory, *words)
+        said(name, side, *found[name])
+    (whole, *_), (windows, *_) = found.values()
+    print(f"by windows over in memory {windows / whole:.2f}")
+    with rasterio.open(tmp_path / "12GB.tif") as one, rasterio.open(tmp_path / "400MB.tif") as two:
+        assert one.read(1).tobytes() == two.read(1).tobytes()
+    assert windows <= 1.25 * whole
+
+
 def test_tiles_together_take_the_time_of_the_mosaic(tmp_path):
     count, size = 10, 512
     whole = made(tmp_path / "whole.tif", count * size)

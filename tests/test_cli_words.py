@@ -111,6 +111,8 @@ def test_a_warning_is_said_with_flags(said, tmp_path):
         ("take nodata=-9999; nodata=nan takes it", "take --nodata=-9999; --nodata nan takes it"),
         ("the noise of a picture: 3 times as large", "the noise of a picture: 3 times as large"),
         ("a.time_unit and time_unit(x)", "a.time_unit and time_unit(x)"),
+        ("slice time=3: left", "slice time=3: left"),
+        ("time=2020-01-01: left", "time=2020-01-01: left"),
     ],
 )
 def test_words_of_python_become_flags_and_others_stay(python, shell):

@@ -163,7 +163,7 @@ def test_a_field_has_the_deviation_and_the_correlation_of_the_noise():
 class Small(Budget):
     """Windows of 64 samples a side."""
 
-    def sides(self, form, halo):
+    def sides(self, form, halo, held=0):
         return 64, 64
 
 

@@ -30,7 +30,7 @@ H, W = 150, 180
 class Small(Budget):
     """Windows of 64 samples a side."""
 
-    def sides(self, form, halo):
+    def sides(self, form, halo, held=0):
         return 64, 64
 
 

@@ -97,8 +97,10 @@ def test_channels_may_be_mixed_by_any_invertible_matrix():
     truth = np.stack([stripes(), 0.5 * stripes(), 255 - stripes()])
     z, mix = noisy(truth), np.array([[1.0, 0.2, 0.0], [0.0, 2.0, 0.3], [0.4, 0.0, 0.7]])
     pilot = truth + np.random.default_rng(5).normal(0, 3, truth.shape)
-    plain = PatchGroups(100.0 * np.eye(3)).filtered(z, pilot, WHOLE)
-    mixed = PatchGroups(100.0 * mix @ mix.T).filtered(np.tensordot(mix, z, 1), np.tensordot(mix, pilot, 1), WHOLE)
+    plain = PatchGroups(100.0 * np.eye(3)).along(z, WHOLE).filtered(z, pilot, WHOLE)
+    turned = np.tensordot(mix, z, 1)
+    groups = PatchGroups(100.0 * mix @ mix.T).along(turned, WHOLE)
+    mixed = groups.filtered(turned, np.tensordot(mix, pilot, 1), WHOLE)
     np.testing.assert_allclose(mixed, np.tensordot(mix, plain, 1), rtol=1e-8)
 
 

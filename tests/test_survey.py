@@ -120,6 +120,7 @@ def test_where_a_tile_is_missing_there_is_a_border(tmp_path):
         ({"transform": from_origin(5e5 + 3600, 5e6, 10, 10)}, "samples .30.0, -30.0. apart, as in the first tile"),
         ({"transform": from_origin(5e5 + 3610, 5e6, 30, 30)}, "0.000 rows and 0.333 columns off the grid"),
         ({"transform": from_origin(5e5 + 3570, 5e6, 30, 30)}, "odd.tif overlaps t0_90.tif by 30 x 1 samples"),
+        ({"after": lambda tile: setattr(tile, "units", ("ft",))}, "the unit of t0_0.tif, .* expected, got ft"),
         ({"transform": rasterio.Affine.identity(), "crs": None}, "tiles are put together by their georeference"),
     ],
 )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.windows import by_windows, same
+from helpers.windows import H, W, by_windows, same, terrain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,22 +18,6 @@ from meshflow.results.run import run
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
-
-H, W = 61, 47
-
-
-def terrain(h=H, w=W, dtype=np.float32, seed=0, holes=0.03, rows=False, level=0.0, k=0):
-    rng = np.random.default_rng(seed)
-    y, x = np.mgrid[0:h, 0:w]
-    z = level + 4 * np.sin(y / 7) * np.cos(x / 5) + 6 * (x > w // 2) + rng.normal(size=(h, w))
-    missing = rng.random((h, w)) < holes
-    if holes:
-        missing[h // 3 : h // 2, : w // 3] = True
-    if k:
-        return Image(np.stack([z + i * rng.normal(size=(h, w)) for i in range(k)], 2).astype(dtype), missing=missing)
-    spacing = (np.linspace(1.0, 1.4, h), 1.2) if rows else (1.3, 0.8)
-    return HeightField(z.astype(dtype), spacing, missing)
-
 
 METHODS = {
     "beltrami": Beltrami(contrast=2.0),
@@ -57,9 +41,10 @@ METHODS = {
     held=st.sampled_from(["none", "mask", "fixed", "limit", "limits", "mobility", "all"]),
     diagonals=st.sampled_from(["alternate", "both", "forward"]),
     seed=st.integers(0, 3),
+    legs=st.sampled_from([1, 1, 3, 100]),
 )
 def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
-    method, time, boundary, sides, kind, held, diagonals, seed
+    method, time, boundary, sides, kind, held, diagonals, seed, legs
 ):  # each is a part of the law
     if kind == "two" and method in ("sharp", "projection"):
         method = "patches"
@@ -83,7 +68,7 @@ def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
         METHODS[method], (), constraints[held], time=time, noise=1.0, boundary=boundary, outliers="include",
         compute=Compute(diagonals=diagonals),
     )  # fmt: skip
-    done, _ = by_windows(data, request, sides)
+    done, _ = by_windows(data, request, sides, legs=legs)
     same(done, array_of(run(data, request, record=None).after))
 
 
@@ -149,17 +134,21 @@ def test_weights_of_samples_hold_by_windows_as_they_do_in_the_whole(weights):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("method", [None, "quick", "search"])
+@pytest.mark.parametrize("method", [None, "quick", "search", Beltrami(second_stage=True)])
 @pytest.mark.parametrize("k", [0, 3])
 def test_what_is_chosen_by_default_runs_by_windows_as_it_does_on_the_whole(method, k):
     data = terrain(k=k, rows=not k)
     request = Request.of(method, outliers="include")
-    done, found = by_windows(data, request, (17, 23))
-    if k == 0:
-        chosen = run(data, Request.of(method or meshflow.Search(second_stage=False), outliers="include"), record=None)
-        same(done, array_of(chosen.after))
-    once, _ = by_windows(data, request, (H, W))
-    same(done, once)
+    if k and not isinstance(
+        method, Beltrami
+    ):  # methods with steps of all samples are left out of the choice of colours
+        whole, _ = by_windows(data, request, (H, W))
+    else:
+        whole = array_of(run(data, request, record=None).after)
+    for legs in (1, 5):
+        done, found = by_windows(data, request, (17, 23), legs=legs)
+        same(done, whole)
+    assert (found.local.plan.groups is not None) == isinstance(method, Beltrami)
     assert found.found.idle is None
     assert not np.array_equal(done, array_of(data))
 
@@ -203,7 +192,6 @@ def test_noise_free_data_comes_back_as_it_is():
     [
         ({"stop": meshflow.Displacement(0.9)}, "stop: not by windows, it is met by a single sample of the whole"),
         ({"level": "rows"}, "level: not by windows"),
-        ({"method": Beltrami(second_stage=True)}, "second_stage: not by windows"),
         ({"method": Beltrami(gamma=-2.0, contrast=1.0), "time": 1.0}, "method='beltrami': the length of its steps"),
         ({"time": 1.0, "compute": Compute(stepper="semi-implicit")}, "stepper='semi-implicit': an implicit step"),
         ({"constraints": MaxChange("step")}, "max_change='step': not by windows"),

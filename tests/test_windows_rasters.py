@@ -35,7 +35,7 @@ H, W = 130, 170
 class Small(Budget):
     """Windows of 64 samples a side, and bands of 20 rows for counting."""
 
-    def sides(self, form, halo):
+    def sides(self, form, halo, held=0):
         return 64, 64
 
     def counted(self, form):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.windows import by_windows, same
+from helpers.windows import SHAPE, by_windows, same, volume
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,31 +18,17 @@ from meshflow import (
     PeronaMalik,
     Residual,
     Search,
-    Volume,
 )
 from meshflow.errors import InputError
 from meshflow.estimate.request import Request
 from meshflow.results.run import run
 
-SHAPE = 17, 21, 14
 METHODS = {
     "beltrami": Beltrami(contrast=2.0),
     "sharp": PeronaMalik(contrast=1.5),
     "heat": Heat(),
     "twicing": Beltrami(contrast=2.0, twicing=0.5),
 }
-
-
-def volume(shape=SHAPE, dtype=np.float32, seed=0, holes=0.03, level=0.0, k=0):
-    rng = np.random.default_rng(seed)
-    z, y, x = np.mgrid[tuple(slice(size) for size in shape)]
-    values = level + 4 * np.sin(z / 5) * np.cos(y / 4) + 6 * (x > shape[2] // 3) + rng.normal(size=shape)
-    missing = rng.random(shape) < holes
-    if holes:
-        missing[shape[0] // 3 : shape[0] // 2, :5] = True
-    if k:
-        values = np.stack([values + i * rng.normal(size=shape) for i in range(k)], axis=3)
-    return Volume(values.astype(dtype), (1.0, 0.8, 1.3), missing, unit="mm")
 
 
 @pytest.mark.long
@@ -56,9 +42,10 @@ def volume(shape=SHAPE, dtype=np.float32, seed=0, holes=0.03, level=0.0, k=0):
     held=st.sampled_from(["none", "mask", "fixed", "limits", "mobility"]),
     diagonals=st.sampled_from(["alternate", "both", "backward"]),
     seed=st.integers(0, 3),
+    legs=st.sampled_from([1, 2, 100]),
 )
 def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
-    method, time, boundary, sides, kind, held, diagonals, seed
+    method, time, boundary, sides, kind, held, diagonals, seed, legs
 ):  # each is a part of the law
     if kind == "two" and method == "sharp":
         method = "beltrami"
@@ -72,18 +59,19 @@ def test_windows_of_any_shape_equal_the_whole_bit_for_bit(
     request = Request.of(
         METHODS[method], (), constraints, time=time, noise=1.0, boundary=boundary, compute=Compute(diagonals=diagonals)
     )
-    done, _ = by_windows(data, request, sides)
+    done, _ = by_windows(data, request, sides, legs=legs)
     same(done, run(data, request, record=None).after.values)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("method", [Search(second_stage=False), "quick"])
+@pytest.mark.parametrize("method", [Search(second_stage=True), None, "quick"])
 @pytest.mark.parametrize("k", [0, 2])
 def test_what_is_chosen_runs_by_windows_as_it_does_on_the_whole(method, k):
-    data = volume((14, 19, 17), k=k)
+    data = volume((14, 29, 17), k=k)
     request = Request.of(method)
-    done, found = by_windows(data, request, (8, 19, 7))
+    done, found = by_windows(data, request, (14, 10, 17), legs=8)
     same(done, run(data, request, record=None).after.values)
+    assert found.local.plan.groups is not None or not isinstance(method, Search)
     assert found.found.idle is None
     assert not np.array_equal(done, data.values, equal_nan=True)
 

@@ -24,9 +24,10 @@ NAMES = {
     for flag in (*ALL, *FLOW)
     if not flag.metavar
 }
-# name='value', name=3.5; name= before what it takes; a name at the beginning; a name of two words anywhere.
-_ANY, _VALUE = "|".join(NAMES), r"'[^']*'|-?[\d.]+(?:e[+-]?\d+)?|nan|True|False|\([^)]*\)"
-_GIVEN = re.compile(rf"(?<![\w.\"'-])({_ANY})=({_VALUE}|(?=[\s;:,)]|$))")
+# name='value', name=3.5, unless it is that of a slice; name= before what it takes; a name at the beginning; a name of two words
+# anywhere.
+_ANY, _VALUE = "|".join(NAMES), r"'[^']*'|-?[\d.]+(?:e[+-]?\d+)?(?![\w.-])|nan|True|False|\([^)]*\)"
+_GIVEN = re.compile(rf"(?<!slice )(?<![\w.\"'-])({_ANY})=({_VALUE}|(?=[\s;:,)]|$))")
 _FIRST = re.compile(rf"^({_ANY})(?=:|, )")
 _LONG = re.compile(rf"(?<![\w.-])({'|'.join(name for name in NAMES if '_' in name)})(?![\w(=-])")
 # The list of what applies.

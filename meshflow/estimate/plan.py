@@ -12,7 +12,6 @@ from meshflow.estimate.parameters import Origin
 from meshflow.estimate.preparation import Preparation
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import Candidate
-from meshflow.flow.compute import Compute
 from meshflow.flow.conservation import Keep
 from meshflow.flow.constraints import Limit
 from meshflow.flow.controls import Until
@@ -52,13 +51,11 @@ class Part:
     """One of several runs that are blended.
 
     :ivar time: squared length.
-    :ivar compute: how it is computed; None: as the first run is.
     """
 
     weight: float
     method: HeightMethod
     time: float
-    compute: Compute | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +166,7 @@ class Plan:
     def only(self, part: Part) -> "Plan":
         """The run of one part of a blend."""
         lift = replace(self.lift, contrast=part.method.contrast or self.lift.contrast)
-        request = self.request if part.compute is None else replace(self.request, compute=part.compute)
-        return replace(self, request=request, method=part.method, lift=lift, time=part.time, blend=())
+        return replace(self, method=part.method, lift=lift, time=part.time, blend=())
 
     @property
     def variant(self) -> Variant:

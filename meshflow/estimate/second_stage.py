@@ -21,14 +21,14 @@ from meshflow.flow.march import march
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.geometry.validation import Array
-from meshflow.surfaces.data import array_of
+from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Grid
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.volume import Block, Volume, WholeVolume
 
-__all__ = ["after_the_flow", "cut_out", "groups_of", "with_second_stage"]
+__all__ = ["after_the_flow", "cut_out", "groups_of", "is_considered", "with_second_stage"]
 
 Window = tuple[slice, ...]
 
@@ -52,7 +52,8 @@ def groups_of(noise: Noise, strength: float, channels: int) -> PatchGroups:
     :param strength: the noise times this is removed.
     :param channels: k, the number of channels of the data.
     """
-    sigmas = np.array(noise.channels if len(noise.channels) == channels else (noise.sigma,) * channels)
+    known = len(noise.channels) == channels and any(noise.channels)
+    sigmas = np.array(noise.channels if known else (noise.sigma,) * channels)
     whole = float(np.sqrt(np.mean(sigmas**2)))
     if whole > 0:  # the given noise is the root mean square
         sigmas = sigmas * (noise.sigma * strength / whole)
@@ -78,18 +79,30 @@ def with_second_stage(plan: Plan) -> Plan:
         or plan.noise.sigma <= 0
     ):
         return plan if asked is None else plan.with_({"second_stage": Decided("given")})
-    groups = groups_of(plan.noise, request.strength, channels_of(data))
     if asked:
-        return plan.with_({"second_stage": Decided("given")}, groups=groups)
-    large = array_of(data).size > (LARGEST_VOLUME if isinstance(data, Volume) else LARGEST)
+        return plan.with_({"second_stage": Decided("given")}, groups=_groups_for(plan))
+    large = not is_considered(type(data), array_of(data).size)
     bound = large or request.named or request.asked or not plan.candidates or plan.noise.is_rounded
     if bound or plan.mobility is not None or plan.pull is not None:
         return plan
+    groups = _groups_for(plan)
     gain, error = _gain(plan, groups)
     if gain <= SURE * error:
         return plan
     why = f"the mean square error falls by {gain:.3g}, standard error {error:.2g}"
     return plan.with_({"second_stage": Decided("estimated", why)}, groups=groups)
+
+
+def _groups_for(plan: Plan) -> PatchGroups:
+    """The second stage for the noise and the channels of a plan."""
+    grid = plan.grid
+    groups = groups_of(plan.noise, plan.request.strength, channels_of(plan.data))
+    return groups.along(grid.planes, grid.missing)
+
+
+def is_considered(kind: type[Data], values: int) -> bool:
+    """Whether a second stage is considered by default for a grid of so many values."""
+    return values <= (LARGEST_VOLUME if kind is Volume else LARGEST)
 
 
 def _gain(plan: Plan, groups: PatchGroups) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from meshflow.errors import InputError
-from meshflow.flow.controls import AreaChange, Embedded, FixedStep, GivenSteps
+from meshflow.flow.controls import AreaChange, Embedded, FixedStep
 from meshflow.flow.steppers import Stepper, StepperName, stepper_word
 from meshflow.geometry.delaunay import Triangles
 from meshflow.geometry.options import must_be_object, named_fields, option
@@ -25,7 +25,7 @@ class Compute:
 
     stepper: Stepper | StepperName = option("auto", "The time stepper.")
     dt: float | None = option(None, "Length of a step. Default: chosen for the stepper.", "squared length")
-    control: FixedStep | AreaChange | Embedded | GivenSteps | None = option(
+    control: FixedStep | AreaChange | Embedded | None = option(
         None, "Control of the step lengths, instead of dt.", flag="-"
     )
     threads: int | None = option(None, "Number of threads. Default: one per core.")
@@ -47,7 +47,7 @@ class Compute:
         if self.threads is not None:
             whole(self.threads, "threads", 1)
         must_be_object(self.control, "control: FixedStep, AreaChange or Embedded")
-        if self.control is not None and not isinstance(self.control, (FixedStep, AreaChange, Embedded, GivenSteps)):
+        if self.control is not None and not isinstance(self.control, (FixedStep, AreaChange, Embedded)):
             raise InputError(f"control: FixedStep, AreaChange or Embedded expected, got {shown(self.control)}")
         stepper_word(self.stepper)
         if self.triangles == "clamped" and self.stepper == "super-time":

@@ -13,7 +13,7 @@ from meshflow.flow.stops import Scale, Stop
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, positive
 
-__all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "GivenSteps", "GrowingStep", "Until"]
+__all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "GrowingStep", "Until"]
 
 # The default number of steps of a semi-implicit run: the metric is then lagged by a tenth of the time.
 IMPLICIT_STEPS = 10
@@ -96,25 +96,6 @@ class FixedStep:
         :raises InputError: for a dt beyond the largest stable one, which is named, and for one that needs millions of steps.
         """
         return EvenSteps(_ending(_longest(self.dt, flow, stepper, u, until), until))
-
-
-@named_fields
-@dataclass(frozen=True)
-class GivenSteps:
-    """Steps of the lengths that another run has taken.
-
-    :param lengths: squared lengths, in their order; at least one.
-    """
-
-    lengths: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        if not self.lengths:
-            raise InputError("lengths: one step or more expected, got none")
-
-    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> ListedSteps:
-        """The steps of this run."""
-        return ListedSteps(self.lengths)
 
 
 @named_fields

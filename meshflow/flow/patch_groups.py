@@ -5,11 +5,13 @@ are similar in the first result, the pilot, form a group with mean m and covaria
 estimate for a noisy patch y is m + C (C + Cn)^-1 (y - m). The estimates of a sample from all groups are averaged.
 
 Our additions: channels are transformed so that their noise is independent with deviation 1, and that they are the principal
-axes of the pilot. They are then filtered separately in common groups. The filter is repeated with its own result as pilot,
+axes of the data. They are then filtered separately in common groups. The filter is repeated with its own result as pilot,
 because the result of a flow lacks details that the first pass restores.
+
+What a sample becomes depends on its surroundings alone, so that a window with its halo becomes what it becomes in the whole.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -17,8 +19,9 @@ import numpy as np
 from meshflow.geometry.validation import Array
 from meshflow.kernels.interruption import interruptible
 from meshflow.kernels.patch_groups import GroupOptions, patch_groups
+from meshflow.surfaces.orientation import Orientation
 
-__all__ = ["PatchGroups"]
+__all__ = ["PatchGroups", "Place"]
 
 # The weight of the squared distance in position (samples), in squares of the noise. It improves the result by 0.05 dB.
 NEAR = 0.2
@@ -47,6 +50,18 @@ OF_CHANNELS = _Numbers(5, 10, 48, ((0.5, 4), (0.9, 4), (0.9, 3)))
 OF_VOLUMES = _Numbers(4, 5, 64, ((0.5, 4), (0.9, 4), (0.9, 3)))
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where a window lies in a larger grid.
+
+    :ivar begin: its first slice, row and column; of a grid of two axes row and column.
+    :ivar shape: of the larger grid.
+    """
+
+    begin: tuple[int, ...]
+    shape: tuple[int, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class PatchGroups:
     """Filtering in groups of similar patches, for noise of a known covariance.
@@ -55,10 +70,15 @@ class PatchGroups:
         variance 0 do not change.
     :ivar correlation: (2 r + 1, 2 r + 1), correlation of the noise by lag in rows and columns, 1 in the middle, the same for all
         channels, or of a volume by lag in three axes; None: the noise is white.
+    :ivar axes: (m, m), the principal axes of the m channels with noise, as columns, once their noise is independent with
+        deviation 1; None: those are not turned.
+    :ivar place: of the window that is filtered; None: it is the whole.
     """
 
     channels: Array
     correlation: Array | None = None
+    axes: Array | None = None
+    place: Place | None = None
 
     @classmethod
     def of(cls, sigmas: Array, between: Array | None = None, correlation: Array | None = None) -> "PatchGroups":
@@ -70,6 +90,33 @@ class PatchGroups:
         """
         sigma = np.asarray(sigmas, np.float64)
         return cls(np.outer(sigma, sigma) * (np.eye(len(sigma)) if between is None else between), correlation)
+
+    def along(self, values: Array, missing: Array) -> "PatchGroups":
+        """The filter with the principal axes of data.
+
+        :param values: (k, h, w) or (k, d, h, w); ``missing``: (h, w) or (d, h, w).
+        """
+        noisy = self._noisy
+        if len(noisy) < 2 or missing.all():
+            return self
+        seen = values[noisy][:, ~missing].astype(np.float64)
+        seen = self._whitened[0] @ (seen - seen.mean(axis=1, keepdims=True))
+        return replace(self, axes=np.linalg.eigh(seen @ seen.T)[1])
+
+    def oriented(self, way: Orientation) -> "PatchGroups":
+        """The filter of a reoriented grid; that of a volume stays as it is."""
+        known = self.correlation
+        return self if known is None or known.ndim == 3 else replace(self, correlation=way.of(known))
+
+    def reaches(self, axes: int) -> tuple[int, ...]:
+        """How many samples away a sample decides what each pass makes of another one.
+
+        A group changes what is as far from its reference as a member and a patch reach, and is made of as much on the other side.
+
+        :param axes: of the grid, 2 or 3.
+        """
+        numbers = self._numbers(axes)
+        return (2 * numbers.reach + numbers.side - 1,) * len(numbers.passes) if self._noisy.size else ()
 
     def filtered(self, values: Array, pilot: Array, missing: Array, threads: int | None = None) -> Array:
         """The filtered values (k, h, w), or (k, d, h, w) of a volume, with a first result as pilot.
@@ -83,48 +130,71 @@ class PatchGroups:
         :param threads: the number of threads.
         :returns: a new array like the pilot.
         """
-        if missing.ndim == 2:
-            return self._filtered(values[:, None], pilot[:, None], missing[None], threads)[:, 0]
-        return self._filtered(values, pilot, missing, threads)
+        for number in range(len(self.reaches(missing.ndim))):
+            pilot = self.passed(number, values, pilot, missing, threads)
+        return pilot if self._noisy.size else pilot.copy()
 
-    def _filtered(self, values: Array, pilot: Array, missing: Array, threads: int | None) -> Array:
-        """The filtered values (k, d, h, w); a grid of two axes has one slice, which a volume has not."""
-        noisy = np.flatnonzero(np.diag(self.channels) > 0)
-        numbers = (OF_GRIDS if len(noisy) == 1 else OF_CHANNELS) if len(missing) == 1 else OF_VOLUMES
+    def passed(self, number: int, values: Array, pilot: Array, missing: Array, threads: int | None = None) -> Array:
+        """The values after one pass of the filter, whose pilot is the result of the pass before; parameters of :meth:`filtered`.
+
+        :param number: of the pass.
+        """
+        if missing.ndim == 2:
+            made = self._passed(number, values[:, None], pilot[:, None], missing[None], threads)
+            return made[:, 0]
+        return self._passed(number, values, pilot, missing, threads)
+
+    def _passed(self, number: int, values: Array, pilot: Array, missing: Array, threads: int | None) -> Array:
+        """The values (k, d, h, w) after a pass; a grid of two axes has one slice, which a volume has not."""
+        noisy, (begin, shape) = self._noisy, self._in_whole(missing.shape)
+        numbers = self._numbers(2 if shape[0] == 1 else 3)
         side = numbers.side
-        if min(missing.shape[1:]) < side or not noisy.size or missing.all():
+        if min(shape[1:]) < side or missing.all():
             return pilot.copy()
-        deep = 1 if len(missing) == 1 else min(side, len(missing))
-        number, gone = values.dtype.type, np.broadcast_to(missing, values.shape)
-        offset = np.array([np.mean(part[~missing], dtype=np.float64) for part in pilot])
-        offset = offset[noisy, None, None, None].astype(number)
-        to, back = self._axes(np.where(gone, number(0), pilot)[noisy] - offset, ~missing, noisy)
-        turned, first = (
-            np.ascontiguousarray(
-                np.tensordot(to.astype(number), np.where(gone[noisy], number(0), part[noisy] - offset), 1)
-            )
-            for part in (values, pilot)
-        )
+        deep, gone = min(side, shape[0]), missing[None]
+        to, back = self._turns()
+        turned, first = (_mixed(to, np.where(gone, values.dtype.type(0), part[noisy])) for part in (values, pilot))
+        loss, stride = numbers.passes[number]
+        options = GroupOptions(deep, side, stride, numbers.reach, numbers.members, NEAR, loss, *begin, *shape)
         whole = None if not missing.any() else np.ascontiguousarray(missing)
-        covariance = self._of_patch((deep, side, side))
-        for loss, stride in numbers.passes:
-            options = GroupOptions(deep, side, stride, numbers.reach, numbers.members, NEAR, loss)
-            run = partial(patch_groups, turned, first, whole, covariance, options, first, threads=threads)
-            interruptible(lambda flag, run=run: run(stop=flag))
+        run = partial(
+            patch_groups, turned, first, whole, self._of_patch((deep, side, side)), options, first, threads=threads
+        )
+        interruptible(lambda flag: run(stop=flag))
         out = pilot.copy()
-        out[noisy] = np.where(gone[noisy], pilot[noisy], np.tensordot(back.astype(number), first, 1) + offset)
+        out[noisy] = np.where(gone, pilot[noisy], _mixed(back, first))
         return out
 
-    def _axes(self, pilot: Array, there: Array, noisy: Array) -> tuple[Array, Array]:
-        """The matrices (k, k) to channels of independent noise of deviation 1, the axes of a pilot (k, d, h, w), and back."""
+    @property
+    def _noisy(self) -> Array:
+        """The numbers of the channels with noise."""
+        return np.flatnonzero(np.diag(self.channels) > 0)
+
+    def _numbers(self, axes: int) -> _Numbers:
+        """Those of a grid of two or three axes."""
+        return OF_VOLUMES if axes == 3 else OF_GRIDS if len(self._noisy) == 1 else OF_CHANNELS
+
+    def _in_whole(self, shape: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Where samples of a shape (d, h, w) begin in the whole, and its shape."""
+        if self.place is None:
+            return (0, 0, 0), shape
+        flat = len(self.place.shape) == 2
+        return ((0, *self.place.begin), (1, *self.place.shape)) if flat else (self.place.begin, self.place.shape)
+
+    @property
+    def _whitened(self) -> tuple[Array, Array]:
+        """The matrices (m, m) to channels of independent noise of deviation 1, and back."""
+        noisy = self._noisy
         variances, axes = np.linalg.eigh(self.channels[np.ix_(noisy, noisy)])
         scales = np.sqrt(np.maximum(variances, 1e-6 * variances[-1]))
-        white, colour = axes.T / scales[:, None], axes * scales
-        if len(noisy) == 1:
+        return axes.T / scales[:, None], axes * scales
+
+    def _turns(self) -> tuple[Array, Array]:
+        """The matrices (m, m) to the principal axes of channels of independent noise, and back."""
+        white, colour = self._whitened
+        if len(white) == 1:
             return np.abs(white), np.abs(colour)
-        seen = white @ pilot[:, there].astype(np.float64)
-        principal = np.linalg.eigh(seen @ seen.T)[1]
-        return principal.T @ white, colour @ principal
+        return (white, colour) if self.axes is None else (self.axes.T @ white, colour @ self.axes)
 
     def _of_patch(self, shape: tuple[int, int, int]) -> Array:
         """The covariance (n, n) of the noise of the n samples of a patch, of deviation 1."""
@@ -139,3 +209,13 @@ class PatchGroups:
             (found + found.T) / 2
         )  # with truncated lags it may not be positive semidefinite
         return (axes * np.maximum(variances, 1e-3)) @ axes.T
+
+
+def _mixed(matrix: Array, planes: Array) -> Array:
+    """The products of a matrix (m, m) with the channels of planes (m, ...), with the same bits wherever a sample lies."""
+    made = np.empty_like(planes, order="C")
+    for out, row in zip(made, matrix.astype(planes.dtype), strict=True):
+        np.multiply(planes[0], row[0], out=out)
+        for factor, plane in zip(row[1:], planes[1:], strict=True):
+            out += factor * plane
+    return made

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -22,11 +23,13 @@ __all__ = [
     "Stop",
     "When",
     "crossing",
+    "place_of",
     "unmet",
 ]
 
-# The tolerance for the place of a stop within a step, as a share of the step.
-FINELY = 1e-4
+# The place of a stop within a step is a multiple of this share of the step, so that sums in another order find the same one; and
+# the tolerance in which it is looked for before it is rounded.
+FINELY, FINER = 2.0**-13, 1e-8
 
 
 def _same(values: Array) -> Array:
@@ -101,11 +104,19 @@ class Residual:
 
     def excess(self, course: Course, u: Array, time: float) -> float:
         """The share of sigma that was removed, over the requested one, minus 1."""
-        return self._gone(course, u) / self.share - 1.0
+        return self.over(self._gone(course, u))
+
+    def over(self, gone: float) -> float:
+        """The excess where a share of sigma was removed."""
+        return gone / self.share - 1.0
 
     def words(self, course: Course, u: Array, time: float) -> str:
         """As part of a sentence."""
-        return f"a residual of {self._gone(course, u):.3g} sigma ({self.share:g} asked for)"
+        return self.said(self._gone(course, u))
+
+    def said(self, gone: float) -> str:
+        """As part of a sentence, where a share of sigma was removed."""
+        return f"a residual of {gone:.3g} sigma ({self.share:g} asked for)"
 
     def _gone(self, course: Course, u: Array) -> float:
         scale = course.scale
@@ -129,11 +140,19 @@ class AreaLoss:
 
     def excess(self, course: Course, u: Array, time: float) -> float:
         """The lost share, over the requested one, minus 1."""
-        return self._lost(course.flow, u) / self.share - 1.0
+        return self.over(self._lost(course.flow, u))
+
+    def over(self, lost: float) -> float:
+        """The excess where a share of the area is lost."""
+        return lost / self.share - 1.0
 
     def words(self, course: Course, u: Array, time: float) -> str:
         """As part of a sentence."""
-        return f"an area loss of {self._lost(course.flow, u):.3g} ({self.share:g} asked for)"
+        return self.said(self._lost(course.flow, u))
+
+    def said(self, lost: float) -> str:
+        """As part of a sentence, where a share of the area is lost."""
+        return f"an area loss of {lost:.3g} ({self.share:g} asked for)"
 
     def _lost(self, flow: Flow, u: Array) -> float:
         before = flow.area(flow.start())
@@ -197,25 +216,26 @@ class When:
 
 @dataclass(frozen=True)
 class Met:
-    """Where another run of the same steps has met its stop: within its last step.
+    """Where a run has met its stop: within its last step.
 
-    :ivar until: the time at which that step would have ended.
     :ivar share: of the step.
     :ivar time: of the end; ``said``: the stop, as part of a sentence.
     """
 
-    until: float
     share: float
     time: float
     said: str
 
-    def excess(self, course: Course, u: Array, time: float) -> float:
-        """Zero once the step has ended."""
-        return 0.0 if time >= self.until * (1.0 - 1e-12) else -1.0
 
-    def words(self, course: Course, u: Array, time: float) -> str:
-        """As part of a sentence."""
-        return self.said
+def place_of(excess: Callable[[float], float]) -> float:
+    """The share of a step at which a stop is met, a multiple of :data:`FINELY`.
+
+    :param excess: at a share of the step, below zero at its beginning and not at its end.
+    """
+    from scipy.optimize import root_scalar
+
+    root = float(root_scalar(excess, bracket=(0.0, 1.0), method="brentq", xtol=FINER).root)
+    return round(root / FINELY) * FINELY
 
 
 def crossing(
@@ -226,8 +246,6 @@ def crossing(
     :param before: u and time at the beginning of the step; ``after``: at its end.
     :returns: None where no stop is met; else u, the time, the sentence, and the share of the step.
     """
-    from scipy.optimize import root_scalar
-
     found: tuple[float, Stop] | None = None
     (old, since), (new, until) = before, after
 
@@ -244,10 +262,8 @@ def crossing(
         if over(1.0, stop) < 0:
             continue
         share = 0.0
-        if isinstance(stop, Met):
-            share = stop.share
-        elif over(0.0, stop) < 0:
-            share = float(root_scalar(over, args=(stop,), bracket=(0.0, 1.0), method="brentq", xtol=FINELY).root)
+        if over(0.0, stop) < 0:
+            share = place_of(partial(over, stop=stop))
         if found is None or share < found[0]:
             found = share, stop
     if found is None:

@@ -1,4 +1,4 @@
 #include "patch_groups.h"
 
-MESHFLOW_LAYOUT(GroupOptions, deep, side, stride, reach, members, near, loss)
+MESHFLOW_LAYOUT(GroupOptions, deep, side, stride, reach, members, near, loss, front, top, left, slices, rows, columns)
 MESHFLOW_KERNEL(patch_groups)

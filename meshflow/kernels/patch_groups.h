@@ -24,6 +24,9 @@ struct GroupOptions {
     i64 members;  // of a group, where so many are in reach; a few more where distances are the same
     double near;  // what a squared sample of distance in place counts, in squares of the noise
     double loss;  // the share of the noise that is counted: less than 1 for a pilot that has lost what varies
+    // Of a window of a larger grid: the slice, row and column of the larger one where it begins, and the larger one's sizes. References
+    // and tiles are those of the larger grid, so that sums have the same terms in the same order. Sizes of 0: it is no window.
+    i64 front, top, left, slices, rows, columns;
 };
 
 }  // namespace meshflow
@@ -119,7 +122,7 @@ template <class T> LOOP void add_distances(i64 n, i64 side, const T* reference, 
 }
 
 // What all tiles share. z: slices; d: samples of a patch; wide: the same, padded; thick, tile: slices and side of a tile; layers, box:
-// slices and side of its window, padded.
+// slices and side of its window, padded. Places are those of the arrays; where the larger grid begins they are below zero.
 template <class T> struct Task {
     i64 k, z, h, w;
     const T *values, *pilot;
@@ -285,15 +288,16 @@ template <class T> void reference(const Task<T>& q, i64 z, i64 y, i64 x, Room<T>
 
 // All references of a tile.
 template <class T> void tile(const Task<T>& q, i64 front, i64 top, i64 left, Room<T>& room) {
-    const i64 last_slice = q.z - q.o.deep, last_row = q.h - q.o.side, last_column = q.w - q.o.side;
+    const GroupOptions& o = q.o;
+    const i64 last_slice = o.slices - o.deep, last_row = o.rows - o.side, last_column = o.columns - o.side;
     copy_window(q, front, top, left, room);
-    for (i64 slice = front; slice < least(front + q.thick, last_slice + 1); ++slice) {
-        if (!is_reference(slice, last_slice, q.o.stride)) continue;
-        for (i64 row = top; row < least(top + q.tile, last_row + 1); ++row) {
-            if (!is_reference(row, last_row, q.o.stride)) continue;
-            for (i64 column = left; column < least(left + q.tile, last_column + 1); ++column) {
+    for (i64 slice = most(0, front); slice < least(front + q.thick, q.z - o.deep + 1); ++slice) {
+        if (!is_reference(slice + o.front, last_slice, o.stride)) continue;
+        for (i64 row = most(0, top); row < least(top + q.tile, q.h - o.side + 1); ++row) {
+            if (!is_reference(row + o.top, last_row, o.stride)) continue;
+            for (i64 column = most(0, left); column < least(left + q.tile, q.w - o.side + 1); ++column) {
                 const i64 z = slice - room.slice, y = row - room.row, x = column - room.column;
-                if (is_reference(column, last_column, q.o.stride) && room.whole[(z * q.box + y) * q.box + x])
+                if (is_reference(column + o.left, last_column, o.stride) && room.whole[(z * q.box + y) * q.box + x])
                     reference(q, z, y, x, room);
             }
         }
@@ -309,12 +313,14 @@ template <class T>
 i64 patch_groups(i64 k, i64 z, i64 h, i64 w, i64 d, const T* values, const T* pilot, const u8* missing, const double* noise,
                  const GroupOptions* options, T* out, Stop stop, i32 threads) {
     using namespace groups;
-    const GroupOptions& o = *options;
+    GroupOptions o = *options;
+    if (!o.slices) o.slices = z, o.rows = h, o.columns = w;
+    if (o.front < 0 || o.top < 0 || o.left < 0 || o.front + z > o.slices || o.top + h > o.rows || o.left + w > o.columns) return BAD_SIZES;
     if (o.deep < 1 || o.side < 1 || o.stride < 1 || o.reach < 1 || o.members < 2 || o.members > MOST_MEMBERS ||
         d != o.deep * o.side * o.side || o.deep > z || o.side > h || o.side > w)
         return BAD_SIZES;
     const i64 wide = (d + LANES - 1) / LANES * LANES, apart = 2 * o.reach + most(o.deep, o.side);
-    const i64 tall = z > 1 ? apart : most(32, apart), thick = z > 1 ? apart : 1;
+    const i64 tall = o.slices > 1 ? apart : most(32, apart), thick = o.slices > 1 ? apart : 1;
     const i64 box = (tall + 2 * o.reach + o.side + 7) / 8 * 8 + 8, layers = least(z, thick + 2 * o.reach + o.deep - 1);
     const i64 span = 2 * o.reach + 1, offsets = span * span * least(span, z), n = k * z * h * w, volume = layers * box * box;
     const i64 numbers_each = 3 * MOST_MEMBERS * wide + 2 * (d + ROWS) * wide + box + 2 * k * volume, doubles_each = d * wide + d;
@@ -330,11 +336,14 @@ i64 patch_groups(i64 k, i64 z, i64 h, i64 w, i64 d, const T* values, const T* pi
     least_pivot *= 1e-6;
     const Task<T> q{k,           z, h,         w,            values, pilot, missing, noise, white,
                     least_pivot, o, sum.get(), weight.get(), d,      wide,  thick,   tall,  layers, box};
-    const i64 through = (z + thick - 1) / thick, down = (h + tall - 1) / tall, across = (w + tall - 1) / tall;
+    // The tiles of the larger grid that its window touches, by their numbers.
+    const i64 deepest = o.front / thick, through = (o.front + z - 1) / thick + 1;
+    const i64 highest = o.top / tall, down = (o.top + h - 1) / tall + 1, leftmost = o.left / tall, across = (o.left + w - 1) / tall + 1;
     for (i64 turn = 0; turn < 8; ++turn) {
-        const i64 first_slice = turn / 4, first_row = turn / 2 % 2, first_column = turn % 2;
-        const i64 slices = (through - first_slice + 1) / 2, rows = (down - first_row + 1) / 2;
-        const i64 columns = (across - first_column + 1) / 2;
+        const i64 first_slice = deepest + (deepest + turn / 4) % 2, first_row = highest + (highest + turn / 2) % 2;
+        const i64 first_column = leftmost + (leftmost + turn) % 2;
+        const i64 slices = most(0, through - first_slice + 1) / 2, rows = most(0, down - first_row + 1) / 2;
+        const i64 columns = most(0, across - first_column + 1) / 2;
         const bool done = parallel_for(
             slices * rows * columns, threads,
             [&](i64 part, i32 who) {
@@ -347,7 +356,8 @@ i64 patch_groups(i64 k, i64 z, i64 h, i64 w, i64 d, const T* values, const T* pi
                 room.keys = integers.get() + who * 3 * offsets, room.order = room.keys + offsets, room.where = room.order + offsets;
                 room.whole = flags.get() + who * volume;
                 const i64 slice = 2 * (part / (rows * columns)) + first_slice, row = 2 * (part / columns % rows) + first_row;
-                tile(q, slice * thick, row * tall, (2 * (part % columns) + first_column) * tall, room);
+                const i64 column = 2 * (part % columns) + first_column;
+                tile(q, slice * thick - o.front, row * tall - o.top, column * tall - o.left, room);
             },
             stop);
         if (!done) return CANCELLED;

@@ -13,12 +13,13 @@ __all__ = ["GroupOptions", "patch_groups"]
 
 class GroupOptions(Struct):
     """Slices and side of a patch, stride of references, reach of members, their number, weight of the distance in position,
-    and the assumed share of the noise (patch_groups.h).
+    and the assumed share of the noise; of a window where it begins in a larger grid, and the sizes of that (patch_groups.h).
     """
 
     _fields_: ClassVar = [
         *((name, ctypes.c_int64) for name in ("deep", "side", "stride", "reach", "members")),
         *((name, ctypes.c_double) for name in ("near", "loss")),
+        *((name, ctypes.c_int64) for name in ("front", "top", "left", "slices", "rows", "columns")),
     ]
 
 

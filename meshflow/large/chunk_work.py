@@ -2,18 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import reduce
+from operator import add
+from typing import Any, Literal
 
 import numpy as np
 
 from meshflow.estimate.constraints import Constraints
 from meshflow.flow.compute import Compute
+from meshflow.flow.stops import Met
 from meshflow.geometry.validation import Array
 from meshflow.large.census import Census, Counted, counted_in
+from meshflow.large.legs import Leg
 from meshflow.large.source import Window, grown, within
-from meshflow.large.windows import Local
+from meshflow.large.stopping import Sought, Sums, Watching
+from meshflow.large.windows import Begun, Local
 
-__all__ = ["Task", "counted_chunk", "gone_in", "smoothed_chunk"]
+__all__ = ["Step", "Task", "counted_chunk", "gone_in", "smoothed_chunk", "stop_in", "summed_chunk"]
 
 
 def gone_in(values: Array, declared: tuple[Any, ...], missing: Array | None, axes: int) -> Array:
@@ -64,17 +69,63 @@ class Task:
         return values, missing, replace(self.free, **own)
 
 
-def smoothed_chunk(*parts: Array, task: Task, census: Census) -> Array:
-    """The smoothed values of a chunk.
+@dataclass(frozen=True)
+class Step:
+    """What chunks do between two exchanges.
 
-    :param parts: of each axis (1,), the number of the chunk along it; and what is given for each sample.
+    :ivar leg: of the work.
+    :ivar before: the names of the arrays of the state before it, one after the other along the last axis; ``after``: those of the
+        state after it, none after the last leg.
     """
-    axes = len(task.chunks)
+
+    leg: Leg
+    before: tuple[str, ...]
+    after: tuple[str, ...]
+
+
+def summed_chunk(numbers: tuple[int, ...], *parts: Array, task: Task, census: Census, sought: Sought) -> Sums:
+    """What stops ask of the samples of a chunk, to the end of the steps that are known; parameters of :func:`counted_chunk`."""
+    bound, watching = task.local.over(census), Watching(sought.with_area)
+    compute: Compute = bound.plan.request.compute
+    leg = task.local.legs.one
+    with compute.running():
+        bound.held(task.window(numbers), *task.taken(parts), Begun(leg), watching)
+    return watching.sums or sought.nothing(leg)
+
+
+def stop_in(sums: Sequence[Sums], sought: Sought, lengths: Sequence[float]) -> tuple[int, Met] | None:
+    """The step within which all chunks together meet a stop, counted from 0, and where; None where they meet none.
+
+    :param sums: of each chunk, of steps of these ``lengths``.
+    """
+    return sought.met(reduce(add, sums), lengths)
+
+
+def smoothed_chunk(
+    *parts: Array, task: Task, census: Census, step: Step, met: tuple[int, Met] | Literal["known"] | None = "known"
+) -> Array:
+    """The smoothed values of a chunk; before the last leg its state.
+
+    :param parts: of each axis (1,), the number of the chunk along it; what is given for each sample; and the state before.
+    :param met: of :func:`stop_in`; ``known``: the end of the run was found before.
+    """
+    if met != "known":
+        task = replace(task, local=task.local.ended(task.local.legs.tracks[0], met))
+    axes, given = len(task.chunks), len(task.names)
     windows = task.window([int(number[0]) for number in parts[:axes]])
+    state = np.split(parts[-1], len(step.before), axis=-1) if step.before else ()
+    begun = Begun(step.leg, dict(zip(step.before, state, strict=True)))
     bound = task.local.over(census)
     compute: Compute = bound.plan.request.compute
     with compute.running():
-        return bound.moved(windows, *task.taken(parts[axes:]))
+        taken = task.taken(parts[axes : axes + given])
+        if not step.after:
+            return bound.moved(windows, *taken, begun)
+        held = bound.held(windows, *taken, begun)
+    if not held:
+        sides = tuple(part.stop - part.start for part in windows[0])
+        return np.zeros((*sides, len(step.after) * (task.local.form.channels or 1)), task.local.form.dtype)
+    return np.concatenate([held[name] for name in step.after], axis=-1)
 
 
 def counted_chunk(numbers: tuple[int, ...], *parts: Array, task: Task) -> Counted:

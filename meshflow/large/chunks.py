@@ -1,8 +1,7 @@
 """Smooths arrays of dask, and DataArrays of xarray that hold one: lazy in, lazy out, the same chunks."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeGuard
+from dataclasses import replace
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -11,80 +10,21 @@ from meshflow.estimate.constraints import Constraints
 from meshflow.estimate.request import Request
 from meshflow.flow.steppers import Explicit
 from meshflow.geometry.validation import Array, real, spacing_of
-from meshflow.io.adapters.xarray import Described, described
+from meshflow.io.adapters.xarray import described
 from meshflow.io.metadata import ReadOptions
-from meshflow.large.census import joined
-from meshflow.large.chunk_work import Task, counted_chunk, gone_in, smoothed_chunk
+from meshflow.large.chunk_graph import Chunked, Lazy, again, census_of_chunks, in_chunks_of, moved, stop_of_chunks
+from meshflow.large.chunk_work import gone_in
+from meshflow.large.legs import Leg
 from meshflow.large.outcome import Outcome
 from meshflow.large.sample import Places, Sample, places_in, sample_from
 from meshflow.large.source import Form
-from meshflow.large.windows import Local, Windowed, windowed
+from meshflow.large.stopping import Sought
+from meshflow.large.windows import Windowed, windowed
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.volume import Volume, steps_of
 
 __all__ = ["Chunked", "is_chunked", "run_of_given", "sample_of_chunked", "smooth_chunked"]
-
-# The names of axes.
-LETTERS = "ijkl"
-
-
-class Chunked(Protocol):
-    """An array of dask, as far as it is used here."""
-
-    shape: tuple[int, ...]
-    ndim: int
-    dtype: np.dtype
-    chunks: tuple[tuple[int, ...], ...]
-    numblocks: tuple[int, ...]
-
-    def astype(self, dtype: np.dtype | type) -> "Chunked":
-        """Another number type."""
-        ...
-
-    def rechunk(self, chunks: tuple[tuple[int, ...], ...] | dict[int, int]) -> "Chunked":
-        """Other chunks."""
-        ...
-
-    def reshape(self, shape: tuple[int, ...]) -> "Chunked":
-        """Another shape."""
-        ...
-
-    def __dask_graph__(self) -> object:
-        """Its tasks."""
-        ...
-
-    def to_delayed(self) -> Array:
-        """Its chunks, as objects that are computed later."""
-        ...
-
-    def __getitem__(self, at: object) -> "Chunked":
-        """A part."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Lazy:
-    """A grid whose samples are computed when they are asked for.
-
-    :ivar values: (h, w) or (h, w, k), of a volume (d, h, w) or (d, h, w, k), float32 or float64, all channels in each chunk.
-    :ivar form: of the grid.
-    :ivar declared: values of missing samples.
-    :ivar missing: (h, w) or (d, h, w), further samples that are missing, in the chunks of the values; None: none.
-    :ivar said: of a DataArray; None of a dask array.
-    :ivar notes: sentences for the user.
-    """
-
-    values: Chunked
-    form: Form
-    declared: tuple[Any, ...] = ()
-    missing: Chunked | None = None
-    said: Described | None = None
-    notes: tuple[str, ...] = ()
-
-    def holding(self, values: Chunked) -> object:
-        """Other values as an object of the kind that was given."""
-        return values if self.said is None else self.said.holding(values, anything_missing=True)
 
 
 def is_chunked(data: object) -> bool:
@@ -115,13 +55,29 @@ def smooth_chunked(
         known = free if most is None else replace(free, data_weights=most)
         run = run or (_unseen(grid.form, request, known) if _is_given(request) else None)
         run = run or windowed(grid.form, *_asked(grid, request, free, sides), most)
-    census, chunks = _census(grid, run.local, free, sides), grid.values.chunks
-    grid, sides, said = _in_chunks_of(replace(grid, values=_again(grid.values, census)), sides, run.local.halo)
-    done = _moved(grid, run.local, free, sides, census)
+    census, chunks = census_of_chunks(grid, run.local, free, sides), grid.values.chunks
+    met: Any = "known"
+    longer = run.longer
+    if longer is not None:
+        run = replace(run, local=run.local.ended(longer, None))
+        sought = Sought.of(request, run.found.noise.sigma, grid.form.channels)
+        local = sought.to_the_end(run.local, longer)
+        met = stop_of_chunks(replace(grid, values=again(grid.values, census)), local, free, sides, census, sought)
+    legs = _legs_for(grid, run)
+    widest = max(leg.halo for leg in legs)
+    grid, sides, said = in_chunks_of(replace(grid, values=again(grid.values, census)), sides, widest)
+    done = moved(grid, run.local, legs, free, sides, (census, met))
     back = grid.holding(done.rechunk(chunks) if said else done)
     found = replace(run.found, request=replace(run.found.request, compute=chosen))
     run = replace(run, found=found, warnings=(*grid.notes, *said, *run.warnings))
-    return back, Outcome(run, int(np.prod(done.numblocks[: len(grid.form.shape)])), data=back)
+    return back, Outcome(run, int(np.prod(done.numblocks[: len(grid.form.shape)])), data=back, legs=legs)
+
+
+def _legs_for(grid: Lazy, run: Windowed) -> tuple[Leg, ...]:
+    """The legs by which chunks have the least to compute."""
+    shape = grid.form.shape
+    typical = tuple(int(np.median(one)) for one in grid.values.chunks[: len(shape)])
+    return run.local.legs.cheapest(lambda _: typical, shape)
 
 
 def _is_dask(data: object) -> TypeGuard[Chunked]:
@@ -198,7 +154,10 @@ def _unseen(form: Form, request: Request, free: Constraints) -> Windowed | None:
     sample = Sample(data, Places(tuple(map(np.arange, shape)), True))
     asked = replace(request, constraints=free, outliers=None if form.kind is Volume else "include")
     run = windowed(form, sample, asked)
-    return run if isinstance(run.local.plan.request.compute.stepper, Explicit) else None
+    groups = run.local.plan.groups
+    seen = groups is not None and groups.axes is not None  # of the channels
+    explicit = all(isinstance(track.stepper, Explicit) for track in run.local.legs.tracks)
+    return run if explicit and not seen else None
 
 
 def _asked(grid: Lazy, request: Request, free: Constraints, sides: dict[str, Chunked]) -> tuple[Sample, Request]:
@@ -249,112 +208,8 @@ def _cut(array: Chunked, at: tuple[Array, ...]) -> Chunked:
     return array
 
 
-def _in_chunks_of(grid: Lazy, sides: dict[str, Chunked], halo: int) -> tuple[Lazy, dict[str, Chunked], tuple[str, ...]]:
-    """The grid in chunks that are no smaller than a halo, and a sentence where that changed them."""
-    from dask.array.overlap import ensure_minimum_chunksize
-
-    chunks, axes = grid.values.chunks, len(grid.form.shape)
-    sized = [ensure_minimum_chunksize(min(halo, sum(one)), one) if min(one) < halo else one for one in chunks[:axes]]
-    if tuple(sized) == chunks[:axes]:
-        return grid, sides, ()
-    before, after = (" x ".join(str(min(one)) for one in parts) for parts in (chunks[:axes], sized))
-    said = (f"chunks of {before} samples are smaller than the halo of {halo}: they are computed in chunks of {after}",)
-    values = grid.values.rechunk((*sized, *chunks[axes:]))
-    missing = None if grid.missing is None else grid.missing.rechunk(tuple(sized))
-    larger = {name: array.rechunk(values.chunks[: array.ndim]) for name, array in sides.items()}
-    return replace(grid, values=values, missing=missing), larger, said
-
-
-def _again(values: Chunked, census: object) -> Chunked:
-    """The values once more, read after the count, so that they need not all be held until it is done.
-
-    dask (2026.8) loses tasks when it copies graphs that slice, reshape or change chunks. Values are copied only where all they
-    are made of is read, or computed chunk by chunk; others are held.
-    """
-    from dask.blockwise import Blockwise
-    from dask.graph_manipulation import bind
-
-    graph = values.__dask_graph__()
-    layers, needed = getattr(graph, "layers", {}), getattr(graph, "dependencies", {})
-    few = int(np.prod(values.numblocks)) + 1  # a task for each chunk, and what they are read from
-    simple = all(
-        isinstance(layer, Blockwise) or (not needed.get(name) and len(layer) <= few) for name, layer in layers.items()
-    )
-    return bind(values, census) if layers and simple else values
-
-
 def _most_in(weights: Chunked) -> float:
     """The largest of weights, which shortens all steps; it is computed."""
     import dask.array as da
 
     return float(da.max(weights).compute())
-
-
-def _around(grid: Lazy, sides: dict[str, Chunked], depth: tuple[int, ...]) -> dict[str, Chunked]:
-    """The values, the missing samples and what else is given for each sample, every chunk with its halo.
-
-    :param depth: of each axis, how many lines of its neighbours a chunk has on each side.
-    """
-    from dask.array.overlap import overlap
-
-    given = {"values": grid.values, **({} if grid.missing is None else {"missing": grid.missing}), **sides}
-    if not any(depth):
-        return given
-    axes = len(depth)
-    wide = {axis: depth[axis] if axis < axes else 0 for axis in range(axes + 1)}
-    return {
-        name: overlap(array, {axis: wide[axis] for axis in range(array.ndim)}, boundary="none")
-        for name, array in given.items()
-    }
-
-
-def _task(grid: Lazy, local: Local, free: Constraints, halo: int, sides: Iterable[str]) -> Task:
-    """What the chunks of a grid are told.
-
-    :param halo: how many lines of their neighbours they have on each side.
-    :param sides: the names of what else is given for each sample.
-    """
-    chunks = grid.values.chunks[: len(grid.form.shape)]
-    depth = tuple(halo if len(one) > 1 else 0 for one in chunks)
-    names = ("values", *(() if grid.missing is None else ("missing",)), *sides)
-    return Task(local, chunks, grid.declared, free, depth, names)
-
-
-def _moved(grid: Lazy, local: Local, free: Constraints, sides: dict[str, Chunked], census: object) -> Chunked:
-    """The smoothed values."""
-    import dask.array as da
-
-    values, axes = grid.values, len(grid.form.shape)
-    task = _task(grid, local, free, local.halo, sides)
-    around = _around(grid, sides, task.depth).values()
-    pairs = [part for array in around for part in (array, LETTERS[: array.ndim])]
-    numbers = [da.from_array(np.arange(count), (1,)) for count in values.numblocks[:axes]]  # type: ignore[arg-type]
-    lines = [part for array, index in zip(numbers, LETTERS, strict=False) for part in (array, index)]
-    return da.blockwise(
-        smoothed_chunk,
-        LETTERS[: values.ndim],
-        *lines,
-        *pairs,
-        dtype=values.dtype,
-        align_arrays=False,
-        adjust_chunks=dict(zip(LETTERS, values.chunks, strict=False)),
-        meta=np.zeros((0,) * values.ndim, values.dtype),
-        task=task,
-        census=census,
-    )
-
-
-def _census(grid: Lazy, local: Local, free: Constraints, sides: dict[str, Chunked]) -> Any:
-    """The count of the whole, delayed; without its outliers where they are not taken as data."""
-    import dask
-
-    count = dask.delayed(counted_chunk)  # type: ignore[attr-defined]
-    rule = local.cleaning.rule is not None
-    grid, sides, _ = _in_chunks_of(grid, sides if rule else {}, local.reach if rule else 0)
-    task = _task(grid, local, free, local.reach if rule else 0, sides)
-    each = [
-        array.to_delayed().reshape(grid.values.numblocks[: len(task.chunks)])
-        for array in _around(grid, sides, task.depth).values()
-    ]
-    counts = [count(at, *(blocks[at] for blocks in each), task=task) for at in np.ndindex(each[0].shape)]
-    return dask.delayed(joined)(counts, grid.form)  # type: ignore[attr-defined]

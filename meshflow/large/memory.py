@@ -13,12 +13,14 @@ from meshflow.geometry.validation import Array
 from meshflow.large.source import Form
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["Budget", "bytes_in", "free_memory", "needed"]
+__all__ = ["Budget", "Room", "bytes_in", "free_memory", "needed"]
 
 # Bytes of the command for each value of a grid that is smoothed in memory, and of a window, by bytes of a number.
 IN_MEMORY, IN_WINDOW = 13.0, 14.0
 # The share of the free memory that a run in memory may take.
 SHARE = 0.5
+# More numbers of a window for each array of a state between two legs.
+IN_STATE = 3.0
 # Bytes for libraries, and for decoded blocks of a file; and the share of what is then left that a sample may take.
 LIBRARIES, OF_SAMPLE = 250e6, 0.5
 # Windows are multiples of this many samples, as the tiles of files are; the largest one has this many values.
@@ -101,14 +103,15 @@ class Budget:
         least = 1 if form.kind is Volume else form.shape[1]
         return max(least, min(1 << 22, int(self.room / (4.0 * form.dtype.itemsize))))
 
-    def sides(self, form: Form, halo: int) -> tuple[int, ...]:
+    def sides(self, form: Form, halo: int, held: int = 0) -> tuple[int, ...]:
         """The sides of the windows: bands of whole rows where their halo is a small part of them, else squares.
 
         Of a volume they are blocks, those of which the samples with all halos are fewest.
 
+        :param held: how many arrays of a state are read or written with each window.
         :raises InputError: where no window with its halo fits; the least memory that works is named.
         """
-        each = IN_WINDOW * form.dtype.itemsize * (form.channels or 1)
+        each = (IN_WINDOW + IN_STATE * held) * form.dtype.itemsize * (form.channels or 1)
         if form.kind is Volume:
             return self._blocks(form, halo, each)
         (h, w), fits = form.shape, min(int(self.room / each), LARGEST)
@@ -142,6 +145,21 @@ class Budget:
             f"memory of {self.memory / 1e6:.0f} MB: too little for {what} with its halo of {halo}, beside the "
             f"{LIBRARIES / 1e6:.0f} MB of libraries; {np.ceil((LIBRARIES + bytes_) / 1e6):.0f} MB is the least"
         )
+
+
+@dataclass(frozen=True)
+class Room:
+    """What a run by windows may take.
+
+    :ivar folder: where its state lies between legs.
+    :ivar alone: all is done in one leg.
+    :ivar tile: the sides of the windows of the last leg, at most; None: as they fit into memory.
+    """
+
+    budget: Budget
+    folder: Path
+    alone: bool = False
+    tile: tuple[int, ...] | None = None
 
 
 def _products(sides: list[Array]) -> Array:

@@ -10,9 +10,10 @@ from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Parameter, value_unit
 from meshflow.estimate.reported import parameters_of
 from meshflow.estimate.risk import Candidate
-from meshflow.flow.stops import Met
+from meshflow.flow.stops import AreaLoss, Residual
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array
+from meshflow.large.legs import Leg
 from meshflow.large.windows import Windowed
 from meshflow.results.result import release
 from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, described
@@ -69,6 +70,7 @@ class Outcome:
     :ivar notes: sentences on the files.
     :ivar data: the smoothed data, of the kind that was given, not computed yet; None: it is in a file.
     :ivar word: what the windows are called.
+    :ivar legs: by which they were run; empty: by one.
     """
 
     run: Windowed
@@ -77,6 +79,7 @@ class Outcome:
     notes: tuple[str, ...] = ()
     data: Any = field(default=None, repr=False)
     word: str = "window"
+    legs: tuple[Leg, ...] = field(default=(), repr=False)
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -105,13 +108,26 @@ class Outcome:
             return self.run.found.idle
         many = f"{self.windows} {self.word}{'s' * (self.windows != 1)}"
         if self.word == "window":
-            many += f" with a halo of {self.run.halo} samples"
+            many += f" with a halo of {self.halo} samples"
+        if len(self.legs) > 1:
+            many += f", in {len(self.legs)} legs with an exchange of the state between them"
         steps = self.run.found.until.steps
         ended = f"reached time {self.run.found.time:.6g}" if steps is None else f"took all {steps} steps asked for"
-        for met in self.run.local.plan.request.stops:
-            if isinstance(met, Met):
-                ended = f"came to {met.said} at time {met.time:.6g}"
+        met = self.run.local.met
+        if self.run.longer is not None:
+            asked = [one for one in self.run.found.request.stops if isinstance(one, (Residual, AreaLoss))]
+            said = " or ".join(stop.said(stop.share) for stop in asked)
+            ended = f"comes to {said} at a time that is known once it is computed,"
+        elif met is not None:
+            ended = f"came to {met.said} at time {met.time:.6g}"
+        if self.run.local.plan.groups is not None:
+            ended += ", then groups of similar patches,"
         return f"{ended} by {many}"
+
+    @property
+    def halo(self) -> int:
+        """How many samples around a window decide what it becomes, in the widest of its legs."""
+        return max((leg.halo for leg in self.legs), default=self.run.halo)
 
     @property
     def summary(self) -> str:
@@ -136,7 +152,8 @@ class Outcome:
             "stopped_because": self.stopped_because,
             "time": self.run.found.time,
             "windows": self.windows,
-            "halo": self.run.halo,
+            "halo": self.halo,
+            "legs": max(len(self.legs), 1),
             "parameters": as_numbers(self.parameters),
             "noise": self.noise.to_dict(),
             "removed": None if self.removed is None else {"rms": self.removed.rms, "largest": self.removed.largest},

@@ -17,12 +17,13 @@ from meshflow.io.spacing import height_unit, said_of_turn
 from meshflow.large.census import Census, bands, census_of
 from meshflow.large.cleaning import bound_over
 from meshflow.large.marks import marked
-from meshflow.large.memory import Budget
+from meshflow.large.memory import Budget, Room
 from meshflow.large.outcome import Outcome, Removed
 from meshflow.large.outputs import Output, Written, must_be_stored, must_be_writable, opened_beside, stored_as
-from meshflow.large.running import Run, smoothed
+from meshflow.large.running import Run, at_the_last_leg, smoothed
 from meshflow.large.sample import ENOUGH, Sample, sample_of
 from meshflow.large.source import Form, Source, Window, moved_by, rows_and_columns, tiled
+from meshflow.large.stopping import stopped_by_all
 from meshflow.large.windows import windowed
 from meshflow.results.expected_error import must_have_error
 from meshflow.surfaces.height_field import HeightField
@@ -92,7 +93,11 @@ def smooth_raster(
         with reporting(progress, "looking for outliers") as report:
             at_once = writing.budget.counted(source.form)
             bound = bound_over(run.local, source, request.constraints, census, report, at_once)
-        outcome = written(sheet, Run(run, bound, census, request), target, writing, progress)
+        room = Room(writing.budget, target.resolve().parent, alone=writing.uncertainty is not None)
+        run, bound = stopped_by_all(run, bound, source, request, room, progress)
+        made = Run.of(bound, run, census, request, room)
+        with at_the_last_leg(source, made, writing.budget, progress) as last:
+            outcome = written(sheet, last, target, writing, progress)
     return replace(outcome, notes=(*notes, *more, *outcome.notes))
 
 
@@ -192,9 +197,10 @@ def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Pro
     form, reader = sheet.file.form, sheet.file.reader
     stored, notes = stored_as(reader, run.census, target, writing)
     twice = 1 if writing.uncertainty is None else 2  # runs on what a run makes
-    windows = list(tiled(form.shape, writing.budget.sides(form, twice * run.found.halo)))
+    leg = run.leg
+    windows = list(tiled(form.shape, writing.budget.sides(form, twice * leg.halo, leg.held)))
     removed, threads = Removed(), run.request.compute.workers
-    outcome = Outcome(run.found, len(windows), removed)
+    outcome = Outcome(run.found, len(windows), removed, legs=run.legs)
     clipped: dict[str, int] = {}
     with ExitStack() as stack, reporting(progress, f"smoothing by {len(windows)} windows") as report:
         tags = {f"meshflow:{name}": word for name, word in outcome.tags.items()}

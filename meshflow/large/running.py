@@ -1,5 +1,7 @@
 """Runs one window of a grid, whatever file it lies in: the smoothed values, and the expected error of each sample."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,14 +9,18 @@ import numpy as np
 from meshflow.estimate.noise_fields import NoiseFields
 from meshflow.estimate.preparation import AS_DATA
 from meshflow.estimate.request import Request
+from meshflow.flow.progress import Progress, reporting
 from meshflow.geometry.validation import Array
+from meshflow.large.between import Between, carried
 from meshflow.large.census import Census
+from meshflow.large.legs import Leg
+from meshflow.large.memory import Budget, Room
 from meshflow.large.sample import part_of
-from meshflow.large.source import Source, Window, grown, rows_and_columns, within
-from meshflow.large.windows import Bound, Windowed
+from meshflow.large.source import Source, Window, grown, rows_and_columns, tiled, within
+from meshflow.large.windows import Begun, Bound, Windowed
 from meshflow.results.expected_error import spread_around
 
-__all__ = ["Done", "Run", "smoothed"]
+__all__ = ["Done", "Run", "at_the_last_leg", "smoothed"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +28,33 @@ class Run:
     """What is run on the windows of a file.
 
     :ivar census: of the file; ``bound``: knows that of the grid in which it lies.
+    :ivar legs: by which it is run; ``between``: the state before the last one.
     """
 
     found: Windowed
     bound: Bound
     census: Census
     request: Request
+    legs: tuple[Leg, ...]
+    between: Between
+
+    @classmethod
+    def of(cls, bound: Bound, run: Windowed, census: Census, request: Request, room: Room) -> "Run":
+        """The run with the legs by which windows have the least to compute."""
+        form, cut, tile = bound.local.form, run.local.legs, room.tile
+
+        def sides(leg: Leg) -> tuple[int, ...]:
+            """Of the windows of a leg."""
+            fit = room.budget.sides(form, leg.halo, leg.held)
+            return tuple(map(min, fit, tile)) if leg.ends and tile is not None else fit
+
+        legs = (cut.one,) if room.alone else cut.cheapest(sides, form.shape)
+        return cls(run, bound, census, request, legs, Between(room.folder, form.shape))
+
+    @property
+    def leg(self) -> Leg:
+        """The last one."""
+        return self.legs[-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +81,42 @@ def smoothed(grid: Source, run: Run, inner: Window, *, with_error: bool = False)
 
     :param with_error: estimate the error of each sample, too; of grids of two axes.
     """
-    shape, halo = grid.form.shape, run.found.halo
+    shape, halo = grid.form.shape, run.leg.halo
     wide = grown(inner, halo, shape) if with_error else inner
     outer = grown(wide, halo, shape)
     values, missing = grid.read(outer)
     held = part_of(run.request.constraints, shape, outer)
-    done = run.bound.moved((wide, outer), values, missing, held)
+    done = run.bound.moved((wide, outer), values, missing, held, Begun(run.leg, run.between.read(outer)))
     at, error = within(inner, outer), None
     if with_error:
         left_out = run.bound.local.cleaned(values, missing, outer[0], held)[1]
         error = _error_of(run, (inner, wide), done, left_out[within(wide, outer)])
     return Done(values[at], done[within(inner, wide)], missing[at], error)
+
+
+@contextmanager
+def at_the_last_leg(grid: Source, run: Run, budget: Budget, progress: Progress) -> Iterator[Run]:
+    """The run when all windows of a grid have come to its last leg; the state before that vanishes with the context."""
+    form, bound = grid.form, run.bound
+
+    def windows(leg: Leg) -> list[Window]:
+        """Those of a leg."""
+        return list(tiled(form.shape, budget.sides(form, leg.halo, leg.held)))
+
+    def moved(leg: Leg, inner: Window, between: Between) -> dict[str, Array]:
+        """The state of a window after a leg."""
+        outer = grown(inner, leg.halo, form.shape)
+        held = part_of(run.request.constraints, form.shape, outer)
+        return bound.held((inner, outer), *grid.read(outer), held, Begun(leg, between.read(outer)))
+
+    between = run.between
+    if len(run.legs) > 1:
+        with reporting(progress, f"smoothing by {len(run.legs)} legs, before the last one") as report:
+            between = carried(run.legs, windows, moved, between, report)
+    try:
+        yield replace(run, between=between)
+    finally:
+        between.close()
 
 
 def _error_of(run: Run, windows: tuple[Window, Window], done: Array, missing: Array) -> Array:

@@ -1,7 +1,7 @@
 """Grids of two or three axes that are read by windows, and the windows that cover them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import prod
 from typing import Protocol
@@ -29,6 +29,8 @@ __all__ = [
 ]
 
 OnGrid = HeightField | Image | Volume
+# The samples along a side of the data that a plan keeps for its windows, which bring their own.
+FEW = 2
 # A slice of each axis.
 Window = tuple[slice, ...]
 
@@ -82,6 +84,12 @@ class Form:
         :raises TypeError: for a volume.
         """
         return in_plane(self.spacing)
+
+    def few(self) -> OnGrid:
+        """A few samples of such a grid, at distances of 1, to keep its kind."""
+        axes = len(self.shape)
+        some, none = np.zeros((*(FEW,) * axes, *self.tail), self.dtype), np.zeros((FEW,) * axes, bool)
+        return replace(self, spacing=(1.0, 1.0, 1.0) if axes == 3 else (1.0, 1.0)).data(some, none)
 
     def data(self, values: Array, missing: Array, rows: slice | Array | None = None) -> OnGrid:
         """Values (r, c) or (r, c, k) of some rows as a data object; of a volume (s, r, c) or (s, r, c, k).

@@ -60,7 +60,7 @@ class Slices(Mapping[str, Result | Outcome]):
         for name, one in self.slices.items():
             for word in one.warnings:
                 found.setdefault(word, name)
-        return tuple(f"{name}: {word}" for word, name in found.items())
+        return tuple(f"slice {name}: {word}" for word, name in found.items())
 
     @property
     def summary(self) -> str:

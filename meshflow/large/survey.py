@@ -17,12 +17,14 @@ from meshflow.io.formats.rasters import spacing_in
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.census import Census, Counted, bands, counted_in, joined
 from meshflow.large.cleaning import bound_over
+from meshflow.large.memory import Room
 from meshflow.large.outcome import Outcome
 from meshflow.large.outputs import Output, must_be_stored, must_be_writable
 from meshflow.large.rasters import Gridded, Sheet, counted, gridded, written
-from meshflow.large.running import Run
+from meshflow.large.running import Run, at_the_last_leg
 from meshflow.large.sample import ENOUGH, sample_of
 from meshflow.large.source import Form, Window, moved_by
+from meshflow.large.stopping import stopped_by_all
 from meshflow.large.windows import windowed
 
 __all__ = ["Survey", "smooth_together"]
@@ -115,8 +117,14 @@ def smooth_together(
         census = joined(survey.counts(writing.budget.counted(survey.form)), survey.form)
         run = windowed(survey.form, sample_of(survey, writing.budget.sample(survey.form, ENOUGH)), request)
         bound = bound_over(run.local, survey, request.constraints, census, at_once=writing.budget.counted(survey.form))
+        shapes = [tile.file.form.shape for tile in tiles]
+        largest = tuple(max(shape[axis] for shape in shapes) for axis in (0, 1))
+        room = Room(writing.budget, tiles[0].target.resolve().parent, writing.uncertainty is not None, largest)
+        run, bound = stopped_by_all(run, bound, survey, request, room, progress)
+        made = Run.of(bound, run, census, request, room)
+        last = stack.enter_context(at_the_last_leg(survey, made, writing.budget, progress))
         for tile in survey.tiles:
-            sheet, own = Sheet(tile.file, survey, tile.place), Run(run, bound, tile.census, request)
+            sheet, own = Sheet(tile.file, survey, tile.place), replace(last, census=tile.census)
             try:
                 outcome = written(sheet, own, tile.target, writing, progress)
                 yield tile.path, replace(outcome, notes=(*tile.notes, *outcome.notes))

@@ -19,11 +19,13 @@ from meshflow.io.metadata import ReadOptions
 from meshflow.io.rounding import rounded
 from meshflow.io.suffixes import suffix_of
 from meshflow.large.census import census_of
+from meshflow.large.memory import Room
 from meshflow.large.outcome import Outcome, Removed
 from meshflow.large.outputs import Output
-from meshflow.large.running import Run, smoothed
+from meshflow.large.running import Run, at_the_last_leg, smoothed
 from meshflow.large.sample import ENOUGH, sample_of
 from meshflow.large.source import Form, Window, tiled
+from meshflow.large.stopping import stopped_by_all
 from meshflow.large.windows import windowed
 from meshflow.surfaces.volume import Volume
 
@@ -82,8 +84,11 @@ def smooth_volume(
         with reporting(progress, "reading") as report:
             census = census_of(source, report, budget.counted(source.form))
         run = windowed(source.form, sample_of(source, budget.sample(source.form, ENOUGH)), request)
-        found = Run(run, run.local.over(census), census, request)
-        return _written(source, found, target, writing, progress)
+        room = Room(budget, target.resolve().parent)
+        run, bound = stopped_by_all(run, run.local.over(census), source, request, room, progress)
+        found = Run.of(bound, run, census, request, room)
+        with at_the_last_leg(source, found, budget, progress) as last:
+            return _written(source, last, target, writing, progress)
 
 
 def _must_be_writable(target: Path, writing: Output) -> None:
@@ -111,9 +116,9 @@ def _must_be_writable(target: Path, writing: Output) -> None:
 def _written(source: Scanned, run: Run, target: Path, writing: Output, progress: Progress) -> Outcome:
     """Run all windows of a volume, and write them."""
     form = source.form
-    windows = list(tiled(form.shape, writing.budget.sides(form, run.found.halo)))
+    windows = list(tiled(form.shape, writing.budget.sides(form, run.leg.halo, run.leg.held)))
     removed = Removed()
-    outcome = Outcome(run.found, len(windows), removed)
+    outcome = Outcome(run.found, len(windows), removed, legs=run.legs)
     tags = {f"meshflow:{name}": word for name, word in outcome.tags.items()}
     with ExitStack() as stack, reporting(progress, f"smoothing by {len(windows)} windows") as report:
         into, notes = _opened(stack, source.reader, target, writing.options, tags)

@@ -2,7 +2,8 @@
 reach.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,26 +17,33 @@ from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.plateaus import LEVEL_REACH, Level, level_rule
 from meshflow.estimate.preparation import AS_DATA, Cleaning, lowered_by, stabilized_by, stabilized_volume
 from meshflow.estimate.request import Request
+from meshflow.estimate.second_stage import is_considered
 from meshflow.estimate.stabilizer import Stabilizer
 from meshflow.flow.constraints import trust_of
 from meshflow.flow.methods.beltrami import Patches
-from meshflow.flow.stops import AreaLoss, Met, Residual
+from meshflow.flow.patch_groups import Place
+from meshflow.flow.stops import Met
 from meshflow.geometry.validation import Array
 from meshflow.large.census import Census
+from meshflow.large.legs import Leg, Legs
+from meshflow.large.possible import must_be_local, must_be_of_the_family
 from meshflow.large.sample import Sample
 from meshflow.large.source import Form, OnGrid, Window, within
-from meshflow.results.given_steps import is_uniform, with_given_steps
-from meshflow.results.run import end_of, engine_of
+from meshflow.results.given_steps import Track, is_uniform, tracks_of
+from meshflow.results.run import engine_of
+from meshflow.results.stretches import Seen, advanced
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.grid import Whole
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["Bound", "Local", "Windowed", "must_be_local", "windowed"]
+__all__ = ["Begun", "Bound", "Local", "Windowed", "windowed"]
 
-# The values along a side of the data that a plan keeps for its windows, which bring their own.
-FEW = 2
+# Makes what is told of each step of the plan of a window, which lies at a window of it.
+Watch = Callable[[Plan, Window], Seen]
+# The steps are known from tiles up to so many times the time at which these meet a stop.
+BEYOND = 3.0
 FREE = Constraints()
 
 
@@ -45,7 +53,8 @@ class Local:
 
     :ivar form: of the whole grid.
     :ivar plan: its data is replaced by that of a window.
-    :ivar halo: how many samples around a window decide what it becomes.
+    :ivar legs: the work of the plan.
+    :ivar met: where its run meets a stop; None: at no stop.
     :ivar based: whether it is smoothed above a base.
     :ivar still: what is level and stays.
     :ivar cleaning: what is done about outliers.
@@ -55,7 +64,8 @@ class Local:
 
     form: Form
     plan: Plan
-    halo: int
+    legs: Legs
+    met: Met | None = None
     based: bool = False
     still: Level = ""
     cleaning: Cleaning = AS_DATA
@@ -63,9 +73,24 @@ class Local:
     ragged: bool = False
 
     @property
+    def halo(self) -> int:
+        """How many samples around a window decide what it becomes."""
+        return self.legs.halo
+
+    @property
     def reach(self) -> int:
         """How far away a sample decides whether another one is an outlier, and what it then becomes."""
-        return self.cleaning.reach + (LEVEL_REACH if self.still else 0)
+        return _reach(self.cleaning, self.still)
+
+    def ended(self, track: Track, found: tuple[int, Met] | None) -> "Local":
+        """The same with the end of its run where a stop is met.
+
+        :param track: the steps to beyond it.
+        :param found: the step within which it is met, counted from 0, and where; None: the run takes all steps.
+        """
+        last = track if found is None else track.until(found[0] + 1, found[1].share)
+        legs = replace(self.legs, tracks=(last, *self.legs.tracks[1:]))
+        return replace(self, legs=legs, met=None if found is None else found[1])
 
     def cleaned(self, values: Array, missing: Array, rows: slice, constraints: Constraints) -> tuple[Array, Array]:
         """The values of a window without outliers, and its missing samples with them, as the whole is counted.
@@ -90,7 +115,20 @@ class Local:
             return Bound(self, replace(self.plan, whole=census.whole_volume), census.datum)
         way, whole = census.orientation(self.plan.request.compute), census.whole
         turned = replace(whole, spacing=way.of_spacing(whole.spacing), ragged=self.ragged)
-        return Bound(self, replace(self.plan, orientation=way, whole=turned), census.datum)
+        groups = None if self.plan.groups is None else self.plan.groups.oriented(way)
+        return Bound(self, replace(self.plan, orientation=way, whole=turned, groups=groups), census.datum)
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """What a window has still to do.
+
+    :ivar leg: of the work.
+    :ivar held: the state before it in the window with its halo, (r, c, k) or (s, r, c, k) each, by name; empty at the beginning.
+    """
+
+    leg: Leg
+    held: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +144,19 @@ class Bound:
     datum: Array
 
     def moved(
-        self, windows: tuple[Window, Window], values: Array, missing: Array, constraints: Constraints = FREE
+        self,
+        windows: tuple[Window, Window],
+        values: Array,
+        missing: Array,
+        constraints: Constraints = FREE,
+        begun: Begun | None = None,
     ) -> Array:
         """The smoothed values of a window: the same bits as those of the whole.
 
         :param windows: the one whose values are returned, and it with its halo (:func:`.source.grown`).
         :param values: (r, c) or (r, c, k), of the window with its halo; ``missing``: (r, c); of a volume with one axis more.
         :param constraints: likewise.
+        :param begun: its last leg; None: the whole work in one.
         """
         inner, outer = windows
         at, idle = within(inner, outer), self.plan.idle is not None
@@ -121,7 +165,55 @@ class Bound:
         plan = self._plan(self.local.form.data(values, missing, outer[0]), constraints)
         if plan is None:
             return values[at]
-        return array_of(plan.result(None if idle else end_of(plan).u))[at]
+        u = None if idle else self._advanced(plan, outer, begun or Begun(self.local.legs.one))["u"]
+        return array_of(plan.result(u))[at]
+
+    def held(
+        self,
+        windows: tuple[Window, Window],
+        values: Array,
+        missing: Array,
+        constraints: Constraints,
+        begun: Begun,
+        watch: Watch | None = None,
+    ) -> dict[str, Array]:
+        """The state of a window after a leg that is not its last one, (r, c, k) or (s, r, c, k) each, by name; empty where no
+        sample of it is moved. Parameters of :meth:`moved`.
+
+        :param watch: makes what is told of each step.
+        """
+        inner, outer = windows
+        at = within(inner, outer)
+        if missing[at].all() or self.plan.idle is not None:
+            return {}
+        plan = self._plan(self.local.form.data(values, missing, outer[0]), constraints)
+        if plan is None:
+            return {}
+        way, shape = plan.orientation, plan.grid.missing.shape
+        seen = None if watch is None else watch(plan, way.of_window(at, missing.shape))
+        found = self._advanced(plan, outer, begun, seen)
+        return {name: way.inverse.of(u.reshape(*shape, -1))[at] for name, u in found.items()}
+
+    def _advanced(self, plan: Plan, outer: Window, begun: Begun, seen: Seen | None = None) -> Mapping[str, Array]:
+        """What the run of a window holds after a leg.
+
+        :param plan: of the window; ``outer``: the window with its halo.
+        """
+        way = plan.orientation
+        if plan.groups is not None:
+            begin = tuple(part.start for part in way.of_window(outer, self.local.form.shape))
+            place = Place(begin, way.of_shape(self.local.form.shape))
+            plan = replace(plan, groups=replace(plan.groups, place=place))
+        held: Mapping[str, Array] = {name: _columns(way.of(array)) for name, array in begun.held.items()}
+        tracks = self.local.legs.tracks
+        for stretch in begun.leg.stretches:
+            if stretch.number < len(tracks):  # where a stop was met, its end may lie before that of the leg
+                count = len(tracks[stretch.number].lengths)
+                if stretch.begin >= count > 0:
+                    continue
+                stretch = replace(stretch, end=min(stretch.end, count))
+            held = advanced(plan, tracks, stretch, held, seen)
+        return held
 
     def _plan(self, data: OnGrid, constraints: Constraints) -> Plan | None:
         """The plan of a window; None where no sample of it is left to be moved."""
@@ -162,11 +254,13 @@ class Windowed:
     :ivar found: the plan of the sample, for reports.
     :ivar local: what each window runs.
     :ivar warnings: sentences on what was left out, beside those of the plan.
+    :ivar longer: the steps to beyond the stop that tiles meet; None: there is no stop, or the tiles are the whole.
     """
 
     found: Plan
     local: Local
     warnings: tuple[str, ...] = ()
+    longer: Track | None = None
 
     @property
     def halo(self) -> int:
@@ -184,31 +278,6 @@ def on_grid(data: object) -> OnGrid:
     return data
 
 
-def must_be_local(request: Request) -> None:
-    """Refuse what no window can know of the whole.
-
-    :raises InputError: it names the option, and says why.
-    """
-    held = request.constraints
-    asked = {
-        "stop": (
-            not all(isinstance(stop, (Residual, AreaLoss)) for stop in request.stops),
-            "it is met by a single sample of the whole; take a residual, a loss of area, or a time",
-        ),
-        "twicing": (bool(request.stops) and bool(request.twicing), "with a stop it needs the whole; give a time"),
-        "second_stage": (bool(request.heights.second_stage), "its groups of patches are sought around each sample"),
-        "level": (request.level is not None, "an offset is that of a whole line"),
-        "max_change='step'": (isinstance(held.max_change, str), "steps are found by all samples; give a number"),
-        "domain": (
-            request.domain not in ("auto", "length", "stabilized", "magnitudes"),
-            "of range images, and of pictures in memory",
-        ),
-    }
-    for word, (given, why) in asked.items():
-        if given:
-            raise InputError(f"{word}: not by windows, {why}")
-
-
 def windowed(form: Form, sample: Sample, request: Request, most_weight: float | None = None) -> Windowed:
     """The plan for the windows of a grid, found on a sample of it.
 
@@ -217,39 +286,56 @@ def windowed(form: Form, sample: Sample, request: Request, most_weight: float | 
     :raises InputError: for what cannot be done by windows.
     """
     must_be_local(request)
-    _must_be_of_the_family(request, form.channels or 1)
-    found, warnings = _found(sample.data, replace(request, constraints=sample.of(request.constraints, form.shape)))
+    must_be_of_the_family(request, form.channels or 1)
+    found, warnings = _found(
+        form, sample.data, replace(request, constraints=sample.of(request.constraints, form.shape))
+    )
     if not sample.is_whole:
         share = sample.data.missing.size / form.samples
         found = replace(found, warnings=_of_tiles(found))
         warnings += (f"noise and choice are from tiles spread over the whole, {share:.1%} of it",)
     whole, cleaning = _whole_of(form, found), AS_DATA if found.preparation is None else found.preparation.cleaning
     found = replace(found, most_pull=_most_pull(found, request, most_weight))
-    fixed, rates = with_given_steps(replace(found, whole=whole, preparation=None))
+    bare = replace(found, whole=whole, preparation=None)
+    steps = tracks_of(bare, 1.0 if sample.is_whole else BEYOND)
+    tracks, met = steps.tracks, steps.met
     found = replace(found, noise=found.noise.oriented(found.orientation.inverse))
-    for met in fixed.request.stops:
-        if isinstance(met, Met):
-            found = found.with_({"time": Decided("estimated", met.said)}, time=met.time)
+    if met is not None:
+        found = found.with_({"time": Decided("estimated", met.said)}, time=met.time)
+    groups = None if found.groups is None else found.groups.oriented(found.orientation.inverse)
     plan = replace(
-        fixed,
+        bare,
         noise=found.noise,
-        data=_few(sample.data),
+        groups=groups,
+        data=form.few(),
         candidates=(),
         mobility=None,
         stays=None,
         pull=None,
         max_change=None,
         base=None,
-        request=replace(fixed.request, constraints=FREE),
+        request=replace(bare.request, constraints=FREE, stops=()),
     )
-    runs = [fixed, *(fixed.only(part) for part in fixed.blend[1:])]
-    halo = max(count * run.variant.reach for count, run in zip(rates, runs, strict=True))
-    halo += 0 if found.base is None or whole is None else base_reach(whole)
     stabilizer = None if found.preparation is None else found.preparation.stabilizer
-    bare = request.named or request.timed or (stabilizer is not None and stabilizer.photons)
-    still = "" if bare else _level_in(sample.data)
-    local = Local(form, plan, halo, found.base is not None, still, cleaning, stabilizer, _is_ragged(found))
-    return Windowed(found, replace(local, halo=halo + local.reach), warnings)
+    plain = request.named or request.timed or (stabilizer is not None and stabilizer.photons)
+    still: Level = "" if plain else _level_in(sample.data)
+    beside = _reach(cleaning, still) + (0 if found.base is None or whole is None else base_reach(whole))
+    runs = (bare, *(bare.only(part) for part in bare.blend[1:]))
+    passes = () if groups is None else groups.reaches(len(form.shape))
+    legs = Legs(tracks, tuple(run.variant.reach for run in runs), passes, beside)
+    local = Local(form, plan, legs, met, found.base is not None, still, cleaning, stabilizer, _is_ragged(found))
+    return Windowed(found, local, warnings, None if sample.is_whole else steps.longer)
+
+
+def _reach(cleaning: Cleaning, still: Level) -> int:
+    """How far away a sample decides whether another one is an outlier, or level, and what it then becomes."""
+    return cleaning.reach + (LEVEL_REACH if still else 0)
+
+
+def _columns(array: Array) -> Array:
+    """(r, c, k) or (s, r, c, k) as (n, k), whose columns lie in a row."""
+    planes = np.ascontiguousarray(np.moveaxis(array, -1, 0))
+    return planes.reshape(len(planes), -1).T
 
 
 def _most_pull(found: Plan, request: Request, most: float | None) -> float | None:
@@ -265,7 +351,8 @@ def _whole_of(form: Form, found: Plan) -> Whole | None:
     if form.kind is Volume:
         return None
     known = array_of(found.data)[~on_grid(found.data).missing]
-    return Whole(found.orientation.of_spacing(form.plane), (float(known.min()), float(known.max())), _is_ragged(found))
+    ends = float(known.min()), float(known.max())
+    return Whole(found.orientation.of_spacing(form.plane), ends, _is_ragged(found))
 
 
 def _is_ragged(found: Plan) -> bool:
@@ -280,42 +367,16 @@ def _level_in(data: OnGrid) -> Level:
     return level_rule(array_of(data), data.missing, narrow=isinstance(data, HeightField))
 
 
-def _must_be_of_the_family(request: Request, channels: int) -> None:
-    """Refuse methods whose rates or steps no window can have as the whole has them.
-
-    :param channels: their number.
-    :raises InputError: it names the method.
-    """
-    asked = request.heights
-    if request.named and not asked.searches_for(channels):
-        raise InputError(
-            f"method={asked.word!r}: not by windows, it is a scheme of its own; take a method of the family, such as beltrami or "
-            "perona-malik"
-        )
-    if asked.control(None) is not None:
-        raise InputError(
-            f"method={asked.word!r}: not by windows, its steps follow the area of the whole; leave area_steps out"
-        )
-
-
-def _few(data: OnGrid) -> OnGrid:
-    """A few samples of data, to keep its kind."""
-    axes = data.missing.ndim
-    some = np.zeros((*(FEW,) * axes, *array_of(data).shape[axes:]), array_of(data).dtype)
-    if isinstance(data, Volume):
-        return Volume(some, unit=data.unit)
-    return HeightField(some, unit=data.unit) if isinstance(data, HeightField) else Image(some)
-
-
-def _found(data: OnGrid, request: Request) -> tuple[Plan, tuple[str, ...]]:
+def _found(form: Form, data: OnGrid, request: Request) -> tuple[Plan, tuple[str, ...]]:
     """The plan of the sample, without what no window can do, and sentences on what was left out."""
     found, warnings = plan_of_flow(data, request), ()
     if not request.named and not all(_uniform(run) for run in (found, *map(found.only, found.blend))):
         found = plan_of_flow(data, replace(request, method=Patches()))
         warnings += ("methods whose steps depend on all samples were left out of the choice",)
-    if found.groups is not None:
-        found = replace(found, groups=None)
-        warnings += ("a second stage would lower the error; it is not done by windows",)
+    large = not is_considered(form.kind, form.values)
+    if found.groups is not None and large and not request.heights.second_stage:  # as the whole does
+        rest = {name: how for name, how in found.decided.items() if name != "second_stage"}
+        found = replace(found, groups=None, decided=rest)
     return found, warnings
 
 

@@ -1,42 +1,74 @@
 """The steps that the runs of a plan take, found once, so that each window of its data takes the same."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from meshflow.errors import InputError
 from meshflow.estimate.plan import Plan
-from meshflow.flow.compute import Compute
 from meshflow.flow.contract import Flow
-from meshflow.flow.controls import FixedStep, GivenSteps, Until
+from meshflow.flow.controls import FixedStep, Until
 from meshflow.flow.engines.grid import GridFlow
 from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import State, march
-from meshflow.flow.steppers import Explicit, SuperTime, stepper_for
+from meshflow.flow.steppers import Explicit, Stepper, SuperTime, stepper_for
 from meshflow.flow.stops import Course, Met, crossing
 from meshflow.results.run import engine_of, hold_of, steered, stepping, until_of
 
-__all__ = ["is_uniform", "with_given_steps"]
+__all__ = ["Found", "Track", "is_uniform", "tracks_of"]
 
 
-def with_given_steps(plan: Plan) -> tuple[Plan, tuple[int, ...]]:
-    """The plan with the steps that its runs take, so that a window of its data takes the same; and the rates of each run.
+@dataclass(frozen=True)
+class Track:
+    """The steps of one run of a plan.
+
+    :ivar stepper: takes them.
+    :ivar lengths: of the steps, squared lengths.
+    :ivar rates: how many rates each step takes.
+    :ivar kept: the number of steps after which the state is kept for twicing; 0: it is not.
+    :ivar share: of the last step, at which the run ends by a stop.
+    """
+
+    stepper: Stepper
+    lengths: tuple[float, ...]
+    rates: tuple[int, ...]
+    kept: int = 0
+    share: float = 1.0
+
+    def until(self, count: int, share: float) -> "Track":
+        """The steps to a share of the last one of so many."""
+        return replace(self, lengths=self.lengths[:count], rates=self.rates[:count], share=share)
+
+
+@dataclass(frozen=True)
+class Found:
+    """The steps of the runs of a plan.
+
+    :ivar tracks: of its run, or of all its runs that are blended.
+    :ivar met: where the first one meets a stop; None: there is none, or it is not met.
+    :ivar longer: the steps of the first one beyond that; None without a stop.
+    """
+
+    tracks: tuple[Track, ...]
+    met: Met | None = None
+    longer: Track | None = None
+
+
+def tracks_of(plan: Plan, beyond: float = 1.0) -> Found:
+    """The steps of the run of a plan, or of all its runs that are blended, and where the first one meets a stop.
 
     Explicit steps follow from the spacing alone. Where their length depends on the data, the runs are made for it.
 
+    :param beyond: the steps are continued to so many times the time at which the stop is met.
     :raises InputError: for steps that every sample has a part in: implicit ones, and those whose bound depends on the data.
     """
-    compute, rates, met = _given_steps(replace(plan, blend=()))
-    parts, counts = [], [rates]
-    for i, part in enumerate(plan.blend):
-        own, rates = (compute, rates) if i == 0 else _given_steps(plan.only(part))[:2]
-        parts.append(replace(part, compute=own))
-        counts += [rates] * (i > 0)
-    request = replace(plan.request, compute=compute, stops=() if met is None else (met,))
-    return replace(plan, request=request, blend=tuple(parts)), tuple(counts)
+    first = _track_of(replace(plan, blend=()), beyond)
+    return replace(
+        first, tracks=(*first.tracks, *(_track_of(plan.only(part), 1.0).tracks[0] for part in plan.blend[1:]))
+    )
 
 
-def _given_steps(plan: Plan) -> tuple[Compute, int, Met | None]:
-    """The computation of one run with the steps that it takes, the number of its rates, and where it meets a stop."""
+def _track_of(plan: Plan, beyond: float) -> Found:
+    """The steps of one run, and where it meets a stop."""
     engine = engine_of(plan)
     flow = steered(engine, plan)
     stepper, control = stepping(flow, plan)
@@ -49,11 +81,10 @@ def _given_steps(plan: Plan) -> tuple[Compute, int, Met | None]:
         )
     if not isinstance(stepper, (Explicit, SuperTime)):
         raise InputError(f"stepper={stepper.name!r}: an implicit step needs all samples; take explicit or super-time")
-    explicit, lengths, met = Explicit().largest(flow, flow.start()), [], None
+    explicit, lengths, met, count = Explicit().largest(flow, flow.start()), [], None, None
     if until.stops and plan.idle is None:
-        lengths, met = _until_met(
-            march(flow, replace(until, stops=()), stepper, control, limit=hold_of(plan, flow)), until
-        )
+        states = march(flow, replace(until, stops=()), stepper, control, limit=hold_of(plan, flow))
+        lengths, met, count = _until_met(states, until, beyond)
     elif isinstance(stepper, Explicit) and (control is None or isinstance(control, FixedStep)):
         dt, time = (control or FixedStep()).opened(flow, stepper, flow.start(), until).dt, 0.0
         while until.reason(time, len(lengths)) is None:
@@ -62,23 +93,37 @@ def _given_steps(plan: Plan) -> tuple[Compute, int, Met | None]:
     else:
         limit = hold_of(plan, flow)
         lengths = [state.dt for state in march(flow, until, stepper, control, recycle=True, limit=limit)][1:]
-    given = GivenSteps(tuple(lengths)) if lengths else None
     unit = explicit * flow.pace
     rates = [stepper.count(dt, unit) if isinstance(stepper, SuperTime) else 1 for dt in lengths]
-    return replace(plan.request.compute, stepper=stepper, dt=None, control=given), sum(rates), met
+    longer = Track(stepper, tuple(lengths), tuple(rates), _kept(plan, lengths))
+    track = longer if count is None else longer.until(count, 1.0 if met is None else met.share)
+    return Found((track,), met, longer if until.stops and plan.idle is None else None)
 
 
-def _until_met(states: Iterator[State], until: Until) -> tuple[list[float], Met | None]:
-    """The lengths of the steps to the one within which a stop is met, and where; None where no stop is met."""
-    lengths, old = [], next(states)
+def _kept(plan: Plan, lengths: list[float]) -> int:
+    """The number of steps to the time of a plan with twicing; 0 without."""
+    time, end = 0.0, plan.until.time
+    for number, dt in enumerate(lengths, 1):
+        time += dt
+        if plan.twicing > 0 and end is not None and time >= end * (1.0 - 1e-12):
+            return number
+    return 0
+
+
+def _until_met(states: Iterator[State], until: Until, beyond: float) -> tuple[list[float], Met | None, int | None]:
+    """The lengths of the steps to a multiple of the time at which a stop is met, where that is, and the number of steps to it."""
+    lengths, old, met, count = [], next(states), None, None
     for new in states:
+        if met is not None and old.time >= beyond * met.time:
+            break
         lengths.append(new.dt)
-        found = crossing(until.stops, Course(new.flow, until.scale), (old.u, old.time), (new.u, new.time))
-        if found is not None:
-            _, time, said, share = found
-            return lengths, Met(new.time, share, time, said)
+        if met is None:
+            found = crossing(until.stops, Course(new.flow, until.scale), (old.u, old.time), (new.u, new.time))
+            if found is not None:
+                _, time, said, share = found
+                met, count = Met(share, time, said), len(lengths)
         old = new
-    return lengths, None
+    return lengths, met, count
 
 
 def is_uniform(engine: Flow) -> bool:

@@ -44,6 +44,22 @@ class Orientation:
         turned = np.swapaxes(array, 0, 1) if self.transposed else array
         return turned[:: -1 if self.rows else 1, :: -1 if self.columns else 1]
 
+    def of_shape(self, shape: tuple[int, ...]) -> tuple[int, ...]:
+        """The shape of a reoriented array."""
+        return shape[1::-1] + shape[2:] if self.transposed else shape
+
+    def of_window(self, window: tuple[slice, ...], shape: tuple[int, ...]) -> tuple[slice, ...]:
+        """A window of a grid as one of the reoriented grid.
+
+        :param shape: of the grid, before.
+        """
+        parts, sizes = (window[1::-1], shape[1::-1]) if self.transposed else (window[:2], shape[:2])
+        turned = (
+            slice(size - part.stop, size - part.start) if reversed_ else part
+            for part, size, reversed_ in zip(parts, sizes, (self.rows, self.columns), strict=True)
+        )
+        return (*turned, *window[2:])
+
     def of_mask(self, mask: Array) -> Array:
         """A reoriented mask (h, w) in the order of memory; one that is false everywhere takes no memory."""
         turned = self.of(mask)
