@@ -36,8 +36,8 @@ using grid::Mix;
 constexpr int CORNERS = 8, ORDERS = 6, DIAGONALS = 4;
 // The orders of the axes, one for each tetrahedron.
 constexpr int ORDER[ORDERS][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
-// The number of tetrahedra at each corner, and of all diagonals together.
-constexpr int AT_CORNER[CORNERS] = {6, 2, 2, 2, 2, 2, 2, 6}, ALL_AT_CORNER = 12;
+// The number of tetrahedra at each corner.
+constexpr int AT_CORNER[CORNERS] = {6, 2, 2, 2, 2, 2, 2, 6};
 
 // The ground of a cell.
 template <class T> struct Ground {
@@ -129,31 +129,29 @@ constexpr int lower_end(int diagonal, int order, int axis) {
 
 // A cell with all four diagonals: each leg is read once, and its flow is its difference times the sum over the six tetrahedra that
 // have it. By corner, or by axis and lower end of a leg.
-template <class W, bool Weighed, bool Gaps, class T> struct WholeCell {
+template <class W, bool Weighed, class T> struct WholeCell {
     T leg[3][CORNERS], square[3][CORNERS], sum[3][CORNERS], mass[CORNERS], count[CORNERS];
     Lane<T> is[CORNERS];
 
-    template <int C> INLINE void read(i64 i, const Ground<T>& g, const Rows<T>& u, [[maybe_unused]] const Rows<Lane<T>>& there) {
+    template <int C> INLINE void read(i64 i, const Ground<T>& g, const Rows<T>& u, const Rows<Lane<T>>& there) {
         constexpr int r = C >> 1, end = C & 1;
         const T from = u.at[r][i + end];
         if constexpr (!(C & 1)) leg[0][C] = u.at[r][i + 1] - from, square[0][C] = g.ax * (leg[0][C] * leg[0][C]), sum[0][C] = 0;
         if constexpr (!(C & 2)) leg[1][C] = u.at[r | 1][i + end] - from, square[1][C] = g.ay * (leg[1][C] * leg[1][C]), sum[1][C] = 0;
         if constexpr (!(C & 4)) leg[2][C] = u.at[r | 2][i + end] - from, square[2][C] = g.az * (leg[2][C] * leg[2][C]), sum[2][C] = 0;
         mass[C] = 0, count[C] = 0;
-        if constexpr (Gaps) is[C] = there.at[r][i + end];
+        is[C] = there.at[r][i + end];
     }
     template <int N> INLINE void add(T q) {
         constexpr int D = N / ORDERS, O = N % ORDERS;
         constexpr int x = lower_end(D, O, 0), y = lower_end(D, O, 1), z = lower_end(D, O, 2);
         constexpr int a = on_path(D, O, 0), b = on_path(D, O, 1), c = on_path(D, O, 2), d = on_path(D, O, 3);
-        T volume = W::expansion(T(1) + (square[0][x] + (square[1][y] + square[2][z])), q), by = T(1) / volume;
-        if constexpr (Gaps) {
-            const Lane<T> all = (is[a] & is[d]) & (is[b] & is[c]);
-            const T one = kept(all, T(1));
-            by = kept(all, by), volume = kept(all, volume);
-            count[a] += one, count[b] += one, count[c] += one, count[d] += one;
-        }
+        const T root = W::expansion(T(1) + (square[0][x] + (square[1][y] + square[2][z])), q);
+        const Lane<T> all = (is[a] & is[d]) & (is[b] & is[c]);
+        const T by = kept(all, T(1) / root), one = kept(all, T(1));
+        count[a] += one, count[b] += one, count[c] += one, count[d] += one;
         sum[0][x] += by, sum[1][y] += by, sum[2][z] += by;
+        [[maybe_unused]] const T volume = kept(all, root);
         if constexpr (Weighed) mass[a] += volume, mass[b] += volume, mass[c] += volume, mass[d] += volume;
     }
     template <int C> INLINE T pull(const Ground<T>& g) const {
@@ -163,18 +161,18 @@ template <class W, bool Weighed, bool Gaps, class T> struct WholeCell {
     }
 };
 
-// As one_channel, of all four diagonals together, in the frame of the first. counts: with Gaps, the tetrahedra at each corner.
-template <class W, bool Weighed, bool Gaps, class T>
+// As one_channel, of all four diagonals together, in the frame of the first, with gaps. counts: the tetrahedra at each corner.
+template <class W, bool Weighed, class T>
 LOOP void every_diagonal(i64 n, T q, const Ground<T> g, const Rows<T> u, const Rows<Lane<T>> there, const Corners<T> pulls,
-                         [[maybe_unused]] const Corners<T> masses, [[maybe_unused]] const Corners<T> counts) {
+                         [[maybe_unused]] const Corners<T> masses, const Corners<T> counts) {
     [&]<int... C, int... N>(std::integer_sequence<int, C...>, std::integer_sequence<int, N...>) {
         SIMD for (i64 i = 0; i < n; ++i) {
-            WholeCell<W, Weighed, Gaps, T> cell;
+            WholeCell<W, Weighed, T> cell;
             (cell.template read<C>(i, g, u, there), ...);
             (cell.template add<N>(q), ...);
             ((pulls.at[C][i + (C & 1)] = cell.template pull<C>(g)), ...);
             if constexpr (Weighed) ((masses.at[C][i + (C & 1)] = g.quarter * cell.mass[C]), ...);
-            if constexpr (Gaps) ((counts.at[C][i + (C & 1)] = cell.count[C]), ...);
+            ((counts.at[C][i + (C & 1)] = cell.count[C]), ...);
         }
     }(std::make_integer_sequence<int, CORNERS>{}, std::make_integer_sequence<int, DIAGONALS * ORDERS>{});
 }

@@ -45,9 +45,8 @@ struct Measured {
 // The loop over a row of cells, for each weight.
 template <class T> struct Loops {
     void (*one[2][2])(i64, T, const Ground<T>, const Rows<T>, const Rows<Lane<T>>, const Corners<T>, const Corners<T>);
-    // Of all diagonals together; null for a sharpness that is rare.
-    void (*all[2][2])(i64, T, const Ground<T>, const Rows<T>, const Rows<Lane<T>>, const Corners<T>, const Corners<T>,
-                      const Corners<T>);
+    // Of all diagonals together, with masses or without them; null where no loop of its own is worth its size.
+    void (*every[2])(i64, T, const Ground<T>, const Rows<T>, const Rows<Lane<T>>, const Corners<T>, const Corners<T>, const Corners<T>);
     void (*several)(const Task<T>&, const Rows<T>&, const Rows<Lane<T>>&, const Corners<T>*, const Corners<T>&, double*);
     void (*edges)(const Task<T>&, const Rows<T>&, const Rows<Lane<T>>&, i64, const Tile&, i64, i64);
 };
@@ -162,10 +161,10 @@ template <class W, class T> Loops<T> loops_with() {
                       {},
                       several_cells<W, T>,
                       edge_cells<W, T>};
-    if constexpr (!std::is_same_v<W, grid::Weight<0>> && !std::is_same_v<W, grid::Weight<8>>) {
-        loops.all[0][0] = every_diagonal<W, false, false, T>, loops.all[0][1] = every_diagonal<W, false, true, T>;
-        loops.all[1][0] = every_diagonal<W, true, false, T>, loops.all[1][1] = every_diagonal<W, true, true, T>;
-    }
+    // In single precision q 1, and q 1.5 with gamma -1, which has no masses: a wheel has room for so many.
+    if constexpr (std::is_same_v<T, float> && std::is_same_v<W, grid::Weight<2>>)
+        loops.every[0] = loops.every[1] = every_diagonal<W, true, T>;
+    if constexpr (std::is_same_v<T, float> && std::is_same_v<W, grid::Weight<3>>) loops.every[0] = every_diagonal<W, false, T>;
     return loops;
 }
 template <class T> Loops<T> loops_for(double sharpness) {
@@ -211,7 +210,7 @@ template <class T> class Sweep {
   public:
     Sweep(const Task<T>& task, const Loops<T>& loops, Asked asked, const Tile& tile, Room<T> room)
         : t(task), loops_(loops), asked_(asked), tile_(tile), rows_(tile.end - tile.begin),
-          light_(asked == MOVED && task.quarters == -4), together_(together(task, loops, asked)) {
+          light_(asked == MOVED && task.quarters == -4), together_(together(task, asked) && loops.every[!light_]) {
         for (i64 c = 0; c < t.k; ++c) pulls_[c] = Corners<T>::of(room);
         masses_ = Corners<T>::of(room), counts_ = Corners<T>::of(room);
         mass_ = Sums<T>::of(room, rows_), flat_ = Sums<T>::of(room, rows_);
@@ -234,10 +233,10 @@ template <class T> class Sweep {
     }
 
   private:
-    // Whether all diagonals are moved at once.
-    static bool together(const Task<T>& t, const Loops<T>& loops, Asked asked) {
+    // Whether all diagonals can be moved at once.
+    static bool together(const Task<T>& t, Asked asked) {
         const bool every = t.options.last_diagonal - t.options.first_diagonal == DIAGONALS;
-        return every && loops.all[0][0] && asked != AREA && !t.several() && !t.edges;
+        return every && t.there && asked != AREA && !t.several() && !t.edges;
     }
 
     void cells(i64 z, i64 y, bool own) {
@@ -257,9 +256,9 @@ template <class T> class Sweep {
                 cleared(masses_);
                 loops_.several(t, u, there, pulls_, masses_, asked_ == BOUND ? &found_.expansion : nullptr);
             } else if (together_) {
-                loops_.all[!light_][there.at[0] != nullptr](t.w - 1, t.sharpness, t.ground, u, there, pulls_[0], masses_, counts_);
+                loops_.every[!light_](t.w - 1, t.sharpness, t.ground, u, there, pulls_[0], masses_, counts_);
             } else loops_.one[!light_][there.at[0] != nullptr](t.w - 1, t.sharpness, t.ground, u, there, pulls_[0], masses_);
-            if (t.there) counted(there);
+            if (t.there && !together_) counted(there);
             if (asked_ == AREA && own) {
                 grid::Sum sum;
                 grid::sum_over(sum, t.w - 1, [&](i64 i) { return masses_.at[0][i]; });
@@ -276,10 +275,10 @@ template <class T> class Sweep {
         }
     }
 
-    // The masks of four rows of samples; null where none of them is missing.
+    // The masks of four rows of samples; null where none of them is missing, and not all diagonals are moved at once.
     Rows<Lane<T>> gaps_in(const i64* at_z, const i64* at_y) {
         Rows<Lane<T>> there = {};
-        bool gaps = false;
+        bool gaps = together_;
         for (int r = 0; r < 4 && t.there && !gaps; ++r)
             gaps = std::memchr(t.there + t.row(at_z[r], at_y[r]), 0, static_cast<std::size_t>(t.w)) != nullptr;
         for (int r = 0; r < 4 && gaps; ++r)
@@ -289,9 +288,8 @@ template <class T> class Sweep {
 
     // The numbers of tetrahedra of a row of cells at its corners.
     void counted(const Rows<Lane<T>>& there) {
-        if (!there.at[0])
-            for (int c = 0; c < CORNERS; ++c) filled(t.w - 1, T(together_ ? ALL_AT_CORNER : AT_CORNER[c]), counts_.at[c] + (c & 1));
-        else if (!together_) flat_counts(t.w - 1, there, counts_);
+        if (there.at[0]) flat_counts(t.w - 1, there, counts_);
+        else for (int c = 0; c < CORNERS; ++c) filled(t.w - 1, T(AT_CORNER[c]), counts_.at[c] + (c & 1));
     }
 
     void gather(int r, i64 z, i64 y, bool fresh, bool last) {

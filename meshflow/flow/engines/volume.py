@@ -146,8 +146,8 @@ class VolumeFlow:
 
     @cached_property
     def _there(self) -> Array | None:
-        """Samples (d, h, w) that are present, as uint8; None where all are."""
-        return np.ascontiguousarray(~self.block.missing, dtype=np.uint8) if self.block.missing.any() else None
+        """Samples (d, h, w) that are present, as uint8; None where all are, here and in the whole, which has the same loops."""
+        return np.ascontiguousarray(~self.block.missing, dtype=np.uint8) if self.block.ragged else None
 
     @cached_property
     def _held(self) -> Array | None:
