@@ -30,10 +30,10 @@ __all__ = ["Tried", "configurations", "searched"]
 # Contrast and sharpness of the normal filter in the search: for creases, and for round shapes with creases. (4, 8) and (4, 4) in
 # addition gain 0.5 % of the angle (13 cases, the best time known). (1, 4), for round shapes, never wins beside fairings.
 CREASES = ((8.0, 4.0), (2.0, 8.0))
-# Times of the initial regularization of the sampling, in squared edges, for noise below STRONG edges and above it. Of 0, 0.1,
-# 0.3, 1 and 3 these contain the best (27 cases of 0.1 to 1 edges). Edges are those of the noisy mesh: noise of 0.4 true edges in
-# all directions is 0.3 of them. For noise of 0.3 true edges 1 shrinks a coarse cube by 3 %.
-REGULARIZED, STRONG = ((0.0, 0.3), (0.3, 1.0)), 0.3
+# Times of the initial regularization of the sampling, in sigma^2, and the longest, in squared edges of the noisy mesh. For boxes and
+# uneven cubes with noise of 0.1, 0.2, 0.3, 0.4, 0.5 true edges the best time is 0.1, 0.2, 0.3 to 0.5, 0.5, 0.5 squared edges: half of
+# it leaves folds, twice as much rounds creases. Noise along the normals needs no less.
+REGULARIZED, LONGEST = (5.0, 10.0), 1.0
 # Times of the normal filter, in squared edges, at which the risk is estimated. All configurations run to the end of the first
 # stage, the best BEST of them to that of the next, if they are worse than the best fairing by no more than WORSE sigma^2: those
 # that win in the end are better than all fairings after the first stage (18 of 54 cases).
@@ -67,8 +67,8 @@ def configurations(step: float, sigma: float) -> tuple[PointMethod, ...]:
     :param sigma: of the noise, unit of the points.
     """
     made: list[PointMethod] = [
-        NormalFilter(crease_contrast=contrast, crease_sharpness=sharpness, regularize=much * step**2)
-        for much in REGULARIZED[int(sigma >= STRONG * step)]
+        NormalFilter(crease_contrast=contrast, crease_sharpness=sharpness, regularize=time)
+        for time in (min(much * sigma**2, LONGEST * step**2) for much in REGULARIZED)
         for contrast, sharpness in CREASES
     ]
     made += [

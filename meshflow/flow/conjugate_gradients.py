@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 from meshflow.geometry.validation import Array
 from meshflow.kernels import conjugate_gradients as kernels
 
-__all__ = ["conjugate_gradients", "packed_matrix", "product"]
+__all__ = ["conjugate_gradients", "packed_matrix", "product", "rows_of"]
 
 Rows = tuple[Array, Array, Array]
 # Where near and far entries begin; both rows and the value of near ones; row, column and value of far ones.
@@ -31,7 +31,7 @@ def conjugate_gradients(
     :param most: iterations at which it ends in any case.
     :param order: the rows (n,), near ones near each other: the sooner it is done. None: as they are.
     """
-    rows, goal = _rows(matrix), tolerance**2 * np.einsum("ij,ij->j", right, right)
+    rows, goal = rows_of(matrix), tolerance**2 * np.einsum("ij,ij->j", right, right)
     left = right if guess is None else right - product(matrix, guess)
     size = np.einsum("ij,ij->j", left, left)
     done, some = 0, 1 + WORK // max(1, len(rows[2]) * right.shape[1])
@@ -51,7 +51,7 @@ def conjugate_gradients(
 def product(matrix: Any, x: Array) -> Array:
     """matrix @ x (n, k), by as many threads as there are; the matrix (n, n) sparse."""
     out = np.empty(x.shape)
-    kernels.matrix_product(*_rows(matrix), np.ascontiguousarray(x, np.float64), out)
+    kernels.matrix_product(*rows_of(matrix), np.ascontiguousarray(x, np.float64), out)
     return out
 
 
@@ -75,7 +75,7 @@ def packed_matrix(rows: Rows, order: Array | None) -> tuple[Packed, Array, Array
     return (near, far, *entries), diagonal, scale
 
 
-def _rows(matrix: Any) -> Rows:
+def rows_of(matrix: Any) -> Rows:
     """Where rows begin, columns, and values, as the kernels read them; copied only where they are of another type."""
     rows = sparse.csr_matrix(matrix)
     first, columns = rows.indptr.astype(np.int32, copy=False), rows.indices.astype(np.int32, copy=False)

@@ -10,10 +10,12 @@ import scipy.sparse as sparse
 from scipy.fft import dct
 
 from meshflow.errors import InputError, NotConverged
+from meshflow.flow.conjugate_gradients import rows_of
 from meshflow.flow.contract import Flow
 from meshflow.flow.workspace import Workspace
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, whole
+from meshflow.kernels.polynomials import chebyshev_degree
 
 __all__ = ["LowPass", "Operator", "Weights", "filtered", "filtered_by_all", "generator_of"]
 
@@ -129,19 +131,25 @@ def _summed(generator: Any, u: Array, series: Sequence[Array], top: float) -> li
 
     :param top: an upper bound of the eigenvalues.
     """
-    found = [np.zeros(u.shape) for _ in series]
     longest = max(map(len, series), default=0)
+    found = np.zeros((len(series), *u.shape))
     if longest == 0:
-        return found
-    a, term = u - u.mean(axis=0), np.empty(u.shape)
-    b = (2.0 / top) * (generator @ a) - a
-    for count in range(longest):
-        for change, terms in zip(found, series, strict=True):
-            if count < len(terms):
-                change += np.multiply(terms[count], a, out=term)
-        if count + 1 < longest:
-            a, b = b, (4.0 / top) * (generator @ b) - 2.0 * b - a
-    return found
+        return list(found)
+    terms = np.zeros((len(series), longest + longest % 2))
+    for row, own in zip(terms, series, strict=True):
+        row[: len(own)] = own
+    rows, none = rows_of(generator), np.zeros((0, 2))
+    now = np.ascontiguousarray(u - u.mean(axis=0), np.float64)
+    before = np.zeros(now.shape)
+    scale, twice = 2.0 / top, 1.0
+    for count in range(0, longest, 2):  # two degrees, which are summed together
+        if count > 0:
+            chebyshev_degree(*rows, scale, twice, none, now, before, found[:0])
+            now, before = before, now
+        pair = np.ascontiguousarray(terms[:, count : count + 2])
+        chebyshev_degree(*rows, scale, twice, pair, now, before, found)
+        now, before, scale, twice = before, now, 4.0 / top, 2.0
+    return list(found)
 
 
 def _terms(reach: float, order: int) -> Array | None:

@@ -1,0 +1,3 @@
+#include "polynomials.h"
+
+MESHFLOW_KERNEL_OF_ONE(chebyshev_degree)
