@@ -12,13 +12,14 @@ import pytest
 import scipy.sparse as sparse
 from helpers import shapes
 
-from meshflow.flow.conjugate_gradients import conjugate_gradients, packed_matrix
+from meshflow.flow.conjugate_gradients import conjugate_gradients, packed_matrix, rows_of
 from meshflow.geometry import blocks, curvature, delaunay, normals, operator
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.crossings import crossing_pairs
 from meshflow.kernels import conjugate_gradients as cg_kernels
 from meshflow.kernels import mesh_blocks, mesh_connectivity, mesh_delaunay, mesh_normals, mesh_operator
 from meshflow.kernels.library import environment, using_threads
+from meshflow.kernels.polynomials import chebyshev_degree
 from meshflow.synthetic.shapes import sphere
 
 SHARPNESS = (1.0, 1.5, 2.0, 3.0)
@@ -193,6 +194,21 @@ def test_the_order_of_the_rows_of_a_system_does_not_change_what_solves_it():
         assert np.abs(x - truth).max() < 1e-11
 
 
+@pytest.mark.parametrize("columns", [1, 3, 4, 6])
+def test_a_degree_of_polynomials_is_its_formula_to_the_bit_for_any_number_of_threads(columns):
+    ball, rng = sphere(4), np.random.default_rng(5)
+    n, matrix = len(ball.points), sparse.csr_matrix(operator.stiffness(ball.points, ball.faces))
+    now, before, sums = rng.normal(size=(n, columns)), rng.normal(size=(n, columns)), rng.normal(size=(3, n, columns))
+    terms = np.array([[0.3, -0.7], [0.0, 0.0], [1.5, 0.0]])
+    after = 0.1 * (matrix @ now) - 2.0 * now - before
+    summed = sums + terms[:, :1, None] * now + terms[:, 1:, None] * after
+    for threads in (1, 2, 3):
+        found, of_all = before.copy(), sums.copy()
+        chebyshev_degree(*rows_of(matrix), 0.1, 2.0, terms, now, found, of_all, threads)
+        assert np.array_equal(found, after)
+        assert np.array_equal(of_all, summed)
+
+
 @pytest.mark.parametrize("sharpness", [2.0, 4.0, 8.0])
 def test_sharpnesses_by_products_are_limits_of_those_by_powers(sharpness):
     ball = sphere(4)
@@ -277,6 +293,7 @@ def sound_calls():
         (mesh_normals.directed_weights, [points, faces, points, 1.0, threes], [1]),
         (mesh_delaunay.flip_edges, [faces.copy(), cot.copy(), np.full(3 * m, -1, np.int32)], [2]),
         (cg_kernels.matrix_product, [*rows, points, to], [0, 1]),
+        (chebyshev_degree, [*rows, 1.0, 2.0, np.ones((2, 2)), points, to, np.zeros((2, n, 3))], [0, 1]),
         (cg_kernels.pack_rows, [*rows, line, line, *begins, np.empty(n)], [0, 1, 3, 4]),
         (cg_kernels.pack_entries, [*rows, line, line, np.ones(n), *packed], [0, 1, 3, 4, 6, 7]),
         (cg_kernels.pack_vectors, [line, np.ones(n), points, to, 0], [0]),

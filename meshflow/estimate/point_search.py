@@ -30,15 +30,16 @@ __all__ = ["Tried", "configurations", "searched"]
 # Contrast and sharpness of the normal filter in the search: for creases, and for round shapes with creases. (4, 8) and (4, 4) in
 # addition gain 0.5 % of the angle (13 cases, the best time known). (1, 4), for round shapes, never wins beside fairings.
 CREASES = ((8.0, 4.0), (2.0, 8.0))
-# Times of the initial regularization of the sampling, in sigma^2, and the longest, in squared edges of the noisy mesh. For boxes and
-# uneven cubes with noise of 0.1, 0.2, 0.3, 0.4, 0.5 true edges the best time is 0.1, 0.2, 0.3 to 0.5, 0.5, 0.5 squared edges: half of
-# it leaves folds, twice as much rounds creases. Noise along the normals needs no less.
-REGULARIZED, LONGEST = (5.0, 10.0), 1.0
+# Time of the initial regularization of the sampling, in h^2 (sigma / a)^2 with the mean edge h and the mean altitude a of the
+# noisy triangles on their longest sides, and the longest time, in h^2. For boxes and uneven cubes with noise of 0.1, 0.2, 0.3, 0.4,
+# 0.5 true edges the best of seven times is 0.1, 0.2, 0.3 to 0.5, 0.5, 0.5 h^2, and this is 0.06, 0.14, 0.3, 0.5, 0.65. Half of the
+# best time leaves folds, twice of it rounds creases. If it is shorter than BRIEF, UNEVEN is tried as well: slivers need more.
+REGULARIZED, LONGEST, BRIEF, UNEVEN = 1.5, 1.0, 0.2, 0.3
 # Times of the normal filter, in squared edges, at which the risk is estimated. All configurations run to the end of the first
 # stage, the best BEST of them to that of the next, if they are worse than the best fairing by no more than WORSE sigma^2: those
 # that win in the end are better than all fairings after the first stage (18 of 54 cases).
 WORSE = 0.05
-STAGES, BEST = ((10.0, 20.0), (50.0,), (100.0,), (200.0, 300.0)), (3, 2, 1, 0)
+STAGES, BEST = ((10.0, 20.0), (50.0,), (100.0,), (200.0, 300.0)), (4, 3, 2, 0)
 # Order, weights, and the time of smoothing before cotangents are measured, in squared edges, of the fairings; and their times.
 # Cotangents of a smoothed copy are those of the surface, whatever the noise; the longer time is for irregular triangles. On
 # regular grids uniform weights are better. Orders of 4, and cotangents of the data itself, never win by more than 2 % (60 cases).
@@ -60,15 +61,17 @@ EQUAL = 0.004
 PATIENCE = 2
 
 
-def configurations(step: float, sigma: float) -> tuple[PointMethod, ...]:
+def configurations(step: float, altitude: float, sigma: float) -> tuple[PointMethod, ...]:
     """The methods of the search with their options.
 
     :param step: h, the mean edge.
+    :param altitude: mean over the triangles, above zero; see :func:`mean_altitude`.
     :param sigma: of the noise, unit of the points.
     """
+    regularized = min(REGULARIZED * (sigma / altitude) ** 2, LONGEST)
     made: list[PointMethod] = [
-        NormalFilter(crease_contrast=contrast, crease_sharpness=sharpness, regularize=time)
-        for time in (min(much * sigma**2, LONGEST * step**2) for much in REGULARIZED)
+        NormalFilter(crease_contrast=contrast, crease_sharpness=sharpness, regularize=time * step**2)
+        for time in ((regularized, UNEVEN) if regularized < BRIEF else (regularized,))
         for contrast, sharpness in CREASES
     ]
     made += [
@@ -228,26 +231,33 @@ def searched(data: Mesh, lift: Lift, asked: Tried) -> tuple[Candidate, ...]:
         going = [run for run in going if run.going and run.least <= faired + WORSE * risk.sigma**2]
         going = sorted(going, key=lambda run: run.least)[:best]
     first = 0 if asked.end is None else 1
-    return _chosen_first(ranked(run.candidate(first) for run in runs if len(run.times) > 1), EQUAL * risk.sigma**2)
+    return _chosen_first(ranked(run.candidate(first) for run in runs if len(run.times) > 1), risk.sigma)
 
 
-def _chosen_first(candidates: tuple[Candidate, ...], equal: float) -> tuple[Candidate, ...]:
-    """Ranked candidates; if the best is a fairing, of those with its weights and about its error the one of the highest order
-    first.
+def _chosen_first(candidates: tuple[Candidate, ...], sigma: float) -> tuple[Candidate, ...]:
+    """Ranked candidates, the one that is chosen first: of those with about the least error, of the same kind as the best, the
+    fairing of the highest order, or the normal filter with the shortest regularization, if it has one.
     """
     best = candidates[0].configuration if candidates else None
-    if not isinstance(best, Fairing) or candidates[0].least[0] == 0:
+    if best is None or candidates[0].least[0] == 0:
         return candidates
+    equal = (EQUAL if isinstance(best, Fairing) else ALIKE) * sigma**2
     alike = [
-        (one.configuration.order or 0, -i)
+        (_preference(one.configuration, best), -i)
         for i, one in enumerate(candidates)
-        if isinstance(one.configuration, Fairing)
-        and one.configuration.weights == best.weights
-        and one.least[0] > 0
-        and one.least[1] <= candidates[0].least[1] + equal
+        if one.least[0] > 0 and one.least[1] <= candidates[0].least[1] + equal
     ]
     first = -max(alike)[1]
     return (candidates[first], *candidates[:first], *candidates[first + 1 :])
+
+
+def _preference(method: object, best: object) -> float:
+    """The greater, the sooner a method is chosen of those that are as good as the best; -infinity for one of another kind."""
+    if isinstance(method, Fairing) and isinstance(best, Fairing) and method.weights == best.weights:
+        return float(method.order or 0)
+    if isinstance(method, NormalFilter) and isinstance(best, NormalFilter) and method.regularize:
+        return -method.regularize
+    return -np.inf
 
 
 def _stages(methods: Sequence[PointMethod], end: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:

@@ -22,6 +22,7 @@ from meshflow.flow.methods.principal import PrincipalFlow
 from meshflow.flow.methods.searched import Search
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.delaunay import is_thin
+from meshflow.geometry.normals import mean_altitude
 from meshflow.geometry.operator import cotangents, total_area
 from meshflow.geometry.options import options_of
 from meshflow.geometry.validation import Array
@@ -49,8 +50,8 @@ HOLLOW = 1e-6
 MOST, MOST_OF_IMPULSES = 8.0, 20.0
 RECENTRED = Decided("estimated", "the noise has no mean along the normals, over many triangles between creases")
 # Order and time of the low-pass filter that removes steps of voxels, and the time of smoothing before cotangents are measured, in
-# squared edges. Order 4 is the best of 2, 4 and 10; with uniform weights, which move vertices along the surface by more than half a
-# voxel, the normals are twice as far off.
+# squared edges. Order 4 is the best of 2, 4 and 10; with uniform weights, which move vertices along the surface by more than half
+# a voxel, the normals are twice as far off.
 VOXELS, SMOOTH, LEVEL = 4, 3.0, 2.0
 
 
@@ -295,7 +296,10 @@ def _methods(data: Mesh, request: Request, sigma: float) -> tuple[PointMethod, .
     ranged = named is None and clamped
     fairing = isinstance(named, Fairing) or (named is None and (request.boundary == "border-curve" or clamped))
     made: list[PointMethod] = []
-    for method in (FAIRED if fairing else FIXED, *configurations(data.step, sigma)):
+    for method in (
+        FAIRED if fairing else FIXED,
+        *configurations(data.step, mean_altitude(data.points, data.faces), sigma),
+    ):
         if fairing != isinstance(method, Fairing) and (fairing or named is not None):
             continue
         if isinstance(method, NormalFilter):
