@@ -289,7 +289,7 @@ def test_steps_of_voxels_are_smoothed_within_half_a_voxel_and_the_volume_kept(ce
     middle = after[faces].mean(axis=1)
     cosine = np.einsum("ij,ij->i", normals, middle) / np.linalg.norm(middle, axis=1)
     angle = np.degrees(np.arccos(np.clip(np.abs(cosine), -1, 1))).mean()
-    assert angle < 2.0, f"{angle:.2f} degrees"
+    assert angle < 1.5, f"{angle:.2f} degrees"
     assert np.sqrt(np.mean((np.linalg.norm(after, axis=1) - radius) ** 2)) < 0.1
     assert np.linalg.norm(after - points, axis=1).max() <= 0.5 + 1e-9
     assert abs(volume(after, faces)) == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.005)
