@@ -31,9 +31,10 @@ __all__ = ["Tried", "configurations", "searched"]
 # addition gain 0.5 % of the angle (13 cases, the best time known). (1, 4), for round shapes, never wins beside fairings.
 CREASES = ((8.0, 4.0), (2.0, 8.0))
 # Time of the initial regularization of the sampling, in h^2 (sigma / a)^2 with the mean edge h and the mean altitude a of the
-# noisy triangles on their longest sides, and the longest time, in h^2. For boxes and uneven cubes with noise of 0.1, 0.2, 0.3, 0.4,
-# 0.5 true edges the best of seven times is 0.1, 0.2, 0.3 to 0.5, 0.5, 0.5 h^2, and this is 0.06, 0.14, 0.3, 0.5, 0.65. Half of the
-# best time leaves folds, twice of it rounds creases. If it is shorter than BRIEF, UNEVEN is tried as well: slivers need more.
+# noisy triangles on their longest sides, and the longest time, in h^2. For boxes and uneven cubes with noise of 0.1, 0.2,
+# 0.3, 0.4, 0.5 true edges the best of seven times is 0.1, 0.2, 0.3 to 0.5, 0.5, 0.5 h^2, and this is 0.06, 0.14, 0.3, 0.5,
+# 0.65. Half of the best time leaves folds, twice of it rounds creases. If it is shorter than BRIEF, UNEVEN is tried as well:
+# slivers need more.
 REGULARIZED, LONGEST, BRIEF, UNEVEN = 1.5, 1.0, 0.2, 0.3
 # Times of the normal filter, in squared edges, at which the risk is estimated. All configurations run to the end of the first
 # stage, the best BEST of them to that of the next, if they are worse than the best fairing by no more than WORSE sigma^2: those

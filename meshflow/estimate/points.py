@@ -49,9 +49,10 @@ HOLLOW = 1e-6
 # where the noise is small, regularization of the sampling would go farther.
 MOST, MOST_OF_IMPULSES = 8.0, 20.0
 RECENTRED = Decided("estimated", "the noise has no mean along the normals, over many triangles between creases")
-# Order and time of the low-pass filter that removes steps of voxels, and the time of smoothing before cotangents are measured, in
-# squared edges. Orders of 4 and 10 leave rings on flat parts. With uniform weights, which move vertices along the surface by more
-# than half a voxel, the normals are off by half as much again or twice as much (balls, ellipsoids, a torus, a body; 40 to 80 cells).
+# Order and time of the low-pass filter that removes steps of voxels, and the time of smoothing before cotangents are
+# measured, in squared edges. Orders of 4 and 10 leave rings on flat parts. With uniform weights, which move vertices along
+# the surface by more than half a voxel, the normals are off by half as much again or twice as much (balls, ellipsoids, a
+# torus, a body; 40 to 80 cells).
 VOXELS, SMOOTH, LEVEL = 2, 2.0, 2.0
 
 
