@@ -27,13 +27,13 @@ def test_no_least_risk_is_chosen_that_was_not_looked_at():
 
 
 def test_strong_noise_and_flat_triangles_are_regularized_for_longer_up_to_a_limit():
-    def longest(altitude, sigma):
+    def shortest(altitude, sigma):
         methods = configurations(2.0, altitude, sigma)
-        return max(method.regularize for method in methods if isinstance(method, NormalFilter)) / 2.0**2
+        return min(method.regularize for method in methods if isinstance(method, NormalFilter)) / 2.0**2
 
-    assert 0 < longest(1.5, 0.1) < longest(1.5, 0.3) < longest(1.5, 0.5) < longest(1.5, 5.0) == longest(0.1, 5.0) == 1.0
-    assert longest(0.5, 0.1) == pytest.approx(9.0 * longest(1.5, 0.1))
-    assert longest(1.5, 0.0) == 0.0
+    assert 0 < shortest(1.5, 0.1) < shortest(1.5, 0.3) < shortest(1.5, 0.5) < shortest(1.5, 5.0) == shortest(0.1, 5.0) == 1.0
+    assert shortest(0.5, 0.1) == pytest.approx(9.0 * shortest(1.5, 0.1))
+    assert shortest(1.5, 0.0) == 0.0
 
 
 @pytest.mark.parametrize(("shape", "kind", "level"), RISKY, ids=["ball", "ring"])
