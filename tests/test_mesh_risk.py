@@ -31,7 +31,15 @@ def test_strong_noise_and_flat_triangles_are_regularized_for_longer_up_to_a_limi
         methods = configurations(2.0, altitude, sigma)
         return min(method.regularize for method in methods if isinstance(method, NormalFilter)) / 2.0**2
 
-    assert 0 < shortest(1.5, 0.1) < shortest(1.5, 0.3) < shortest(1.5, 0.5) < shortest(1.5, 5.0) == shortest(0.1, 5.0) == 1.0
+    assert (
+        0
+        < shortest(1.5, 0.1)
+        < shortest(1.5, 0.3)
+        < shortest(1.5, 0.5)
+        < shortest(1.5, 5.0)
+        == shortest(0.1, 5.0)
+        == 1.0
+    )
     assert shortest(0.5, 0.1) == pytest.approx(9.0 * shortest(1.5, 0.1))
     assert shortest(1.5, 0.0) == 0.0
 
