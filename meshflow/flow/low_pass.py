@@ -134,7 +134,7 @@ def _summed(generator: Any, u: Array, series: Sequence[Array], top: float) -> li
     longest = max(map(len, series), default=0)
     found = np.zeros((len(series), *u.shape))
     if longest == 0:
-        return list(found)
+        return [found[i] for i in range(len(series))]
     terms = np.zeros((len(series), longest + longest % 2))
     for row, own in zip(terms, series, strict=True):
         row[: len(own)] = own
@@ -149,7 +149,7 @@ def _summed(generator: Any, u: Array, series: Sequence[Array], top: float) -> li
         pair = np.ascontiguousarray(terms[:, count : count + 2])
         chebyshev_degree(*rows, scale, twice, pair, now, before, found)
         now, before, scale, twice = before, now, 4.0 / top, 2.0
-    return list(found)
+    return [found[i] for i in range(len(series))]
 
 
 def _terms(reach: float, order: int) -> Array | None:
