@@ -4,16 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
 import trimesh
 from scipy.spatial import Delaunay
 
 import meshflow
 from meshflow.errors import InputError, NotConverged
 from meshflow.estimate.mesh_noise import noise_of_points
+from meshflow.estimate.spikes import _put_back_near
 from meshflow.estimate.voxels import voxel_edge
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.geometry.folds import moved_without_folds, new_folds
-from meshflow.geometry.normals import mean_edge, measured
+from meshflow.geometry.laplacians import neighbour_means
+from meshflow.geometry.normals import mean_edge, measured, normals_at
 from meshflow.geometry.orientation import alike
 from meshflow.synthetic import shapes
 
@@ -202,6 +205,21 @@ def test_impulses_are_taken_away(share, seed):
     after = meshflow.smooth((points, CUBE.faces))[0]
     angle = normal_angle(after, CUBE.points, CUBE.faces)
     assert angle < 0.35 * normal_angle(points, CUBE.points, CUBE.faces), f"{angle:.2f} degrees"
+
+
+def test_a_piece_of_which_every_vertex_is_taken_for_a_spike_stays_where_it_is():
+    # As on a range map of MeshLab's samples, of which six vertices went 3000 mm away.
+    strip = np.array([[0, 0, 0], [0.7, 0, -0.3], [1.5, 0, -0.5], [0, -0.7, 0.8], [0.7, -0.7, 0.3], [1.5, -0.7, 0.3]])
+    n, h = len(BALL.points), BALL.edge
+    faces = np.vstack([BALL.faces, n + np.array([[0, 3, 4], [0, 4, 1], [1, 4, 5], [1, 5, 2]])])
+    points, spikes = np.vstack([BALL.points, 3.0 + h * strip]), np.zeros(n + 6, bool)
+    spikes[[5, 50, 500, *range(n, n + 6)]] = True
+    points[[5, 50, 500]] *= 1.0 + 2.0 * h
+    umbrella = sparse.csr_matrix(sparse.identity(n + 6) - neighbour_means(faces, n + 6, "free"))
+    found, lost = _put_back_near(umbrella, points, points, normals_at(points, faces), spikes)
+    assert np.flatnonzero(lost).tolist() == list(range(n, n + 6))
+    assert np.array_equal(found[n:], points[n:])
+    assert np.abs(np.linalg.norm(found[:n], axis=1) - 1.0).max() < 0.2 * h
 
 
 @pytest.mark.parametrize("shape", [CUBE, BALL], ids=["cube", "ball"])

@@ -30,6 +30,9 @@ NEARER, STEEP, FITTED = 0.5, 0.3, 3
 SPARSE, SMALLEST = 0.12, 0.05
 # Spikes are noise if there are at least MANY, with at least the share EITHER on each side. The tip of a cone is not noise.
 MANY, EITHER = 8, 0.15
+# A spike goes back no farther than FARTHEST times the distance from the mean of its neighbours, its own or the largest one of
+# theirs. What would go farther has nothing around it that says where it belongs, as a piece of which every vertex is far off.
+FARTHEST = 4.0
 # No spike is a vertex of which this share of the triangles is coplanar (to this cosine) with what lies across.
 FLAT, COSINE = 0.5, 1.0 - 1e-6
 # Time of the bi-Laplacian filter for the normals, in squared edges, and the largest number of rounds of detection.
@@ -65,14 +68,14 @@ def _rounds(data: Mesh, close: bool) -> tuple[Array, Array]:
     umbrella: Any = sparse.csr_matrix(sparse.identity(n) - neighbour_means(faces, n, "free"))
     step = mean_edge(x, faces)
     even = umbrella_generator(connect((faces,), n), step, np.diff(umbrella.indptr) > 1, True)
-    spikes, flat, least = np.zeros(n, bool), _among_flat(x, faces), 0.0
+    spikes, out, least = np.zeros(n, bool), data.fixed | _among_flat(x, faces), 0.0
     for _ in range(ROUNDS):
         normals = normals_at(filtered(even, x, NORMALS * step**2, 2), faces)
         off = np.einsum("ij,ij->i", umbrella @ x, normals)
         found = _spikes(umbrella, np.abs(off), AMONG)
         if close and spikes.any():
             found |= _side_by_side(umbrella, x, faces, (normals, spikes, least))
-        found &= ~(data.fixed | flat)
+        found &= ~out
         if not spikes.any():
             side = off[found] > 0
             if len(side) < MANY or not EITHER <= side.mean() <= 1.0 - EITHER:
@@ -81,7 +84,8 @@ def _rounds(data: Mesh, close: bool) -> tuple[Array, Array]:
         if not (found & ~spikes).any():
             break
         spikes |= found
-        x = _put_back(umbrella, x, normals, spikes)
+        x, lost = _put_back_near(umbrella, x, data.points, normals, spikes)
+        spikes, out = spikes & ~lost, out | lost
     if close and spikes.any():
         normals = normals_at(filtered(even, x, NORMALS * step**2, 2), faces)
         x = _fitted(umbrella, x, faces, spikes, normals)
@@ -105,11 +109,16 @@ def _among_flat(x: Array, faces: Array) -> Array:
 
 def _spikes(umbrella: Any, off: Array, among: float) -> Array:
     """Mask (n,) of the vertices that are far off (n,) while their neighbours are not."""
+    return (off > among * _largest_around(umbrella, off)) & (off > BEYOND * MAD * float(np.median(off)))
+
+
+def _largest_around(umbrella: Any, off: Array) -> Array:
+    """The largest number (n,) of the neighbours of each vertex."""
     edges = umbrella.tocoo()
     apart = edges.row != edges.col
     around = np.zeros(len(off))
     np.maximum.at(around, edges.row[apart], off[edges.col[apart]])
-    return (off > among * around) & (off > BEYOND * MAD * float(np.median(off)))
+    return around
 
 
 def _side_by_side(umbrella: Any, x: Array, faces: Array, known: tuple[Array, Array, float]) -> Array:
@@ -166,8 +175,26 @@ def _off_planes(x: Array, faces: Array, normals: Array) -> Array:
     return found
 
 
+def _put_back_near(umbrella: Any, x: Array, before: Array, normals: Array, spikes: Array) -> tuple[Array, Array]:
+    """The points (n, 3), with spikes put back, and the mask (n,) of those that stay as before, since they would go too far.
+
+    :param before: (n, 3), the data.
+    """
+    off = np.abs(np.einsum("ij,ij->i", umbrella @ before, normals))
+    reach, lost = FARTHEST * np.maximum(off, _largest_around(umbrella, off)), np.zeros(len(x), bool)
+    while True:
+        found = _put_back(umbrella, x, normals, spikes & ~lost)
+        far = spikes & ~lost & ~(np.linalg.norm(found - before, axis=1) <= reach)
+        if not far.any():
+            return found, lost
+        lost |= far
+        x = np.where(lost[:, None], before, x)
+
+
 def _put_back(umbrella: Any, x: Array, normals: Array, spikes: Array) -> Array:
     """The points (n, 3), with spikes moved along their normals to minimize fourth differences."""
+    if not spikes.any():
+        return x
     energy = sparse.csr_matrix(umbrella.T @ umbrella)
     energy = sparse.csc_matrix(energy @ energy)
     at = np.flatnonzero(spikes)
