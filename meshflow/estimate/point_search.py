@@ -58,6 +58,9 @@ ALIKE = 0.02
 # Of fairings whose errors differ from the least by no more than this, in sigma^2, the one of the highest order is chosen: it
 # damps long waves less.
 EQUAL = 0.004
+# The error of the difference of two runs of the normal filter is about UNSURE sigma^2 over the root of the number of vertices. Of
+# those that differ by less, the one with the shorter regularization is chosen: it does not round creases.
+UNSURE = 0.6
 # A run is stopped after its risk has grown this many times since its minimum.
 PATIENCE = 2
 
@@ -232,17 +235,21 @@ def searched(data: Mesh, lift: Lift, asked: Tried) -> tuple[Candidate, ...]:
         going = [run for run in going if run.going and run.least <= faired + WORSE * risk.sigma**2]
         going = sorted(going, key=lambda run: run.least)[:best]
     first = 0 if asked.end is None else 1
-    return _chosen_first(ranked(run.candidate(first) for run in runs if len(run.times) > 1), risk.sigma)
+    return _chosen_first(
+        ranked(run.candidate(first) for run in runs if len(run.times) > 1), risk.sigma, int(counted.sum())
+    )
 
 
-def _chosen_first(candidates: tuple[Candidate, ...], sigma: float) -> tuple[Candidate, ...]:
+def _chosen_first(candidates: tuple[Candidate, ...], sigma: float, count: int) -> tuple[Candidate, ...]:
     """Ranked candidates, the one that is chosen first: of those with about the least error, of the same kind as the best, the
     fairing of the highest order, or the normal filter with the shortest regularization, if it has one.
+
+    :param sigma: of the noise; ``count``: vertices for which the error was estimated.
     """
     best = candidates[0].configuration if candidates else None
     if best is None or candidates[0].least[0] == 0:
         return candidates
-    equal = (EQUAL if isinstance(best, Fairing) else ALIKE) * sigma**2
+    equal = (EQUAL if isinstance(best, Fairing) else UNSURE / np.sqrt(count)) * sigma**2
     alike = [
         (_preference(one.configuration, best), -i)
         for i, one in enumerate(candidates)
