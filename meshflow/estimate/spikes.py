@@ -25,9 +25,11 @@ AMONG, BEYOND = 2.5, 6.0
 # them, and that are NEARER to these when all such vertices are put back. Planes steeper than the cosine STEEP do not count. What
 # was put back is then moved to the planes in FITTED rounds.
 NEARER, STEEP, FITTED = 0.5, 0.3, 3
-# They stay if there are more spikes than the share SPARSE, which filters remove better (six shapes: up to 0.1 the distance from
-# the surface is a third less than by filters); they are off by more than SMALLEST times the median of the first spikes.
-SPARSE, SMALLEST = 0.12, 0.05
+# They are not looked for below the share SCARCE of spikes, which are hardly ever neighbours by chance: what lies side by side
+# then is the shape, as on raw scans. They stay if there are more spikes than the share SPARSE, which filters remove better
+# (six shapes: up to 0.1 the distance from the surface is a third less than by filters); they are off by more than SMALLEST
+# times the median of the first spikes.
+SCARCE, SPARSE, SMALLEST = 0.005, 0.12, 0.05
 # Spikes are noise if there are at least MANY, with at least the share EITHER on each side. The tip of a cone is not noise.
 MANY, EITHER = 8, 0.15
 # A spike goes back no farther than FARTHEST times the distance from the mean of its neighbours, its own or the largest one of
@@ -73,7 +75,7 @@ def _rounds(data: Mesh, close: bool) -> tuple[Array, Array]:
         normals = normals_at(filtered(even, x, NORMALS * step**2, 2), faces)
         off = np.einsum("ij,ij->i", umbrella @ x, normals)
         found = _spikes(umbrella, np.abs(off), AMONG)
-        if close and spikes.any():
+        if close and spikes.mean() >= SCARCE:
             found |= _side_by_side(umbrella, x, faces, (normals, spikes, least))
         found &= ~out
         if not spikes.any():
