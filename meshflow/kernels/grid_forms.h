@@ -124,21 +124,34 @@ template <class T> LOOP void voronoi_cells(i64 from, i64 to, const FormRows<T> f
 
 // The largest eigenvalue of the stiffness of a triangle over its smallest mass: (t + sqrt(t^2 - 3/4)) / mass, t half the sum of
 // the cotangents. For a single triangle with barycentric masses it is exact.
-template <class T> LOOP void form_bounds(i64 from, i64 to, MassKind kind, const FormRows<T> f, double* upper, double* lower) {
-    for (int i = 0; i < 2; ++i) {
-        double* to_row = i ? lower : upper;
-        for (i64 j = from; j < to; ++j) {
-            const double uu = f.uu[i][j], vv = f.vv[i][j], uv = f.uv[i][j], area = 3.0 * double(f.third[i][j]);
-            const double p = 2.0 * uv, q = 2.0 * (uu - uv), r = 2.0 * (vv - uv), half = 0.5 * (p + q + r);
-            double least_mass = kind == RING ? area : area / 3.0;
-            if (kind == VORONOI) {
-                const double x = voronoi_share(p, q, r, area), y = voronoi_share(q, r, p, area), z = voronoi_share(r, p, q, area);
-                least_mass = x < y ? (x < z ? x : z) : (y < z ? y : z);
-            }
-            const double rest = half * half - 0.75;
-            to_row[j] = area > 0.0 ? (half + std::sqrt(rest > 0.0 ? rest : 0.0)) / least_mass : 0.0;
+template <bool Voronoi, class T>
+LOOP void form_bounds(i64 n, double thirds, const T* row_uu, const T* row_vv, const T* row_uv, const T* third, double* out) {
+    SIMD for (i64 j = 0; j < n; ++j) {
+        const double uu = row_uu[j], vv = row_vv[j], uv = row_uv[j], area = 3.0 * double(third[j]);
+        const double p = 2.0 * uv, q = 2.0 * (uu - uv), r = 2.0 * (vv - uv), half = 0.5 * (p + q + r);
+        double least_mass = area / thirds;
+        if constexpr (Voronoi) {
+            const double x = voronoi_share(p, q, r, area), y = voronoi_share(q, r, p, area), z = voronoi_share(r, p, q, area);
+            least_mass = x < y ? (x < z ? x : z) : (y < z ? y : z);
         }
+        const double rest = half * half - 0.75, fastest = (half + std::sqrt(rest > 0.0 ? rest : 0.0)) / least_mass;
+        out[j] = area > 0.0 ? fastest : 0.0;
     }
+}
+template <class T> void form_bounds_of(i64 n, MassKind kind, const FormRows<T>& f, double* upper, double* lower) {
+    const double thirds = kind == RING ? 1.0 : 3.0;
+    for (int i = 0; i < 2; ++i) {
+        double* to = i ? lower : upper;
+        if (kind == VORONOI) form_bounds<true>(n, thirds, f.uu[i], f.vv[i], f.uv[i], f.third[i], to);
+        else form_bounds<false>(n, thirds, f.uu[i], f.vv[i], f.uv[i], f.third[i], to);
+    }
+}
+
+template <class T> LOOP void speeds(i64 from, i64 to, const T* pace, const T* time, double* speed) {
+    if (time)
+        SIMD for (i64 j = from; j < to; ++j) speed[j] = double(pace[j] * time[j]);
+    else
+        SIMD for (i64 j = from; j < to; ++j) speed[j] = double(pace[j]);
 }
 
 // --- a row of samples ---------------------------------------------------------------------------------------------------------------
@@ -278,7 +291,7 @@ template <class T> class FormTile {
                 const bool fresh = side == t.first_sheet;
                 measure(side, r);
                 mask(side, r);
-                if (asked == BOUND) form_bounds(0, n, t.mass, forms, bounds[2 * side], bounds[2 * side + 1]);
+                if (asked == BOUND) form_bounds_of(n, t.mass, forms, bounds[2 * side], bounds[2 * side + 1]);
                 if (r >= tile.begin && r < tile.end) found.area += area_of(0, n, forms.third[0], forms.third[1]);
                 if (asked == AREA) continue;
                 if (weights.edges) keep(side, r);
@@ -294,7 +307,7 @@ template <class T> class FormTile {
             const T* time = t.pace ? t.pace + r * t.w + tile.left : nullptr;
             if (asked == BOUND) {
                 const i64 from = most(tile.left - 1, 0) - tile.left, to = least(tile.right + 1, t.w) - tile.left;
-                for (i64 j = from; j < to; ++j) speed[j] = double(time ? pace[j] * time[j] : pace[j]);
+                speeds(from, to, pace, time, speed);
                 if (r > tile.begin)
                     for (int side = t.first_sheet; side < t.last_sheet; ++side) {
                         const double here_most =

@@ -36,24 +36,20 @@ namespace meshflow::groups {
 using grid::least;
 using grid::most;
 
-// Patches and samples that are multiplied together, and the largest group.
+// Patches and samples of a sum of products in registers, and the largest group.
 constexpr i64 ROWS = 4, LANES = 16, MOST_MEMBERS = 256;
 // Distances are compared in parts of the noise's square, and no further than FAR of them: rounding decides on no tie.
 constexpr double PARTS = 1024.0, FAR = 2e9;
 constexpr i32 NOT_THERE = 2100000000;
 
-// out[r][c] = sum over t of left[r * down + t * along] * right[t * wide + c]; rows in fours, columns in sixteens.
-// upper: of a symmetric matrix, the blocks on and above the diagonal.
-template <i64 along_is, class T>
-LOOP void product(i64 rows, i64 inner, i64 wide, const T* left, const T* right, T* out, bool upper) {
-    // along_is 0: left is stored transposed, (inner, wide).
-    const i64 down = along_is ? wide : 1, along = along_is ? 1 : wide;
+// The upper blocks of x' x, x of (inner, wide): out[r][c] = sum over t of x[t][r] * x[t][c]; rows in fours, columns in sixteens.
+template <class T> LOOP void squares_of(i64 rows, i64 inner, i64 wide, const T* x, T* out) {
     for (i64 r = 0; r < rows; r += ROWS)
-        for (i64 c = upper ? r / LANES * LANES : 0; c < wide; c += LANES) {
+        for (i64 c = r / LANES * LANES; c < wide; c += LANES) {
             T one[LANES] = {}, two[LANES] = {}, three[LANES] = {}, four[LANES] = {};
-            const T *a = left + r * down, *b = right + c;
-            for (i64 t = 0; t < inner; ++t, a += along, b += wide) {
-                const T f = a[0], g = a[down], h = a[2 * down], i = a[3 * down];
+            const T *a = x + r, *b = x + c;
+            for (i64 t = 0; t < inner; ++t, a += wide, b += wide) {
+                const T f = a[0], g = a[1], h = a[2], i = a[3];
                 SIMD for (int j = 0; j < LANES; ++j) one[j] += f * b[j], two[j] += g * b[j], three[j] += h * b[j], four[j] += i * b[j];
             }
             T* to = out + r * wide + c;
@@ -62,15 +58,29 @@ LOOP void product(i64 rows, i64 inner, i64 wide, const T* left, const T* right, 
         }
 }
 
-// row -= factor * pivot
-LOOP inline void taken_off(i64 wide, double factor, const double* pivot, double* row) {
-    for (i64 c = 0; c < wide; c += LANES)
-        SIMD for (int j = 0; j < LANES; ++j) row[c + j] -= factor * pivot[c + j];
+// out[r][c] = sum over t of left[r][t] * right[t][c], all rows `wide` apart. Four terms of a row are added at once: with sums of
+// four rows in registers, as above, compilers find no SIMD here, and it takes seven times as long.
+template <class T> LOOP void product(i64 rows, i64 inner, i64 wide, const T* left, const T* right, T* out) {
+    for (i64 r = 0; r < rows; ++r) {
+        const T *a = left + r * wide, *b = right;
+        T* to = out + r * wide;
+        for (i64 c = 0; c < wide; ++c) to[c] = T(0);
+        i64 t = 0;
+        for (; t + 4 <= inner; t += 4, b += 4 * wide) {
+            const T f = a[t], g = a[t + 1], h = a[t + 2], i = a[t + 3];
+            SIMD for (i64 c = 0; c < wide; ++c)
+                to[c] = (((to[c] + f * b[c]) + g * b[wide + c]) + h * b[2 * wide + c]) + i * b[3 * wide + c];
+        }
+        for (; t < inner; ++t, b += wide) {
+            const T f = a[t];
+            SIMD for (i64 c = 0; c < wide; ++c) to[c] += f * b[c];
+        }
+    }
 }
 
 // The inverse of a symmetric positive definite matrix (d, wide) in its place, by Gauss and Jordan. A pivot that rounding or a
 // covariance that is none has made too small is as large as `least_pivot`.
-inline void inverted(i64 d, i64 wide, double least_pivot, double* a) {
+LOOP inline void inverted(i64 d, i64 wide, double least_pivot, double* a) {
     for (i64 k = 0; k < d; ++k) {
         double* pivot = a + k * wide;
         const double one = 1.0 / (pivot[k] > least_pivot ? pivot[k] : least_pivot);
@@ -81,44 +91,50 @@ inline void inverted(i64 d, i64 wide, double least_pivot, double* a) {
             double* row = a + i * wide;
             const double factor = row[k];
             row[k] = 0.0;
-            taken_off(wide, factor, pivot, row);
+            SIMD for (i64 j = 0; j < wide; ++j) row[j] -= factor * pivot[j];
         }
     }
 }
 
-// The n-th smallest of keys, counted from 0; they are put in another order.
-inline i32 nth(i64 count, i64 n, i32* keys) {
-    i64 low = 0, high = count - 1;
+// The n-th smallest of keys, counted from 0, by bisection: to count those below a number is a loop for SIMD, whereas to exchange
+// them costs a branch that no processor foresees.
+inline i32 nth(i64 count, i64 n, const i32* keys) {
+    i32 low = keys[0], high = keys[0];
+    for (i64 i = 0; i < count; ++i) low = keys[i] < low ? keys[i] : low, high = keys[i] > high ? keys[i] : high;
     while (low < high) {
-        const i32 pivot = keys[(low + high) / 2];
-        i64 i = low, j = high;
-        while (i <= j) {
-            while (keys[i] < pivot) ++i;
-            while (keys[j] > pivot) --j;
-            if (i <= j) grid::exchange(keys[i++], keys[j--]);
-        }
-        if (n <= j)
-            high = j;
-        else if (n >= i)
-            low = i;
-        else
-            break;
+        const i32 middle = low + (high - low) / 2;
+        i32 below = 0;
+        for (i64 i = 0; i < count; ++i) below += keys[i] <= middle;
+        if (below > n) high = middle;
+        else low = middle + 1;
     }
-    return keys[n];
+    return low;
 }
 
 // Whether a patch at a place, of the places 0 to last along an axis, is a reference: counted from both ends, as a mirror has it.
 INLINE bool is_reference(i64 at, i64 last, i64 stride) { return (2 * at <= last ? at : last - at) % stride == 0; }
 
-template <class T> LOOP void add_distances(i64 n, i64 side, const T* reference, const T* row, T* far) {
-    for (i64 j = 0; j < side; ++j) {
-        const T value = reference[j];
-        const T* at = row + j;
-        SIMD for (i64 c = 0; c < n; ++c) {
-            const T step = at[c] - value;
-            far[c] += step * step;
+template <int SIDE, class T> LOOP void add_distances_of(i64 n, i64 side, const T* reference, const T* row, T* far) {
+    SIMD for (i64 c = 0; c < n; ++c) {
+        T sum = far[c];
+        if constexpr (SIDE > 0) {
+            UNROLL for (int j = 0; j < SIDE; ++j) {
+                const T step = row[c + j] - reference[j];
+                sum += step * step;
+            }
+        } else {
+            for (i64 j = 0; j < side; ++j) {
+                const T step = row[c + j] - reference[j];
+                sum += step * step;
+            }
         }
+        far[c] = sum;
     }
+}
+template <class T> INLINE void add_distances(i64 n, i64 side, const T* reference, const T* row, T* far) {
+    if (side == 5) add_distances_of<5>(n, side, reference, row, far);
+    else if (side == 4) add_distances_of<4>(n, side, reference, row, far);
+    else add_distances_of<0>(n, side, reference, row, far);
 }
 
 // What all tiles share. z: slices; d: samples of a patch; wide: the same, padded; thick, tile: slices and side of a tile; layers, box:
@@ -141,7 +157,7 @@ template <class T> struct Task {
 template <class T> struct Room {
     T *noisy, *pilot, *change, *covariance, *filter, *far, *values, *piloted;
     double *inverse, *mean;
-    i32 *keys, *order, *where;
+    i32 *keys, *where;
     u8* whole;
     i64 slice, row, column, deep, high, broad;  // where the window begins, and its samples
     i64 members;
@@ -202,11 +218,11 @@ template <class T> void find_members(const Task<T>& q, i64 z, i64 y, i64 x, Room
             for (i64 j = 0; j < wide; ++j) {
                 const double off = double((e - z) * (e - z) + (r - y) * (r - y) + (x0 + j - x) * (x0 + j - x));
                 const double key = (double(room.far[j]) + q.o.near * off) * PARTS;
-                room.order[found + j] = room.keys[found + j] = whole[j] ? static_cast<i32>(key < FAR ? key : FAR) : NOT_THERE;
+                room.keys[found + j] = whole[j] ? static_cast<i32>(key < FAR ? key : FAR) : NOT_THERE;
                 there += whole[j];
             }
         }
-    const i32 bound = nth(found, least(q.o.members, there) - 1, room.order);
+    const i32 bound = nth(found, least(q.o.members, there) - 1, room.keys);
     room.members = 0;
     for (i64 i = 0; i < found && room.members < MOST_MEMBERS; ++i)
         if (room.keys[i] <= bound) {
@@ -215,9 +231,9 @@ template <class T> void find_members(const Task<T>& q, i64 z, i64 y, i64 x, Room
         }
 }
 
-// The patches of a group in one channel, noisy and pilot, less the mean of the pilot's; rows up to a multiple of four are 0.
+// The patches of a group in one channel, noisy and pilot, less the mean of the pilot's.
 template <class T> void gather(const Task<T>& q, i64 channel, Room<T>& room) {
-    const i64 side = q.o.side, box = q.box, d = q.d, wide = q.wide, padded = (room.members + ROWS - 1) / ROWS * ROWS;
+    const i64 side = q.o.side, box = q.box, d = q.d, wide = q.wide;
     for (i64 j = 0; j < d; ++j) room.mean[j] = 0.0;
     for (i64 i = 0; i < room.members; ++i) {
         const i64 at = channel * q.room() + room.where[i];
@@ -232,13 +248,12 @@ template <class T> void gather(const Task<T>& q, i64 channel, Room<T>& room) {
     for (i64 j = 0; j < d; ++j) room.mean[j] /= double(room.members);
     for (i64 i = 0; i < room.members; ++i)
         for (i64 j = 0; j < d; ++j) room.noisy[i * wide + j] -= T(room.mean[j]), room.pilot[i * wide + j] -= T(room.mean[j]);
-    for (i64 i = room.members * wide; i < padded * wide; ++i) room.noisy[i] = room.pilot[i] = T(0);
 }
 
 // The filter (C + Cn)^-1 C, transposed as it is multiplied from the right; what it leaves of the noise of a sample, squared.
 template <class T> double find_filter(const Task<T>& q, Room<T>& room) {
     const i64 d = q.d, wide = q.wide;
-    product<0>((d + ROWS - 1) / ROWS * ROWS, room.members, wide, room.pilot, room.pilot, room.covariance, true);
+    squares_of((d + ROWS - 1) / ROWS * ROWS, room.members, wide, room.pilot, room.covariance);
     const double one = 1.0 / double(room.members - 1), loss = q.o.loss;
     for (i64 r = 0; r < d; ++r)
         for (i64 c = 0; c < wide; ++c) {
@@ -281,7 +296,7 @@ template <class T> void reference(const Task<T>& q, i64 z, i64 y, i64 x, Room<T>
     for (i64 c = 0; c < q.k; ++c) {
         gather(q, c, room);
         const double leaves = find_filter(q, room) + 1.0 / double(room.members);
-        product<1>((room.members + ROWS - 1) / ROWS * ROWS, q.d, q.wide, room.noisy, room.filter, room.change, false);
+        product(room.members, q.d, q.wide, room.noisy, room.filter, room.change);
         add_changes(q, c, T(1.0 / leaves), room);
     }
 }
@@ -326,7 +341,7 @@ i64 patch_groups(i64 k, i64 z, i64 h, i64 w, i64 d, const T* values, const T* pi
     const i64 numbers_each = 3 * MOST_MEMBERS * wide + 2 * (d + ROWS) * wide + box + 2 * k * volume, doubles_each = d * wide + d;
     const Memory<T> sum(n), weight(n), numbers(threads * numbers_each);
     const Memory<double> doubles(threads * doubles_each);
-    const Memory<i32> integers(threads * 3 * offsets);
+    const Memory<i32> integers(threads * 2 * offsets);
     const Memory<u8> flags(threads * volume);
     if (!sum || !weight || !numbers || !doubles || !integers || !flags) return NO_MEMORY;
     for (i64 i = 0; i < n; ++i) sum[i] = weight[i] = T(0);
@@ -353,7 +368,7 @@ i64 patch_groups(i64 k, i64 z, i64 h, i64 w, i64 d, const T* values, const T* pi
                 room.covariance = at += MOST_MEMBERS * wide, room.filter = at += (d + ROWS) * wide;
                 room.far = at += (d + ROWS) * wide, room.values = at += box, room.piloted = at + k * volume;
                 room.inverse = doubles.get() + who * doubles_each, room.mean = room.inverse + d * wide;
-                room.keys = integers.get() + who * 3 * offsets, room.order = room.keys + offsets, room.where = room.order + offsets;
+                room.keys = integers.get() + who * 2 * offsets, room.where = room.keys + offsets;
                 room.whole = flags.get() + who * volume;
                 const i64 slice = 2 * (part / (rows * columns)) + first_slice, row = 2 * (part / columns % rows) + first_row;
                 const i64 column = 2 * (part % columns) + first_column;
