@@ -33,6 +33,8 @@ LOWEST = np.array([-150.0, 0.5, -150.0, -150.0, np.log(0.3), np.log(0.1)])
 HIGHEST = np.array([150.0, 8.0, 150.0, 150.0, np.log(3.2), np.log(3.2)])
 # The largest number of iterations, and the change of the log likelihood at which they end.
 ITERATIONS, ENOUGH = 30, 1e-2
+# The largest change of a parameter in one iteration.
+FARTHEST = 2.0
 # Aliases of the sampled Gaussian.
 ALIASES, ONES = np.arange(-1.0, 2.0), np.ones(3)
 
@@ -60,6 +62,11 @@ class Frequencies:
     def log_radius(self) -> Array:
         """The logarithm of the radius over k0."""
         return np.log(self.radius / REFERENCE)
+
+    @cached_property
+    def aliased(self) -> Array:
+        """(3, l + 1), the squared frequencies of the aliases of each line; the last ones are those of frequency zero."""
+        return _aliased(self.lines)
 
 
 @dataclass(frozen=True)
@@ -90,13 +97,20 @@ class Spectrum:
 
     def of_blurred(self, at: Frequencies) -> Array:
         """The power (m,) of the correlated noise."""
-        down, across = (SHAPES[self.shape](at.lines, length)[0] for length in self.lengths)
+        down, across = (SHAPES[self.shape](at, length)[0] for length in self.lengths)
         return self.blurred * down[at.down] * across[at.across]
 
 
-def gaussian(at: Array, length: float) -> tuple[Array, Array]:
-    """The power of white noise filtered by a sampled Gaussian, by frequency, 1 at zero, and its derivative by log length."""
-    exponent = -2.0 * np.pi**2 * length**2 * (np.append(at, 0.0) - ALIASES[:, None]) ** 2
+def _aliased(lines: Array) -> Array:
+    """The squared frequencies (3, l + 1) of the aliases of frequencies (l,), and of zero."""
+    return (np.append(lines, 0.0) - ALIASES[:, None]) ** 2
+
+
+def gaussian(at: Frequencies, length: float) -> tuple[Array, Array]:
+    """The power (l,) of white noise filtered by a sampled Gaussian at the lines of ``at``, 1 at zero, and its derivative by log
+    length.
+    """
+    exponent = -2.0 * np.pi**2 * length**2 * at.aliased
     each = np.exp(exponent)
     whole = ONES @ each
     rate = (ONES @ (each * exponent)) * (2.0 / whole)
@@ -104,9 +118,9 @@ def gaussian(at: Array, length: float) -> tuple[Array, Array]:
     return power, 2.0 * power * (rate[:-1] - rate[-1])
 
 
-def spline(at: Array, length: float) -> tuple[Array, Array]:
-    """exp(-(2 pi length at)^4), and its derivative by log length."""
-    exponent = -((2.0 * np.pi * length * at) ** 4)
+def spline(at: Frequencies, length: float) -> tuple[Array, Array]:
+    """exp(-(2 pi length k)^4) at the lines k of ``at``, (l,), and its derivative by log length."""
+    exponent = -((2.0 * np.pi * length * at.lines) ** 4)
     power = np.exp(exponent)
     return power, 4.0 * exponent * power
 
@@ -153,7 +167,7 @@ def fitted(
 def _climbed(power: Array, problem: _Problem, start: Array) -> tuple[Array, float]:
     """Parameters of maximum likelihood near a start, and the loss of log likelihood against a free spectrum."""
     low, high = LOWEST[: len(start)], HIGHEST[: len(start)]
-    here = np.clip(start, low, high)
+    here = _between(start, low, high)
     misfit, model, slopes = _misfit(here, power, problem)
     damping = 1e-2
     for _ in range(ITERATIONS):
@@ -165,7 +179,7 @@ def _climbed(power: Array, problem: _Problem, start: Array) -> tuple[Array, floa
         scale = np.diag(np.diag(information) + 1e-6)
         while damping < 1e8:
             step = np.linalg.solve(information + damping * scale, gradient)
-            there = np.clip(here + np.clip(step, -2.0, 2.0), low, high)
+            there = _between(here + _between(step, -FARTHEST, FARTHEST), low, high)
             lower, model_there, slopes_there = _misfit(there, power, problem)
             if lower < misfit:
                 break
@@ -179,6 +193,11 @@ def _climbed(power: Array, problem: _Problem, start: Array) -> tuple[Array, floa
     return here, misfit
 
 
+def _between(numbers: Array, low: Array | float, high: Array | float) -> Array:
+    """``numbers`` clipped; several times as fast as np.clip for a handful of them."""
+    return np.minimum(np.maximum(numbers, low), high)
+
+
 def _misfit(numbers: Array, power: Array, problem: _Problem) -> tuple[float, Array, Array]:
     """The loss of log likelihood, the model (m,), and its derivatives (p, m) with respect to the parameters."""
     at, log_radius, shape = problem.at, problem.at.log_radius, SHAPES[problem.shape]
@@ -189,8 +208,11 @@ def _misfit(numbers: Array, power: Array, problem: _Problem) -> tuple[float, Arr
         model = model + white
         slopes.append(white)
     if len(numbers) > 4:
-        down, down_rate = (np.exp(numbers[3]) * part[at.down] for part in shape(at.lines, np.exp(numbers[4])))
-        across, across_rate = (part[at.across] for part in shape(at.lines, np.exp(numbers[-1])))
+        along = shape(at, np.exp(numbers[4]))
+        down, down_rate = (np.exp(numbers[3]) * part[at.down] for part in along)
+        across, across_rate = (
+            part[at.across] for part in (along if len(numbers) == 5 else shape(at, np.exp(numbers[-1])))
+        )
         blurred = down * across
         model = model + blurred
         rates = [down_rate * across, down * across_rate]

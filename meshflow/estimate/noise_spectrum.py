@@ -171,17 +171,18 @@ def spectral_noise(tiles: Tiles, rows: bool = False, columns: bool = False) -> F
     power = tiles.power[rough]
     chosen, offset = _flattest(power, at), 0.0
     mean, weights = power[chosen].mean(axis=0), at.weights * chosen.sum()
-    spectrum = fitted(mean, at, weights, _starts(mean, at))
-    if 0.5 * (_plain(mean, at, weights, 0.0).misfit - spectrum.misfit) > HINT:
+    spectrum, plain = fitted(mean, at, weights, _starts(mean, at)), _plain(mean, at, weights, offset)
+    if 0.5 * (plain.misfit - spectrum.misfit) > HINT:
         for _ in range(ROUNDS):
             offset = FAR_BELOW * (spectrum.blurred + spectrum.white)
             chosen = _agreeing(power, at, spectrum, offset)
             mean, weights = power[chosen].mean(axis=0), at.weights * chosen.sum()
             spectrum = fitted(mean, at, weights, [spectrum.numbers[:5], *_starts(mean, at)], offset)
             spectrum = _reshaped(mean, at, weights, spectrum, offset)
+        plain = _plain(mean, at, weights, offset)
     every = np.zeros(len(rough), bool)
     every[np.flatnonzero(rough)[chosen]] = True
-    return Found(spectrum, _plain(mean, at, weights, offset), mean, every, at, _scatter(tiles, every, spectrum, at))
+    return Found(spectrum, plain, mean, every, at, _scatter(tiles, every, spectrum, at))
 
 
 def _scatter(tiles: Tiles, chosen: Array, spectrum: Spectrum, at: Frequencies) -> float:
@@ -291,6 +292,8 @@ def _length(neighbours: float) -> float:
 @lru_cache(maxsize=1)
 def _known() -> tuple[Array, Array]:
     """The correlation of neighbours by the deviation of the Gaussian."""
-    lengths, at = np.linspace(0.15, 4.0, 100), np.arange(-64, 64) / 128.0
+    lengths, lines = np.linspace(0.15, 4.0, 100), np.arange(-64, 64) / 128.0
+    none = np.zeros(0, np.intp)
+    at = Frequencies(lines, none, none, np.zeros(0))
     powers = np.array([gaussian(at, length)[0] for length in lengths])
-    return powers @ np.cos(2.0 * np.pi * at) / powers.sum(axis=1), lengths
+    return powers @ np.cos(2.0 * np.pi * lines) / powers.sum(axis=1), lengths

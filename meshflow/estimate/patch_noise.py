@@ -24,6 +24,9 @@ __all__ = ["patch_noise"]
 SIDE, CONFIDENCE = 7, 0.99
 # The numbers of patches for the covariance, in the first rounds and in the last, and the largest number of selections.
 SOME, PATCHES, ROUNDS = 8_000, 20_000, 6
+# The number of patches in a product of matrices: larger ones are shared among threads by the library of linear algebra, which
+# takes several times the processor time, and whose sums depend on their number.
+BLOCK = 100
 # The least number of patches for a covariance.
 LEAST = 4 * SIDE * SIDE
 # The number of repetitions of the white noise for few patches (ALIKE for half of SOME), and their distance in the field.
@@ -106,9 +109,14 @@ def _least(patches: Array) -> float:
     """The smallest eigenvalue of the covariance of patches (n, d d) without their planes."""
     basis = _planes()
     level = (patches - patches[:, :1]).astype(np.float32)
-    level -= (level @ basis) @ basis.T
+    whole = len(level) // BLOCK * BLOCK
+    parts = level[:whole].reshape(-1, BLOCK, SIDE * SIDE), level[whole:]
+    for part in parts:
+        part -= (part @ basis) @ basis.T
     level -= level.mean(axis=0)
-    return float(np.linalg.eigvalsh((level.T @ level / np.float32(len(level))).astype(np.float64))[3])
+    products = [np.swapaxes(part, -1, -2) @ part for part in parts]
+    covariance = products[0].sum(axis=0, dtype=np.float64) + products[1]
+    return float(np.linalg.eigvalsh(covariance / len(level))[3])
 
 
 @lru_cache(maxsize=1)
