@@ -128,23 +128,31 @@ class Runs:
     pool: Pool
 
     def curves(
-        self, times: Mapping[Configuration, Sequence[float]], patience: int
+        self, times: Mapping[Configuration, Sequence[float]], patience: int, until_slow: bool = False
     ) -> Iterable[tuple[Configuration, Curve]]:
-        """The curve of each configuration at its times, over all pieces."""
-        patience = patience if self.search.end is None else len(OCTAVES)
+        """The curve of each configuration at its times, over all pieces; to the end if that is given."""
+        open_ = self.search.end is None
+        patience, until_slow = patience if open_ else len(OCTAVES), until_slow and open_
         longest_first = sorted(times, key=lambda one: one.variant.patch == 0)
         waiting = {
             one: [
-                self.pool.submit(risks_on, part, one, times[one], self.search.weights, patience) for part in self.parts
+                self.pool.submit(risks_on, part, one, times[one], self.search.weights, patience, until_slow)
+                for part in self.parts
             ]
             for one in longest_first
         }
         return [(one, joined(job.result() for job in waiting[one])) for one in times]
 
-    def best(self, times: Mapping[Configuration, Sequence[float]], patience: int) -> list[Best]:
+    def best(
+        self, times: Mapping[Configuration, Sequence[float]], patience: int, until_slow: bool = False
+    ) -> list[Best]:
         """The minimum of the curve of each configuration; unreliable curves are left out."""
         least = BELOW * self.parts[0].square
-        found = [_least(one, curve, self.search.end) for one, curve in self.curves(times, patience) if curve.sound]
+        found = [
+            _least(one, curve, self.search.end)
+            for one, curve in self.curves(times, patience, until_slow)
+            if curve.sound
+        ]
         return [best for best in found if best is not None and best.square >= least]
 
 
@@ -238,7 +246,7 @@ def two_rounds(runs: Runs, unit: float, more: Callable[[bool], tuple[Probed, ...
     :param more: the pieces of the second round, given whether the data is smooth; None: those of the first round, which are all.
     """
     search, parts = runs.search, runs.parts
-    found = runs.best({one: _octaves(search, unit) for one in search.configurations}, 1)
+    found = runs.best({one: _octaves(search, unit) for one in search.configurations}, 1, until_slow=True)
     if not found:
         return runs, []
     ranked = sorted(found, key=lambda best: best.square)

@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.contract import Flow
 from meshflow.flow.step_lengths import AreaSteps, ErrorSteps, EvenSteps, ListedSteps, Steps
-from meshflow.flow.steppers import Embedding, Explicit, Stepper
+from meshflow.flow.steppers import Explicit, Stepper, embeds
 from meshflow.flow.stops import Scale, Stop
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, positive
@@ -122,7 +122,7 @@ class GrowingStep:
         if until.time is None:
             raise InputError("control: growing steps end at a time, and none is given")
         first = Explicit().largest(flow, u)
-        if not isinstance(stepper, Embedding) or not np.isfinite(first):
+        if not embeds(stepper) or not np.isfinite(first):
             return FixedStep().opened(flow, stepper, u, until)
         lengths, gone, longest = [], 0.0, stepper.largest(flow, u)
         while gone < until.time and (not lengths or lengths[-1] < longest):
@@ -181,7 +181,7 @@ class Embedded:
 
         :raises InputError: for a stepper that does not know its error.
         """
-        if not isinstance(stepper, Embedding):
+        if not embeds(stepper):
             raise InputError(
                 f"control: the {stepper.name} stepper does not know its error; take FixedStep or AreaChange"
             )
@@ -208,7 +208,7 @@ def _longest(dt: float | None, flow: Flow, stepper: Stepper, u: Array, until: Un
 
     :raises InputError: for a dt above the largest stable one, which the message names; for a stepper without limit and no time.
     """
-    if dt is None and isinstance(stepper, Embedding):
+    if dt is None and embeds(stepper):
         first = Explicit().largest(flow, u)
         return first if np.isfinite(first) else 1.0  # nothing moves: any step will do
     largest = stepper.largest(flow, u)

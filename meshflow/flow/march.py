@@ -14,12 +14,12 @@ from meshflow.flow.controls import Control, Embedded, FixedStep, Until
 from meshflow.flow.progress import Progress, reporting
 from meshflow.flow.step_lengths import Steps
 from meshflow.flow.steppers import (
-    Embedding,
     Explicit,
     SemiImplicit,
     Stepper,
     StepperName,
     counted_in,
+    embeds,
     stepper_for,
 )
 from meshflow.flow.stops import Course, crossing, unmet
@@ -149,7 +149,7 @@ def march(
     """
     changes, stepper = stepper == "auto", stepper_for(stepper or Explicit(), flow, until.time)
     state = State(flow, flow.start(), reason=until.reason(0.0, 0))
-    control = control or (Embedded() if isinstance(stepper, Embedding) else FixedStep())
+    control = control or (Embedded() if embeds(stepper) else FixedStep())
     steps, workspace = control.opened(flow, stepper, state.u, until), Workspace(flow)
     yield state
     with reporting(progress, f"{stepper.name} flow") as report:
@@ -172,7 +172,7 @@ def march(
 
 def _longest(stepper: Stepper, state: State) -> float:
     """The largest stable step; the bound of explicit steps is computed once for each state."""
-    if isinstance(stepper, Embedding):
+    if embeds(stepper):
         return state.explicit * stepper.stretch
     return stepper.largest(state.flow, state.u)
 
@@ -192,9 +192,9 @@ def _stepped(
     flow, (longest, left) = old.flow, limits
     while True:
         dt = min(steps.length(longest), left)
-        if isinstance(stepper, Embedding) and dt < left < 2 * dt:
+        if embeds(stepper) and dt < left < 2 * dt:
             dt = left / ceil(left / dt)  # two equal steps instead of a long and a short one
-        if steps.asks_error and isinstance(stepper, Embedding):
+        if steps.asks_error and embeds(stepper):
             u, error = stepper.tried(flow, old.u, dt, old.explicit, old.step, workspace)
         else:
             u, error = stepper.step(flow, old.u, dt, old.step, workspace), None
@@ -206,7 +206,7 @@ def _stepped(
             )
         u = u if hold is None else hold.hold(u)
         new = State(flow, u, old.time + dt, dt, old.step + 1, None, stepper.name, error, old.u)
-        if error is not None and isinstance(stepper, Embedding) and not stepper.endured(dt, old.explicit, new.explicit):
+        if error is not None and embeds(stepper) and not stepper.endured(dt, old.explicit, new.explicit):
             new = replace(new, error=np.inf)
         taken = _Taken(old, new)
         kept = steps.accepts(taken)

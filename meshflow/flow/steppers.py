@@ -1,7 +1,7 @@
 """Time steppers: explicit Euler, semi-implicit Euler, super-time-stepping."""
 
 from dataclasses import dataclass
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, TypeGuard
 
 import numpy as np
 
@@ -23,6 +23,7 @@ __all__ = [
     "StepperName",
     "SuperTime",
     "counted_in",
+    "embeds",
     "stepper_for",
     "stepper_word",
 ]
@@ -59,7 +60,6 @@ class Stepper(Protocol):
         ...
 
 
-@runtime_checkable
 class Embedding(Stepper, Protocol):
     """A stepper that estimates its error."""
 
@@ -83,6 +83,11 @@ class Embedding(Stepper, Protocol):
     def stretch(self) -> float:
         """The length of its largest step, in explicit steps."""
         ...
+
+
+def embeds(stepper: Stepper) -> TypeGuard[Embedding]:
+    """Whether a stepper estimates its error. (To ask isinstance of a protocol takes as long as a step of a small grid.)"""
+    return all(hasattr(stepper, word) for word in ("tried", "endured", "stretch"))
 
 
 @named_fields
@@ -136,7 +141,16 @@ class SuperTime:
 
     def step(self, flow: Flow, u: Array, dt: float, diagonal: int = 0, workspace: Workspace | None = None) -> Array:
         """The free coordinates (n, k) after time dt."""
-        workspace, count = workspace or Workspace(flow), self.count(dt, counted_in(flow, u))
+        return self.counted(flow, u, dt, counted_in(flow, u), diagonal, workspace)
+
+    def counted(
+        self, flow: Flow, u: Array, dt: float, explicit: float, diagonal: int = 0, workspace: Workspace | None = None
+    ) -> Array:
+        """:meth:`step`, where the length of :func:`counted_in` is known.
+
+        :param explicit: that length.
+        """
+        workspace, count = workspace or Workspace(flow), self.count(dt, explicit)
         last, *spent = self._stages(flow, u, dt, diagonal, count, workspace)
         workspace.give(*spent)
         return last
