@@ -1,7 +1,8 @@
 """The choice of a second stage, filtering of groups of similar patches after the flow, by the errors estimated on a few tiles."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from typing import overload
 
 import numpy as np
@@ -20,6 +21,7 @@ from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import march
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.patch_groups import PatchGroups
+from meshflow.flow.pools import Pool
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.discontinuities import Cuts
@@ -107,48 +109,61 @@ def is_considered(kind: type[Data], values: int) -> bool:
 
 def _gain(plan: Plan, groups: PatchGroups) -> tuple[float, float]:
     """The decrease of the mean square error by the second stage, and its standard error."""
+    whole, workers, of_volume = plan.grid, plan.request.compute.workers, isinstance(plan.data, Volume)
+    windows = [*enumerate(_looked_at(whole))]
+    in_turn = of_volume or len(windows) == 1  # large ones, each by all threads; others are jobs of one thread each
+    gain_in = partial(_gain_in, plan, groups, whole, workers if in_turn else 1)
+    if in_turn:
+        return _told(map(gain_in, windows), early=of_volume)
+    with Pool(workers) as pool:
+        return _told(pool.map(gain_in, windows), early=False)
+
+
+def _told(gains: Iterable[Array], early: bool) -> tuple[float, float]:
+    """The mean of the gains of the samples of several windows, and its standard error.
+
+    :param early: whether further windows are left out where the first ones are clear.
+    """
     parts, gain, error = [np.zeros(0)], 0.0, 0.0
-    for part in _gains(plan, groups):
+    for part in gains:
         parts.append(part)
         found = np.concatenate(parts)
         if found.size >= 2:
             gain, error = float(found.mean()), float(found.std() / np.sqrt(found.size))
-        if isinstance(plan.data, Volume) and len(parts) > FIRST and abs(gain) > CLEAR * error:
+        if early and len(parts) > FIRST and abs(gain) > CLEAR * error:
             break
     return gain, error
 
 
-def _gains(plan: Plan, groups: PatchGroups) -> Iterator[Array]:
-    """The estimated gain of the samples of each tile.
+def _gain_in(plan: Plan, groups: PatchGroups, whole: Grid | Block, threads: int, of: tuple[int, Window]) -> Array:
+    """The estimated gain of the samples of a window, none where none is counted.
 
     It is the difference of Monte Carlo SURE (Ramani, Blu, Unser 2008) for both results, from one run and one twin. The probe
     has the covariance of the noise, and the twin has its own groups.
+
+    :param of: the seed of the probe, and the window.
     """
-    threads = plan.request.compute.threads
+    seed, window = of
     deviations = np.sqrt(np.diag(groups.channels))
     power = int(np.frexp(deviations.max())[1])
     between = None if len(deviations) == 1 else plan.noise.between
-    whole = plan.grid
-    for seed, window in enumerate(_looked_at(whole)):
-        part = cut_out(whole, window)
-        k, shape = len(part.planes), part.shape
-        probe = probes((k, *shape), 1, groups.correlation, between, seed)[0] * deviations.reshape(
-            -1, *(1,) * len(shape)
-        )
-        probe = probe.astype(part.planes.dtype)
-        counted = ~(part.missing | part.fixed) & _inside(shape, whole.shape)
-        if not counted.any() or min(shape) < 2:
-            continue
-        twin = replace(part, planes=part.planes + part.planes.dtype.type(PROBE) * probe)
-        most = _limit(plan, window)
-        squares, kept = [], []
-        runs = [_two_stages(plan, one, groups, most, threads) for one in (part, twin)]
-        for one, two in zip(*runs, strict=True):
-            squares.append((one - part.planes)[:, counted].astype(np.float64) ** 2)
-            # In a unit near the noise: squares of large or small numbers do not fit into single precision.
-            product = np.ldexp(probe, -power) * np.ldexp(two - one, -power)
-            kept.append(np.ldexp(product[:, counted].astype(np.float64) * (2.0 / PROBE), 2 * power))
-        yield np.mean(squares[0] + kept[0] - squares[1] - kept[1], axis=0)
+    part = cut_out(whole, window)
+    k, shape = len(part.planes), part.shape
+    counted = ~(part.missing | part.fixed) & _inside(shape, whole.shape)
+    if not counted.any() or min(shape) < 2:
+        return np.zeros(0)
+    probe = probes((k, *shape), 1, groups.correlation, between, seed)[0] * deviations.reshape(-1, *(1,) * len(shape))
+    probe = probe.astype(part.planes.dtype)
+    twin = replace(part, planes=part.planes + part.planes.dtype.type(PROBE) * probe)
+    most = _limit(plan, window)
+    squares, kept = [], []
+    runs = [_two_stages(plan, one, groups, most, threads) for one in (part, twin)]
+    for one, two in zip(*runs, strict=True):
+        squares.append((one - part.planes)[:, counted].astype(np.float64) ** 2)
+        # In a unit near the noise: squares of large or small numbers do not fit into single precision.
+        product = np.ldexp(probe, -power) * np.ldexp(two - one, -power)
+        kept.append(np.ldexp(product[:, counted].astype(np.float64) * (2.0 / PROBE), 2 * power))
+    return np.mean(squares[0] + kept[0] - squares[1] - kept[1], axis=0)
 
 
 def _looked_at(grid: Grid | Block) -> list[Window]:
@@ -193,9 +208,7 @@ def after_the_flow(plan: Plan, grid: Grid | Block, most: object, threads: int | 
     return np.ascontiguousarray(u.T).reshape(grid.planes.shape).astype(grid.planes.dtype), limit
 
 
-def _two_stages(
-    plan: Plan, grid: Grid | Block, groups: PatchGroups, most: object, threads: int | None
-) -> tuple[Array, Array]:
+def _two_stages(plan: Plan, grid: Grid | Block, groups: PatchGroups, most: object, threads: int) -> tuple[Array, Array]:
     """The planes (k, ...) after the flow, and after the second stage."""
     first, limit = after_the_flow(plan, grid, most, threads)
     second = groups.filtered(grid.planes, first, grid.missing, threads)

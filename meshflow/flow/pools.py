@@ -16,6 +16,8 @@ T = TypeVar("T")
 class Pool:
     """Threads for jobs; where none can be started, a job runs while it is submitted. Used in a ``with`` statement.
 
+    An error, as Ctrl-C, ends the statement when the jobs that run have ended; the others are not begun.
+
     :param threads: how many are wanted.
     """
 
@@ -28,7 +30,7 @@ class Pool:
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if self._pool is not None:
-            self._pool.shutdown(wait=True)
+            self._pool.shutdown(wait=True, cancel_futures=kind is not None)
 
     def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> "Future[R]":
         """Run a job in a thread, or now."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from threading import current_thread, main_thread
 from typing import TypeVar
 
 from meshflow.kernels.parameters import Stop
@@ -17,11 +18,13 @@ def interruptible(call: Callable[[Stop], R]) -> R:
     """The result of a call, which runs in a thread of its own.
 
     An exception of the waiting thread, as KeyboardInterrupt, sets the flag that the call was given, and is raised when the call
-    has ended.
+    has ended. Only the main thread hears of Ctrl-C; in any other one the call runs there.
 
     :param call: takes the flag, and hands it to its kernel.
     """
     flag = Stop()
+    if current_thread() is not main_thread():
+        return call(flag)
     with ThreadPoolExecutor(1) as pool:
         try:
             running = pool.submit(call, flag)
