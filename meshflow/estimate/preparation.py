@@ -73,6 +73,7 @@ class Preparation:
     :ivar level: (h, w), samples of level regions beside noise, which do not move; None: there are none.
     :ivar stabilizer: makes values with the same noise at every intensity of ``plain``, (h, w) or (h, w, k), those without it;
         None: the flow has the values as they are.
+    :ivar doubt: why the noise is not the same at every intensity, a sentence; empty: it is, or nothing is known.
     """
 
     source: OnGrid | Volume
@@ -84,6 +85,7 @@ class Preparation:
     level: Array | None = None
     stabilizer: Stabilizer | None = None
     plain: Array = field(default_factory=nowhere)
+    doubt: str = ""
 
     @property
     def unseen(self) -> Array:
@@ -124,7 +126,7 @@ class Preparation:
         """Sentences about outliers and level regions, and what became of them."""
         said = [] if self.outliers is None else _said(self.outliers, self.replaced(idle))
         count = 0 if self.level is None or idle else int(self.level.sum())
-        return (*said, *([level_said(count)] if count else []))
+        return (*said, *([level_said(count)] if count else []), *([self.doubt] if self.doubt and not idle else []))
 
     def beside(self, idle: str) -> str:
         """The reason why nothing was smoothed, with what was changed all the same."""

@@ -53,7 +53,12 @@ def with_constant_noise(data: OnGrid, how: Preparation, request: Request) -> tup
         # Where there are no photons is no lake: a few of them come there, too.
         data, how = prepared(source, request.outliers, request.level, still=False)
     stable, made = stabilized_by(data, how, stabilizer)
-    return (stable, made) if asked or _as_expected(stable, made, stabilizer) else (data, how)
+    if asked:
+        return stable, made
+    noise = _noise_in(stable, made)
+    if _as_expected(noise, stabilizer):
+        return stable, made
+    return data, replace(how, doubt=_correlated_too(stabilizer) if noise.correlation is not None else "")
 
 
 def volume_of_constant_noise(data: Volume, request: Request, unseen: Array) -> tuple[Volume, Preparation | None, Noise]:
@@ -143,7 +148,9 @@ def one_number_for_all(data: OnGrid, how: Preparation, request: Request) -> tupl
         return ()
     stabilizer = _stabilizer_of(data, how)
     found = None if stabilizer is None else next((one for one in stabilizer.noise if one is not None), None)
-    if stabilizer is None or found is None or not _as_expected(*stabilized_by(data, how, stabilizer), stabilizer):
+    if stabilizer is None or found is None:
+        return ()
+    if not _as_expected(_noise_in(*stabilized_by(data, how, stabilizer)), stabilizer):
         return ()
     return (
         f"noise that depends on the intensity ({found}) is taken as one number, since {given} is given; without, less is left",
@@ -222,9 +229,22 @@ def _counted_in(values: Array) -> float:
     return quantum if off < EXACT else 0.0
 
 
-def _as_expected(data: OnGrid, how: Preparation, stabilizer: Stabilizer) -> bool:
+def _noise_in(data: OnGrid, how: Preparation) -> Noise:
+    """The noise of prepared data."""
+    return noise_of(array_of(data), data.missing | how.unseen)
+
+
+def _correlated_too(stabilizer: Stabilizer) -> str:
+    """A sentence on noise that depends on the intensity and is correlated, as a camera leaves it."""
+    found = next(one for one in stabilizer.noise if one is not None)
+    return (
+        f"the noise is correlated, and seems to depend on the intensity ({found}): one number is taken for all, which may be too "
+        "much for some and too little for others; noise= sets it"
+    )
+
+
+def _as_expected(noise: Noise, stabilizer: Stabilizer) -> bool:
     """Whether the noise of stabilized data is white, and as large as that of the blocks."""
-    noise = noise_of(array_of(data), data.missing | how.unseen)
     if noise.correlation is not None:
         return False
     return all(
