@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
@@ -49,6 +48,8 @@ def delaunay_on_plane(places: Array, what: str) -> Array:
     :param what: the data, for messages.
     :raises InputError: for fewer than three points, and for points on one line.
     """
+    from scipy.spatial import Delaunay, QhullError  # a tenth of the time that the command takes to start
+
     must_be_apart(places, what)
     if len(places) < 3:
         raise InputError(f"{what}: three points or more expected, which span a triangle, got {len(places)}")
@@ -75,6 +76,8 @@ def delaunay_on_sphere(directions: Array, what: str) -> Array:
     :param what: the data, for messages.
     :raises InputError: for fewer than four points, and for points on one circle.
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     must_be_apart(directions, what)
     try:
         hull = ConvexHull(directions)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -283,6 +283,7 @@ class Result:
         return isinstance(self.before, Mesh) and self.before.moves == "points" and self.before.normals is not None
 
 
+@lru_cache(maxsize=1)
 def release() -> str:
     """The version of this package."""
     try:
