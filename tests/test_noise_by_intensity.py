@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 import meshflow
 from meshflow.errors import InputError
@@ -60,6 +61,27 @@ def test_numbers_of_photons_are_recognised(most):
     assert found is not None
     assert found.photons
     assert found.b == 255.0 / most
+
+
+def test_the_negative_of_a_picture_of_few_photons_is_smoothed_as_the_picture_is():
+    truth = subject("coins", 96) * (4.0 / 255.0)
+    z = np.random.default_rng(1).poisson(truth).astype(float)
+    found = found_in(500.0 - z, 1.0)
+    assert found is not None
+    assert found.photons
+    assert not found.rising
+    assert np.allclose(found.at(500.0 - truth[::8]), found_in(z, 1.0).at(truth[::8]))
+    errors = [np.std(meshflow.smooth(a, kind="image") - b) for a, b in ((z, truth), (500.0 - z, 500.0 - truth))]
+    assert errors[1] < 1.1 * errors[0]
+
+
+@pytest.mark.parametrize("spread", [0.0, 40.0])
+@pytest.mark.parametrize("sigma", [3.0, 5.0, 8.0])
+def test_white_noise_in_whole_numbers_is_no_negative_of_photons(spread, sigma):
+    y, x = np.mgrid[:128, :128]
+    z = 200.0 + spread * np.sin(x / 20.0) * np.cos(y / 17.0) + sigma * np.random.default_rng(0).normal(size=x.shape)
+    found = found_in(np.rint(z), 1.0)
+    assert found is None or not found.photons
 
 
 @pytest.mark.parametrize("level", [0.5, 2.0, 10.0, 200.0])
@@ -199,3 +221,11 @@ def test_blocks_of_a_volume_have_the_bits_of_the_whole():
     options = {"kind": "volume", "method": meshflow.Beltrami(contrast=0.2), "domain": "stabilized", "time": 0.2}
     lazy = meshflow.smooth(dask.from_array(counts, chunks=(32, 20, 44)), **options)
     assert (np.asarray(lazy) == meshflow.smooth(counts, **options)).all()
+
+
+def test_correlated_noise_that_depends_on_the_intensity_is_said_to_be_taken_as_one_number():
+    truth = subject("camera")
+    noise = gaussian_filter(np.random.default_rng(0).normal(size=truth.shape), 0.7)
+    z = truth + 1.5 * np.sqrt(truth + 4.0) * noise / noise.std()
+    with pytest.warns(meshflow.errors.MeshflowWarning, match="correlated, and seems to depend on the intensity"):
+        meshflow.smooth(z, kind="image", method=meshflow.Search(second_stage=False))

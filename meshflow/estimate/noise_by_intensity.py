@@ -30,6 +30,10 @@ RATIO, CREDIBLE = 1.25, ((0.2, 0.8), (0.06, 0.6))
 # (log of the deviation) than this, and than this multiple of the scatter of the variance alone, that of white noise being less;
 # classes of fewer photons are left out.
 OF_PHOTONS, SCATTER, EXPLAINS, SOME_PHOTONS = (0.8, 1.8), 0.12, 1.4, 0.3
+# Of a negative, whose photons are counted down from its greatest value, the scatter is at most this multiple of that of the
+# variance alone: the greatest value of white noise is always about as far above its mean as its variance is large. The greatest
+# value is that of no photons where a class has so few; where none has, its noise is found as any other is.
+EXPLAINS_NEGATIVE, FEW_PHOTONS = 0.8, 5.0
 # Values between these have squares and squares of these.
 SQUARED = (1e-60, 1e60)
 # The noise is at least this share of the greatest; and its square at least this part of that of one photon (Anscombe 1948).
@@ -43,7 +47,7 @@ class ByIntensity:
     :ivar origin: the least intensity where the noise grows with it, the greatest where it falls.
     :ivar span: the least and the greatest intensity that were seen; beyond the origin the square falls on in a straight line.
     :ivar typical: the median intensity.
-    :ivar photons: whether the values are numbers of photons, of ``b`` each.
+    :ivar photons: whether the values are numbers of photons, of ``b`` each, from ``origin`` on, or, in a negative, down from it.
     """
 
     a: float
@@ -58,12 +62,19 @@ class ByIntensity:
         low, high = (
             f"{sigma:.3g} at {at:.3g}" for sigma, at in zip(self.at(np.array(self.span)), self.span, strict=True)
         )
-        return f"that of photons of {self.b:.3g} each, {high}" if self.photons else f"{low}, {high}"
+        if self.photons:
+            return f"that of photons of {self.b:.3g} each, {high if self.rising else low}"
+        return f"{low}, {high}"
 
     def to_dict(self) -> dict[str, object]:
         """The numbers as values for JSON."""
         numbers = {"a": self.a, "b": self.b, "c": self.c, "origin": self.origin, "typical": self.typical}
         return {**numbers, "span": list(self.span), "photons": self.photons}
+
+    @property
+    def rising(self) -> bool:
+        """Whether the noise grows with the intensity."""
+        return self.origin < self.span[1]
 
     @property
     def usual(self) -> float:
@@ -72,7 +83,7 @@ class ByIntensity:
 
     def at(self, intensity: Array) -> Array:
         """The deviation at intensities, in their unit."""
-        x = (intensity - self.origin) * (1.0 if self.origin == self.span[0] else -1.0)
+        x = (intensity - self.origin) * (1.0 if self.rising else -1.0)
         width = self.span[1] - self.span[0]
         square = self.a + x * (self.b + np.maximum(x, 0.0) * self.c)
         least = LEAST**2 * (self.a + width * (self.b + width * self.c))
@@ -97,28 +108,45 @@ def noise_by_intensity(parts: Sequence[tuple[Array, Array]], quantum: float = 0.
     largest = max((float(np.abs(z[there]).max(initial=0.0)) for z, there in parts), default=0.0)
     if not SQUARED[0] < largest < SQUARED[1]:
         return None
-    means, squares = _blocks(parts, counted=quantum > 0)
-    if len(means) < FEW * CLASS_SIZE:
-        return None
-    classes = _classes(means, squares)
-    if len(classes.at) < FEW:
-        return None
     typical = float(np.median(np.concatenate([z[there] for z, there in parts])))
-    if _counted(classes, quantum):
+    means, squares = _blocks(parts, counted=quantum > 0)
+    classes = _classes(means, squares)
+    if classes is not None and _counted(classes, quantum):
         return ByIntensity(0.0, quantum, 0.0, 0.0, (0.0, float(classes.at[-1])), max(typical, quantum), photons=True)
+    if quantum > 0 and (negative := _counted_down(parts, quantum, typical)):
+        return negative
+    if classes is None:
+        return None
     found = min((_fitted(classes, up, typical) for up in (True, False)), key=lambda one: _misfit(one, classes))
     return found if _credible(found, classes, means) else None
 
 
-def _counted(classes: _Classes, quantum: float) -> bool:
-    """Whether the values are numbers of photons, whose variance is one quantum times the intensity, up to texture."""
+def _counted_down(parts: Sequence[tuple[Array, Array]], quantum: float, typical: float) -> ByIntensity | None:
+    """The noise of a negative: numbers of photons counted down from the greatest value, where there are none; None for others."""
+    top = max(float(z[there].max()) for z, there in parts if there.any())
+    means, squares = _blocks([(top - z, there) for z, there in parts], counted=True)
+    classes = _classes(means, squares)
+    if classes is None or classes.at[0] > FEW_PHOTONS * quantum or not _counted(classes, quantum, EXPLAINS_NEGATIVE):
+        return None
+    few, many = np.quantile(means, [0.05, 0.95])
+    if many < RATIO**2 * max(few, SOME_PHOTONS * quantum):
+        return None
+    span = top - float(classes.at[-1]), top
+    return ByIntensity(0.0, quantum, 0.0, top, span, min(typical, top - quantum), photons=True)
+
+
+def _counted(classes: _Classes, quantum: float, explains: float = EXPLAINS) -> bool:
+    """Whether the values are numbers of photons, whose variance is one quantum times the intensity, up to texture.
+
+    :param explains: the largest scatter of that variance, in those of the variance alone.
+    """
     seen = classes.at >= SOME_PHOTONS * quantum
     if quantum == 0 or seen.sum() < 3:
         return False
     ratio = classes.variance[seen] / (quantum * classes.at[seen])
     scatter = _scatter(ratio)
     return OF_PHOTONS[0] < np.median(ratio) < OF_PHOTONS[1] and scatter < min(
-        SCATTER, EXPLAINS * _scatter(classes.variance[seen])
+        SCATTER, explains * _scatter(classes.variance[seen])
     )
 
 
@@ -156,14 +184,16 @@ def _cut(a: Array) -> Array:
     return blocks.swapaxes(1, 2).reshape(-1, SIDE, SIDE)
 
 
-def _classes(means: Array, squares: Array) -> _Classes:
-    """The variance of the flat blocks in classes of intensity with equal numbers of blocks."""
+def _classes(means: Array, squares: Array) -> _Classes | None:
+    """The variance of the flat blocks in classes of intensity with equal numbers of blocks; None for too few."""
+    if len(means) < FEW * CLASS_SIZE:
+        return None
     order = np.argsort(means, kind="stable")
     parts = np.array_split(order, min(CLASSES, len(order) // CLASS_SIZE))
     variance = np.array([np.quantile(squares[part], FLAT) for part in parts]) / _of_flat()
     at, count = np.array([means[part].mean() for part in parts]), np.array([len(part) for part in parts])
     seen = variance > 0
-    return _Classes(at[seen], variance[seen], count[seen])
+    return _Classes(at[seen], variance[seen], count[seen]) if seen.sum() >= FEW else None
 
 
 def _fitted(classes: _Classes, up: bool, typical: float) -> ByIntensity:

@@ -93,10 +93,11 @@ def _table(noise: ByIntensity | Magnitudes) -> Array:
 
 
 def _of_photons(noise: ByIntensity) -> tuple[Array, Array, Array]:
-    """The table of numbers of photons, of ``b`` each."""
-    most = noise.span[1] / noise.b
+    """The table of numbers of photons, of ``b`` each; of a negative mirrored."""
+    span, typical = (abs(end - noise.origin) for end in (noise.span[1 if noise.rising else 0], noise.typical))
+    most = span / noise.b
     at = np.linspace(0.0, np.sqrt(most + BEYOND * np.sqrt(most) + 1.0), PLACES) ** 2
-    scale = noise.b * np.sqrt(noise.typical / noise.b + ONE_PHOTON)
+    scale = noise.b * np.sqrt(typical / noise.b + ONE_PHOTON)
     few, numbers = at <= SUMMED, np.arange(2 * SUMMED)
     mean = np.sqrt(at + 0.125)
     chance = np.exp(xlogy(numbers, at[few, None]) - at[few, None] - gammaln(numbers + 1.0))
@@ -105,7 +106,9 @@ def _of_photons(noise: ByIntensity) -> tuple[Array, Array, Array]:
     # Whatever is below the mean of no photons comes back as none.
     below = made[0][0], made[1][0], made[2][0] - scale
     at, f, mean = (np.concatenate([[first], row]) for first, row in zip(below, made, strict=True))
-    return at, f, mean
+    if noise.rising:
+        return at, f, mean
+    return noise.origin - at[::-1], -f[::-1], -mean[::-1]
 
 
 def _of_gaussian(noise: ByIntensity) -> tuple[Array, Array, Array]:
