@@ -203,6 +203,14 @@ def test_values_as_large_or_small_as_single_precision_holds_are_smoothed_as_othe
     np.testing.assert_allclose(found, meshflow.smooth(z, method=method), rtol=0, atol=2e-5)
 
 
+@pytest.mark.parametrize(("slope", "length"), [(1.6, 1.2), (1.7, 1.6), (1.8, 2.0)])
+def test_correlated_noise_weaker_than_a_rough_surface_at_every_frequency_is_found_on_it(slope, length):
+    land = 100 * fractal(256, slope, np.random.default_rng(0))
+    found = noise_of(land + 10 * CorrelatedNoise(length).drawn((256, 256), 9), NONE)
+    assert abs(found.sigma / 10 - 1) < 0.15
+    assert abs(found.length / length - 1) < 0.25
+
+
 @pytest.mark.parametrize("exponent", [1.5, 2.0, 2.5])
 def test_a_rough_surface_without_noise_is_not_taken_for_correlated_noise(exponent):
     for seed in range(3):

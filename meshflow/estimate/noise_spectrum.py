@@ -49,6 +49,10 @@ OF_MIXED = ((2.5, 100.0, 0.0), (4.0, 30.0, 0.45))
 MIXED, LEVEL, SKEWED = 0.05, 1.2, 1.6
 # With an exponent of the surface above this the model is not that of the data, which has terraces or a pattern.
 STEEPEST = 7.0
+# Less is demanded where the spectrum fits closely (squared relative error), and its surface is self-affine, of an exponent of 2
+# to 4 (Mandelbrot 1982). Clean fractal surfaces have gains below 13 and lengths of half a sample, elevation models exponents
+# above 4.5, textures errors above 0.0026, or white noise in the greater part.
+CLOSE, SELF_AFFINE, ON_SELF_AFFINE = 0.002, 4.3, ((0.4, 20.0, 0.9),)
 # Smaller tiles hold fewer of the low frequencies that tell noise from surfaces: these are demanded of them.
 OF_SMALL = ((2.0, 40.0, 0.5),)
 # A spectrum is that of a rough surface and white noise if its squared relative error is below GOOD, and the exponent of the
@@ -116,6 +120,8 @@ class Found:
         if (mixed and wide > SKEWED * narrow) or spectrum.exponent > STEEPEST or self.scatter < WAVES:
             return False
         demanded = OF_MIXED if mixed else SINGLE if self.side == SIDES[0] else OF_SMALL
+        if not mixed and self.side == SIDES[0] and self.error < CLOSE and spectrum.exponent < SELF_AFFINE:
+            demanded = (*demanded, *ON_SELF_AFFINE)
         clear = any(
             self.above > above and self.evidence > evidence and wide >= length for above, evidence, length in demanded
         )
