@@ -104,9 +104,10 @@ def _marks(extreme: np.floating, rest: Array, count: int, nearest: Callable[[Arr
     gap = abs(float(nearest(rest)) - float(extreme))
     huge = abs(float(extreme)) > max(HUGE, BEYOND * max(abs(low), abs(high)))
     named = float(extreme) in MARKERS or huge
-    enough = (1.0 if named else FAR) * (high - low)
+    if gap <= (1.0 if named else FAR) * (high - low):
+        return False
     drawn = high == low or len(np.unique(rest[:ENOUGH])) < LEVELS
-    return gap > enough and (not drawn or huge) and (named or count - len(rest) > 1)
+    return (not drawn or huge) and (named or count - len(rest) > 1)
 
 
 def _small_pieces(rule: FarRule, z: Array, there: Array) -> Array:
@@ -147,6 +148,8 @@ def large_pieces(mask: Array) -> Array:
 
 def _middle(values: Array) -> tuple[float, float]:
     """The range of the middle 98 % of values, or of at least all but two."""
-    some = np.sort(values[:: max(1, values.size // ENOUGH)].astype(np.float64))
+    some = values[:: max(1, values.size // ENOUGH)]
     off = max(1, some.size // 100)
-    return float(some[min(off, some.size - 1)]), float(some[max(some.size - 1 - off, 0)])
+    low, high = min(off, some.size - 1), max(some.size - 1 - off, 0)
+    some = np.partition(some, (low, high))
+    return float(some[low]), float(some[high])
