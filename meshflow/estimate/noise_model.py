@@ -200,23 +200,25 @@ def _between(numbers: Array, low: Array | float, high: Array | float) -> Array:
 
 def _misfit(numbers: Array, power: Array, problem: _Problem) -> tuple[float, Array, Array]:
     """The loss of log likelihood, the model (m,), and its derivatives (p, m) with respect to the parameters."""
-    at, log_radius, shape = problem.at, problem.at.log_radius, SHAPES[problem.shape]
-    surface = np.exp(numbers[0] - numbers[1] * log_radius)
-    model, slopes = surface + problem.offset, [surface, -surface * log_radius]
+    at, shape = problem.at, SHAPES[problem.shape]
+    slopes = np.empty((len(numbers), len(power)))
+    surface = np.exp(numbers[0] - numbers[1] * at.log_radius, out=slopes[0])
+    np.multiply(-surface, at.log_radius, out=slopes[1])
+    model = surface + problem.offset
     if len(numbers) > 2:
-        white = np.full_like(surface, np.exp(numbers[2]))
-        model = model + white
-        slopes.append(white)
+        slopes[2] = np.exp(numbers[2])
+        model += slopes[2]
     if len(numbers) > 4:
-        along = shape(at, np.exp(numbers[4]))
-        down, down_rate = (np.exp(numbers[3]) * part[at.down] for part in along)
-        across, across_rate = (
-            part[at.across] for part in (along if len(numbers) == 5 else shape(at, np.exp(numbers[-1])))
-        )
-        blurred = down * across
-        model = model + blurred
-        rates = [down_rate * across, down * across_rate]
-        slopes += [blurred, *(rates if len(numbers) > 5 else [rates[0] + rates[1]])]
+        scale, along = np.exp(numbers[3]), shape(at, np.exp(numbers[4]))
+        other = along if len(numbers) == 5 else shape(at, np.exp(numbers[-1]))
+        down, down_rate = ((scale * part).take(at.down) for part in along)
+        across, across_rate = (part.take(at.across) for part in other)
+        model += np.multiply(down, across, out=slopes[3])
+        np.multiply(down_rate, across, out=slopes[4])
+        if len(numbers) > 5:
+            np.multiply(down, across_rate, out=slopes[5])
+        else:
+            slopes[4] += down * across_rate
     ratio = power / model
     prior = 0.5 * ((numbers[1] - BETA) / BETA_SPREAD) ** 2
-    return float(problem.weights @ (ratio - np.log(ratio) - 1.0) + prior), model, np.array(slopes)
+    return float(problem.weights @ (ratio - np.log(ratio) - 1.0) + prior), model, slopes
