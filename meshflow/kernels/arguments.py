@@ -162,7 +162,7 @@ class ArrayParameter(Parameter):
 
     def check_indices(self, array: Any, bound: int, kernel: str) -> None:
         """Refuse indices that are negative, or not below a bound."""
-        if _outside(array.dtype.name)(array.size, address(array), bound):
+        if _outside(array.dtype)(array.size, address(array), bound):
             raise ValueError(
                 f"{kernel}: {self.name}: indices of 0 or more and below {self.below} = {bound} expected, "
                 f"got {array.min()} to {array.max()}"
@@ -223,9 +223,9 @@ class ArrayParameter(Parameter):
 
 
 @cache
-def _outside(dtype: str) -> Callable[[int, int, int], int]:
+def _outside(dtype: np.dtype) -> Callable[[int, int, int], int]:
     """A function that counts the numbers at an address that are no indices below a bound."""
-    count = library()[f"outside_{dtype}"]
+    count = library()[f"outside_{dtype.name}"]
     count.argtypes, count.restype = (ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64), ctypes.c_int64
     return count
 

@@ -69,6 +69,7 @@ class GridFlow:
         alternating = grid.diagonals == "alternate" and grid.boundary == "neumann" and grid.lines is None
         self._evened = alternating and m.conserves
         self._by_forms = False  # laws compare the loops for few coordinates with those for any number
+        self._made_options: dict[tuple[tuple[int, int], bool], kernels.GridOptions] = {}
         self.patience = self._patience()
         self.pace = 0.5 if grid.diagonals == "alternate" and grid.ragged else 1.0
 
@@ -242,6 +243,13 @@ class GridFlow:
     # --- what the kernels ask for -----------------------------------------------------------------------------------------
 
     def _options(self, span: tuple[int, int]) -> kernels.GridOptions:
+        """The options for triangulations ``span``; made once, since that takes as long as a rate of a small grid."""
+        made = self._made_options.get((span, self._by_forms))
+        if made is None:
+            made = self._made_options[span, self._by_forms] = self._options_of(span)
+        return made
+
+    def _options_of(self, span: tuple[int, int]) -> kernels.GridOptions:
         m, grid = self.variant, self.grid
         kind, across, down = kernels.CHANNELS, 0.0, 0.0
         if grid.lines is not None:
