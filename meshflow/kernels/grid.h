@@ -28,13 +28,19 @@ template <class T> bool placed(Task<T>& t, i64 l, const T* lines, const i64* whe
     return true;
 }
 
-// The tiles of a grid. They depend on its size only, so that sums do not depend on the number of threads.
+// Whether one thread does a kernel with so many numbers.
+INLINE bool alone(i64 numbers, i32 threads) { return threads == 1 || numbers < FEW; }
+
+// The tiles of a grid, of numbers of type T. For sums they must depend on its size only, so that these do not depend on the number
+// of threads. What is no sum does not depend on tiles: a thread alone takes all rows at once, since the first rows of a tile need
+// those above it, and its work space must be cleared.
 struct Cut {
     i64 high, wide, rows, columns, h, w;
-    static Cut of(i64 h, i64 w, i64 most_wide) {
+    template <class T> static Cut of(i64 h, i64 w, bool all_rows) {
+        constexpr i64 most_wide = WIDEST_TILE / static_cast<i64>(sizeof(T));
         const i64 columns = (w + most_wide - 1) / most_wide;
         const i64 wide = least(w, ((w + columns - 1) / columns + BLOCK - 1) / BLOCK * BLOCK);
-        const i64 high = most(16, least(128, (h + 7) / 8));
+        const i64 high = all_rows ? h : most(16, least(128, (h + 7) / 8));
         return {high, wide, (h + high - 1) / high, (w + wide - 1) / wide, h, w};
     }
     i64 parts() const { return rows * columns; }
@@ -47,7 +53,7 @@ struct Cut {
 // Calls work(tile, room, part) for all tiles, each with work space for so many rows, initialized to zero.
 template <class T, class F> i64 over_tiles(const Cut& cut, i64 rows, i64 numbers, i32 threads, const F& work) {
     const i64 wide = wide_for(cut.wide), size = (rows + 1) * wide + 64;
-    const i64 seats = numbers < FEW ? 1 : least(threads, cut.parts());
+    const i64 seats = alone(numbers, threads) ? 1 : least(threads, cut.parts());
     Memory<T> memory(seats * size);
     if (!memory) return NO_MEMORY;
     parallel_for(cut.parts(), static_cast<i32>(seats), [&](i64 part, i32 who) {
@@ -108,23 +114,24 @@ i64 grid_rate(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const
     t.out = out, t.a = one, t.b = two, t.c = three;
     t.mix = {T(blend->keep), T(blend->dt), T(blend->one), T(blend->two), T(blend->three)};
     t.terms = two || three ? 2 : one ? 1 : 0;
-    const i64 narrow = WIDEST_TILE / static_cast<i64>(sizeof(T));
+    const i64 numbers = k * h * w;
+    const Cut cut = Cut::of<T>(h, w, alone(numbers, threads));
     if (!fast(t)) {
         const FormLoops<T> loops = form_loops_for<T>(asking.sharpness);
-        return over_tiles<T>(Cut::of(h, w, narrow), FormTile<T>::rows(t), k * h * w, threads, [&](const Tile& tile, Room<T> room, i64) {
+        return over_tiles<T>(cut, FormTile<T>::rows(t), numbers, threads, [&](const Tile& tile, Room<T> room, i64) {
             FormTile<T>(t, loops, MOVED, tile, room, {}).run();
         });
     }
     if (t.lines != CHANNELS)
-        return over_tiles<T>(Cut::of(h, w, narrow), ray_room(t), h * w, threads,
+        return over_tiles<T>(cut, ray_room(t), numbers, threads,
                              [&](const Tile& tile, Room<T> room, i64) { ray_tile(t, MOVED, tile, room); });
     if (t.far > 0) {
         const PatchLoops<T> loops = patch_loops_for<T>(asking.sharpness);
-        return over_tiles<T>(Cut::of(h, w, narrow), channel_room(t) + Patches<T>::rows(t), h * w, threads,
+        return over_tiles<T>(cut, channel_room(t) + Patches<T>::rows(t), numbers, threads,
                              [&](const Tile& tile, Room<T> room, i64) { patch_tile(t, loops, tile, room); });
     }
     const ChannelLoops<T> loops = channel_loops_for<T>(k, asking.sharpness);
-    return over_tiles<T>(Cut::of(h, w, narrow), channel_room(t), k * h * w, threads, [&](const Tile& tile, Room<T> room, i64) {
+    return over_tiles<T>(cut, channel_room(t), numbers, threads, [&](const Tile& tile, Room<T> room, i64) {
         channel_tile(t, MOVED, tile, room, [&](int side, i64 r, const Cells<T>& f) {
             channel_row(t, loops, tile, side, r, f);
         });
@@ -143,22 +150,23 @@ i64 grid_measured(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, c
     if (asked != AREA && asked != BOUND) return BAD_SIZES;
     const Task<T>& t = asking.task;
     const Asked what = static_cast<Asked>(asked);
-    const Cut cut = Cut::of(h, w, WIDEST_TILE / static_cast<i64>(sizeof(T)));
+    const i64 numbers = k * h * w;
+    const Cut cut = Cut::of<T>(h, w, what == BOUND && alone(numbers, threads));
     Memory<Measured> parts(cut.parts());
     if (!parts) return NO_MEMORY;
     i64 done;
     if (!fast(t) || t.far > 0 || (t.lines == CHANNELS && k > 1)) {
         const FormLoops<T> loops = form_loops_for<T>(asking.sharpness);
-        done = over_tiles<T>(cut, FormTile<T>::rows(t), k * h * w, threads, [&](const Tile& tile, Room<T> room, i64 part) {
+        done = over_tiles<T>(cut, FormTile<T>::rows(t), numbers, threads, [&](const Tile& tile, Room<T> room, i64 part) {
             parts[part] = FormTile<T>(t, loops, what, tile, room, {}).run();
         });
     } else if (t.lines != CHANNELS) {
-        done = over_tiles<T>(cut, ray_room(t), h * w, threads, [&](const Tile& tile, Room<T> room, i64 part) {
+        done = over_tiles<T>(cut, ray_room(t), numbers, threads, [&](const Tile& tile, Room<T> room, i64 part) {
             parts[part] = ray_tile(t, what, tile, room);
         });
     } else {
         const ChannelLoops<T> loops = channel_loops_for<T>(k, asking.sharpness);
-        done = over_tiles<T>(cut, channel_room(t), h * w, threads, [&](const Tile& tile, Room<T> room, i64 part) {
+        done = over_tiles<T>(cut, channel_room(t), numbers, threads, [&](const Tile& tile, Room<T> room, i64 part) {
             parts[part] = channel_tile(t, what, tile, room, [&](int side, i64 r, const Cells<T>& f) {
                 channel_row(t, loops, tile, side, r, f);
             });
@@ -182,7 +190,7 @@ i64 grid_weights(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, co
     if (asking.result) return asking.result;
     const Task<T>& t = asking.task;
     const FormLoops<T> loops = form_loops_for<T>(asking.sharpness);
-    return over_tiles<T>(Cut::of(h, w, WIDEST_TILE / static_cast<i64>(sizeof(T))), FormTile<T>::rows(t), k * h * w, threads,
+    return over_tiles<T>(Cut::of<T>(h, w, alone(k * h * w, threads)), FormTile<T>::rows(t), k * h * w, threads,
                          [&](const Tile& tile, Room<T> room, i64) {
                              FormTile<T>(t, loops, MOVED, tile, room, {edges, inverses}).run();
                          });

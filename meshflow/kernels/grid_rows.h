@@ -96,8 +96,8 @@ struct Measured {
 // Sample `left + j` of the grid is at index j of a row. EDGE numbers on either side may be read; absent ones are zero.
 constexpr i64 EDGE = 32;
 
-// The distance of rows: not a multiple of a page, because all rows would then compete for the same cache lines.
-INLINE i64 wide_for(i64 n) { return (n + 2 * EDGE + 1023 - 112) / 1024 * 1024 + 112; }
+// The distance of rows: an odd number of sixteens, because the rows would compete for the same cache lines if it divided a page.
+INLINE i64 wide_for(i64 n) { return ((n + 2 * EDGE + 15) / 16 | 1) * 16; }
 
 template <class T> struct Room {
     T* next;
