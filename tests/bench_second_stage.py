@@ -1,12 +1,11 @@
-"""The gain of a second stage on photographs, and BM3D with known sigma: ``pytest -m bench -s tests/bench_second_stage.py``.
+"""The gain of a second stage on photographs, and BM3D with known sigma: ``pytest -m bench -s -n 0 tests/bench_second_stage.py``.
 
-On crops of 256 x 256, the flow with known sigma | with groups | BM3D (package bm3d 4.0.3), mean dB. Grey, sigma 5: 38.58 |
-38.88 | 38.70; 15: 32.26 | 32.83 | 32.82; 30: 28.47 | 29.23 | 29.41. Colour, sigma 10: 34.60 | 36.42 | 36.22; 25: 29.65 |
-31.48 | 31.61; 50: 26.15 | 27.98 | 28.32. (With a prototype of the kernel, all passes of stride 3.) CPU time: 4.8 us per grey
-sample, 17 us per colour sample, on a busy machine.
+Crops of ``BENCH_CROP`` x ``BENCH_CROP`` (256: a quarter of an hour, most of it BM3D's; see the guide of benchmarks), of
+``BENCH_NAMES=camera,coins`` alone, if given. BM3D (the package bm3d 4.0.3, free for research only) is told sigma, as ours is.
 """
 
 import importlib.util
+import os
 import time
 
 import numpy as np
@@ -15,7 +14,9 @@ import pytest
 from meshflow import Search, smooth
 from meshflow.flow.patch_groups import PatchGroups
 
-pytestmark = pytest.mark.bench
+pytestmark = [pytest.mark.bench, pytest.mark.timeout(3600)]
+SIDE = int(os.environ.get("BENCH_CROP", "256"))
+NAMES = tuple(name for name in os.environ.get("BENCH_NAMES", "").split(",") if name)
 GREY = (
     "camera",
     "coffee",
@@ -34,13 +35,13 @@ COLOUR = ("astronaut", "coffee", "chelsea")
 
 
 def photograph(name, colour):
-    """The middle of a photograph of scikit-image, at most 256 x 256, 0 to 255."""
+    """The middle of a photograph of scikit-image, at most SIDE x SIDE, 0 to 255."""
     data = pytest.importorskip("skimage.data")
     image = np.asarray(getattr(data, name)(), np.float32)
     if not colour and image.ndim == 3:
         image = image[..., :3] @ np.float32([0.2125, 0.7154, 0.0721])
-    top, left = (max(0, (size - 256) // 2) for size in image.shape[:2])
-    return np.ascontiguousarray(image[top : top + 256, left : left + 256])
+    top, left = (max(0, (size - SIDE) // 2) for size in image.shape[:2])
+    return np.ascontiguousarray(image[top : top + SIDE, left : left + SIDE])
 
 
 def decibel(found, truth):
@@ -60,10 +61,13 @@ def peer(noisy, sigma):
     ("names", "sigmas"), [(GREY, (5.0, 15.0, 30.0)), (COLOUR, (10.0, 25.0, 50.0))], ids=["grey", "colour"]
 )
 def test_photographs_with_white_noise(names, sigmas):
-    print(f"\nflow | default | BM3D, dB, sigma {sigmas}, seed 7")
+    print(f"\nflow | default | BM3D, dB, {SIDE} x {SIDE}, sigma {sigmas}, seed 7")
+    coloured, names = names is COLOUR, [name for name in names if name in (NAMES or names)]
+    if not names:
+        pytest.skip("BENCH_NAMES has none of these")
     rows = np.zeros((len(names), len(sigmas), 3))
     for i, name in enumerate(names):
-        truth = photograph(name, names is COLOUR)
+        truth = photograph(name, coloured)
         for j, sigma in enumerate(sigmas):
             noisy = (truth + np.random.default_rng(7).normal(0, sigma, truth.shape)).astype(np.float32)
             for k, found in enumerate(
@@ -74,7 +78,7 @@ def test_photographs_with_white_noise(names, sigmas):
                 )
             ):
                 rows[i, j, k] = decibel(found, truth)
-        print(f"  {name:12s} {'   '.join(' | '.join(f'{x:.2f}' for x in row) for row in rows[i])}")
+        print(f"  {name:12s} {'   '.join(' | '.join(f'{x:.2f}' for x in row) for row in rows[i])}", flush=True)
     mean = rows.mean(axis=0)
     print(f"  {'mean':12s} {'   '.join(' | '.join(f'{x:.2f}' for x in row) for row in mean)}")
     assert (rows[..., 1] > rows[..., 0] - 0.02).all()
