@@ -22,6 +22,8 @@ SIDES = (32, 16)
 MOST = 600
 # The largest clipped share of a tile, if at least FEW tiles satisfy it.
 CLIPPED, FEW = 0.02, 12
+# The number of tiles in a product of matrices, which is not shared among threads (see patch_noise.py).
+BLOCK = 40
 # The independent share of the values of windowed tiles that overlap by half.
 INDEPENDENT = 0.4
 
@@ -102,7 +104,9 @@ def tiles_of(parts: list[tuple[Array, Array]], side: int = SIDES[0]) -> Tiles:
         before += z.size
     flat = np.concatenate(cut).astype(np.float64).reshape(-1, side * side)
     flat -= flat.mean(axis=1, keepdims=True)
-    flat -= (flat @ shared.basis) @ shared.basis.T
+    whole = len(flat) // BLOCK * BLOCK
+    for some in (flat[:whole].reshape(-1, BLOCK, side * side), flat[whole:]):
+        some -= (some @ shared.basis) @ shared.basis.T
     return Tiles(np.fft.rfft2(flat.reshape(-1, side, side) * shared.window), np.concatenate(names))
 
 
