@@ -11,7 +11,7 @@ from meshflow.results.stretches import Stretch
 __all__ = ["Leg", "Legs"]
 
 # What a pass over a sample costs, in rates of a sample: a pass of the second stage, and reading, preparing and writing it.
-PASS, BETWEEN = 500.0, 20.0
+PASS, BETWEEN = 500.0, 40.0
 # Into how many legs of even reach a run is cut at most, for a start; they are doubled.
 MOST_LEGS = 1 << 12
 
