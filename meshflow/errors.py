@@ -29,7 +29,7 @@ _PACKAGE = f"{Path(__file__).parent}{os.sep}"
 # Advice of libraries that would have a file run code, and what is said instead.
 _UNSAFE = {
     "pickle": "it holds Python objects, which are not read, or no array",
-    "VRT_ENABLE_PYTHON": "a pixel function in it is Python code, which is not run; gdal_translate it to .tif where you trust it",
+    "VRT_ENABLE_PYTHON": "it contains a pixel function in Python, which is not run; if you trust it, gdal_translate it to .tif",
 }
 
 

@@ -148,5 +148,5 @@ def test_points_volumes_and_channels_that_come_first_are_refused_with_the_way_ou
 )
 def test_windows_refuse_schemes_of_their_own(method):
     held = Held(Image(np.random.default_rng(0).normal(size=(40, 40, 2))))
-    with pytest.raises(InputError, match="not by windows"):
+    with pytest.raises(InputError, match="not in windows"):
         windowed(held.form, sample_of(held, 1 << 22, 16), Request.of(method, time=1.0))

@@ -137,7 +137,7 @@ def test_what_leaves_the_range_is_refused():
     for words in ({"boundary": "plane-preserving"}, {"mass": "voronoi"}, {"twicing": 0.5}, {"stepper": "super-time"}):
         with pytest.raises(InputError, match="triangles='clamped'"):
             smooth((POINTS, FACES), **parts(channels=VALUES, triangles="clamped", **words))
-    with pytest.raises(InputError, match="triangles: of meshes only, got HeightField"):
+    with pytest.raises(InputError, match="triangles: only for meshes, got HeightField"):
         smooth(np.eye(4), compute=Compute(triangles="clamped"))
     with pytest.raises(InputError, match="'plane-preserving', which leaves the range"):
         MeshFlow(Surface(POINTS, (FACES,), boundary="plane-preserving"), metric=Clamped())

@@ -223,7 +223,7 @@ def test_an_interruption_says_so_and_writes_nothing(terrain, tmp_path, monkeypat
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 130
-    assert "interrupted; OUT is whole, or as it was before" in capsys.readouterr().err
+    assert "interrupted; OUT is complete, or as it was before" in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["in.tif"]
 
 

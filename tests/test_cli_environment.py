@@ -287,7 +287,7 @@ def test_a_signal_leaves_nothing_behind(tmp_path, heights, number):
         process.send_signal(getattr(signal, number))
         said = process.communicate(timeout=30)[1].decode()
     assert process.returncode == 128 + getattr(signal, number)
-    assert "OUT is whole, or as it was before" in said
+    assert "OUT is complete, or as it was before" in said
     assert os.listdir(out) == []
 
 

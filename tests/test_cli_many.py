@@ -114,7 +114,7 @@ def test_two_of_one_name_are_not_written_over_each_other(folder, tmp_path):
     assert "is written under the same name" in done.stderr
     done = smooth(folder, "--output", folder, "--overwrite", *FIXED)
     assert done.exit_code == 1
-    assert done.stderr.count("it is in the folder of --output itself") == 3
+    assert done.stderr.count("it is in the output folder itself") == 3
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_film_writes_frames_with_the_time_of_each(files):
         (("compare", "rough.npy", "wide.npy", "--picture", "a.png"), r"\(30, 40\)"),
         (("compare", "rough.npy", "colour.npy", "--picture", "a.png"), "data of one kind expected"),
         (("show", "rough.npy", "a.png", "--colours", "virids"), "got 'virids'; viridis"),
-        (("show", "rough.npy", "nowhere/a.png"), "make it first"),
+        (("show", "rough.npy", "nowhere/a.png"), "create it first"),
         (("show", "rough.npy", "a.txt"), "a picture ends in"),
         (("film", "rough.npy", "a.avi"), r"ends in .mp4, .gif; got .avi"),
         (("film", "rough.npy", "a.gif", "--frames", "1"), "count: a whole number, 2 or more"),

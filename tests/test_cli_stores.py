@@ -110,7 +110,7 @@ def test_a_series_without_a_word_on_slices_is_refused(tmp_path):
         (("empty.zarr", "out.zarr"), "no Zarr store"),
         (("in.zarr", "there.zarr"), "exists"),
         (("in.zarr", "out.zarr", "--picture", "p.png"), "picture"),
-        (("in.zarr", "out.zarr", "--displacement", "0.1"), "not by windows"),
+        (("in.zarr", "out.zarr", "--displacement", "0.1"), "not in windows"),
     ],
 )
 def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(tmp_path, monkeypatch, words, why):

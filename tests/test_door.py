@@ -262,6 +262,11 @@ def test_the_help_shows_first_what_most_need():
     assert sum(line.lstrip("│| ").startswith("--") for line in first.splitlines()) == 10
 
 
+@pytest.mark.parametrize(("command", "extra"), [("film", "meshflow[film]"), ("view", "meshflow[web]")])
+def test_the_help_names_what_to_install_in_full(command, extra):
+    assert extra in CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output
+
+
 def test_an_option_of_another_method_is_refused_with_those_that_have_it(tmp_path):
     np.save(tmp_path / "z.npy", Z)
     words = ["smooth", str(tmp_path / "z.npy"), str(tmp_path / "o.npy"), "--method", "graph", "--order", "3"]

@@ -112,7 +112,7 @@ def test_the_same_run_gives_the_same_error_and_more_runs_a_surer_one():
 @pytest.mark.parametrize(
     ("data", "options", "why"),
     [
-        (np.rint(SCENES["hills"] / 8) * 8, {}, "expected error: not of quantized data"),
+        (np.rint(SCENES["hills"] / 8) * 8, {}, "expected error: not for quantized data"),
         (
             np.full((9, 9), 2.0) + Y[:9, :9] / 9,
             {"camera": meshflow.Pinhole(9.0, 9.0, 4.0, 4.0)},

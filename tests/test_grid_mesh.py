@@ -74,10 +74,10 @@ def test_what_makes_no_sense_is_refused_in_words():
         meshflow.to_mesh(terrain(), every=0)
     with pytest.raises(InputError, match="two samples or more"):
         meshflow.to_mesh(terrain(), every=7)
-    with pytest.raises(InputError, match="colours: of range images only"):
+    with pytest.raises(InputError, match="colours: only for range images"):
         meshflow.to_mesh(terrain(), np.zeros((6, 8, 3)))
     with pytest.raises(InputError, match="no triangle"):
         meshflow.to_mesh(meshflow.HeightField(np.where(np.eye(4) > 0, 1.0, np.nan)))
     depth = meshflow.RangeImage(np.ones((4, 4)), meshflow.Pinhole(4.0, 4.0, 2.0, 2.0))
-    with pytest.raises(InputError, match="every: of height fields"):
+    with pytest.raises(InputError, match="every: only for height fields"):
         meshflow.to_mesh(depth, every=2)

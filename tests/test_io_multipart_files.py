@@ -103,7 +103,7 @@ def test_the_command_lists_the_parts(tmp_path):
     sigmas = [reported["parts"][name]["parameters"]["noise"]["value"] for name in "ab"]
     assert sigmas[0] != sigmas[1]
     assert reported["parts"]["a"]["steps"] == 2
-    assert "2 parts, each smoothed as if it were alone" in result.stderr
+    assert "2 parts, each smoothed separately" in result.stderr
     assert "  a: took all 2 steps" in result.stderr
     page = (tmp_path / "r.html").read_text()
     assert "a: noise" in page

@@ -124,7 +124,7 @@ BAD = [
     ({"weights": "round"}, "weights: cotangent or uniform"),
     ({"regularize": -1.0}, "regularize: a squared length"),
     ({"along": "edges"}, "along: all or normals"),
-    ({"method": "normal-filter", "data_weights": 1.0}, "data weights pull"),
+    ({"method": "normal-filter", "data_weights": 1.0}, "data weights work"),
     ({"method": "fairing", "stepper": "explicit"}, "stepper: method fairing has its own"),
     ({"method": "normal-filter", "crease_contrast": -1.0}, "crease_contrast: a positive"),
 ]

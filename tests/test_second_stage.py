@@ -198,5 +198,5 @@ def test_correlated_noise_of_a_volume_is_removed_better_where_it_is_known():
 def test_tetrahedra_have_no_second_stage():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     mesh = meshflow.TetMesh(points, np.array([[0, 1, 2, 3]]), np.arange(4.0))
-    with pytest.raises(InputError, match="second_stage: of height fields, images and volumes only, got TetMesh"):
+    with pytest.raises(InputError, match="second_stage: only for height fields, images and volumes, got TetMesh"):
         meshflow.smooth(mesh, noise=0.1, method=Search(second_stage=True))

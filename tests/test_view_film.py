@@ -215,6 +215,6 @@ def test_a_film_that_makes_no_sense_is_refused(options, says, tmp_path):
 
 def test_a_film_is_asked_where_it_goes_before_it_is_computed(tmp_path, monkeypatch):
     monkeypatch.setattr("meshflow.viewer.filming.flowing", None)
-    for name, says in (("a.avi", "ends in .mp4, .gif"), ("no/a.gif", "make it first")):
+    for name, says in (("a.avi", "ends in .mp4, .gif"), ("no/a.gif", "create it first")):
         with pytest.raises(FormatError, match=says):
             film(ROUGH, tmp_path / name)

@@ -162,7 +162,7 @@ def test_an_idle_result_has_a_report_too(idle, tmp_path):
 
 def test_without_a_search_there_is_no_panel_of_it(smoothed):
     titles = [chart.title for chart in found(smoothed, "").charts]
-    assert "what the search expected" in titles
+    assert "what the search estimated" in titles
     plain = meshflow.smooth(terrain(), compute=Compute(search=False), result=True)
     assert [chart.title for chart in found(plain, "").charts] == titles[:3]
 
@@ -234,7 +234,7 @@ def test_a_report_is_not_written_over_a_file_unasked(idle, tmp_path, name):
     [
         ("a.pdf", "a report ends in .html or .png; got .pdf"),
         ("a", "got no extension"),
-        ("gone/a.html", "is not there; make it first"),
+        ("gone/a.html", "does not exist; create it first"),
         ("folder.html", "is a folder; name a file in it"),
     ],
 )

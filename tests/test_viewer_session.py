@@ -161,7 +161,7 @@ def test_curves_mark_the_state_that_is_shown():
     [
         ({"steps": 3}, "the slider says when to stop"),
         ({"time": 0.0}, "a time of 0 shows one state"),
-        ({"mask": np.zeros((24, 24), bool)}, "nothing to look at"),
+        ({"mask": np.zeros((24, 24), bool)}, "nothing to show"),
     ],
 )
 def test_what_has_no_states_is_refused(settings, message):

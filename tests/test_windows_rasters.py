@@ -301,7 +301,7 @@ def smoothed(path: Path, *words):
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("--report", "r.html"), "--report: not by windows, it needs the whole, which does not fit into 300 MB"),
+        (("--report", "r.html"), "--report: it needs the whole data, which does not fit into 300 MB"),
         (("--displacement", "0.9"), "stop: not by windows, it is met by a single sample of the whole"),
         (("--memory", "0"), "memory: a size such as 2GB"),
         (("--moves", "points"), "moves: no option of a raster"),

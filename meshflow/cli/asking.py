@@ -76,8 +76,8 @@ def narrowed(request: Request, word: str | None, suiting: tuple[str, ...]) -> tu
     ]
     others = f" (--method names another one that has it: {', '.join(having)})" if having else ""
     return (
-        f"{', '.join(map(_flag, given))}: an option of method {method.word}, which was taken{others}; no other method "
-        "was searched for",
+        f"{', '.join(map(_flag, given))}: an option of method {method.word}, so this method was used{others}; no other method "
+        "was tried",
     )
 
 

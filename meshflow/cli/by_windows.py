@@ -77,7 +77,7 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
     for name in ("picture", "report"):
         if given[name] is not None:
             raise InputError(
-                f"--{name}: not by windows, it needs the whole, which does not fit into {memory / 1e6:.0f} MB (--memory)"
+                f"--{name}: it needs the whole data, which does not fit into {memory / 1e6:.0f} MB (--memory)"
             )
     options = _reading(given)
     known = format_of(source, options)

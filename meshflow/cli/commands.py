@@ -51,7 +51,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    help="Smooth meshes, elevation models, range images and images, and keep their edges.",
+    help="Remove noise from elevation models, meshes, depth images, images and volumes, and keep their edges.",
 )
 
 # What typer raises for bad usage. typer contains its own copy of click, and exports no other of its exceptions.
@@ -72,7 +72,7 @@ SAYING = ("picture", "report", "overwrite", "quiet", "verbose", "json")
 def about(
     version: bool = typer.Option(False, "--version", help="Print the version and exit."),
 ) -> None:
-    """Smooth meshes, elevation models, range images and images, and keep their edges."""
+    """Remove noise from elevation models, meshes, depth images, images and volumes, and keep their edges."""
     if version:
         out.print(release(), highlight=False)
         raise typer.Exit
@@ -108,7 +108,7 @@ def about(
     context=True,
 )
 def smooth(given: Given) -> None:
-    """Smooth IN and write the same kind of data to OUT. Options that are not given are estimated from the data."""
+    """Smooth IN and write the same kind of data to OUT. Options that you do not give are found from the data."""
     context, named = given.pop("context"), [given["source"], *_also(given)]
     if given["output"] is not None:
         smooth_many(given, named, _one, tiles_together)
@@ -192,7 +192,7 @@ def _shown(
 
 @command(app, "info", (*flags("source", source=None), *flags(*READING, *PLACING, "json", "environment")))
 def info(given: Given) -> None:
-    """Describe IN: size, spacing, missing samples, noise, area, quality of the triangles."""
+    """Describe IN: size, spacing, missing samples, noise, area, and quality of the triangles."""
     if given["environment"]:
         table(environment(), given["json"], ())
         return
@@ -207,7 +207,7 @@ def info(given: Given) -> None:
 
 @command(app, "convert", flags("source", "target", "every", *READING, *PLACING, "overwrite", "quiet"))
 def convert(given: Given) -> None:
-    """Write IN, a terrain or an image, to OUT as a triangle mesh: positions x, y, z, and channels as vertex attributes."""
+    """Convert a terrain or an image, IN, to a triangle mesh, OUT. Channels become vertex attributes."""
     source, target = given["source"], given["target"]
     document = as_mesh_document(opened(source, {name: given[name] for name in (*READING, *PLACING)}), given["every"])
     notes = document.notes + write(document, target, overwrite=given["overwrite"])
@@ -217,7 +217,7 @@ def convert(given: Given) -> None:
 
 @command(app, "methods", flags("json", "markdown"))
 def methods(given: Given) -> None:
-    """List the methods: paper, what each moves, its options, what it is, when to take it, what it conserves."""
+    """List the methods: paper, what each moves, its options, what it is, when to use it, and what it conserves."""
     methods_table(given["json"], given["markdown"])
 
 
@@ -312,7 +312,7 @@ def main() -> None:
     except UsageError as refusal:
         about = "" if refusal.ctx is None else f"; see {refusal.ctx.command_path} --help"
         dashed = [word for word in sys.argv[1:] if word.startswith("-") and word != "-" and Path(word).exists()]
-        about += "".join(f"; the file is given as ./{word}" for word in dashed)
+        about += "".join(f"; for the file write ./{word}" for word in dashed)
         said(f"meshflow: {usage(refusal, sys.argv[1:])}{about}", (), style="red")
         sys.exit(refusal.exit_code)
     except (InputError, MissingPackage, NotConverged, OSError) as refusal:
@@ -324,12 +324,16 @@ def main() -> None:
     except (MemoryError, ImportError, RuntimeError) as refusal:
         if not isinstance(refusal, MemoryError) and not any(word in str(refusal) for word in NO_ROOM):
             raise
-        why = " ".join(str(refusal).split()) or "no more is given to this process"
-        said(f"meshflow: not enough memory ({why}); cut a part out, or use a machine with more", (), style="red")
+        why = " ".join(str(refusal).split()) or "the system gives this process no more"
+        said(
+            f"meshflow: not enough memory ({why}); smooth a part of the data, or use a machine with more memory",
+            (),
+            style="red",
+        )
         sys.exit(1)
     except SystemExit as end:
         if end.code in (INTERRUPTED, *ENDED):
-            err.print("meshflow: interrupted; OUT is whole, or as it was before", markup=False, soft_wrap=True)
+            err.print("meshflow: interrupted; OUT is complete, or as it was before", markup=False, soft_wrap=True)
         raise
 
 

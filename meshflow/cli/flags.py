@@ -24,7 +24,7 @@ FIRST, HEIGHTS, POINTS, STOP, HOLD, COMPUTE = (
     "Most used",
     "Heights, channels and depths: the method",
     "Points of a mesh: the method",
-    "When it stops before its time",
+    "Stops",
     "Constraints",
     "Computation",
 )
@@ -97,7 +97,7 @@ def command(
 def flow_flags() -> tuple[Flag, ...]:
     """The flags of a flow: request, methods, stops, constraints, computation."""
     words = " | ".join(METHODS)
-    method = Flag("method", str | None, f"The method: {words}. Default: the one with the least estimated risk.", FIRST)
+    method = Flag("method", str | None, f"The method: {words}. Default: search.", FIRST)
     late = ("boundary", "domain", "outliers", "level")
     request = [_of(option, FIRST) for option in options_of(Request) if option.name not in late]
     stops = [_of(option, STOP) for kind in (Steps, Residual, AreaLoss, Displacement) for option in options_of(kind)]
@@ -109,7 +109,8 @@ def flow_flags() -> tuple[Flag, ...]:
     preserve = Flag(
         "preserve",
         Literal["volume", "scaling", "area"] | None,
-        "What a mesh whose points move keeps: its volume exactly, its volume by scaling, or its area by scaling.",
+        "What a mesh preserves while its points move: volume (exactly), scaling (its volume, by rescaling), or area (by "
+        "rescaling).",
         HOLD,
     )
     compute = [_of(option, COMPUTE) for option in options_of(Request) if option.name in late]

@@ -47,8 +47,8 @@ __all__ = [
     "view",
 ]
 
-COMPARING = "What colour shows: what was removed; or curvature, edges, ... of before and after."
-FILMING = "What colour shows: what was removed so far, curvature, edges, ... Default: nothing."
+COMPARING = "What the colours show: what was removed; or curvature, edges, triangles or samples, before and after."
+FILMING = "What the colours show: what was removed so far, or curvature, edges, triangles or samples. Default: nothing."
 
 
 # The flags that describe the flow of a film.
@@ -59,7 +59,7 @@ FILMED = (
 
 
 def compare(given: Given) -> None:
-    """Compare IN with OTHER (differences, normals, area, volume), and draw them as a picture or in a window."""
+    """Compare IN with OTHER: differences, normals, area, volume. Draw both as a picture or in a window."""
     one, other, picture, overwrite = given["source"], given["other"], given["picture"], given["overwrite"]
     if picture is not None:
         must_be_free(picture, overwrite)
@@ -92,7 +92,7 @@ def _attribute_change(first: Document, second: Document) -> AttributeChange | No
 
 
 def show(given: Given) -> None:
-    """Show IN, plain or in the colours of its curvature, edges, triangles or samples, as a picture or in a window."""
+    """Draw IN as a picture or in a window, plain or coloured by curvature, edges, triangles or samples."""
     source, picture, overwrite = given["source"], given["shown"], given["overwrite"]
     must_be_drawable(picture, overwrite)
     document = opened(source, _some(given, (*READING, *PLACING)))
@@ -107,7 +107,7 @@ def show(given: Given) -> None:
 
 
 def film(given: Given) -> None:
-    """Write a film (.mp4 or .gif) of IN while it is smoothed. Options that are not given are estimated, as in smooth."""
+    """Write a film (.mp4 or .gif) of IN while it is smoothed. Options that you do not give are found as in smooth."""
     source, target, overwrite, quiet = given["source"], given["filmed"], given["overwrite"], given["quiet"]
     filmable(target, overwrite)
     document = opened(source, _some(given, READING))
@@ -121,7 +121,7 @@ def film(given: Given) -> None:
 
 
 def view(given: Given) -> None:
-    """View the flow of IN over time: a slider over its states, and controls for the method, in a window or a browser."""
+    """View the flow of IN over time, in a window or a browser, with a slider over time and controls for the method."""
     source, export, overwrite, quiet = given["source"], given["export"], given["overwrite"], given["quiet"]
     reading = _some(given, READING)
     document = opened(source, reading)
@@ -158,7 +158,7 @@ def _titled(title: str | None, default: str) -> str:
 
 
 def compare_methods(given: Given) -> None:
-    """Run METHODS on IN until each has removed equally much, and compare them: errors against a truth, a table, a picture."""
+    """Run each of METHODS on IN until it has removed the same amount. Compare them in a table, a picture, and with a truth."""
     source, picture = given["source"], given["picture"]
     must_be_drawable(picture, given["overwrite"])
     reading = _some(given, READING)
@@ -173,7 +173,7 @@ def compare_methods(given: Given) -> None:
 
 
 def compare_flows(given: Given) -> None:
-    """Compare four flows on a depth image at equal smoothness: 3D, along normals, graph of z, along rays."""
+    """Compare four flows on a depth image at equal smoothness: in 3D, along normals, along z, along rays."""
     source, camera, picture = given["source"], given["camera"], given["picture"]
     must_be_drawable(picture, given["overwrite"])
     depths, cam, notes = _depths(source, camera, given["depth_scale"])

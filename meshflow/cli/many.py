@@ -205,11 +205,11 @@ def _must_be_of_many(given: Given, paths: Sequence[Path]) -> None:
     whole(given["jobs"], "jobs", 1)
     for name in ("picture", "report", "removed", "uncertainty"):
         if given[name] is not None:
-            raise InputError(f"--{name}: of one file, not of several; leave it out")
+            raise InputError(f"--{name}: only for a single file; leave it out")
     if STDIN in paths:
         raise InputError("-: stdin is one file; with --output name files")
     if given["output"].exists() and not given["output"].is_dir():
-        raise FormatError(f"{given['output']} is no folder; --output names one")
+        raise FormatError(f"{given['output']} is not a folder; --output expects one")
 
 
 def _targets(sources: Sequence[Path], folder: Path) -> Iterator[Path | str]:
@@ -223,7 +223,7 @@ def _targets(sources: Sequence[Path], folder: Path) -> Iterator[Path | str]:
         if target in taken:
             yield f"{source.name}: {taken[target]} is written under the same name; give them folders of their own"
         elif target.exists() and source.exists() and target.samefile(source):
-            yield f"{source.name}: it is in the folder of --output itself; name another one"
+            yield f"{source.name}: it is in the output folder itself; choose another folder"
         else:
             taken[target] = source
             yield target

@@ -41,7 +41,7 @@ def smooth_store(given: Given) -> Told:
     source, target = (_place(given, name) for name in ("source", "target"))
     for name in ELSEWHERE:
         if given[name] not in (None, [], ()):
-            raise InputError(f"{name}: not of a Zarr store; leave it out")
+            raise InputError(f"{name}: not for a Zarr store; leave it out")
     if source.store.resolve() == target.store.resolve():
         raise InputError(f"{target}: it is the input; name another store")
     must_be_free(target.store, given["overwrite"])
@@ -49,7 +49,7 @@ def smooth_store(given: Given) -> Told:
     further = further_dimensions(data)
     if further and given["slices"] is None:
         raise InputError(
-            f"{source} has more than rows and columns: {', '.join(map(str, further))}; say how: --slices each or --slices alike"
+            f"{source} has further dimensions: {', '.join(map(str, further))}; choose --slices each or --slices alike"
         )
     word, suiting = given["method"], words_for(points=False)
     request = asked(given, plain_sample, suiting)

@@ -25,14 +25,14 @@ __all__ = ["methods_table", "options_table"]
 
 
 def methods_table(json: bool, markdown: bool) -> None:
-    """Print the methods: name, paper, what they move, options, what they are, when to take them, and what they conserve."""
+    """Print the methods: name, paper, what they move, options, what they are, when to use them, and what they conserve."""
     rows = []
     for word, kind in METHODS.items():
         if not isinstance(kind, type):
             continue
         names = ", ".join(f"--{o.flag}" for o in _used(kind) if o.has_flag)
         text = inspect.getdoc(kind) or ""
-        taken = re.search(r"Take\s+it .*?(?=\n\n|\Z)", text, re.DOTALL)
+        taken = re.search(r"Use\s+it .*?(?=\n\n|\Z)", text, re.DOTALL)
         what, when = _plain(text.split("\n\n")[0]), _plain(taken.group() if taken else "")
         conserves = getattr(kind, "conserves", "")
         rows.append((word, ", ".join(papers_of(kind)), _moved(kind), names, what, when, conserves))

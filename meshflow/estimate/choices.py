@@ -26,7 +26,8 @@ __all__ = [
 
 HARM = "data left unchanged: every method was estimated to increase the error"
 UNSURE = (
-    "data left unchanged: no method lowers the error by more than its estimate may be wrong; give a method to smooth it"
+    "data left unchanged: no method lowers the estimated error by more than its uncertainty; name a method to smooth it "
+    "anyway"
 )
 
 

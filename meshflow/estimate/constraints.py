@@ -52,8 +52,8 @@ class Fixed:
 
     mask: PerSample = option(
         MISSING,
-        "Mask, not zero where samples do not move: a raster, picture, .npy, vertex attribute, or (in the shell) an expression, "
-        "'z > 2'.",
+        "Samples that must not move: a mask, non-zero where they stay (a raster, picture, .npy file or vertex "
+        "attribute); in the shell also an expression such as 'z > 2'.",
         flag="fixed",
     )
 
@@ -68,8 +68,8 @@ class Mask:
 
     mask: PerSample = option(
         MISSING,
-        "Mask, not zero where samples may move: a raster, picture, .npy, vertex attribute, or (in the shell) an expression, "
-        "'sphere(0,0,0,5)'.",
+        "Samples that may move: a mask, non-zero where they may (a raster, picture, .npy file or vertex attribute); in "
+        "the shell also an expression such as 'sphere(0,0,0,5)'.",
         flag="mask",
     )
 
@@ -88,8 +88,8 @@ class MaxChange:
 
     most: PerSample = option(
         MISSING,
-        "Largest change of a sample: a number, a raster or .npy, the name of a vertex attribute, or 'step': half the step of "
-        "quantized data. Default: half the quantum where rounding is the noise, else none.",
+        "Largest change of a sample: a number, a raster or .npy file, the name of a vertex attribute, or 'step' for "
+        "half the step of quantized data. Default: half the step if rounding is the noise, else none.",
         "unit of the values",
         "max-change",
     )
@@ -111,7 +111,7 @@ class DataWeights:
 
     weights: PerSample = option(
         MISSING,
-        "Weights of a fidelity term, 1 / variance: a number, a raster or .npy of them, or the name of a vertex attribute.",
+        "Weights of a fidelity term, 1 / variance: a number, a raster or .npy file, or the name of a vertex attribute.",
         "1 / squared value",
         "data-weights",
     )
@@ -130,7 +130,8 @@ class Mobility:
 
     mobility: PerSample = option(
         MISSING,
-        "Factor on the rate of samples, 0 (fixed) to 1 (free): a number, a raster or .npy, or a vertex attribute.",
+        "Factor on the rate of each sample, from 0 (fixed) to 1 (free): a number, a raster or .npy file, or the name of "
+        "a vertex attribute.",
         flag="mobility",
     )
 
@@ -162,7 +163,10 @@ class MinComponent:
     """Components of a range image of fewer samples are dropped."""
 
     samples: int = option(
-        1, "Drop components of a range image of fewer samples. Default: none.", "samples", "min-component"
+        1,
+        "Remove components of a range image that have fewer samples than this. Default: none.",
+        "samples",
+        "min-component",
     )
 
     def __post_init__(self) -> None:

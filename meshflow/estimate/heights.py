@@ -258,7 +258,7 @@ def _searched_along(plan: Plan, data: RangeImage, sigma: np.ndarray) -> Plan:
     search = GridSearch(made, False, sigma[None], end, (plan.twicing,), speed=speed, threads=request.compute.workers)
     found = searched_on_grid(grid, search)
     if not found.candidates:
-        return plan.with_({"time": Decided("default", "no estimate can be believed")}, time=end or 0.0, idle=UNSURE)
+        return plan.with_({"time": Decided("default", "no estimate is reliable")}, time=end or 0.0, idle=UNSURE)
     candidates = found.candidates
     least = candidates[0].least[0] if found.better else 0.0
     time, when = timed(request, least, Decided("estimated", "least estimated risk"))

@@ -170,7 +170,7 @@ def _of_lines(noise: Noise) -> tuple[str, ...]:
     """
     found = (("rows", noise.lines.rows), ("columns", noise.lines.columns))
     return tuple(
-        f"{lines} are shifted against each other by {size:.3g} (rms), as scan lines are: level={lines!r} levels them"
+        f"{lines} are shifted against each other by {size:.3g} (rms), as in scan lines: level={lines!r} levels them"
         for lines, size in found
         if size > 0.5 * noise.quantum
     )
@@ -302,7 +302,10 @@ def excessive(data: Data, request: Request, noise: Noise) -> tuple[str, ...]:
     if sigma <= most or most == 0:  # of equal values, and where none is known yet, nothing can be said
         return ()
     if request.noise is None:
-        given, doubt = f"strength {request.strength:g} times noise {noise.sigma:.4g}", "little but a mean is left"
+        given, doubt = (
+            f"strength {request.strength:g} times noise {noise.sigma:.4g}",
+            "little more than the mean remains",
+        )
     else:
         given, doubt = f"noise {sigma:.4g}", "is it in their unit?"
     return (f"{given}: more than the largest difference of the values, {most:.4g}; {doubt}",)

@@ -121,7 +121,7 @@ def _curved(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         decided["time"] = Decided("default", f"{much:g} squared edges")
     if request.named:
         words = f"method {request.heights.word}"
-        useless = f"{words}: no effect where points move; this was mean curvature flow, method curvature"
+        useless = f"{words}: no effect where points move; mean curvature flow, method curvature, was used"
         plan = replace(plan, warnings=(*plan.warnings, useless))
     preserve = request.constraints.preserve or _preserved(data, request, method)
     decided["preserve"] = GIVEN if request.constraints.preserve else Decided()
@@ -189,7 +189,8 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
     """The plan for the normal filter or a fairing."""
     if request.weighted:
         raise InputError(
-            "data weights pull at the curvature flow of a mesh only; give method='curvature', or Fixed and MaxChange"
+            "data weights work only with the curvature flow where the points of a mesh move; give method='curvature', or Fixed "
+            "and MaxChange"
         )
     methods, setting, timed = _methods(data, request, noise.sigma), _setting(request), request.until_time
     lift = Lift(1.0, request.compute.diagonals, request.rim)
@@ -224,7 +225,7 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
             )
     if found and request.constraints.max_change is None:
         most = (MOST if _of_points(noise).kurtosis <= IMPULSIVE else MOST_OF_IMPULSES) * request.strength
-        why = Decided("estimated", f"{most:g} sigma; what is farther is no noise")
+        why = Decided("estimated", f"{most:g} sigma; larger changes are not noise")
         plan = plan.with_({"max_change": why}, max_change=most * noise.sigma)
     if found and time > 0 and preserve is None and mobility is None and _along(request) == "all":
         plan = plan.with_({"offsets": RECENTRED}, recentred=True)

@@ -138,7 +138,7 @@ def _of_constraints(plan: Plan) -> dict[str, Parameter]:
         found["mask"] = _counted(truth_of(np.asarray(asked.mask)), "may move")
     if asked.mobility is not None:
         mobility = float(asked.mobility) if np.ndim(asked.mobility) == 0 else "one per sample"
-        found["mobility"] = Parameter(mobility, "", "given", "0 stays, 1 goes freely")
+        found["mobility"] = Parameter(mobility, "", "given", "0 fixed, 1 free")
     if plan.stays is not None and plan.stays.any():
         found["fixed"] = _counted(plan.stays, "stay")
     if plan.preserve is not None:

@@ -40,43 +40,47 @@ class Request:
     method: Method | None = None
     time: float | None = option(
         None,
-        "Time of the flow: m² for a terrain, pixels² for an image, pixel footprints² for a range image. Default: from the "
-        "data.",
+        "Time of the flow, a squared length: m² for a terrain, pixels² for an image, pixel footprints² for a range "
+        "image. Default: from the data.",
         "squared length",
     )
     scale: float | None = option(
         None,
-        "Instead of time: the standard deviation of the Gaussian that the flow equals on flat data; time = scale²/2.",
+        "In place of time: the standard deviation of the Gaussian filter with the same effect on flat data. time = "
+        "scale²/2.",
         "length",
     )
-    strength: float = option(1.0, "Factor on the noise: above 1 more is removed, below 1 less.")
+    strength: float = option(1.0, "Factor on the noise. Above 1 more is removed, below 1 less.")
     noise: float | None = option(None, "Standard deviation of the noise. Default: estimated.", "unit of the values")
     steps: int | None = None
     stops: tuple[Stop, ...] = ()
     constraints: Constraints = Constraints()
     boundary: BoundaryWord | None = option(
         None,
-        "plane-preserving: tilted planes do not move at borders and holes; neumann: no flux; fixed: borders stay; border-curve: "
-        "borders of a mesh move by their own curvature. Default: neumann for images, else plane-preserving.",
+        "plane-preserving: tilted planes do not change at borders and holes. neumann: no flux. fixed: borders stay. "
+        "border-curve: the borders of a mesh move by their own curvature. Default: neumann for images, else "
+        "plane-preserving.",
     )
     domain: Domain = option(
         "auto",
-        "Where the values are smoothed. length: as they are; depths move along their rays. disparity: inverse depths, in "
-        "which planes stay planes, and stereo and structured light have uniform noise; luv, lab, linear-rgb: colours in CIE "
-        "L*u*v* or L*a*b*, where distances are those of the eye, or in linear light; stabilized: values with the same noise "
-        "at every intensity, for photon noise the square root; magnitudes: likewise for those of magnetic resonance in a "
-        "volume, without the bias of Rice. auto: disparity for the depths of a pinhole, unless a method, "
-        "a time, a stop, a boundary or data weights are given; stabilized for images whose noise depends on the intensity, "
-        "and magnitudes for volumes whose air is that of magnitudes, unless a method, a time, a stop, a noise, a largest "
-        "change or data weights are given; else length. The noise and the "
-        "largest change of depths are given in depths in both.",
+        "The values in which the data is smoothed. length: as they are (depths along their rays). disparity: inverse "
+        "depths, for stereo and structured light; planes stay planes. luv, lab: colours in CIE L*u*v* or L*a*b*. "
+        "linear-rgb: colours in linear light. stabilized: values with the same noise at every intensity, for photon "
+        "noise. magnitudes: the same for MRI magnitudes in a volume; it also removes their Rician bias. auto: disparity "
+        "for depths of a pinhole camera, stabilized for images whose noise depends on the intensity, magnitudes for "
+        "volumes with the noise of magnitudes in the air, else length. A method, a time, a stop or data weights switch "
+        "auto off; so does, for depths, a boundary, and for the others, a noise or a largest change. The noise and the "
+        "largest change of depths are always given in depths.",
     )
     outliers: OutlierWord | None = option(
         None,
-        "Outliers (undeclared nodata, impulses, spikes): keep leaves them out of the flow and unchanged, repair replaces them "
-        "from their neighbours, include takes them as data. Default: repair single ones of images, else keep.",
+        "Outliers: undeclared nodata, impulses, spikes. keep excludes them from the flow and leaves them unchanged. "
+        "repair replaces them from their neighbours. include treats them as data. Default: repair for single ones in "
+        "images, else keep.",
     )
-    level: Level | None = option(None, "Remove offsets of rows or columns, as scan lines have them. Default: none.")
+    level: Level | None = option(
+        None, "Remove offsets of rows or columns, as line scanners produce them. Default: none."
+    )
     compute: Compute = Compute()
 
     def __post_init__(self) -> None:

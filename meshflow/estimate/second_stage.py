@@ -70,7 +70,7 @@ def with_second_stage(plan: Plan) -> Plan:
     data, request, asked = plan.data, plan.request, plan.request.heights.second_stage
     on_grid = isinstance(data, (HeightField, Image, Volume))
     if asked and not on_grid:
-        raise InputError(f"second_stage: of height fields, images and volumes only, got {type(data).__name__}")
+        raise InputError(f"second_stage: only for height fields, images and volumes, got {type(data).__name__}")
     if asked and (plan.mobility is not None or plan.pull is not None):
         raise InputError("second_stage: not possible with mobility or data weights; leave it out")
     if (

@@ -188,7 +188,8 @@ def _must_be_without(given: str, request: Request) -> None:
     """
     if given:
         raise InputError(
-            f"domain={request.domain!r}: {given} is in the unit of the values, which are others there; leave one of both out"
+            f"domain={request.domain!r}: {given} is in the unit of the original values, which this domain transforms; leave "
+            "one of them out"
         )
 
 

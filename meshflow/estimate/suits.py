@@ -31,11 +31,13 @@ def must_suit(data: Data, request: Request) -> None:
         ("domain='disparity'", request.domain == "disparity"),
     ):
         if given and not isinstance(data, RangeImage):
-            raise InputError(f"{word}: of range images only, got {kind}")
+            raise InputError(f"{word}: only for range images, got {kind}")
     if request.compute.diagonals != Compute().diagonals and isinstance(data, Mesh):
-        raise InputError(f"diagonals: of grids, whose cells become triangles; got {kind}, which has its own triangles")
+        raise InputError(
+            f"diagonals: only for grids, whose cells are cut into triangles; got {kind}, which has its own triangles"
+        )
     if request.level is not None and isinstance(data, (Mesh, RangeImage)):
-        raise InputError(f"level: of height fields and images only, got {kind}")
+        raise InputError(f"level: only for height fields and images, got {kind}")
     if request.outliers is not None and (
         isinstance(data, RangeImage) or (isinstance(data, Mesh) and data.moves != "channels")
     ):
@@ -44,11 +46,11 @@ def must_suit(data: Data, request: Request) -> None:
             f"{'a mesh whose points move' if isinstance(data, Mesh) else kind}"
         )
     if request.domain == "magnitudes":
-        raise InputError(f"domain='magnitudes': of volumes only, got {kind}")
+        raise InputError(f"domain='magnitudes': only for volumes, got {kind}")
     if request.domain == "stabilized" and not isinstance(data, (HeightField, Image)):
-        raise InputError(f"domain='stabilized': of height fields and images only, got {kind}")
+        raise InputError(f"domain='stabilized': only for height fields and images, got {kind}")
     if request.compute.triangles == "clamped" and not isinstance(data, Mesh):
-        raise InputError(f"triangles: of meshes only, got {kind}")
+        raise InputError(f"triangles: only for meshes, got {kind}")
     _must_be_defined(data, request)
     if isinstance(data, Mesh) and data.moves != "channels":
         return
@@ -76,7 +78,7 @@ def _must_be_defined(data: Data, request: Request) -> None:
         return
     moving = isinstance(data, Mesh) and data.moves != "channels"
     if isinstance(data, Mesh) and data.moves == "points" and not isinstance(method, (Search, *MEAN_CURVATURE)):
-        why = "of values above a base, got points that move"
+        why = "only for heights, images and channels, got points that move"
     else:
         why = (method.variant if moving else method).misfit(rays, not isinstance(data, Mesh))
     if not why:

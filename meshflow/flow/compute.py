@@ -24,19 +24,21 @@ class Compute:
     """
 
     stepper: Stepper | StepperName = option("auto", "The time stepper.")
-    dt: float | None = option(None, "Length of a step. Default: chosen for the stepper.", "squared length")
+    dt: float | None = option(None, "Length of a time step. Default: chosen for the stepper.", "squared length")
     control: FixedStep | AreaChange | Embedded | None = option(
-        None, "Control of the step lengths, instead of dt.", flag="-"
+        None, "Control of the step lengths, in place of dt.", flag="-"
     )
     threads: int | None = option(None, "Number of threads. Default: one per core.")
     diagonals: Diagonals = option("alternate", "Diagonals that divide the cells of a grid into triangles.")
     triangles: Triangles = option(
         "auto",
-        "Cotangents of a mesh: those of its triangles, of its intrinsic Delaunay triangulation, or clamped to weights of zero "
-        "or more, so that no value leaves its range.",
+        "Which triangles of a mesh give the cotangents: its own (given), or those of its intrinsic Delaunay "
+        "triangulation. clamped sets negative weights to zero, so that no value leaves its range.",
     )
     search: bool | None = option(
-        None, "Search for options that are not given; without it they follow a rule. Default: yes, except for depth."
+        None,
+        "Search for the options that you do not give. Without a search they follow a rule. Default: yes, except for "
+        "depth.",
     )
 
     def __post_init__(self) -> None:

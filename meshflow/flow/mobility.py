@@ -35,7 +35,7 @@ def speed_of(given: Any, shape: tuple[int, ...]) -> Array:
         raise InputError(f"mobility: a number, or one per sample, shape {shape}, expected, got {values.shape}")
     if not ((values >= 0) & (values <= 1)).all():
         bad = values[~((values >= 0) & (values <= 1))].flat[0]
-        raise InputError(f"mobility: numbers between 0 (stays) and 1 (goes as it would) expected, got {bad}")
+        raise InputError(f"mobility: numbers between 0 (fixed) and 1 (free) expected, got {bad}")
     return values
 
 

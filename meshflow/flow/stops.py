@@ -93,7 +93,10 @@ class Residual:
     """
 
     share: float = option(
-        0.9, "Stop when the rms change is this share of the noise; 0.9 is near the best.", "of the noise", "residual"
+        0.9,
+        "Stop when the rms change is this share of the noise. Values near 0.9 are best.",
+        "of the noise",
+        "residual",
     )
 
     def __post_init__(self) -> None:
@@ -132,7 +135,7 @@ class AreaLoss:
     :param share: in (0, 1).
     """
 
-    share: float = option(0.01, "Stop when this share of the area is lost.", "of the area", "area-loss")
+    share: float = option(0.01, "Stop when this share of the area has been lost.", "of the area", "area-loss")
 
     def __post_init__(self) -> None:
         if positive(self.share, "area_loss", "shares of the area") >= 1:

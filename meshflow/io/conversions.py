@@ -175,7 +175,7 @@ def _save_obj(scene: trimesh.Scene, meshes: list[trimesh.Trimesh], path: Path, t
         content = content if isinstance(content, bytes) else str(content).encode()
         if beside.exists() and beside.read_bytes() != content:
             raise FormatError(
-                f"{beside} is there and differs from what belongs to {target.name}; write to another folder"
+                f"{beside} exists and differs from what belongs to {target.name}; write to another folder"
             )
         beside.write_bytes(content)
     path.write_text(text)

@@ -111,12 +111,12 @@ def to_mesh(
     seen = data_from(image, (RangeImage, HeightField, Image), "to_mesh")
     if not isinstance(seen, RangeImage):
         if colours is not None:
-            raise InputError(f"colours: of range images only, got {type(seen).__name__}")
+            raise InputError(f"colours: only for range images, got {type(seen).__name__}")
         mesh = mesh_of_grid(seen, every)
         attributes: Any = {} if mesh.channels is None else {"channels": mesh.channels}
         return trimesh.Trimesh(mesh.points, mesh.faces, process=False, vertex_attributes=attributes)
     if every != 1:
-        raise InputError(f"every: of height fields and images only, got {every} for a range image")
+        raise InputError(f"every: only for height fields and images, got {every} for a range image")
     points, faces, paint = _parts(seen, colours)
     return trimesh.Trimesh(points, faces, vertex_colors=paint, process=False)
 

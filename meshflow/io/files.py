@@ -362,7 +362,7 @@ def writable(document: Document, path: str | Path, *, overwrite: bool = False, *
     path = Path(path)
     must_be_free(path, overwrite)
     if not path.parent.is_dir():
-        raise FormatError(f"{path.parent} is no folder; make it first")
+        raise FormatError(f"{path.parent} is not a folder; create it first")
     named = options.get("driver") is not None
     suffix = ".tif" if named else suffix_of(path)
     for entry in (FORMATS[-1],) if named or options.get("creation") else FORMATS:  # GDAL writes: it is a raster

@@ -143,7 +143,7 @@ def on_ground(crs: "CRS", x: float, y: Array, dx: float, dy: float) -> tuple[Spa
     if not (np.isfinite(across).all() and np.isfinite(along).all() and across.min() > 0 and along.min() > 0):
         return (dx, dy), (f"{_TOLD} were not corrected: it reaches beyond the map",)
     low, high = across.min() / dx, across.max() / dx
-    note = f"{_TOLD} became those on the ground, {low:.4g} to {high:.4g} of them by row"
+    note = f"{_TOLD} became those on the ground, {low:.4g} to {high:.4g} of them, depending on the row"
     if along.max() <= 1.1 * along.min():
         return (across, float(along[h // 2])), (Fact(note),)
     note += (

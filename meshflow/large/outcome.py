@@ -135,7 +135,7 @@ class Outcome:
         if self.run.found.idle is not None:
             return self.stopped_because
         unit, noise = self._unit, self.noise.sigma
-        removed = "what is removed is known once it is computed,"
+        removed = "what is removed is known after the computation,"
         if self.removed is not None:
             removed = f"removed rms {self.removed.rms:.4g}{unit}"
         return f"{self.stopped_because}; {chosen_in(self.parameters)}{removed} of noise {noise:.4g}{unit}"

@@ -68,7 +68,7 @@ def must_be_writable(target: Path, writing: Output) -> None:
                 f"{path.name}: a .tif, .img, .nc or .gpkg is written by windows, got {path.suffix or 'no extension'}"
             )
         if not path.parent.is_dir():
-            raise FormatError(f"{path.parent} is no folder; make it first")
+            raise FormatError(f"{path.parent} is not a folder; create it first")
     must_be_apart(target, writing.sides)
 
 
@@ -155,7 +155,7 @@ def stored_as(reader: RasterReader, census: Census, path: Path, writing: Output)
     if whole:
         step = frame.scales[0] if frame.scaled else 1
         notes += (
-            f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps what was gained",
+            f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps the smoothed values",
         )
     some_gone = census.present < reader.shape[0] * reader.shape[1]
     if frame.nodata is None and (not some_gone or (reader.alpha is not None and whole)):

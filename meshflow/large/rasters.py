@@ -171,8 +171,8 @@ def _must_be_alike(source: Gridded, sample: Sample, options: ReadOptions) -> Non
     unlike = unlike_bands(values, replace(source.reader.frame, gone=gone))
     if unlike:
         raise InputError(
-            f"{source.reader.path.name}: {len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}); by windows choose "
-            "one (band=1), or smooth them together (kind='image')"
+            f"{source.reader.path.name}: {len(unlike)} bands of different size or unit ({', '.join(unlike[:6])}); in windows "
+            "choose one (band=1), or smooth them together (kind='image')"
         )
 
 

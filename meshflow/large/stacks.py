@@ -177,7 +177,7 @@ def _run_of(slices: list["DataArray"], request: Request, options: ReadOptions) -
     samples = [_sample_of(part, options, ENOUGH // count) for part in some]
     form, whole = samples[0][0], len(some) == len(slices) and all(sample.is_whole for _, sample in samples)
     run = windowed(form, _side_by_side(form, [sample for _, sample in samples]), request)
-    said = () if whole else (f"noise and choice are from {len(some)} of {len(slices)} slices",)
+    said = () if whole else (f"noise and method were found on {len(some)} of {len(slices)} slices",)
     return replace(run, warnings=(*run.warnings, *said))
 
 

@@ -98,7 +98,7 @@ def _must_be_writable(target: Path, writing: Output) -> None:
     :raises InputError: for the expected error, which volumes do not have.
     """
     if writing.uncertainty is not None:
-        raise InputError("expected error: only of height fields and images that were smoothed as one")
+        raise InputError("expected error: only for height fields and images that were smoothed as a whole")
     if writing.driver is not None or writing.creation:
         raise FormatError("driver, creation: of rasters; leave them out for a volume")
     for path in (target, *writing.sides.values()):
@@ -109,7 +109,7 @@ def _must_be_writable(target: Path, writing: Output) -> None:
                 f"{path.name}: a volume is written by windows as {known}, got {path.suffix or 'no extension'}"
             )
         if not path.parent.is_dir():
-            raise FormatError(f"{path.parent} is no folder; make it first")
+            raise FormatError(f"{path.parent} is not a folder; create it first")
     must_be_apart(target, writing.sides)
 
 

@@ -293,7 +293,7 @@ def windowed(form: Form, sample: Sample, request: Request, most_weight: float | 
     if not sample.is_whole:
         share = sample.data.missing.size / form.samples
         found = replace(found, warnings=_of_tiles(found))
-        warnings += (f"noise and choice are from tiles spread over the whole, {share:.1%} of it",)
+        warnings += (f"noise and method were found on tiles spread over the whole, {share:.1%} of it",)
     whole, cleaning = _whole_of(form, found), AS_DATA if found.preparation is None else found.preparation.cleaning
     found = replace(found, most_pull=_most_pull(found, request, most_weight))
     bare = replace(found, whole=whole, preparation=None)
@@ -383,7 +383,7 @@ def _found(form: Form, data: OnGrid, request: Request) -> tuple[Plan, tuple[str,
 def _of_tiles(found: Plan) -> tuple[str, ...]:
     """The warnings of a plan; those on outliers and level regions count what is in the tiles."""
     counted = () if found.preparation is None else found.preparation.warnings(found.idle is not None)
-    return tuple(f"of the tiles looked at: {word}" if word in counted else word for word in found.warnings)
+    return tuple(f"in the tiles that were used: {word}" if word in counted else word for word in found.warnings)
 
 
 def _uniform(plan: Plan) -> bool:

@@ -50,8 +50,8 @@ def of_excess(before: Data, done: Data, plan: Plan) -> tuple[str, ...]:
     if times < EXCESS:
         return ()
     return (
-        f"{times:.1f} times the noise was removed: for this method the mesh is coarse, and its shape went, too; a smaller time "
-        "keeps more, and so does no method",
+        f"{times:.1f} times the noise was removed: the mesh is too coarse for this method, which removed a part of its shape; a "
+        "smaller time keeps more, and so does no method",
     )
 
 
@@ -70,8 +70,8 @@ def of_lag(plan: Plan, end: State) -> tuple[str, ...]:
     if isinstance(plan.data, Mesh) or method.once:
         return ()
     return (
-        "explicit steps would be too many, and implicit ones were taken, in which steep edges lag behind; a smaller contrast or "
-        "time allows others, and stepper='super-time' takes them however many",
+        "too many explicit steps would be needed, so implicit ones were taken, in which steep edges lag behind; a smaller "
+        "contrast or time allows others, and stepper='super-time' takes them however many there are",
     )
 
 
@@ -84,4 +84,4 @@ def of_lone_samples(engine: GridFlow, plan: Plan) -> tuple[str, ...]:
     if lone <= max(ALONE, ALONE_SHARE * size):
         return ()
     cut = ", cut off by discontinuities or by missing samples" if rays or engine.grid.cuts is not None else ""
-    return (f"{lone} of {size} samples have no triangle{cut}: they stay as they are",)
+    return (f"{lone} of {size} samples have no triangle{cut}: they do not change",)

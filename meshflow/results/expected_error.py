@@ -60,10 +60,10 @@ def must_have_error(plan: Plan | None) -> tuple[Plan, HeightField | Image]:
     :raises InputError: it says why.
     """
     if plan is None or not isinstance(plan.data, (HeightField, Image)):
-        raise InputError("expected error: only of height fields and images that were smoothed as one")
+        raise InputError("expected error: only for height fields and images that were smoothed as a whole")
     if isinstance(plan.method, LeastBending):
         raise InputError(
-            "expected error: not of quantized data, whose rounding is the noise; it is at most half a step"
+            "expected error: not for quantized data, whose noise is rounding; the error is at most half a step"
         )
     return plan, plan.data
 
@@ -124,7 +124,7 @@ class _Rerun:
         """The smoothed values."""
         plan, after = self.plan, self.after
         if plan.preparation is None or not isinstance(after, (HeightField, Image)):
-            raise InputError("expected error: of height fields and images")
+            raise InputError("expected error: only for height fields and images")
         if plan.preparation.level is not None:  # they have no noise
             level = plan.preparation.level
             values = np.where(level if values.ndim == 2 else level[..., None], array_of(after), values)

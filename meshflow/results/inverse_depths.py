@@ -72,7 +72,7 @@ def in_inverse_depths(data: RangeImage, request: Request, progress: Progress, re
         about = planned(data, Request(time=0.0, noise=request.noise, constraints=small))
         cleared, noise = about.data, about.noise
         if not isinstance(cleared, RangeImage):
-            raise InputError(f"domain: of range images only, got {type(data).__name__}")
+            raise InputError(f"domain: only for range images, got {type(data).__name__}")
         if noise.sigma == 0 and chosen:
             return carried_out(planned(data, request), data, progress, record)
         squares = _squares(cleared)

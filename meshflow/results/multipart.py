@@ -51,7 +51,7 @@ class Results(Mapping[str, Result]):
     @property
     def stopped_because(self) -> str:
         """A sentence with the number of parts."""
-        return f"{len(self)} parts, each smoothed as if it were alone"
+        return f"{len(self)} parts, each smoothed separately"
 
     @property
     def summary(self) -> str:

@@ -225,7 +225,7 @@ def _without_harm(data: Data, done: Data, plan: Plan) -> tuple[Data, tuple[str, 
     points, less = moved_without_harm(data.points, done.points, done.faces, _free(plan, done) == 0)
     if less and plan.request.constraints.max_change is not None and (limit := plan.limit(data.points)) is not None:
         points = limit.hold(points)
-    said = f"{less} of {len(points)} points were moved otherwise than by the method alone, which would fold or cross the surface"
+    said = f"{less} of {len(points)} points were moved differently from the method, to avoid folds and crossings of the surface"
     return replace(done, points=points), (said,) if less else ()
 
 

@@ -140,7 +140,7 @@ def risks(curves: tuple[Curve, ...], time: float, units: tuple[str, str]) -> Cha
         _legend(axes, "best")
         _labelled_below(axes, labelled("time", units[0]))
 
-    return Chart("what the search expected", f"expected errors of {len(curves)} candidates over time", draw)
+    return Chart("what the search estimated", f"expected errors of {len(curves)} candidates over time", draw)
 
 
 def bar(axes: "Axes", scale: Scale) -> None:

@@ -125,7 +125,7 @@ def geometry_of(
             view = side_view() if seen == "side" else camera_view()
     if len(faces) == 0:
         what = type(data).__name__
-        raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, so much is missing")
+        raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, too much is missing")
     used = np.zeros(len(points), bool)
     used[faces] = True
     samples, place = np.flatnonzero(used), np.cumsum(used) - 1

@@ -193,7 +193,7 @@ def writable(path: str | Path, formats: tuple[str, ...] = _FORMATS, overwrite: b
     if target.is_dir():
         raise FormatError(f"{target} is a folder; name a file in it")
     if not target.parent.is_dir():
-        raise FormatError(f"{target}: the folder {target.parent} is not there; make it first")
+        raise FormatError(f"{target}: the folder {target.parent} does not exist; create it first")
     must_be_free(target, overwrite)
     return target
 

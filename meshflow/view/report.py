@@ -113,7 +113,7 @@ def writable(path: str | Path, overwrite: bool) -> Path:
     if target.is_dir():
         raise FormatError(f"{target} is a folder; name a file in it")
     if not target.parent.is_dir():
-        raise FormatError(f"{target}: the folder {target.parent} is not there; make it first")
+        raise FormatError(f"{target}: the folder {target.parent} does not exist; create it first")
     must_be_free(target, overwrite)
     return target
 
@@ -131,7 +131,7 @@ def _page(findings: Findings) -> str:
         "<meta name='viewport' content='width=device-width, initial-scale=1'>",
         f"<style>{_STYLE}</style></head>\n<body>\n<h1>{title}</h1>",
         *rows, notes,
-        f"<h2>How it went</h2>\n<table>{_facts(findings)}</table>",
+        f"<h2>Summary</h2>\n<table>{_facts(findings)}</table>",
         f"<div class='row of{len(findings.charts)}' style='margin-top: 1rem'>{charts}</div>",
         f"<h2>Parameters</h2>\n<div class='wide'><table class='all'><thead><tr>{head}</tr></thead>",
         f"<tbody>{table}</tbody></table></div>\n</body>\n</html>\n",

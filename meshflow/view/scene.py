@@ -145,7 +145,7 @@ def of_one(
     if plain and look.colours is not None:
         raise InputError(f"colours {look.colours!r}: nothing is shown as colour; say what, by quantity or scalars")
     if look.own_colours and not plain:
-        raise InputError("own_colours: own colours and numbers as colours cannot be shown together; leave one out")
+        raise InputError("own_colours: own colours cannot be shown together with numbers as colours; leave one out")
     surface, notes = taken(data, look.own_colours)
     scale = None if scalars is None else _scale(surface, scalars, look.unit)
     scale = showing(measured(surface, quantity, look.contrast)) if quantity is not None else scale

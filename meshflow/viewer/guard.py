@@ -160,7 +160,7 @@ def guard_protocol(
             """Accept what a client may set; the rest is not sent to other clients."""
             accepted, others = sifted(changes, rules())
             if others:
-                _log.warning("refused of a client: %s", ", ".join(sorted(others)))
+                _log.warning("refused from a client: %s", ", ".join(sorted(others)))
                 with self.server.state:
                     refused(others)
             if accepted:
@@ -175,11 +175,11 @@ def guard_protocol(
         @register("application.exit")
         def exit(self, *_: object) -> None:
             """A page does not end the process; Ctrl-C does."""
-            _log.warning("refused of a client: application.exit")
+            _log.warning("refused from a client: application.exit")
 
         @register("application.exit.later")
         def exitLater(self, *_: object) -> None:  # noqa: N802 - the name in wslink
             """A page does not end the process; Ctrl-C does."""
-            _log.warning("refused of a client: application.exit.later")
+            _log.warning("refused from a client: application.exit.later")
 
     protocol.__class__ = Guarded

@@ -97,7 +97,7 @@ class Session:
             raise InputError("view: the slider says when to stop; leave out steps, residual, area_loss, displacement")
         plan = plan_of_flow(data, request)
         if plan.idle is not None:
-            raise InputError(f"view: nothing to look at, {plan.idle}")
+            raise InputError(f"view: nothing to show, {plan.idle}")
         if not plan.time:
             raise InputError("view: a time of 0 shows one state; give a time or a scale")
         settled = _settled(plan, request)

@@ -112,7 +112,8 @@ class SampleFlow(Around):
     def __init__(self, grid: Grid, scheme: Scheme, name: str, threads: int | None = None) -> None:
         if grid.lines is not None:
             raise InputError(
-                f"method={name!r}: of height fields and images, got a range image; take domain='disparity', or kind='terrain'"
+                f"method={name!r}: only for height fields and images, got a range image; take domain='disparity', or "
+                "kind='terrain'"
             )
         if np.ndim(grid.spacing[0]) and np.ptp(grid.spacing[0]):
             raise InputError(f"method={name!r}: one spacing for all rows expected; reproject the raster to metres")

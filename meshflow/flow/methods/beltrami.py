@@ -56,24 +56,28 @@ class HeightMethod:
 
     contrast: float | None = option(
         None,
-        "Length per unit of the value: a larger one keeps smaller edges. Default: from the noise.",
+        "Factor on the values: slopes above 1 / contrast count as edges, so a larger contrast keeps weaker edges. "
+        "Default: from the noise.",
         "length per unit",
     )
     twicing: float | None = option(
         None,
-        "Weight w of twicing, 0: none; else the flow goes on to twice the time, and w times what it removes there is "
-        "added to the result, u(t) + w (u(t) - u(2 t)), which restores signal.",
+        "Weight w of twicing, which restores signal. The flow runs on to twice the time, and the result is u(t) + w "
+        "(u(t) - u(2 t)). 0: none.",
         within=(0.0, 1.0),
     )
     second_stage: bool | None = option(
         None,
-        "Filter groups of similar patches after the flow; height fields, images and volumes only. Default: yes where no "
-        "method is named, it lowers the expected error, and the data has at most 2^20 values (2^23 of a volume).",
+        "After the flow, filter groups of similar patches (height fields, images and volumes only). Default: yes if no "
+        "method is named, if it lowers the expected error, and if the data has at most 2^20 values (2^23 for a volume).",
     )
     indicator: Indicator = option(
-        "metric", "How steep places are recognized as edges; without effect where gamma is 0."
+        "metric",
+        "How edges are measured: metric compares areas, projection is equation (10). Without effect if gamma is 0.",
     )
-    mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+    mass: Mass = option(
+        "barycentric", "Area that belongs to a vertex. With ring, as in the paper, time runs three times slower."
+    )
 
     def __post_init__(self) -> None:
         if self.contrast is not None:
@@ -157,7 +161,10 @@ class UnsearchedMethod(HeightMethod):
 def presmoothing_of(sigma: float) -> Any:
     """Declare the Gaussian of a scheme, with its default; a wider one costs more than a run and leaves no edge."""
     return option(
-        sigma, "Standard deviation of the Gaussian before edges are measured.", "samples", within=(0.0, 1000.0)
+        sigma,
+        "Standard deviation of the Gaussian filter that precedes the measurement of edges.",
+        "samples",
+        within=(0.0, 1000.0),
     )
 
 
@@ -170,19 +177,23 @@ class SchemeMethod(UnsearchedMethod):
     def misfit(self, along_rays: bool, on_grid: bool) -> str:
         """Why the method is not defined along rays, or off a grid; empty where it is."""
         got = "a range image" if along_rays else "" if on_grid else "a mesh"
-        return f"of height fields and images, whose samples lie on a grid above a plane; got {got}" if got else ""
+        return f"only for height fields and images, whose samples lie on a plane grid; got {got}" if got else ""
 
     def on_surface(self, surface: Surface, clamped: bool) -> Flow:
         """None.
 
         :raises InputError: always; meshes have no differences between samples.
         """
-        raise InputError(f"method={self.word!r}: of height fields and images, whose samples lie on a grid; got a mesh")
+        raise InputError(
+            f"method={self.word!r}: only for height fields and images, whose samples lie on a grid; got a mesh"
+        )
 
 
 def patch_of(width: float) -> Any:
     """Declare the width of the patches, with its default."""
-    meaning = "Width of the patches; lengths are measured in the space of patches. Grids only."
+    meaning = (
+        "Width of the patches whose difference is the distance between two samples. 0: single samples. Grids only."
+    )
     return option(width, meaning, "samples", within=(0.0, WIDEST))
 
 
@@ -191,7 +202,7 @@ def patch_of(width: float) -> Any:
 class Beltrami(HeightMethod):
     """Beltrami flow (14) [KMS97] [SKM98]; the exponents gamma, sharpness and patch give the other flows of its family.
 
-    Take it as the flow of the paper, or with exponents of your own.
+    Use it as the flow of the paper, or with exponents of your own.
     """
 
     word: ClassVar[str] = "beltrami"
@@ -201,10 +212,10 @@ class Beltrami(HeightMethod):
 
     gamma: float = option(
         0.0,
-        "Exponent of the edge indicator. 0: Beltrami flow; above 0: edges are kept more; -1: mean curvature diffusion; "
-        "-2: graph flow.",
+        "Exponent of the edge indicator. 0 is Beltrami flow, -1 mean curvature diffusion, -2 graph flow; above 0, edges "
+        "are kept more.",
     )
-    sharpness: float = option(1.0, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
+    sharpness: float = option(1.0, "Above 1, less flux crosses edges. 2 with gamma -1 is Perona and Malik.")
     patch: float = patch_of(0.0)
 
     @property
@@ -226,14 +237,16 @@ class MeanCurvatureDiffusion(HeightMethod):
     With ``neumann`` borders the mean of the values is conserved to rounding, each sample weighted by its area on the plane. With
     ``alternate`` this is its mean area in the two triangulations, as with ``both``; where one of them has less than half of the
     other, amid holes, it is 3/4 of the larger. G. Ford, A. El-Fallah, Pattern Recognition Letters 19 (1998), 433-437. Their
-    explicit steps that follow the loss of area (section 5.6) are ``area_steps``. Take it as a gentle flow that needs no exponent.
+    explicit steps that follow the loss of area (section 5.6) are ``area_steps``. Use it as a gentle flow that needs no exponent.
     """
 
     word: ClassVar[str] = "mean-curvature"
     conserves: ClassVar[str] = MEAN
     aliases: ClassVar[tuple[str, ...]] = ("mcd", "fef98")
 
-    area_steps: bool = option(False, "Explicit steps whose length follows the loss of area, as the authors have it.")
+    area_steps: bool = option(
+        False, "Explicit steps whose length follows the loss of area, as El-Fallah and Ford have it."
+    )
 
     @property
     def exponents(self) -> dict[str, float]:
@@ -256,7 +269,7 @@ class MeanCurvatureDiffusion(HeightMethod):
 class GemanMcClure(HeightMethod):
     """Diffusion with the flux grad / W^4, after Geman and McClure: gamma = -1, sharpness 4.
 
-    Take it for plateaus with sharp edges.
+    Use it for plateaus with sharp edges.
     """
 
     word: ClassVar[str] = "geman-mcclure"
@@ -276,7 +289,7 @@ class Heat(HeightMethod):
 
     On a mesh it is the equation of the surface, with the Laplace-Beltrami operator of its points. It has no contrast.
 
-    Take it where a Gaussian is meant.
+    Use it where a Gaussian is meant.
     """
 
     word: ClassVar[str] = "heat"
@@ -306,7 +319,7 @@ class Heat(HeightMethod):
 class Patches(HeightMethod):
     """Beltrami flow with lengths measured between patches, the neighbourhoods of the samples. Grids only.
 
-    Take it for textures and slopes.
+    Use it for textures and slopes.
     """
 
     word: ClassVar[str] = "patches"

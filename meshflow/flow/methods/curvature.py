@@ -23,13 +23,15 @@ __all__ = ["ConformalFlow", "CurvatureFlow", "bordered"]
 class CurvatureFlow(PointMethod):
     """Mean curvature flow [DMSB99], dx/dt = -M^-1 L x. It shrinks the mesh.
 
-    Take it for short times, and where a geometric motion is meant.
+    Use it for short times, and where a geometric motion is meant.
     """
 
     word: ClassVar[str] = "curvature"
     aliases: ClassVar[tuple[str, ...]] = ("curvature-flow",)
 
-    mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+    mass: Mass = option(
+        "barycentric", "Area that belongs to a vertex. With ring, as in the paper, time runs three times slower."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -57,7 +59,7 @@ class CurvatureFlow(PointMethod):
 class ConformalFlow(CurvatureFlow):
     """Conformalized mean curvature flow (Kazhdan, Solomon, Ben-Chen 2012), with the stiffness of the start; for large times.
 
-    Take it for large times, towards a sphere.
+    Use it for large times, towards a sphere.
     """
 
     word: ClassVar[str] = "conformal"

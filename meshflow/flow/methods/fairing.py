@@ -25,7 +25,7 @@ __all__ = ["Fairing"]
 class Fairing(PointMethod):
     """A low-pass filter, 1 / (1 + (t A)^order) of the Laplacian A (:class:`LowPass`); order 1 is implicit fairing [DMSB99].
 
-    Take it for smooth shapes with noise, where there are no creases.
+    Use it for smooth shapes with noise, where there are no creases.
     """
 
     word: ClassVar[str] = "fairing"
@@ -38,16 +38,17 @@ class Fairing(PointMethod):
 
     order: int | None = option(
         None,
-        "1 is implicit fairing, 2 the bi-Laplacian, 20 nearly an ideal low-pass. Without a search: 2.",
+        "Order of the filter: 1 is implicit fairing, 2 the bi-Laplacian, 20 close to an ideal low-pass. Without a "
+        "search: 2.",
         within=(1, 20),
     )
     weights: Weights | None = option(
-        None, "cotangent keeps the sampling, uniform also makes it even. Without a search: cotangent."
+        None, "cotangent keeps the sampling, uniform makes it more even. Without a search: cotangent."
     )
     presmooth: float | None = option(
         None,
-        "The cotangents are those of a copy that a bi-Laplacian filter with uniform weights smooths for this time: those of "
-        "noisy triangles are not those of the surface. Without a search, or with weights: 0.",
+        "Time of a bi-Laplacian filter with uniform weights. The cotangents are measured on a copy that it has "
+        "smoothed, since those of noisy triangles are wrong. Without a search, or with weights: 0.",
         "squared length",
     )
 

@@ -22,7 +22,7 @@ class GraphFlow(HeightMethod):
 
     For one channel it is gamma = -2. For several, ``motion`` is dI^a/dt = g^ij d_i d_j I^a, the true motion of the shape, and
     ``paper`` is (8), (9) as the paper writes it, -(B.B / PB.PB) PB, which for several channels is another one. It smooths edges,
-    too. Take it as a scale space of shapes.
+    too. Use it as a scale space of shapes.
     """
 
     word: ClassVar[str] = "graph"
@@ -30,7 +30,7 @@ class GraphFlow(HeightMethod):
     contrasts: ClassVar[tuple[float, ...]] = (1.0, 2.0)
 
     formula: Literal["motion", "paper"] = option(
-        "motion", "Of several channels: the true motion of the graph, or (8) as the paper has it."
+        "motion", "For several channels: the true motion of the graph, or equation (8) of the paper."
     )
 
     def __post_init__(self) -> None:

@@ -30,14 +30,15 @@ class _AtRest(UnsearchedMethod):
     once: ClassVar[bool] = True
     balance: Literal["noise", "risk"] = option(
         "noise",
-        "Without a time, the weight of the data makes the residual equal to the noise, or is that of least estimated risk.",
+        "How the time is chosen if it is not given: noise makes the residual equal to the noise, risk minimizes the "
+        "estimated error.",
     )
     unused: ClassVar[tuple[str, ...]] = ("indicator",)
     conserves: ClassVar[str] = MEAN
 
     def misfit(self, along_rays: bool, on_grid: bool) -> str:
         """Why the method is not defined along rays; empty elsewhere."""
-        return "of values above a base (heights, channels), got depths along rays" if along_rays else ""
+        return "only for heights and channels, got depths along rays" if along_rays else ""
 
     @property
     def fits_noise(self) -> bool:
@@ -79,7 +80,7 @@ class HalfQuadratic(_AtRest):
     ``geman-mcclure`` s^2 / (1 + s^2) / 2, those of P. Charbonnier, L. Blanc-Feraud, G. Aubert, M. Barlaud, IEEE Trans. Image
     Process. 6 (1997), 298-311 (as surveys give them; the paper itself was not at hand). With a ``sharpness`` q
     it is the potential of the flow with conductance 1 / W^q, ((1 + s^2)^(1 - q / 2) - 1) / (2 - q). Without a time the
-    residual is made equal to the noise, or the estimated risk least (``balance="risk"``). Take it where a flow's time is hard to
+    residual is made equal to the noise, or the estimated risk least (``balance="risk"``). Use it where a flow's time is hard to
     choose: its result is the end.
     """
 
@@ -88,10 +89,10 @@ class HalfQuadratic(_AtRest):
     contrasts: ClassVar[tuple[float, ...]] = (1.0,)
 
     potential: Literal["hypersurface", "lorentz", "geman-mcclure"] = option(
-        "hypersurface", "Of the gradient: hypersurface is convex, lorentz and geman-mcclure keep edges more."
+        "hypersurface", "Potential of the gradient: hypersurface is convex; lorentz and geman-mcclure keep edges more."
     )
 
-    sharpness: float | None = option(None, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
+    sharpness: float | None = option(None, "Above 1, less flux crosses edges. 2 with gamma -1 is Perona and Malik.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -128,7 +129,7 @@ class RudinOsherFatemi(_AtRest):
     The minimum of sum A sqrt(1 / contrast^2 + |grad u|^2) + lambda / 2 |u - f|^2 with lambda = contrast / time. Without a time
     lambda is that of their constraint, |u - f|^2 = sigma^2 times the area, or with ``balance="risk"`` that of least estimated
     risk (Stein 1981, by one probe; for white noise), which smooths less. L. Rudin, S. Osher, E. Fatemi, Physica D 60 (1992),
-    259-268; they march to rest in time, here it is reached in a few solves. Take it for flat parts between sharp edges; it
+    259-268; they march to rest in time, here it is reached in a few solves. Use it for flat parts between sharp edges; it
     lowers peaks.
     """
 

@@ -55,7 +55,7 @@ class ImplicitFairing(CurvatureFlow):
     neighbours), or the scale-dependent umbrella 4 / E sum (x_i - x_j) / |e_ij|, E = sum |e_ij| (both even out the sampling;
     scaled so that all three agree on equilateral triangles). M. Desbrun, M. Meyer, P. Schroeder, A. Barr, SIGGRAPH 1999,
     317-324. Soft constraints are ``Mobility``, and their scaling about the centroid is ``PreserveVolume(by="scaling")``. What
-    is named is what runs: nothing is searched for. Take it for large smoothing in one solve.
+    is named is what runs: nothing is searched for. Use it for large smoothing in one solve.
     """
 
     word: ClassVar[str] = "implicit-fairing"
@@ -66,7 +66,9 @@ class ImplicitFairing(CurvatureFlow):
     aliases: ClassVar[tuple[str, ...]] = ("dmsb99",)
     once: ClassVar[bool] = True
 
-    operator: Operator = option("curvature", "curvature, umbrella or scale-dependent.")
+    operator: Operator = option(
+        "curvature", "Laplacian: curvature (the curvature normal), umbrella or scale-dependent umbrella."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -64,15 +64,17 @@ class LambdaMu(CurvatureFlow):
     x += lambda K x, x += mu K x, with K x the mean of the neighbours minus x, so that a frequency k of the umbrella (0 to 2) is
     multiplied by (1 - lambda k)(1 - mu k) per pair, and k = passband is kept. G. Taubin, SIGGRAPH 1995, 351-358. A pair lasts
     lambda h^2 / 4, h the mean edge; ``stop=Steps(n)`` makes n pairs. Borders move as curves, at half the speed. Points drift
-    along the surface where the sampling is uneven. Take it to compare, or for even meshes.
+    along the surface where the sampling is uneven. Use it to compare, or for even meshes.
     """
 
     word: ClassVar[str] = "taubin"
     conserves: ClassVar[str] = "nothing exactly; shapes of frequencies below the pass band, nearly"
     aliases: ClassVar[tuple[str, ...]] = ("tau95",)
 
-    weight: float = option(0.5, "lambda of the first step, above 0, at most 1.")
-    passband: float = option(0.1, "Frequency of the umbrella below which shapes are kept, from 0 to below 1 / weight.")
+    weight: float = option(0.5, "lambda of the first step, above 0 and at most 1.")
+    passband: float = option(
+        0.1, "Frequency of the umbrella operator below which shapes are kept, from 0 to below 1 / weight."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -53,7 +53,7 @@ class LowCurvature(SchemeMethod):
 
     u_t = -div(C(m) F), F = (u_xxx + u_xyy, u_xxy + u_yyy), C = 1 / (1 + (m / K)^2), m^2 = (u_xx^2 + u_yy^2) / 2 + u_xy^2, K =
     1 / (contrast h): J. Tumblin, G. Turk, SIGGRAPH 1999, 83-90, as surveys give it; the paper itself was not at
-    hand. Time is counted in squared lengths (times h^2). Constants and tilted planes do not move, and the mean is kept. Take
+    hand. Time is counted in squared lengths (times h^2). Constants and tilted planes do not move, and the mean is kept. Use
     it to split a picture of high contrast into large shapes and detail (:func:`meshflow.classics.compressed`).
     """
 

@@ -88,7 +88,7 @@ class MinMax(SchemeMethod):
     u_t = F |grad u|, F = max(kappa, 0) where the mean of u over a disc of this radius is below the threshold T, else
     min(kappa, 0), kappa = div(grad u / |grad u|); T is the mean of u at both ends of the diameter along the isophote. No extremum
     grows. R. Malladi, J. A. Sethian, Graphical Models and Image Processing 58 (1996), 127-141, as
-    surveys give it; the paper itself was not at hand. Take it for speckles: those smaller than the window vanish.
+    surveys give it; the paper itself was not at hand. Use it for speckles: those smaller than the window vanish.
     """
 
     word: ClassVar[str] = "min-max"
@@ -96,7 +96,9 @@ class MinMax(SchemeMethod):
     unused: ClassVar[tuple[str, ...]] = ("contrast", "indicator", "mass")
     aliases: ClassVar[tuple[str, ...]] = ("min-max-flow",)
 
-    radius: float = option(2.0, "Radius of the window; smaller details vanish.", "samples", within=(1.0, WIDEST))
+    radius: float = option(
+        2.0, "Radius of the window. Details smaller than it vanish.", "samples", within=(1.0, WIDEST)
+    )
 
     def on_grid(self, grid: Grid, threads: int | None) -> Flow:
         """The scheme."""

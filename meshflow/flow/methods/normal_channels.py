@@ -21,13 +21,15 @@ __all__ = ["NormalChannels"]
 class NormalChannels(PointMethod):
     """Mean curvature flow of the surface (x, normal_weight n), in which only the points x move. It keeps creases.
 
-    Take it for faces and creases, with more smoothing than curvature.
+    Use it for faces and creases, with more smoothing than curvature.
     """
 
     word: ClassVar[str] = "normal-channels"
 
     normal_weight: float | None = option(None, "Factor on the unit normals. Default: 8 mean edges.", "length")
-    mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+    mass: Mass = option(
+        "barycentric", "Area that belongs to a vertex. With ring, as in the paper, time runs three times slower."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -38,24 +38,25 @@ ALMOST = 1e-9
 class NormalFilter(PointMethod):
     """The normals of the triangles are smoothed, except across creases, and the points are fitted to them.
 
-    Take it for scans and machine parts: creases stay.
+    Use it for scans and machine parts: creases stay.
     """
 
     word: ClassVar[str] = "normal-filter"
     conserves: ClassVar[str] = "nothing exactly; shapes hardly shrink"
 
     crease_contrast: float | None = option(
-        None, "Neighbouring unit normals whose difference times this is above 1 form a crease. Without a search: 2."
+        None,
+        "Two neighbouring unit normals form a crease if their difference times this is above 1. Without a search: 2.",
     )
     crease_sharpness: float | None = option(
         None,
-        "How sharply creases are cut off: exponent q of the flux of normals, "
-        "(1 + |contrast dn|²)^(-q/2) dn: 2 is Perona and Malik, 8 nearly a cutoff. Without a search: 8.",
+        "How sharply creases are told from smooth parts: exponent q of the flux of normals, (1 + |contrast dn|²)^(-q/2) "
+        "dn. 2 is Perona and Malik, 8 almost a cutoff. Without a search: 8.",
     )
     regularize: float | None = option(
         None,
-        "Time of a bi-Laplacian filter with uniform weights that makes the sampling even at the start. For noise in all "
-        "directions; it moves points along the surface. Without a search: 0.",
+        "Time of an initial bi-Laplacian filter with uniform weights, which evens out the sampling. It is for noise in "
+        "all directions, and moves points along the surface. Without a search: 0.",
         "squared length",
     )
 

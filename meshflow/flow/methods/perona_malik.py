@@ -27,7 +27,7 @@ class PeronaMalik(HeightMethod):
     al. 1998, scaled to g(0) = 1). With another ``sharpness`` q the rational one is 1 / (1 + s^2)^(q/2). The four-neighbour
     scheme of the paper is :func:`meshflow.classics.perona_malik`.
 
-    Take it for plateaus and cliffs.
+    Use it for plateaus and cliffs.
     """
 
     word: ClassVar[str] = "perona-malik"
@@ -35,10 +35,10 @@ class PeronaMalik(HeightMethod):
     aliases: ClassVar[tuple[str, ...]] = ("pm", "pm90")
     contrasts: ClassVar[tuple[float, ...]] = (0.7, 1.0, 1.5, 2.0, 3.0)
 
-    sharpness: float = option(2.0, "Above 1: less flux across edges; 2 with gamma -1 is Perona and Malik.")
+    sharpness: float = option(2.0, "Above 1, less flux crosses edges. 2 with gamma -1 is Perona and Malik.")
     conductance: Literal["rational", "exponential", "tukey"] = option(
         "rational",
-        "How the flux falls with the slope: rational and exponential of the paper, or tukey, which stops it.",
+        "How the flux decreases with the slope: rational and exponential are those of the paper; tukey stops it.",
     )
 
     def __post_init__(self) -> None:
@@ -47,7 +47,7 @@ class PeronaMalik(HeightMethod):
         if self.conductance not in ("rational", "exponential", "tukey"):
             raise InputError(f"conductance: rational, exponential or tukey expected, got {self.conductance!r}")
         if self.conductance != "rational" and self.sharpness != 2.0:
-            raise InputError(f"sharpness {self.sharpness}: of conductance='rational' only; leave one of them out")
+            raise InputError(f"sharpness {self.sharpness}: only for conductance='rational'; leave one of them out")
 
     @property
     def exponents(self) -> dict[str, float]:

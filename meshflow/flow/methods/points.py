@@ -91,7 +91,7 @@ class PointMethod:
         """
         if setting.curve:
             raise InputError(
-                f"boundary='border-curve': of method curvature, conformal and fairing, got method={self.word!r}; "
+                f"boundary='border-curve': only for method curvature, conformal and fairing, got method={self.word!r}; "
                 "take one of them, or boundary='fixed'"
             )
 

@@ -91,15 +91,17 @@ class Principal(Around):
 class PrincipalFlow(PointMethod):
     """Mean curvature flow along the directions of small curvature; it keeps edges and corners (:class:`Principal`).
 
-    Take it for edges and cylinders.
+    Use it for edges and cylinders.
     """
 
     word: ClassVar[str] = "principal"
 
     feature_length: float | None = option(
-        None, "Curvatures above the inverse of this are features and are kept. Default: from the noise.", "length"
+        None, "Curvatures above 1 / feature length are features, and are kept. Default: from the noise.", "length"
     )
-    mass: Mass = option("barycentric", "Area of a vertex; with ring, as in the paper, time runs three times slower.")
+    mass: Mass = option(
+        "barycentric", "Area that belongs to a vertex. With ring, as in the paper, time runs three times slower."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

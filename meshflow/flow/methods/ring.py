@@ -78,7 +78,7 @@ class PaperScheme(SchemeMethod):
 
     With ``contrast=1``, ``stop=Steps(300)`` and ``compute=Compute(stepper="explicit", dt=1)`` it is the run of figure 8. Time
     runs four times slower than that of the heat equation. Every sample has triangles of its own, so that no surface is moved as
-    a whole, and no mean is conserved; ``beltrami`` is the same flow without that. Take it to repeat the paper.
+    a whole, and no mean is conserved; ``beltrami`` is the same flow without that. Use it to repeat the paper.
     """
 
     word: ClassVar[str] = "paper"

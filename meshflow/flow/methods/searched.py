@@ -20,7 +20,8 @@ class Search(HeightMethod):
 
     along: Along = option("all", "Points move in all directions, or only along their normals.")
     blend: bool = option(
-        False, "Blend the best two or three runs with the weights of least estimated risk; of height fields and images."
+        False,
+        "Average the best two or three runs with the weights of least estimated error (height fields and images only).",
     )
 
 

@@ -64,7 +64,7 @@ class SelectiveSmoothing(SchemeMethod):
 
     u_t = g(|G_sigma * grad u|) |grad u| div(grad u / |grad u|), g(s) = 1 / (1 + (contrast s)^2): equation and g as in L. Alvarez,
     P.-L. Lions, J.-M. Morel, SIAM J. Numer. Anal. 29 (1992), 845-866, as surveys give them; the paper itself was
-    not at hand. Each channel moves by its own isophotes, with one g for all. Take it for drawings and letters: it rounds
+    not at hand. Each channel moves by its own isophotes, with one g for all. Use it for drawings and letters: it rounds
     corners, and keeps the levels of flat parts.
     """
 

@@ -78,16 +78,18 @@ class SharedEdges(SchemeMethod):
     u_k,t = div(v^2 grad u_k) - fidelity (u_k - g_k), and v_t = rho div grad v + (1 - v) / rho - 2 v S, with S = sum |grad u_k|^2
     (power 2) or its root (power 1, Shah's), u in units of 1 / contrast: J. Shah, ICIP 1996, 461-464, as surveys
     give it; the paper itself was not at hand. Here v is at rest for the present u, the limit of a fast v, and S is
-    counted in 1 / rho, so that the threshold does not depend on rho. Take it for colours whose edges are in different channels.
+    counted in 1 / rho, so that the threshold does not depend on rho. Use it for colours whose edges are in different channels.
     """
 
     word: ClassVar[str] = "shared-edges"
     conserves: ClassVar[str] = "the mean of the samples, of each channel"
     aliases: ClassVar[tuple[str, ...]] = ("sha96",)
 
-    fidelity: float = option(0.0, "How strongly the start pulls.", "1 / squared length")
-    width: float = option(2.0, "rho, the width of edges.", "samples")
-    power: Literal[1, 2] = option(1, "Of the gradients in the edge field; 1 is Shah's.", flag="-")
+    fidelity: float = option(
+        0.0, "How strongly the result is pulled back to the input. 0: not at all.", "1 / squared length"
+    )
+    width: float = option(2.0, "Width of edges (rho).", "samples")
+    power: Literal[1, 2] = option(1, "Power of the gradients in the edge field. 1 is Shah's.", flag="-")
 
     def __post_init__(self) -> None:
         super().__post_init__()

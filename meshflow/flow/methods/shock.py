@@ -93,7 +93,7 @@ class ShockFilter(SchemeMethod):
     phi(s) = sqrt(1 + s^2), s = contrast |grad u|, xi along and eta across isophotes: after P. Kornprobst, R. Deriche, G. Aubert,
     CVPR 1997, 325-331, as surveys give it; the paper itself was not at hand. With a ``switch`` tau, as in
     the same authors' coupled model (ICIP 1997, from memory), phi'' acts where |G_sigma * grad u| < tau and the shock term where
-    it is not, so that noise on flat parts is no longer sharpened. Take it for blurred images with little noise: the shock term
+    it is not, so that noise on flat parts is no longer sharpened. Use it for blurred images with little noise: the shock term
     makes ramps into steps.
     """
 
@@ -101,12 +101,15 @@ class ShockFilter(SchemeMethod):
     conserves: ClassVar[str] = "no mean; no value leaves the range of the start"
     aliases: ClassVar[tuple[str, ...]] = ("kda97",)
 
-    fidelity: float = option(0.0, "How strongly the start pulls.", "1 / squared length")
-    shock: float = option(0.1, "Strength of the shock term; 0: none.", "1 / length")
+    fidelity: float = option(
+        0.0, "How strongly the result is pulled back to the input. 0: not at all.", "1 / squared length"
+    )
+    shock: float = option(0.1, "Strength of the shock term. 0: none.", "1 / length")
     presmoothing: float = presmoothing_of(1.0)
     switch: float = option(
         0.0,
-        "Slope of the smoothed values from which the shock term replaces the diffusion across edges; 0: both act everywhere.",
+        "Slope of the smoothed values above which the shock term replaces diffusion across edges. 0: both act "
+        "everywhere.",
         "value per length",
     )
 

@@ -106,7 +106,7 @@ class SmallerCurvature(SchemeMethod):
     (2003), 35-57, section 6. On a roof of slope 0.8 with noise 1 it leaves errors of 0.10 at time 12
     (contrast 1) and takes 0.16 from the crest, where graph flow leaves 0.72 and takes 2.6.
 
-    Take it for ridges, valleys and creases: they are smoothed along themselves, and corners stay.
+    Use it for ridges, valleys and creases: they are smoothed along themselves, and corners stay.
     """
 
     word: ClassVar[str] = "smaller-curvature"
@@ -114,7 +114,7 @@ class SmallerCurvature(SchemeMethod):
     aliases: ClassVar[tuple[str, ...]] = ("principal-curvature", "mdsb02")
 
     presmoothing: float = presmoothing_of(2.0)
-    feature: float = option(12.0, "Curvatures above the inverse of this are creases.", "samples")
+    feature: float = option(12.0, "Curvatures above 1 / feature are creases.", "samples")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -20,7 +20,7 @@ class TotalVariation(HeightMethod):
     whatever their steepness, and slopes below e diffuse. Times are those of mean curvature diffusion, 1 / e of those of the
     equation. The model of Rudin, Osher and Fatemi at rest, with a fidelity by the noise, is ``rof``.
 
-    Take it for flat parts between sharp edges.
+    Use it for flat parts between sharp edges.
     """
 
     word: ClassVar[str] = "total-variation"
@@ -29,7 +29,10 @@ class TotalVariation(HeightMethod):
     contrasts: ClassVar[tuple[float, ...]] = (8.0, 16.0)
 
     regularization: float | None = option(
-        None, "Slope e below which it diffuses. Default: 1/8 or 1/16 of noise over sample distance.", "value per length"
+        None,
+        "Slopes below this diffuse as in the heat equation. Default: 1/8 or 1/16 of the noise over the sample "
+        "distance.",
+        "value per length",
     )
 
     def __post_init__(self) -> None:

@@ -123,7 +123,7 @@ def read(path: Path, options: ReadOptions) -> Document:
         reason = str(cause).strip().splitlines()[0] if str(cause).strip() else type(cause).__name__
         raise FormatError(
             f"{path.name} cannot be read as {path.suffix.lower()[1:].upper()}: {reason}; "
-            "is it whole, and does its extension tell the truth?"
+            "is it complete, and is its extension right?"
         ) from cause
 
 

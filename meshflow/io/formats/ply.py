@@ -214,7 +214,7 @@ def _loaded(path: Path, content: bytes) -> Any:
             if "unexpected length" not in str(cause):
                 raise
             raise FormatError(
-                f"{path.name}: longer or shorter than its PLY header says; it is cut off, or mixes polygons of "
+                f"{path.name}: its length differs from its PLY header; it is cut off, or mixes polygons of "
                 "different size in a binary file: then triangulate it first, or save it as ASCII"
             ) from cause
     return next(iter(scene.geometry.values()), None)

@@ -133,7 +133,7 @@ def loaded(path: Path) -> PlyBytes:
     end = re.search(rb"end_header[ \t]*\r?\n", content)
     if not content.startswith(b"ply") or end is None:
         raise FormatError(
-            f"{path.name}: no PLY header (ply ... end_header); is it whole, and does its extension tell the truth?"
+            f"{path.name}: no PLY header (ply ... end_header); is it complete, and is its extension right?"
         )
     header, body = content[: end.end()], content[end.end() :]
     must_hold(path, header, len(body))

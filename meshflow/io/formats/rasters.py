@@ -87,8 +87,8 @@ def read(path: Path, options: ReadOptions) -> Document:
     unlike = unlike_bands(values, frame) if kind is None else ()
     if unlike:
         notes += (
-            f"{len(unlike)} bands of unlike size or unit ({', '.join(unlike[:6])}): each is smoothed by itself, by its own noise "
-            "(kind='image' smooths them together)",
+            f"{len(unlike)} bands of different size or unit ({', '.join(unlike[:6])}): each is smoothed separately, with its "
+            "own noise (kind='image' smooths them together)",
         )
     return Document(Image(channels, spacing, missing, period=period), path, Raster(frame, unlike), notes)
 
@@ -137,7 +137,7 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     if kind.kind in "iu":
         step = frame.scales[0] if frame.scaled else 1
         notes += (
-            f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps what was gained",
+            f"rounded to {kind}: the result is quantised again, in steps of {step:g}; float32 keeps the smoothed values",
         )
     nodata = mark(samples, replace(frame, nodata=marking(frame.nodata, driver)), kind)
     if nodata is not None and frame.gone.any():

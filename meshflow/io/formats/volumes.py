@@ -97,7 +97,7 @@ def stored_type(path: Path, source: Scan, options: WriteOptions) -> tuple[np.dty
     kind = np.dtype(source.dtype if options.dtype == "source" else options.dtype or kept)
     notes: tuple[str, ...] = ()
     if kind.kind in "iu":
-        notes = (f"{path.name}: rounded to {kind}, which puts back an error of up to half a step",)
+        notes = (f"{path.name}: rounded to {kind}, which adds an error of up to half a step",)
     elif source.dtype != str(kind) and options.dtype is None:
         notes = (Fact(f"{path.name}: written as {kind}; dtype='source' rounds to the {source.dtype} of the file"),)
     if source.header and suffix_of(path) in NIFTI:

@@ -87,7 +87,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises FormatError: for a damaged file, and for data sets other than surfaces.
     :raises InputError: for channels that it does not have, or whatever the data object refuses.
     """
-    found = read_apart(path, "is it whole, and does its extension tell the truth?")
+    found = read_apart(path, "is it complete, and is its extension right?")
     if isinstance(found, Other):
         why = f", {found.why}" if found.why else ""
         raise FormatError(
