@@ -64,7 +64,8 @@ def compare_methods(
     overwrite: bool = False,
     **metadata: Unpack[Metadata],
 ) -> tuple[MethodRun, ...]:
-    """Run methods on the same data until each has removed equally much, and measure them; with a truth the best one first.
+    """Run methods on the same data until each has removed the same amount, and compare them; with a truth, the best comes
+    first.
 
     Each runs until the root mean square of what it removed is ``removed`` times the noise, with its contrast by rule. A method
     that does not get there (a scheme that stops; restorations at rest, whose noise is multiplied instead) is measured where
@@ -79,12 +80,12 @@ def compare_methods(
         ['perona-malik', 'heat']
 
     :param data: as in :func:`meshflow.smooth`; not of several parts.
-    :param methods: names, or methods with options; one alone stands for itself.
+    :param methods: names, or methods with options; a single one may be given alone.
     :param truth: values of the shape of the data; points (n, d) of a mesh.
     :param noise: as in :func:`meshflow.smooth`.
     :param removed: share of the noise, above 0, at most 1.
     :param picture: a picture to write (.png, .jpg, .tif): the data, each result, what each removed, and a table.
-    :param overwrite: replace a picture that is there.
+    :param overwrite: replace an existing picture.
     :param metadata: what the data does not say of itself (``spacing``, ``kind``, ...), as in :func:`meshflow.smooth`.
     :raises InputError: for no method, a truth of another shape, or where :func:`meshflow.smooth` refuses.
     """

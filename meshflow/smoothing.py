@@ -95,10 +95,11 @@ def smooth(
     result: bool = False,
     **metadata: Unpack[Metadata],
 ) -> Any:
-    """Smooth data on a triangulated surface; the same kind of data comes back, a new object.
+    """Smooth data and keep its edges; the result is a new object of the same kind.
 
-    With nothing else given the noise is estimated, and method and time are those of least estimated risk; for range images the
-    time follows from the noise. One function for all data has many keywords; each is a part that checks itself.
+    By default the noise is estimated, and the method and time with the smallest estimated error are chosen; for range images
+    the time follows from the noise. The function has many keywords because it takes all kinds of data; each keyword is a part
+    that checks itself.
 
     Example:
 

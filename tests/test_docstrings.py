@@ -2,6 +2,7 @@
 
 import doctest
 import inspect
+import re
 import shutil
 from importlib import import_module
 from pathlib import Path
@@ -34,3 +35,13 @@ def test_the_example_of_a_public_function_gives_what_it_says(name, tmp_path, mon
     assert examples[0].examples, "an example is missing"
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
     assert runner.run(examples[0]).failed == 0
+
+
+def test_every_parameter_of_a_public_function_is_documented():
+    missing = [
+        f"{name}: {parameter}"
+        for name, function in functions().items()
+        for parameter in inspect.signature(function).parameters
+        if not re.search(rf":param {parameter}:|``{parameter}``", inspect.getdoc(function) or "")
+    ]
+    assert not missing

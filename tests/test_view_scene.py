@@ -390,3 +390,14 @@ def test_colours_that_stand_for_nothing_are_refused(tmp_path):
 def test_a_quantity_is_measured_of_whatever_smooth_takes():
     ball = trimesh.creation.icosphere(3)
     assert np.median(measured(ball, "curvature").values) == pytest.approx(1.0, abs=0.02)
+
+
+def test_both_triangles_of_a_cell_are_shaded_alike_and_a_plane_by_its_own_normal():
+    y, x = np.mgrid[:5, :6].astype(float)
+    rough = geometry_of(meshflow.HeightField(np.random.default_rng(0).normal(size=x.shape)), Look())
+    pairs = rough.normals.reshape(2, -1, 3)  # upper and lower triangles, cell by cell
+    np.testing.assert_allclose(pairs[0], pairs[1])
+    np.testing.assert_allclose(np.linalg.norm(rough.normals, axis=1), 1.0)
+    plane = geometry_of(meshflow.HeightField(2.0 * x), Look(exaggeration=3.0), exaggeration=3.0)
+    np.testing.assert_allclose(plane.normals, [np.array([-6.0, 0.0, 1.0]) / np.sqrt(37.0)] * len(plane.faces))
+    assert "Normals" in plane.polydata().cell_data

@@ -133,3 +133,18 @@ def test_a_scan_with_a_texture_shows_its_label_before_and_after(tmp_path):
     picture = imread(reported.path)[..., :3]
     light = (picture.min(axis=2) > 0.45) & (picture.max(axis=2) < 0.9) & (np.ptp(picture, axis=2) < 0.2)
     assert light.sum() > 200, "the bar code, which no vertex has"
+
+
+def test_the_texture_of_an_open3d_mesh_survives_and_is_drawn_the_right_way_up():
+    open3d = pytest.importorskip("open3d")
+    mesh = open3d.geometry.TriangleMesh.create_sphere(0.5, 8, create_uv_map=True)
+    picture = np.zeros((4, 6, 3), np.uint8)
+    picture[0] = (255, 0, 0)  # open3d stores the lowest row first
+    mesh.textures = [open3d.geometry.Image(picture)]
+    mesh.triangle_material_ids = open3d.utility.IntVector([0] * len(mesh.triangles))
+    done = meshflow.smooth(mesh, method="curvature", time=1e-4)
+    np.testing.assert_array_equal(done.triangle_uvs, mesh.triangle_uvs)
+    np.testing.assert_array_equal(np.asarray(done.textures[0]), picture)
+    texture = taken(done, own_colours=True)[0].texture
+    np.testing.assert_array_equal(texture.picture[-1], picture[0])
+    np.testing.assert_array_equal(texture.corners.reshape(-1, 2), mesh.triangle_uvs)

@@ -32,6 +32,7 @@ def hc(
     :param alpha: the weight of the original points against the previous ones, in [0, 1].
     :param beta: the weight of the vertex itself against its neighbours, in [0, 1]; above 0.5 the paper proves convergence.
     :param steps: number of steps, 0 or more.
+    :param border: what the vertices of a border do: ``fixed``, ``curve`` or ``free``.
     :returns: points (n, d).
     :raises InputError: for invalid arrays or parameters.
     """

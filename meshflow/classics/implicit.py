@@ -36,6 +36,7 @@ def scale_dependent(points: Array, faces: Array, time: float = 1.0, steps: int =
     :param faces: (m, 3).
     :param time: of all steps together, in squared mean edges, positive.
     :param steps: number of steps, 0 or more.
+    :param border: as in :func:`hc`.
     :returns: points (n, d).
     :raises InputError: for invalid arrays or parameters, or an edge of length zero.
     :raises NotConverged: when the solver does not reach a residual of 1e-8.

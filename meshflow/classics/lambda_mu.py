@@ -33,6 +33,7 @@ def taubin(
     :param weight: lambda, in (0, 1].
     :param passband: k_PB, from 0 to below 1 / weight; frequencies of the umbrella (0 to 2) below it are kept.
     :param steps: number of pairs of steps, 0 or more.
+    :param border: as in :func:`hc`.
     :returns: points (n, d).
     :raises InputError: for invalid arrays or parameters.
     """

@@ -26,6 +26,7 @@ def umbrella(points: Array, faces: Array, weight: float = 0.5, steps: int = 10, 
     :param faces: (m, 3).
     :param weight: of a step, in (0, 1].
     :param steps: number of steps, 0 or more.
+    :param border: as in :func:`hc`.
     :returns: points (n, d).
     :raises InputError: for invalid arrays or parameters.
     """

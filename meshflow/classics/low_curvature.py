@@ -63,6 +63,7 @@ def compressed(image: Array, contrasts: Sequence[float] | float, base: float = 0
     :param image: (h, w), logarithms of luminance; a displayable picture is the exponential of the result.
     :param contrasts: as in :func:`hierarchy`.
     :param base: factor on the deviation of the base from its mean, in (0, 1].
+    :param time: as in :func:`hierarchy`.
     """
     if not positive(base, "base") <= 1:
         raise InputError(f"base: a factor above 0, at most 1, expected, got {base}")

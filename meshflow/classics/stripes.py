@@ -79,6 +79,9 @@ def field_picture(field: Array, time: float = 20.0, steps: int = 8, across: floa
         (24, 24)
 
     :param field: samples that are not finite have no stripes (0.5).
+    :param time: as in :func:`field_diffusion`, in squared samples.
+    :param steps: as in :func:`field_diffusion`.
+    :param across: as in :func:`field_diffusion`.
     """
     v = np.asarray(field, dtype=np.float64)
     if v.ndim != 3 or v.shape[2] != 2:

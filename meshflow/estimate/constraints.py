@@ -160,7 +160,7 @@ class PreserveArea:
 @named_fields
 @dataclass(frozen=True)
 class MinComponent:
-    """Components of a range image of fewer samples are dropped."""
+    """Remove components of a range image that have fewer samples."""
 
     samples: int = option(
         1,

@@ -33,6 +33,8 @@ def describe(data: Data | Array) -> dict[str, Any]:
         >>> from meshflow import HeightField
         >>> describe(HeightField(np.zeros((4, 5)), spacing=10.0))["rows x columns"]
         '4 x 5'
+
+    :param data: a data object, or an array.
     """
     known = data_from(data, KINDS, "describe")
     if isinstance(known, Volume):

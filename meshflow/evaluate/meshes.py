@@ -69,6 +69,8 @@ def mesh_quality(points: Array, shape: Shape) -> MeshQuality:
         >>> mesh_quality(shape.noisy("nrm", 0.2), shape).normal_error > 5
         True
 
+    :param points: (n, 3), one for each vertex of the shape.
+    :param shape: with its true surface.
     :raises InputError: when their number differs from that of the shape, or one is not finite.
     """
     if not isinstance(shape, Shape):
@@ -100,6 +102,10 @@ def flipped(points: Array, truth: Array, faces: Array) -> int:
         >>> points, faces = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
         >>> flipped(points[[0, 2, 1]], points, faces)
         1
+
+    :param points: (n, 3).
+    :param truth: (n, 3), the true points.
+    :param faces: (m, 3).
     """
     one, other = (np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]) for p in (points, truth))
     return int((np.einsum("ij,ij->i", one, other) < 0).sum())

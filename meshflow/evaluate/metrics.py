@@ -41,6 +41,8 @@ def rms_difference(found: ArrayLike, truth: ArrayLike) -> float:
         >>> rms_difference([1.0, 2.0], [1.0, 3.0])
         0.7071067811865476
 
+    :param found: an array.
+    :param truth: an array of the same shape.
     :raises InputError: when the shapes differ or no sample is finite in both.
     """
     return float(np.sqrt(np.mean(np.square(_sizes(found, truth)))))
@@ -54,6 +56,8 @@ def median_difference(found: ArrayLike, truth: ArrayLike) -> float:
         >>> median_difference([1.0, 2.0, 9.0], [1.0, 2.5, 3.0])
         0.5
 
+    :param found: an array.
+    :param truth: an array of the same shape.
     :raises InputError: as :func:`rms_difference`.
     """
     return float(np.median(_sizes(found, truth)))
@@ -67,6 +71,8 @@ def largest_difference(found: ArrayLike, truth: ArrayLike) -> float:
         >>> largest_difference([1.0, 2.0], [1.0, 2.5])
         0.5
 
+    :param found: an array.
+    :param truth: an array of the same shape.
     :raises InputError: as :func:`rms_difference`.
     """
     return float(_sizes(found, truth).max())
@@ -113,6 +119,7 @@ def distance_rms(points: Array, distance: Callable[[Array], Array]) -> float:
         >>> distance_rms(np.eye(3) * 1.5, lambda points: np.linalg.norm(points, axis=1) - 1.0)  # from the unit sphere
         0.5
 
+    :param points: (n, 3).
     :param distance: from points (n, 3) to distances (n,) from the true surface; their sign has no effect.
     """
     return rms_difference(distance(points), np.zeros(len(points)))
@@ -190,6 +197,8 @@ def compare(before: Data | Array, after: Data | Array) -> Comparison:
         >>> found.rms
         1.0
 
+    :param before: a data object, or an array.
+    :param after: the same kind of data on the same samples.
     :raises InputError: when kinds, shapes, spacings, units, cameras or triangles differ, or no sample is present in both.
     """
     one, other = data_from(before, KINDS, "compare"), data_from(after, KINDS, "compare")

@@ -96,6 +96,7 @@ def jumps_of(truth: ArrayLike, share: float = JUMP) -> Array:
         [False, True, True, False]
 
     :param truth: (h, w); missing pixels give no jump.
+    :param share: of the nearer depth, above 0.
     """
     z = np.asarray(truth, dtype=np.float64)
     z, jumps = np.where(_there(z), z, np.nan), np.zeros(np.shape(truth), bool)

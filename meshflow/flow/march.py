@@ -140,8 +140,11 @@ def march(
         >>> state.time
         2.0
 
+    :param flow: the flow to run, such as :class:`GridFlow` or :class:`MeshFlow`.
+    :param until: when to stop.
     :param stepper: a stepper or its name; :class:`Explicit` by default.
     :param control: by default :class:`Embedded` for a stepper that knows its error, else :class:`FixedStep`.
+    :param progress: as in :func:`meshflow.smooth`.
     :param recycle: reuse the memory of a state once the next one is computed, for callers who do not keep states.
     :param limit: a constraint that is restored after every step.
     :raises InputError: for a dt that is not stable at the start.

@@ -190,7 +190,7 @@ class Displacement:
 @named_fields
 @dataclass(frozen=True)
 class When:
-    """Stop when a callable of the caller says so.
+    """Stop when a function of your own says so.
 
     :param asked: takes (values, time); returns a truth value, or a number that is zero where the run shall end and negative
         before. The values (h, w), (h, w, k) or (n, k) are read-only.

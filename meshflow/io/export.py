@@ -64,6 +64,7 @@ def to_points(image: RangeImage, colours: ArrayLike | None = None) -> Array | tu
         >>> to_points(read("data/scene_depth.png", camera="data/scene_camera.json").data).shape[1]
         3
 
+    :param image: a range image.
     :param colours: as in :func:`to_mesh`.
     :returns: the points, or with colours (points, colours), these (n, 3) in uint8.
     :raises InputError: for colours of another size or type.
@@ -81,6 +82,8 @@ def to_normals(image: RangeImage) -> Array:
         >>> from meshflow import read
         >>> to_normals(read("data/scene_depth.png", camera="data/scene_camera.json").data).shape
         (73214, 3)
+
+    :param image: a range image.
     """
     shell = _shell(image)
     return shell.normals[shell.there]
@@ -101,9 +104,10 @@ def to_mesh(
         >>> len(mesh.faces) > 100_000
         True
 
-    :param every: of a height field or an image, every so manieth sample of each direction.
+    :param image: a range image, a height field or an image; or an array of heights or channels.
     :param colours: of a range image, the picture of the same pixels, (h, w, 3) or (h, w, 4): whole numbers of 8 or 16 bit, or
         floating point from 0 to 1.
+    :param every: of a height field or an image, keep every n-th row and column.
     :raises InputError: for colours of another size or type, or where there is no triangle.
     """
     import trimesh
@@ -137,6 +141,8 @@ def to_open3d(
         >>> type(to_open3d(image)).__name__  # needs meshflow[scan]
         'TriangleMesh'
 
+    :param image: a range image.
+    :param colours: as in :func:`to_mesh`.
     :param kind: ``mesh`` or ``points``.
     :param tensor: use the tensor classes of open3d (float32) instead of the legacy ones.
     :raises InputError: as :func:`to_mesh`, and for another kind.
@@ -178,6 +184,8 @@ def to_pyvista(image: RangeImage, colours: ArrayLike | None = None) -> "pv.Struc
         >>> to_pyvista(read("data/scene_depth.png", camera="data/scene_camera.json").data).n_points > 70_000
         True
 
+    :param image: a range image.
+    :param colours: as in :func:`to_mesh`.
     :raises InputError: for colours of another size or type.
     """
     import pyvista as pv

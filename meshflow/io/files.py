@@ -262,6 +262,7 @@ def read(path: str | Path, **metadata: Unpack[Metadata]) -> Document:
         >>> document.kind, document.data.z.shape
         ('terrain', (256, 256))
 
+    :param path: of the file, or of a folder with a DICOM series.
     :param metadata: what the file does not contain itself (:class:`ReadOptions`): ``kind`` (``terrain | image | depth |
         mesh | volume | vectors | tensors``), where the guess would be wrong; for rasters and arrays ``band``, ``nodata``,
         ``spacing``; for depths ``camera``, ``depth_scale`` (units per metre), ``measure``, ``time_unit``, ``jump``; for scans
@@ -311,7 +312,8 @@ def write(
 
     :param data: a document, with all that its file held; or a data object, an array (h, w) or (h, w, k), or ``(points, faces)``,
         which have no CRS, no tags and no texture.
-    :param overwrite: replace a file that is there.
+    :param path: of the file; its extension selects the format.
+    :param overwrite: replace an existing file.
     :param tags: text about the run, kept in the file where the format supports it.
     :param options: for the writer (:class:`WriteOptions`): ``dtype`` (rasters, pictures), ``driver`` and ``creation`` (rasters:
         of GDAL), ``depth_scale`` and ``left`` (depth

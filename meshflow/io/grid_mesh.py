@@ -18,7 +18,7 @@ def mesh_of_grid(data: HeightField | Image, every: int = 1) -> Mesh:
 
     :param data: of a height field the points are (x, y, z), x to the east and y to the north from the first sample, in the
         horizontal unit; of an image (x, y, 0), with its channels as channels.
-    :param every: coarsening: every so manieth sample of each direction, 1 or more.
+    :param every: coarsening: keep every n-th row and column, 1 or more.
     :raises InputError: where no triangle is left.
     """
     values, missing, spacing = _thinned(data, whole(every, "every", 1))

@@ -62,7 +62,7 @@ class Removed:
 @named_fields
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A run by windows, of a file or of chunks that are computed later. ``print`` shows all parameters.
+    """A run in windows of a file, or in chunks that are computed later. ``print`` shows all parameters.
 
     :ivar run: the plan.
     :ivar windows: their number.

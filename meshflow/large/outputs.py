@@ -30,7 +30,7 @@ class Output:
 
     :ivar budget: the memory.
     :ivar dtype: number type of the samples, or ``source``; None: floating point.
-    :ivar overwrite: replace a file that is there.
+    :ivar overwrite: replace an existing file.
     :ivar driver: of GDAL; None: that of the extension. ``creation``: its creation options.
     :ivar removed: of a second raster, with what was removed; None: there is none.
     :ivar uncertainty: of one with the expected error of each sample.

@@ -71,9 +71,10 @@ def must_have_error(plan: Plan | None) -> tuple[Plan, HeightField | Image]:
 def expected_error(result: Result, runs: int = RUNS) -> Array:
     """The expected error of each sample of a result, a standard deviation in the unit of the values.
 
-    The plan is run again on the result with noise of the estimated deviation and correlation added, several times; the root mean
-    square of what comes out otherwise than the result holds both variance and bias. Where detail weaker than the noise is lost,
-    as on rough terrain, the true error is larger, by a quarter and more: no run shows what is not in the data.
+    The result gets new noise, with the estimated deviation and correlation, and is smoothed again with the same parameters,
+    several times. The root mean square difference of these runs from the result includes variance and bias. Where detail
+    weaker than the noise is lost, as on rough terrain, the true error is larger by a quarter or more, because no run can show
+    such detail.
 
     Example:
 

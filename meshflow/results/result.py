@@ -80,7 +80,7 @@ class Result:
     :ivar stopped_because: why the run ended, as a sentence.
     :ivar warnings: sentences.
     :ivar version: the version of meshflow.
-    :ivar notes: what was done when the data was taken in, where it needs no attention.
+    :ivar notes: what was done when the data was read; nothing that needs attention.
     :ivar plan: of the run; None where it ran on other numbers than these (inverse depths, another colour space).
     """
 
@@ -241,7 +241,7 @@ class Result:
 
         :param path: ``.html`` or ``.png``.
         :param title: by default the name of the file.
-        :param overwrite: replace a file that is there.
+        :param overwrite: replace an existing file.
         :returns: the path.
         :raises FormatError: for another extension, or a file that exists.
         """

@@ -18,7 +18,7 @@ __all__ = ["Curvilinear", "coordinates_of"]
 @named_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Curvilinear(Irregular):
-    """A grid in rows and columns whose samples lie anywhere; its values move.
+    """A grid of rows and columns whose samples may lie anywhere. Its values are smoothed.
 
     Each cell is cut by its shorter diagonal. A rectilinear grid, with straight rows and columns of uneven spacing, is given by
     one x for each column and one y for each row. Samples that are missing are holes.

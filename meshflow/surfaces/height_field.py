@@ -35,8 +35,8 @@ class HeightField(OnGrid):
     :param fixed: (h, w), samples that stay.
     :param unit: the name of the unit of z, for reports and pictures.
     :param cuts: edges of the grid that no triangle contains, for example across a fault.
-    :param period: the number of columns after which rows repeat, as those of a grid around a globe do; 0: they do not. The ends
-        of rows of w = period columns, or of one more whose last column is the first once more, are smoothed together.
+    :param period: the number of columns after which rows repeat, as on a grid around a globe; 0: they do not repeat. Rows of
+        w = period columns, or of one more whose last column repeats the first, are smoothed across their ends.
     :param sigma: the standard deviation of the noise, a number or (h, w), in the unit of z. Default: estimated, one number. Where
         it differs, the search counts each error in units of its own.
     :raises InputError: for fewer than 2 x 2 samples, no sample that is present, or a spacing that is not positive.

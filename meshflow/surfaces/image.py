@@ -23,7 +23,7 @@ class Image(OnGrid):
     :param missing: (h, w), further samples that are missing.
     :param fixed: (h, w), samples that stay.
     :param period: the number of columns after which rows repeat, as in :class:`HeightField`.
-    :param intensity: whether the values are intensities, on which their noise may depend; components of vectors are none.
+    :param intensity: whether the values are intensities, on which the noise may depend; components of vectors are not.
     :raises InputError: as :class:`HeightField`.
     """
 

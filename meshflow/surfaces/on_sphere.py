@@ -29,12 +29,12 @@ UNSEEN = -1.6e30
 @named_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class OnSphere(Irregular):
-    """Values at places of a sphere, which move; the places stay.
+    """Values on a sphere, such as the Earth or the sky. The values are smoothed; their places stay.
 
-    Around the whole globe rows end where they begin and poles are no border, and no map is involved. The triangles are those of
-    the cells of a grid; of places in a row, those of Delaunay on the sphere (their convex hull; where they cover less than half
-    of it, they have a border). Samples of a grid at one place (a row at a pole, 0 and 360 degrees) are one vertex, and come
-    back equal. Samples that are missing are holes.
+    The surface is closed: there is no border at the ends of rows or at the poles, and no map projection is involved. The
+    triangles are those of the cells of a grid; for single places, those of the Delaunay triangulation on the sphere (their
+    convex hull; places that cover less than half of the sphere have a border). Samples of a grid at the same place (a row at
+    a pole, 0 and 360 degrees) are one vertex, and come back equal. Missing samples are holes.
 
     Example:
 

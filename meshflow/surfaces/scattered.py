@@ -19,7 +19,7 @@ __all__ = ["Scattered"]
 @named_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Scattered(Irregular):
-    """Points anywhere on a plane or a terrain, with values that move; without values their heights move.
+    """Scattered points on a plane or a terrain, whose values are smoothed; without values, their heights are.
 
     The triangles are those of Delaunay over x and y, without the flat ones at the rim of the convex hull. A point that is missing
     is left out, and the triangles go over its place.

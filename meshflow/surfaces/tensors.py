@@ -29,11 +29,11 @@ class Tensors:
     They are channels of an image, entries beside the diagonal with the weight √2: then the metric of the image is that of the
     tensors, and the result does not depend on the frame in which they are written.
 
-    Positive definite tensors stay so. Where each step of a flow is a mean of neighbours with weights w ≥ 0 of sum 1, as those of
-    the heat equation are (explicit steps within the stable bound, and implicit ones), x'Sx = Σ w x'S_i x > 0 for every x, and the
-    smallest eigenvalue, a concave function of S, is nowhere below the smallest one that was there. Twicing, patches, the second
-    stage and obtuse triangles are no such means: there a tensor that would fall below that makes only the part of its change that
-    does not. With the log-Euclidean metric (Arsigny et al. 2006) the logarithms move, and every result is positive definite.
+    Positive definite tensors stay so. In the heat equation (explicit steps within the stable bound, and implicit ones) each
+    step is a mean of neighbours with weights w ≥ 0 of sum 1. Then x'Sx = Σ w x'S_i x > 0 for every x, and the smallest
+    eigenvalue, a concave function of S, never falls below the smallest one of the input. Twicing, patches, the second stage
+    and obtuse triangles are no such means; there the change of a tensor is cut off where it would fall below that value. With
+    the log-Euclidean metric (Arsigny et al. 2006) the logarithms are smoothed, and every result is positive definite.
 
     Example:
 

@@ -20,11 +20,10 @@ __all__ = ["Vectors", "with_channels"]
 class Vectors:
     """Vectors of two or three components on a grid, as a whole, or direction and magnitude apart.
 
-    As a whole the components are coupled channels, in whatever frame they are written: where directions meet, the mean is short.
-    Apart, magnitudes are smoothed by themselves, and the direction is that of the vectors smoothed as a whole, in which short
-    vectors, whose directions are uncertain, count less: a stream keeps its speed around a bend. The length of a vector with noise
-    is too large in the mean, by about its variance over the length, and that of a short one by more; smoothing does not lessen
-    it.
+    As a whole, the components are coupled channels, in any coordinate system; where directions meet, the mean is short.
+    Apart, magnitudes are smoothed separately, and directions are those of the vectors smoothed as a whole, in which short
+    vectors, whose directions are uncertain, count less: a stream keeps its speed around a bend. Noise makes vectors too long
+    in the mean, by about its variance over the length, and short ones by more; smoothing does not correct this.
 
     Example:
 

@@ -186,7 +186,9 @@ def striped(values: ArrayLike, rows: float = 0.0, columns: float = 0.0, seed: in
         >>> bool(np.ptp(offsets, axis=1).max() < 1e-12)  # one offset for each row
         True
 
+    :param values: (h, w).
     :param rows: standard deviation of the offsets of rows, and ``columns`` of columns, in the unit of the values.
+    :param seed: of all random numbers.
     :raises InputError: for a deviation below zero.
     """
     made = np.array(values, dtype=np.float64)
@@ -207,6 +209,9 @@ def spiked(values: ArrayLike, share: float, low: float, high: float, seed: int =
         >>> sorted(set(values[where].tolist()))
         [-9.0, 9.0]
 
+    :param values: (h, w).
+    :param share: of the samples, from 0 to 1.
+    :param seed: of all random numbers.
     :raises InputError: for a share that is not between 0 and 1.
     """
     if not 0 <= number(share, "share") <= 1:

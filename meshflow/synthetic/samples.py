@@ -77,6 +77,8 @@ def terrain(n: int = 256, seed: int = 0, noise: float = 2.0, spacing: float = 10
         >>> terrain(32).noisy.shape
         (32, 32)
 
+    :param n: number of samples along each side.
+    :param seed: of the noise.
     :param noise: standard deviation, metres, independent for each sample.
     :param spacing: of the samples, metres.
     :raises InputError: for fewer than 16 samples along a side.
@@ -136,6 +138,9 @@ def depth_scene(
         >>> sample.noisy.shape
         (240, 320)
 
+    :param camera: of the depth image.
+    :param shape: (h, w).
+    :param seed: of the noise.
     :param noise: c, per metre: the standard deviation of a depth is c z^2, as for stereo and structured light.
     """
     rays = camera.rays(shape)
@@ -160,6 +165,8 @@ def irregular_mesh(n: int = 4000, seed: int = 0, noise: float = 0.01, density: f
         >>> sample.noisy.shape[1]
         3
 
+    :param n: approximate number of vertices.
+    :param seed: of all random numbers.
     :param noise: standard deviation along the normals, in radii.
     :param density: vertices per solid angle at the dense end over those at the sparse end, at least 1.
     :raises InputError: for fewer than 200 vertices or a density below 1.
@@ -218,6 +225,8 @@ def picture(shape: tuple[int, int] = (144, 192), seed: int = 0, noise: float = 1
         >>> picture((16, 24)).noisy.shape
         (16, 24, 3)
 
+    :param shape: (h, w).
+    :param seed: of the noise.
     :param noise: standard deviation, in grey levels, independent for each channel.
     """
     rng = np.random.default_rng(seed)

@@ -67,6 +67,7 @@ def noisy(truth: ArrayLike, sigma: float, seed: int = 7) -> Array:
 
     :param truth: of any shape.
     :param sigma: standard deviation, in the unit of the truth.
+    :param seed: of the noise.
     :raises InputError: for a sigma that is negative or not finite.
     """
     if not (np.isfinite(sigma) and sigma >= 0):
@@ -83,6 +84,8 @@ def quantised(truth: ArrayLike, quantum: float) -> Array:
         >>> quantised([0.4, 1.7], 1.0)
         array([0., 2.])
 
+    :param truth: of any shape.
+    :param quantum: the step, above 0.
     :raises InputError: for a quantum that is not positive.
     """
     return positive(quantum, "quantum") * np.rint(np.asarray(truth, dtype=np.float64) / quantum)
@@ -96,6 +99,8 @@ def steps(n: int = 128, seed: int = 0) -> Array:
         >>> steps(32).shape
         (32, 32)
 
+    :param n: number of samples along each side, a multiple of 8.
+    :param seed: of all random numbers.
     :raises InputError: for a side that is no multiple of 8.
     """
     if whole(n, "steps: side", 8) % 8:
@@ -111,6 +116,9 @@ def mesas(n: int = 512, seed: int = 0) -> Array:
 
         >>> mesas(32).shape
         (32, 32)
+
+    :param n: number of samples along each side.
+    :param seed: of all random numbers.
     """
     rng, (rows, columns) = np.random.default_rng(seed), _unit(n)
     heights = np.zeros((n, n))
@@ -129,6 +137,8 @@ def ramps(n: int = 512) -> Array:
 
         >>> ramps(32).shape
         (32, 32)
+
+    :param n: number of samples along each side.
     """
     rows, columns = _unit(n)
     heights = 20.0 * ((columns > 0.1) & (columns < 0.25) & (rows > 0.1) & (rows < 0.4))
@@ -151,6 +161,9 @@ def fractal_terrain(n: int = 512, seed: int = 2) -> Array:
 
         >>> fractal_terrain(32).shape
         (32, 32)
+
+    :param n: number of samples along each side.
+    :param seed: of all random numbers.
     """
     return 60.0 * fractal(whole(n, "fractal terrain: side", 8), 2.0, np.random.default_rng(seed))
 

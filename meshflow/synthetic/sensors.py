@@ -74,6 +74,7 @@ def seen(body: Body, sight: Sight) -> Seen:
         (25, 33)
 
     :param body: a :class:`Mesh` in R^3, or solids, of which the nearest is seen; the lines of sight start outside of them.
+    :param sight: the rays of the camera.
     :raises InputError: for no solid, or a mesh that is not in R^3.
     """
     depth, part = _cast(body, sight.origins, sight.directions)
@@ -104,6 +105,9 @@ def observe(body: Body, sight: Sight, sensor: Sensor) -> Frame:
         >>> observe([Ball((0.0, 0.0, 2.0), 0.4)], sight, StructuredLight()).depth.shape
         (24, 32)
 
+    :param body: as in :func:`seen`.
+    :param sight: the rays of the camera.
+    :param sensor: a :class:`StructuredLight` or :class:`TimeOfFlight` sensor.
     :raises InputError: as :func:`seen`, and where nothing is seen.
     """
     there = seen(body, sight)

@@ -93,7 +93,9 @@ def cube(cells: int = 32, irregular: bool = False, seed: int = 0) -> Shape:
         >>> float(abs(shape.distance(shape.points)).max())
         0.0
 
+    :param cells: number of cells along each edge.
     :param irregular: vertices are displaced randomly by a third of a cell within sides and along edges, with Delaunay triangles.
+    :param seed: of all random numbers.
     :raises InputError: for fewer than 2 cells.
     """
     body = Box((0.5, 0.5, 0.5))
@@ -109,6 +111,8 @@ def plate(cells: int = 60, seed: int = 0) -> Shape:
         >>> plate(8).points.shape[1]
         3
 
+    :param cells: number of cells along each long side.
+    :param seed: of all random numbers.
     :raises InputError: for fewer than 2 cells.
     """
     body = Box((0.5, 0.5, 0.015))
@@ -125,6 +129,7 @@ def part(spacing: float = 0.016, seed: int = 0) -> Shape:
         True
 
     :param spacing: of the vertices, in lengths of the longer leg; below 0.1.
+    :param seed: of all random numbers.
     :raises InputError: for another spacing.
     """
     if not 0 < positive(spacing, "spacing") < 0.1:
@@ -141,6 +146,7 @@ def sphere(subdivisions: int = 5) -> Shape:
         >>> sphere(2).points.shape
         (162, 3)
 
+    :param subdivisions: number of subdivisions, at least 1.
     :raises InputError: for less than one subdivision.
     """
     if subdivisions < 1:
@@ -162,6 +168,8 @@ def ring(around: int = 160, through: int = 64) -> Shape:
         >>> ring(16, 8).points.shape
         (128, 3)
 
+    :param around: number of vertices around the axis.
+    :param through: number of vertices around the tube.
     :raises InputError: for fewer than 3 vertices in either direction.
     """
     body = Ring(1.0, 0.4)
@@ -178,6 +186,7 @@ def blob(cells: int = 64) -> Shape:
         >>> blob(16).points.shape[1]
         3
 
+    :param cells: number of cells along each side of the grid.
     :raises InputError: for fewer than 8 cells.
     """
     if cells < 8:
@@ -202,6 +211,8 @@ def dome(count: int = 6000, seed: int = 0) -> Shape:
         >>> dome(100).points.shape
         (107, 3)
 
+    :param count: approximate number of vertices.
+    :param seed: of all random numbers.
     :raises InputError: for fewer than 100 vertices.
     """
     if count < 100:

@@ -14,7 +14,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 from meshflow.view.slices import skin_mesh, three_slices
-from meshflow.view.texture import Textured, image_of, texture_of
+from meshflow.view.texture import Textured, image_of, of_open3d, texture_of
 
 __all__ = ["carried", "flowing_together", "taken"]
 
@@ -55,7 +55,11 @@ def taken(data: object, own_colours: bool = False) -> tuple[SurfaceData, tuple[s
         return surface, notes
     colours, mesh = _colours(data, surface), _as_trimesh(data, surface)
     if colours is None:
-        raise InputError("own_colours: the mesh has neither colours of its vertices nor a texture; leave it out")
+        outside = getattr(data, "active_texture_coordinates", None) is not None
+        where = " (pyvista keeps the picture of a texture outside of the mesh)" if outside else ""
+        raise InputError(
+            f"own_colours: the mesh has neither colours of its vertices nor a texture{where}; leave it out"
+        )
     texture = None if mesh is None else texture_of(mesh, surface)
     return Textured(surface.points, surface.faces, colours, "points", surface.fixed, texture), notes
 
@@ -101,11 +105,11 @@ def _column(data: object, name: str, surface: Mesh) -> Array | None:
 
 
 def _as_trimesh(data: object, surface: Mesh) -> Any:
-    """The data as a trimesh.Trimesh, where it is one or was read from a file; else None."""
+    """The data as a trimesh.Trimesh, where it is one, was read from a file, or has a texture of open3d; else None."""
     if isinstance(data, Document):
         scene = data.source.scene(surface) if isinstance(surface, Mesh) else None
         return None if scene is None else scene.to_mesh()
-    return data if hasattr(data, "visual") else None
+    return data if hasattr(data, "visual") else of_open3d(data)
 
 
 def flowing_together(data: object) -> tuple[str, ...]:

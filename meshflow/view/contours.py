@@ -15,6 +15,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 from meshflow.view.look import OF_PAIRS, Looks, looking
+from meshflow.view.numbers import brief
 from meshflow.view.pictures import writable
 from meshflow.view.renderer import renderer_for
 
@@ -52,11 +53,11 @@ def isosurfaces(
     :param before: a volume, or values on tetrahedra, of one channel; ``after``: the same after smoothing.
     :param path: the picture to write (.png, .jpg, .tif).
     :param level: the value. None: that which parts the values of ``after`` best in two (Otsu 1979).
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :param look: the options of :class:`meshflow.view.Look` by name, except those for pairs.
     :returns: the path.
     :raises InputError: for other data, several channels, and a level that no value reaches.
-    :raises FormatError: for a path that cannot be written, or a file that is there.
+    :raises FormatError: for a path that cannot be written, or a file that exists.
     :raises MissingPackage: where VTK cannot draw.
     """
     target, seen = writable(path, overwrite=overwrite), looking(OF_PAIRS, **look)
@@ -70,7 +71,7 @@ def isosurfaces(
         renderer.panel(one, shape, (width, height))
         for one, shape in zip(surfaces, renderer.geometries(*surfaces), strict=True)
     ]
-    _save(target, drawn, [f"{word}: surface of {chosen:.3g}" for word in seen.labels])
+    _save(target, drawn, [f"{word}: surface of {brief(chosen)}" for word in seen.labels])
     return target
 
 

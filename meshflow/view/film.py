@@ -39,7 +39,7 @@ class _Keyframe:
 def filmable(path: str | Path, overwrite: bool) -> Path:
     """Check that a film can be written to a path, before anything is computed.
 
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :raises FormatError: for another extension, a folder that does not exist, or a file that exists and must not be replaced.
     """
     return writable(path, FILMS, overwrite)
@@ -76,7 +76,7 @@ def filmed(
     :param look: as in :func:`meshflow.view.show`.
     :param reel: frames per second, and how the camera moves.
     :param quantity: what colour shows: ``removed`` so far, or a quantity; None: the plain surface.
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :raises InputError: for no state, nothing to draw, or invalid options.
     :raises FormatError: for a path that cannot or must not be written.
     :raises MissingPackage: for ``.mp4`` without ffmpeg, and where VTK is needed and cannot draw.

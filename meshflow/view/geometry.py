@@ -40,6 +40,7 @@ class Geometry:
     :param colours: (n, 3), its own colours in uint8, if any.
     :param triangles: (m,), the index of each triangle in the data object; None: they are the same.
     :param texture: of its triangles, if any; its colours are then those of the texture at the points.
+    :param normals: (m, 3), the unit normals by which triangles are shaded; None: their own.
     """
 
     points: Array
@@ -49,6 +50,7 @@ class Geometry:
     colours: Array | None = None
     triangles: Array | None = None
     texture: Texture | None = None
+    normals: Array | None = None
 
     @property
     def corners(self) -> Array:
@@ -56,10 +58,13 @@ class Geometry:
         return self.points[self.faces].reshape(-1, 3)
 
     def polydata(self) -> "pv.PolyData":
-        """The geometry for VTK, without normals, so that shading is flat and noise is visible."""
+        """The geometry for VTK, without normals of points, so that shading is flat and noise is visible."""
         import pyvista as pv
 
-        return pv.PolyData.from_regular_faces(np.ascontiguousarray(self.points, dtype=np.float64), self.faces)
+        shape = pv.PolyData.from_regular_faces(np.ascontiguousarray(self.points, dtype=np.float64), self.faces)
+        if self.normals is not None:
+            shape.cell_data.active_normals = self.normals
+        return shape
 
     def textured(self, texture: Texture) -> "pv.PolyData":
         """The geometry with texture coordinates; each corner is a separate point."""
@@ -108,7 +113,7 @@ def geometry_of(
     :param shown: for an image, its channels as colours: :func:`as_shown`.
     :raises InputError: when there is no triangle to draw.
     """
-    seen, data = look.seen, on_surface(data, "triangles")
+    seen, data, normals = look.seen, on_surface(data, "triangles"), None
     if isinstance(data, Mesh):
         points, faces, colours = _three(data.points), data.faces, _mesh_colours(data, look.own_colours)
         view = mesh_view(points, look.up, seen)
@@ -116,13 +121,15 @@ def geometry_of(
         points, faces, colours = _flat(data, step, shown or as_shown(data))
         view = picture_view()
     else:
-        surface = thinned(data, step).lifted(_FORWARD)
+        data = thinned(data, step)
+        surface = data.lifted(_FORWARD)
         points, faces, colours = surface.points, surface.triangulations[0], None
         if isinstance(data, HeightField):
             points = points * (1.0, 1.0, exaggeration)
             view = picture_view() if seen == "front" else terrain_view()
         else:
             view = side_view() if seen == "side" else camera_view()
+        normals = _of_cells(points, faces, data.missing.shape[1])
     if len(faces) == 0:
         what = type(data).__name__
         raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, too much is missing")
@@ -130,9 +137,23 @@ def geometry_of(
     used[faces] = True
     samples, place = np.flatnonzero(used), np.cumsum(used) - 1
     texture = data.texture if look.own_colours and isinstance(data, Textured) else None
-    return Geometry(
-        points[samples], place[faces], samples, view, None if colours is None else colours[samples], texture=texture
-    )
+    own = None if colours is None else colours[samples]
+    return Geometry(points[samples], place[faces], samples, view, own, texture=texture, normals=normals)
+
+
+def _of_cells(points: Array, faces: Array, width: int) -> Array:
+    """Unit normals (m, 3) of the cells of a grid to which triangles belong, the same for both triangles of a cell.
+
+    By the normals of its triangles, the diagonal of each cell would show as a hatch on steep slopes.
+
+    :param width: the number of samples in a row.
+    """
+    corner = points[faces]
+    areas = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    row, column = np.divmod(faces, width)
+    cell = row.min(axis=1, initial=len(points)) * width + column.min(axis=1, initial=width)
+    normals = np.stack([np.bincount(cell, weights=area, minlength=1)[cell] for area in areas.T], axis=1)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 def raised(data: Data, seen: Seen | None) -> Data:

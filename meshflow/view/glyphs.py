@@ -46,10 +46,10 @@ def vectors(
     :param before: the field, in space its slice in the middle; ``after``: the field after smoothing, of equal size.
     :param path: the picture to write (.png, .jpg, .tif).
     :param drawn: ``arrows``, about 28 along the longer side; or ``streamlines``.
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :returns: the path.
     :raises InputError: for anything but vector fields of one size, and another word.
-    :raises FormatError: for a path that cannot be written, or a file that is there.
+    :raises FormatError: for a path that cannot be written, or a file that exists.
     """
     if not isinstance(before, Vectors) or not isinstance(after, Vectors) or before.values.shape != after.values.shape:
         raise InputError("vectors: two fields of one size expected; give Vectors(values) and what smooth made of it")

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshflow.geometry.validation import Array
 from meshflow.view.look import Look
-from meshflow.view.numbers import brief
+from meshflow.view.numbers import brief, plain
 from meshflow.view.scale import Scale
 from meshflow.view.scale_bar import ScaleBar
 
@@ -325,12 +325,12 @@ def _ends(axes: "Axes", arrangement: Layout, scale: Scale, bar: int) -> None:
 
 
 def _statistics(values: Array, unit: str) -> str:
-    """Rms, mean and largest as text; the mean is rounded to a thousandth of the rms."""
-    rms = float(np.sqrt(np.mean(values**2)))
-    digits = 3 - int(np.floor(np.log10(rms))) if rms > 0 else 0
-    numbers = {"rms": rms, "mean": round(float(values.mean()), digits) + 0.0, "largest": float(np.abs(values).max())}
+    """Rms, mean and largest as text; the mean has the decimals of the rms."""
+    rms, most = float(np.sqrt(np.mean(values**2))), float(np.abs(values).max())
+    mean = plain(float(values.mean()), largest=rms)
+    numbers = {"rms": brief(rms), "mean": mean if mean.strip("−0.") else "0", "largest": brief(most)}
     suffix = f" {unit}" if unit else ""
-    return ",   ".join(f"{name} {brief(number)}{suffix}" for name, number in numbers.items())
+    return ",   ".join(f"{name} {number}{suffix}" for name, number in numbers.items())
 
 
 def _bar(axes: "Axes", arrangement: Layout, scale: Scale) -> None:

@@ -94,7 +94,7 @@ def flows(
     :param panels: those of :meth:`meshflow.evaluate.FlowComparison.panels`, the first one before smoothing.
     :param path: the picture to write (.png, .jpg, .tif).
     :param close_up: column and row of its centre; by default where the rims moved most.
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :param look: ``title``, ``azimuth`` and ``altitude`` of :class:`meshflow.view.Look`; by default a light 40 degrees high.
     :raises InputError: for no panel, or one without a triangle.
     :raises FormatError: for a path that cannot be written, an extension that is no picture's, or a file that exists and must not

@@ -81,7 +81,7 @@ def compare(
     :param path: the picture to write (.png, .jpg, .tif; for ``blink`` .gif or .png); None: a window.
     :param quantity: ``removed``; or before and after coloured by ``curvature``, ``edges``, ``triangles`` or
         ``samples`` (:func:`meshflow.view.measured`), with one scale for both.
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :param look: the options of :class:`meshflow.view.Look` by name: arrangement, light, exaggeration, side, size, title, colours,
         renderer.
     :raises InputError: for data that cannot be compared, nothing to draw, invalid options, or a window without a display.
@@ -123,7 +123,7 @@ def show(
     :param scalars: one number per sample (h, w) or vertex (n,), shown as colour.
     :param quantity: or a quantity: ``curvature``, ``edges``, ``triangles`` or ``samples``, with unit and scale
         (:func:`meshflow.view.measured`).
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :param look: the options of :class:`meshflow.view.Look` by name, except those for two surfaces.
 
     It raises the same errors as :func:`compare`.
@@ -182,7 +182,7 @@ def writable(path: str | Path, formats: tuple[str, ...] = _FORMATS, overwrite: b
 
     :param path: a file in an existing folder.
     :param formats: accepted extensions.
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :raises FormatError: for a path that cannot or must not be written.
     """
     target = Path(path)

@@ -17,6 +17,7 @@ from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.surface import Surface
 from meshflow.view.appearance import taken
+from meshflow.view.numbers import brief
 from meshflow.view.scale import Scale, ranging, symmetric
 
 __all__ = ["QUANTITIES", "Quantity", "measured"]
@@ -48,6 +49,7 @@ def measured(data: object, quantity: Quantity, contrast: float = 1.0) -> Scale:
         True
 
     :param data: a data object, or anything that :func:`meshflow.smooth` takes. The numbers are the ``values`` of the result.
+    :param quantity: ``curvature``, ``edges``, ``triangles`` or ``samples``.
     :param contrast: length per unit of the values, for ``edges`` of height fields and images.
     :raises InputError: for an unknown quantity, and the edge indicator of a mesh whose points move, which is 1 everywhere.
     """
@@ -80,7 +82,9 @@ def _scale(data: Data, quantity: Quantity, values: Array, contrast: float = 1.0)
         return symmetric(values, "mean curvature", f"1/{unit}", "flat everywhere")
     most = float(np.nanpercentile(values, 99.0)) or float(np.nanmax(values)) or 1.0
     scale = ranging(values, "mean curvature", f"1/{unit}", (0.0, most))
-    return replace(scale, ends=f"colours end at {most:.3g}, the 99th percentile; largest {np.nanmax(values):.3g}")
+    return replace(
+        scale, ends=f"colours end at {brief(most)}, the 99th percentile; largest {brief(float(np.nanmax(values)))}"
+    )
 
 
 def _samples(data: Data) -> Scale:

@@ -8,6 +8,7 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
+from meshflow.view.numbers import brief
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
@@ -111,11 +112,11 @@ def symmetric(values: Array, what: str, unit: str, idle: str) -> Scale:
     """
     size = np.abs(values[np.isfinite(values)])
     most, limit = float(size.max()), float(np.percentile(size, _ENDS))
-    ends = f"colours end at ±{limit:.3g}, the {_ENDS:.0f}th percentile of its size; largest {most:.3g}"
+    ends = f"colours end at ±{brief(limit)}, the {_ENDS:.0f}th percentile of the size; largest {brief(most)}"
     if most == 0:
         limit, ends = 1.0, idle
     elif limit == 0:
-        limit, ends = most, f"colours end at ±{most:.3g}, the largest: almost {idle}"
+        limit, ends = most, f"colours end at ±{brief(most)}, the largest: almost {idle}"
     return Scale(values, -limit, limit, _TWO_SIDED, what, unit, ends)
 
 

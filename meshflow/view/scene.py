@@ -13,6 +13,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.view.appearance import taken
 from meshflow.view.geometry import Geometry, raised
 from meshflow.view.look import Look
+from meshflow.view.numbers import brief
 from meshflow.view.page import Foot
 from meshflow.view.pair import paired, values_on
 from meshflow.view.quantity import Quantity, measured
@@ -111,7 +112,7 @@ def of_two(before: object, after: object, look: Look, quantity: Quantity | Remov
     elif pair.worn is not None:
         one, other = pair.worn
         scales = one.wearing(look.colours), other.wearing(look.colours)
-        before_label, after_label = (f"{label}: {one.what}, {one.low:.3g} to {one.high:.3g}" for label in labels)
+        before_label, after_label = (f"{label}: {one.what}, {brief(one.low)} to {brief(one.high)}" for label in labels)
         labels = before_label, after_label  # these panels are not coloured by the bar
     seen = raised(pair.before, look.seen), raised(pair.after, look.seen)
     renderer = renderer_for(seen, _look(seen[0], look, quantity, window), window)

@@ -54,7 +54,7 @@ def side_by_side(
 
     :param before: as in :func:`meshflow.view.compare`.
     :param path: the picture to write (.png, .jpg, .tif).
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :param look: the options of :class:`meshflow.view.Look` by name, except those for two surfaces.
     :raises InputError: for no column, or data that cannot be drawn.
     :raises FormatError: for a path that cannot be written.

@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.mesh import Mesh
 
-__all__ = ["Texture", "Textured", "image_of", "texture_of"]
+__all__ = ["Texture", "Textured", "image_of", "of_open3d", "texture_of"]
 
 _BLANK = (2, 2)  # the size of the placeholder of trimesh for a missing picture
 _NEAR = 1e-5  # as a share of the size of a mesh, since formats keep six digits
@@ -60,3 +60,21 @@ def texture_of(mesh: Any, data: Mesh) -> Texture | None:
     if np.abs(places - there).max() > _NEAR * float(np.ptp(there, axis=(0, 1)).max()):
         return None
     return Texture(np.asarray(image.convert("RGB")), np.asarray(uv, dtype=np.float64)[faces])
+
+
+def of_open3d(mesh: Any) -> Any:
+    """A ``TriangleMesh`` of open3d whose triangles have one texture, as a ``trimesh.Trimesh`` of separate corners; else None."""
+    uv, pictures = getattr(mesh, "triangle_uvs", ()), getattr(mesh, "textures", ())
+    used = np.unique(np.asarray(getattr(mesh, "triangle_material_ids", ()), dtype=np.int64))
+    if len(uv) == 0 or len(pictures) == 0 or len(used) > 1 or len(uv) != 3 * len(mesh.triangles):
+        return None
+    import PIL.Image
+    import trimesh
+
+    picture = np.asarray(pictures[int(used[0]) if len(used) else 0])
+    if picture.size == 0:
+        return None
+    corners = np.asarray(mesh.vertices)[np.asarray(mesh.triangles).ravel()]
+    image = PIL.Image.fromarray(np.flipud(picture))  # open3d stores the lowest row first
+    visual = trimesh.visual.TextureVisuals(uv=np.asarray(uv), image=image)
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)

@@ -40,6 +40,7 @@ def coarse(geometry: Geometry, cells: int = _CELLS) -> Geometry:
         triangles=kept if geometry.triangles is None else geometry.triangles[kept],
         colours=None if geometry.colours is None else geometry.colours[first],
         texture=None if geometry.texture is None else geometry.texture.of(kept),
+        normals=None if geometry.normals is None else geometry.normals[kept],
     )
 
 

@@ -54,7 +54,7 @@ def exported(
     """Write the page; returns notes.
 
     :param path: ``.html``.
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :raises FormatError: as :func:`exportable`.
     :raises InputError: as :func:`page_of`.
     """

@@ -27,6 +27,9 @@ def mu(weight: float, passband: float) -> float:
 
         >>> round(mu(0.5, 0.1), 3)
         -0.526
+
+    :param weight: lambda of the first step.
+    :param passband: the frequency that is kept.
     """
     return weight / (passband * weight - 1.0)
 

@@ -13,10 +13,10 @@ __all__ = ["Quick", "Search"]
 @named_fields
 @dataclass(frozen=True, kw_only=True)
 class Search(HeightMethod):
-    """The method with the least estimated risk, among those that suit the data; options given here are kept."""
+    """The method with the smallest estimated error, among those that suit the data. Options given here are kept."""
 
     word: ClassVar[str] = "search"
-    conserves: ClassVar[str] = "what the method that it finds does"
+    conserves: ClassVar[str] = "whatever the chosen method conserves"
 
     along: Along = option("all", "Points move in all directions, or only along their normals.")
     blend: bool = option(

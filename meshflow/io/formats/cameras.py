@@ -101,6 +101,7 @@ def read_camera(source: str | Path) -> Camera:
         >>> read_camera("data/scene_camera.json").cx
         159.5
 
+    :param source: a name (``tum``, ``7scenes``, ``kinect``, ``primesense``, ``tum-freiburg1`` to ``3``) or a path.
     :raises InputError: for an argument that is no name and no path.
     :raises FormatError: when the file cannot be read or is incomplete.
     """
@@ -119,8 +120,10 @@ def write_camera(
         >>> read_camera("camera.json").fx
         525.0
 
+    :param camera: a pinhole, orthographic or spherical camera, or a scanner.
+    :param path: of the file.
     :param shape: (h, w) of its images; ROS needs it.
-    :param overwrite: replace a file that is there.
+    :param overwrite: replace an existing file.
     :raises FormatError: when the format does not hold the camera, or the file exists and ``overwrite`` is false.
     """
     path = Path(path)
