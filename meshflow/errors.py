@@ -61,7 +61,7 @@ class NotConverged(RuntimeError):
 
 
 class MeshflowWarning(UserWarning):
-    """Something about a run that the caller should know and may not expect. With ``result=True`` the same sentences are in the Result."""
+    """Something about a run that you should know and may not expect. With ``result=True`` it is in the Result."""
 
 
 class Fact(str):

@@ -121,15 +121,14 @@ def geometry_of(
         points, faces, colours = _flat(data, step, shown or as_shown(data))
         view = picture_view()
     else:
-        data = thinned(data, step)
-        surface = data.lifted(_FORWARD)
+        surface = thinned(data, step).lifted(_FORWARD)
         points, faces, colours = surface.points, surface.triangulations[0], None
         if isinstance(data, HeightField):
             points = points * (1.0, 1.0, exaggeration)
             view = picture_view() if seen == "front" else terrain_view()
         else:
             view = side_view() if seen == "side" else camera_view()
-        normals = _of_cells(points, faces, data.missing.shape[1])
+        normals = _of_cells(points, faces, -(-data.missing.shape[1] // step))
     if len(faces) == 0:
         what = type(data).__name__
         raise InputError(f"nothing to draw: no triangle of the {what} has all three corners, too much is missing")

@@ -70,11 +70,12 @@ def of_open3d(mesh: Any) -> Any:
         return None
     import PIL.Image
     import trimesh
+    from trimesh.visual import TextureVisuals
 
     picture = np.asarray(pictures[int(used[0]) if len(used) else 0])
     if picture.size == 0:
         return None
     corners = np.asarray(mesh.vertices)[np.asarray(mesh.triangles).ravel()]
     image = PIL.Image.fromarray(np.flipud(picture))  # open3d stores the lowest row first
-    visual = trimesh.visual.TextureVisuals(uv=np.asarray(uv), image=image)
+    visual = TextureVisuals(uv=np.asarray(uv), image=image)
     return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)

@@ -162,7 +162,7 @@ class Served(Player):
             self._server.ui.controls(layout)
             v.VBtn("save this state", click=self._write, size="small", classes="mt-4", id="save")
             html.Div("{{ saved }}", classes="text-body-2 mt-1", id="saved")
-            html.Div("the command that makes it:", classes="text-body-2 mt-3")
+            html.Div("the command for this state:", classes="text-body-2 mt-3")
             html.Pre("{{ command }}", id="command", style="white-space:pre-wrap;word-break:break-all;font-size:11px")
 
     def _show_controls(self) -> None:

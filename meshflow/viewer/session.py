@@ -194,7 +194,14 @@ class Desk:
             unit = f" ({control.unit})" if control.unit else ""
             step = (control.high - control.low) / 200 if control.name != "order" else 1.0
             ends = {"low": control.low, "high": control.high, "step": step}
-            found.append({"name": control.name, "label": f"{control.name}{unit}", "value": control.value, **ends})
+            found.append(
+                {
+                    "name": control.name,
+                    "label": f"{control.name.replace('_', ' ')}{unit}",
+                    "value": control.value,
+                    **ends,
+                }
+            )
         return found
 
     def run(self, values: dict[str, Any], gone: Callable[[float], bool]) -> Timeline | None:

@@ -15,7 +15,7 @@ from meshflow.viewer.timeline import Timeline
 __all__ = ["Window"]
 
 POLL = 100  # milliseconds after which the window looks what has become of the work in the other thread
-HINT = "r: what was removed, s: save this state, c: the command that makes it, q: close"
+HINT = "r: what was removed, s: save this state, c: the command for this state, q: close"
 _DOING = {"run": "computing", "state": "computing this state again", "save": "saving"}
 
 
