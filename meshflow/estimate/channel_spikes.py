@@ -52,7 +52,7 @@ class ValueSpikes:
         """A sentence: how many there are, what became of them, and the options that change it."""
         count, n = int(self.mask.sum()), len(self.mask)
         one = count == 1
-        done = "left out as missing points are, and kept as they are"
+        done = "excluded and left unchanged"
         if self.replaced and (self.insists or not idle):
             done = "replaced by a plane through those around"
         return (

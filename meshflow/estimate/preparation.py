@@ -317,7 +317,7 @@ def _said(found: Outliers, repaired: Array) -> list[str]:
         if count == 0:
             continue
         made = int((mask & repaired).sum())
-        left = "left out as missing samples are, and kept as they are"
+        left = "excluded and left unchanged"
         done = (
             left
             if made == 0
@@ -337,6 +337,6 @@ def _said(found: Outliers, repaired: Array) -> list[str]:
             other = "'keep' leaves them" if made == count else "'repair' replaces them"
             words.append(
                 f"{count} sample{'s' * (count > 1)} ({share:.2g} %) unlike all neighbours, as impulses are: {done}; "
-                f"outliers={other}, 'include' takes them for data"
+                f"outliers={other}, 'include' treats them as data"
             )
     return words

@@ -86,7 +86,7 @@ def _of_method(plan: Plan) -> dict[str, Parameter]:
         plan, "boundary", "border-curve" if curve else plan.lift.boundary or plan.data.boundary
     )
     if plan.base is not None:
-        found["base"] = Parameter("the data at a larger scale", "", "default", "a slope is no edge")
+        found["base"] = Parameter("the data at a larger scale", "", "default", "a slope is not an edge")
     if not isinstance(plan.data, (Mesh, TetMesh)):
         found["diagonals"] = Parameter(plan.lift.diagonals)
     if plan.setting is not None:

@@ -105,7 +105,7 @@ def _searched(candidates: Sequence[Candidate]) -> list[str]:
             f"{k} {v if isinstance(v, str) else format(v, '.4g')}" for k, v in candidate.configuration.words.items()
         )
         error = f"{candidate.risk:.6g}" if candidate.least[1] > 0 else "below what can be measured"
-        near = "; as good, as far as can be told" if as_good(candidate, candidates[0]) else ""
+        near = "; equally good within the uncertainty" if as_good(candidate, candidates[0]) else ""
         lines.append(f"               {error} at time {candidate.least[0]:.4g}: {', '.join(words)}{near}")
     return lines
 

@@ -50,7 +50,7 @@ class NormalFilter(PointMethod):
     )
     crease_sharpness: float | None = option(
         None,
-        "How sharply creases are told from smooth parts: exponent q of the flux of normals, (1 + |contrast dn|²)^(-q/2) "
+        "How sharply creases are separated from smooth parts: exponent q of the flux of normals, (1 + |contrast dn|²)^(-q/2) "
         "dn. 2 is Perona and Malik, 8 almost a cutoff. Without a search: 8.",
     )
     regularize: float | None = option(
