@@ -16,11 +16,11 @@ def must_be_local(request: Request) -> None:
     asked = {
         "stop": (
             not all(isinstance(stop, (Residual, AreaLoss)) for stop in request.stops),
-            "it is met by a single sample of the whole; take a residual, a loss of area, or a time",
+            "any single sample may meet it; take a residual, a loss of area, or a time",
         ),
         "twicing": (bool(request.stops) and bool(request.twicing), "with a stop it needs the whole; give a time"),
-        "level": (request.level is not None, "an offset is that of a whole line"),
-        "max_change='step'": (isinstance(held.max_change, str), "steps are found by all samples; give a number"),
+        "level": (request.level is not None, "offsets are those of whole lines"),
+        "max_change='step'": (isinstance(held.max_change, str), "the step is found from all samples; give a number"),
         "domain": (
             request.domain not in ("auto", "length", "stabilized", "magnitudes"),
             "of range images, and of pictures in memory",
@@ -28,7 +28,7 @@ def must_be_local(request: Request) -> None:
     }
     for word, (given, why) in asked.items():
         if given:
-            raise InputError(f"{word}: not by windows, {why}")
+            raise InputError(f"{word}: not in windows, {why}")
 
 
 def must_be_of_the_family(request: Request, channels: int) -> None:
@@ -40,10 +40,10 @@ def must_be_of_the_family(request: Request, channels: int) -> None:
     asked = request.heights
     if request.named and not asked.searches_for(channels):
         raise InputError(
-            f"method={asked.word!r}: not by windows, it is a scheme of its own; take a method of the family, such as beltrami or "
+            f"method={asked.word!r}: not in windows; take a method of the Beltrami family, such as beltrami or "
             "perona-malik"
         )
     if asked.control(None) is not None:
         raise InputError(
-            f"method={asked.word!r}: not by windows, its steps follow the area of the whole; leave area_steps out"
+            f"method={asked.word!r}: not in windows, its steps follow the area of the whole; leave area_steps out"
         )
