@@ -98,8 +98,7 @@ def smooth(
     """Smooth data and keep its edges; the result is a new object of the same kind.
 
     By default the noise is estimated, and the method and time with the smallest estimated error are chosen; for range images
-    the time follows from the noise. The function has many keywords because it takes all kinds of data; each keyword is a part
-    that checks itself.
+    the time follows from the noise. There are many keywords because all kinds of data are taken; each checks itself.
 
     Example:
 

@@ -182,7 +182,7 @@ def test_missing_samples_may_be_lazy():
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        ({"stop": meshflow.Displacement(0.9)}, "stop: not by windows"),
+        ({"stop": meshflow.Displacement(0.9)}, "stop: not in windows"),
         ({"camera": meshflow.Pinhole(100, 100, 30, 30)}, "camera: no option of an array of dask"),
         ({"kind": "mesh"}, "kind: terrain of shape"),
         ({"constraints": Mask(np.ones((3, 3), bool))}, "mask: one number per sample, shape"),

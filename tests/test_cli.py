@@ -181,7 +181,7 @@ def test_the_picture_is_drawn_beside_the_result(terrain, tmp_path):
     [
         (("smooth", "absent.tif", "out.tif"), "absent.tif: no such file"),
         (("smooth", "{in}", "out.ply"), "a terrain does not fit into .ply"),
-        (("smooth", "{in}", "nowhere/out.tif"), "is no folder"),
+        (("smooth", "{in}", "nowhere/out.tif"), "is not a folder"),
         (("smooth", "{in}", "out.tif", "--time", "-1"), "time: a finite number, zero or more"),
         (("smooth", "{in}", "out.tif", "--scale", "-1"), "scale: a finite number"),
         (("smooth", "{in}", "out.tif", "--time", "5", "--scale", "1"), "give one of them"),

@@ -120,9 +120,9 @@ def test_two_of_one_name_are_not_written_over_each_other(folder, tmp_path):
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("--output", "{out}", "--report", "r.html"), "--report: of one file"),
+        (("--output", "{out}", "--report", "r.html"), "--report: only for a single file"),
         (("--output", "{out}", "--jobs", "0"), "jobs: "),
-        (("--output", "{in}/t0.tif"), "t0.tif is no folder"),
+        (("--output", "{in}/t0.tif"), "t0.tif is not a folder"),
         (("{out}.tif", "{in}/t1.tif"), "IN and OUT expected, got 3 names; --output FOLDER takes several"),
     ],
 )

@@ -95,7 +95,7 @@ def test_a_series_without_a_word_on_slices_is_refused(tmp_path):
     store, _ = made(tmp_path, times=3)
     found = run(store, tmp_path / "out.zarr")
     assert isinstance(found.exception, InputError)
-    assert "time; say how: --slices each or --slices alike" in str(found.exception)
+    assert "time; choose --slices each or --slices alike" in str(found.exception)
     assert not (tmp_path / "out.zarr").exists()
 
 

@@ -46,7 +46,7 @@ def said(tmp_path, monkeypatch, capfd):
             "--preserve volume and --preserve area: only for a mesh whose points move",
         ),
         ("smooth z.npy o.npy --area-loss 3", "--area-loss: a share"),
-        ("smooth z.npy o.npy --min-component 3", "--min-component: of range images only"),
+        ("smooth z.npy o.npy --min-component 3", "--min-component: only for range images"),
         ("smooth z.npy o.npy --depth-scale 3", "--depth-scale 3.0 belongs to depths"),
         ("smooth m.ply o.ply --depth-scale 3", "which takes --kind, --channels, --moves"),
         ("smooth z.npy o.npy --time 1 --scale 2", "--time 1.0 and --scale 2.0: they say the same"),
@@ -85,7 +85,7 @@ def test_options_that_decide_the_method_are_said_to_do_so(said):
     told, status = said("smooth z.npy o.npy --sharpness 3")
     assert not status
     assert (
-        "--sharpness: an option of method beltrami, which was taken (--method names another one that has it: perona-malik"
+        "--sharpness: an option of method beltrami, so this method was used (--method names another one that has it: perona-malik"
         in told
     )
     told, _ = said("smooth z.npy p.npy --method perona-malik --sharpness 3")

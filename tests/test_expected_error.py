@@ -116,7 +116,7 @@ def test_the_same_run_gives_the_same_error_and_more_runs_a_surer_one():
         (
             np.full((9, 9), 2.0) + Y[:9, :9] / 9,
             {"camera": meshflow.Pinhole(9.0, 9.0, 4.0, 4.0)},
-            "of height fields and images",
+            "only for height fields and images",
         ),
     ],
 )

@@ -95,7 +95,7 @@ def test_what_is_no_magnitude_is_refused_and_so_is_what_is_in_the_unit_of_the_va
     x = magnitudes(head(12), 0.06)
     for values, options, words in (
         (x - 1.0, {}, "domain='magnitudes': values of 0 or more expected, got -"),
-        (x, {"constraints": MaxChange(0.1)}, "domain='magnitudes': MaxChange is in the unit of the values"),
+        (x, {"constraints": MaxChange(0.1)}, "domain='magnitudes': MaxChange is in the unit of the original values"),
         (x[0], {"kind": "image"}, "domain='magnitudes': only for volumes, got"),
     ):
         with pytest.raises(InputError, match=words):

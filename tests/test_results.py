@@ -97,7 +97,7 @@ def test_a_method_that_takes_the_shape_with_the_noise_is_a_warning():
 @pytest.mark.parametrize("word", ["heat", "perona-malik", "rof", "min-max", "total-variation", "paper"])
 def test_methods_of_values_are_refused_where_points_move(word):
     with pytest.raises(
-        InputError, match=f"method='{word}': of values above a base.*; methods for this data are search"
+        InputError, match=f"method='{word}': only for heights, images and channels.*; methods for this data are search"
     ):
         smooth((NOISY, FACES), method=word)
 

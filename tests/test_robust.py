@@ -250,7 +250,7 @@ def test_words_for_outliers_and_levels_are_refused_where_they_mean_nothing():
     with pytest.raises(InputError, match="level: rows or columns expected, got 'all'"):
         meshflow.smooth(z, level="all")
     points, faces = np.eye(3), np.array([[0, 1, 2]])
-    with pytest.raises(InputError, match="of height fields and images only, got Mesh"):
+    with pytest.raises(InputError, match="only for height fields and images, got Mesh"):
         meshflow.smooth((points, faces), level="rows")
     with pytest.raises(InputError, match="outliers: of .* values of vertices only, got a mesh whose points move"):
         meshflow.smooth((points, faces), outliers="keep")

@@ -105,7 +105,7 @@ def test_channels_missing_samples_and_refusals():
     for option in ({"feature": 0.0}, {"presmoothing": -1.0}):
         with pytest.raises(meshflow.InputError, match=next(iter(option))):
             SmallerCurvature(**option)
-    with pytest.raises(meshflow.InputError, match="of height fields and images"):
+    with pytest.raises(meshflow.InputError, match="only for height fields and images"):
         meshflow.smooth(
             meshflow.Scattered(np.random.default_rng(3).uniform(size=(30, 2)), np.zeros(30)), method=SmallerCurvature()
         )

@@ -64,7 +64,7 @@ def test_slices_alike_have_one_choice(options):
 def test_slices_alike_may_be_looked_at_in_part():
     data = xarray.concat([stack((2.0, 2.0, 2.0, 2.0)).drop_vars("time")] * 3, "time")
     done = meshflow.smooth(data, slices="alike", result=True)
-    assert "noise and choice are from 8 of 12 slices" in done.warnings
+    assert "noise and method were found on 8 of 12 slices" in done.warnings
     assert done.noise.sigma == pytest.approx(2.0, rel=0.1)
 
 
@@ -120,7 +120,7 @@ def test_a_mask_is_that_of_every_slice():
             "slices: of an xarray.DataArray with a further dimension, got ndarray",
         ),
         (stack(), {"slices": "some"}, "slices: each or alike expected, got 'some'"),
-        (stack(), {"slices": "alike", "stop": meshflow.Displacement(0.9)}, "stop: not by windows"),
+        (stack(), {"slices": "alike", "stop": meshflow.Displacement(0.9)}, "stop: not in windows"),
         (
             stack(),
             {"slices": "each", "missing": np.zeros((3, H, W), bool)},

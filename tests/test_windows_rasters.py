@@ -302,7 +302,7 @@ def smoothed(path: Path, *words):
     ("words", "why"),
     [
         (("--report", "r.html"), "--report: it needs the whole data, which does not fit into 300 MB"),
-        (("--displacement", "0.9"), "stop: not by windows, it is met by a single sample of the whole"),
+        (("--displacement", "0.9"), "stop: not in windows, any single sample may meet it"),
         (("--memory", "0"), "memory: a size such as 2GB"),
         (("--moves", "points"), "moves: no option of a raster"),
     ],

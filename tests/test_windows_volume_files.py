@@ -132,7 +132,7 @@ def test_what_is_no_volume_and_what_does_not_fit_is_refused(tmp_path):
         ("v.npy", "o.npy", Output(Budget(250.05e6)), "MB is the least"),
         ("v.npy", "o.npy", Output(Budget(50e6)), "MB is the least, and more where the halo is wider"),
         ("v.npy", "o.npy", Output(small(), driver="COG"), "of rasters"),
-        ("v.npy", "o.npy", Output(small(), uncertainty=tmp_path / "u.npy"), "of height fields and images"),
+        ("v.npy", "o.npy", Output(small(), uncertainty=tmp_path / "u.npy"), "only for height fields and images"),
     ):
         with pytest.raises((InputError, FormatError), match=why):
             smooth_volume(tmp_path / name, tmp_path / target, request, ReadOptions(kind="volume"), writing)

@@ -23,7 +23,7 @@ def must_be_local(request: Request) -> None:
         "max_change='step'": (isinstance(held.max_change, str), "the step is found from all samples; give a number"),
         "domain": (
             request.domain not in ("auto", "length", "stabilized", "magnitudes"),
-            "of range images, and of pictures in memory",
+            "only for range images, and for pictures in memory",
         ),
     }
     for word, (given, why) in asked.items():
