@@ -128,7 +128,7 @@ def test_what_is_no_volume_and_what_does_not_fit_is_refused(tmp_path):
         ("b.nrrd", "o.npy", Output(small()), "raw or compressed by gzip, is read"),
         ("v.npy", "o.xyz", Output(small()), "written by windows as .npy"),
         ("v.npy", "v.npy", Output(small()), "exists"),
-        ("v.npy", "gone/o.npy", Output(small()), "no folder"),
+        ("v.npy", "gone/o.npy", Output(small()), "is not a folder"),
         ("v.npy", "o.npy", Output(Budget(250.05e6)), "MB is the least"),
         ("v.npy", "o.npy", Output(Budget(50e6)), "MB is the least, and more where the halo is wider"),
         ("v.npy", "o.npy", Output(small(), driver="COG"), "of rasters"),
