@@ -20,10 +20,10 @@ from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.volume import Volume
 
-# An array with so many channels or fewer is an image.
-COLOURS = 4
-
 __all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "read_options", "samples"]
+
+# An array (h, w, k) of so many channels k or fewer is an image; of more it is a volume.
+COLOURS = 4
 
 
 def opened(path: Path, given: Given) -> Document:
