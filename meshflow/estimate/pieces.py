@@ -13,6 +13,8 @@ __all__ = ["MARGIN", "SIDE", "Piece", "Window", "along_border", "pieces_of", "re
 
 # The side of a tile in samples, and the number of samples at a cut that are not counted.
 SIDE, MARGIN = 40, 4
+# The number of tiles from which those that are used are chosen by their roughness.
+POOL = 256
 # The number of tiles that are run together: rows of that length are fast, and two threads have work.
 TOGETHER = 32
 # Blocks of a grid that is used as a whole, for standard errors: their largest width, and the least number along a side.
@@ -69,14 +71,16 @@ def pieces_of(
 
 
 def spread(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
-    """About ``count`` evenly spaced windows of a grid. Windows with less than half of their samples free are replaced by
-    others.
+    """About ``count`` windows of a grid: of many evenly spaced ones those at even steps of their order by roughness.
+
+    Evenly spaced windows alone may all lie beside a front that crosses the grid in a row of none of them. Windows with less than
+    half of their samples free are replaced by others.
     """
     h, w = grid.shape
     high, wide = min(h, side), min(w, side)
     free, found = ~(grid.missing | grid.fixed), []
     for more in (1, 4, 16):
-        windows = _laid(h, w, high, wide, more * count)
+        windows = _laid(h, w, high, wide, more * max(count, POOL))
         shares = [float(free[window].mean()) for window in windows]
         found = [window for window, share in zip(windows, shares, strict=True) if share >= 0.5]
         if 4 * len(found) >= 3 * count or (more > 1 and found):
@@ -86,7 +90,20 @@ def spread(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
             found = [windows[i] for i in np.sort(best) if shares[i] > 0]
     if len(found) <= 1.5 * count:
         return found
-    return [found[i] for i in np.linspace(0, len(found) - 1, count).astype(int)]
+    order = np.argsort([_roughness(grid, window) for window in found], kind="stable")
+    return [found[i] for i in np.sort(order[np.linspace(0, len(found) - 1, count).astype(int)])]
+
+
+def _roughness(grid: Grid, window: Window) -> float:
+    """The mean squared departure of a window from a plane, over all channels."""
+    planes, there = grid.planes[:, *window].astype(np.float64), ~grid.missing[window]
+    planes = np.where(there, planes, np.mean(planes, axis=(1, 2), where=there, keepdims=True))
+    rest = np.var(planes, axis=(1, 2))
+    for axis in (1, 2):
+        along = np.arange(planes.shape[axis]) - 0.5 * (planes.shape[axis] - 1)
+        slope = planes.mean(axis=3 - axis) @ along / max(along @ along, 1.0)
+        rest = rest - np.square(slope) * np.mean(np.square(along))
+    return float(rest.sum())
 
 
 def along_border(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
