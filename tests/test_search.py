@@ -122,6 +122,16 @@ def test_tiles_keep_the_samples_their_spacing_and_their_holes():
         assert np.allclose(piece.grid.spacing[0][rows[::97]], np.linspace(1, 2, 300)[whence])
 
 
+@pytest.mark.parametrize("at", [0.1, 0.25, 0.5, 0.62])
+def test_a_front_is_in_as_large_a_share_of_the_tiles_as_of_the_grid_wherever_it_lies(at):
+    y = np.indices((400, 400))[0]
+    z = 12.0 * (y > at * 400) + np.random.default_rng(0).normal(size=y.shape)
+    for lying in (z, z.T):
+        grid, front = HeightField(lying).gridded(Lift()), (y > at * 400) if lying is z else (y > at * 400).T
+        crossed = [front[window].any() and not front[window].all() for window in spread(grid, 16)]
+        assert 0.05 <= np.mean(crossed) <= 0.3
+
+
 def test_risks_of_copies_side_by_side_are_those_of_copies_run_alone():
     _, z = noisy(n=64)
     variant, times, h = Variant(-1.0, 2.0), (0.25, 0.5, 1.0), PROBE * 2.0
