@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from meshflow.estimate.roughness import of_every_roughness
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.discontinuities import Cuts
 from meshflow.surfaces.grid import Grid
@@ -13,7 +14,7 @@ __all__ = ["MARGIN", "SIDE", "Piece", "Window", "along_border", "pieces_of", "re
 
 # The side of a tile in samples, and the number of samples at a cut that are not counted.
 SIDE, MARGIN = 40, 4
-# The number of tiles from which those that are used are chosen by their roughness.
+# The number of tiles from which those that are used are chosen.
 POOL = 256
 # The number of tiles that are run together: rows of that length are fast, and two threads have work.
 TOGETHER = 32
@@ -71,10 +72,8 @@ def pieces_of(
 
 
 def spread(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
-    """About ``count`` windows of a grid: of many evenly spaced ones those at even steps of their order by roughness.
-
-    Evenly spaced windows alone may all lie beside a front that crosses the grid in a row of none of them. Windows with less than
-    half of their samples free are replaced by others.
+    """About ``count`` windows of a grid, of every roughness. Windows with less than half of their samples free are replaced by
+    others.
     """
     h, w = grid.shape
     high, wide = min(h, side), min(w, side)
@@ -88,22 +87,7 @@ def spread(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
         if not found:
             best = np.argsort(shares, kind="stable")[::-1][:count]
             found = [windows[i] for i in np.sort(best) if shares[i] > 0]
-    if len(found) <= 1.5 * count:
-        return found
-    order = np.argsort([_roughness(grid, window) for window in found], kind="stable")
-    return [found[i] for i in np.sort(order[np.linspace(0, len(found) - 1, count).astype(int)])]
-
-
-def _roughness(grid: Grid, window: Window) -> float:
-    """The mean squared departure of a window from a plane, over all channels."""
-    planes, there = grid.planes[:, *window].astype(np.float64), ~grid.missing[window]
-    planes = np.where(there, planes, np.mean(planes, axis=(1, 2), where=there, keepdims=True))
-    rest = np.var(planes, axis=(1, 2))
-    for axis in (1, 2):
-        along = np.arange(planes.shape[axis]) - 0.5 * (planes.shape[axis] - 1)
-        slope = planes.mean(axis=3 - axis) @ along / max(along @ along, 1.0)
-        rest = rest - np.square(slope) * np.mean(np.square(along))
-    return float(rest.sum())
+    return of_every_roughness(found, count, lambda window: (grid.planes[:, *window], grid.missing[window]))
 
 
 def along_border(grid: Grid, count: int, side: int = SIDE) -> list[Window]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshflow.estimate.risk import PROBE, Configuration
+from meshflow.estimate.roughness import of_every_roughness
 from meshflow.estimate.sure import Probed
 from meshflow.flow.constraints import Limit
 from meshflow.flow.contract import Flow
@@ -18,6 +19,8 @@ __all__ = ["VolumePiece", "cubes", "piece_of", "probed", "whole_piece"]
 
 # The side of a cube, the number of samples at a cut that are not counted, and the side of the blocks of a whole volume.
 SIDE, MARGIN, BLOCK = 24, 3, 16
+# The number of cubes from which those that are used are chosen.
+POOL = 64
 
 Cube = tuple[slice, slice, slice]
 
@@ -51,14 +54,14 @@ def whole_piece(block: Block, sigma: Array, limit: Array | None, speed: Array | 
 
 
 def cubes(block: Block, count: int) -> list[Cube]:
-    """About ``count`` evenly spread cubes of a volume; those with less than half of their samples free are left out."""
+    """About ``count`` cubes of a volume, of every roughness; those with less than half of their samples free are left out."""
     sides = [min(SIDE, size) for size in block.shape]
     room = np.array(block.shape) / sides
     free, found = ~(block.missing | block.fixed), []
     for more in (1, 3, 9):
-        numbers = np.clip(
-            np.rint(room * (more * count / room.prod()) ** (1 / 3)), 1, np.maximum(np.rint(room), 1)
-        ).astype(int)
+        numbers = np.clip(np.rint(room * (more * max(count, POOL) / room.prod()) ** (1 / 3)), 1, np.ceil(room)).astype(
+            int
+        )
         starts = [
             np.unique(np.clip((np.arange(n) + 0.5) * size / n - 0.5 * side, 0, size - side).astype(int))
             for size, side, n in zip(block.shape, sides, numbers, strict=True)
@@ -72,9 +75,7 @@ def cubes(block: Block, count: int) -> list[Cube]:
         found = [cube for cube in found if free[cube].mean() >= 0.5]
         if 2 * len(found) >= count:
             break
-    if len(found) <= 1.5 * count:
-        return found
-    return [found[i] for i in np.linspace(0, len(found) - 1, count).astype(int)]
+    return of_every_roughness(found, count, lambda cube: (block.planes[(slice(None), *cube)], block.missing[cube]))
 
 
 def piece_of(
