@@ -113,14 +113,37 @@ def test_where_a_tile_is_missing_there_is_a_border(tmp_path):
         assert mosaic_of(tmp_path / "out").tobytes() == expected.read(1).tobytes()
 
 
+def test_what_is_there_already_is_left_and_gives_its_neighbours_their_halo(tmp_path):
+    tiled(tmp_path / "in", heights())
+    words = ["smooth", str(tmp_path / "in"), "--output", str(tmp_path / "out"), "--together", "--outliers", "include"]
+    words += ["--method", "beltrami", "--contrast", "5", "--time", "900", "--noise", "2"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    at_once = {path: path.read_bytes() for path in sorted((tmp_path / "out").iterdir())}
+    gone = list(at_once)[1]
+    for more, code, said in (([], 1, "exists"), (["--resume"], 0, "done before")):
+        gone.unlink()
+        again = CliRunner().invoke(app, [*words, *more], env={"COLUMNS": "200"})
+        assert again.exit_code == code
+        assert again.output.count(said) >= len(at_once) - 1
+        assert {path: path.read_bytes() for path in sorted((tmp_path / "out").iterdir())} == at_once
+
+
+def test_the_lattice_is_that_of_most_tiles_whatever_their_names(tmp_path):
+    z = heights()
+    paths = tiled(tmp_path / "in", z)
+    first = make(tmp_path / "in" / "a.tif", z[:SIDE, :SIDE], nodata=-9999, transform=placed(0, W, 30), crs="EPSG:32633")
+    outcomes = together([first, *paths], tmp_path / "out")
+    assert [path.name for path, one in outcomes.items() if isinstance(one, Exception)] == ["a.tif"]
+
+
 @pytest.mark.parametrize(
     ("odd", "why"),
     [
-        ({"crs": "EPSG:32633"}, "the CRS of t0_0.tif, .* expected, got EPSG:32633"),
-        ({"transform": from_origin(5e5 + 3600, 5e6, 10, 10)}, "samples .30.0, -30.0. apart, as in the first tile"),
+        ({"crs": "EPSG:32633"}, "its CRS is EPSG:32633; the other tiles, such as t0_0.tif, have"),
+        ({"transform": from_origin(5e5 + 3600, 5e6, 10, 10)}, "samples .30.0, -30.0. apart, as in the other tiles"),
         ({"transform": from_origin(5e5 + 3610, 5e6, 30, 30)}, "0.000 rows and 0.333 columns off the grid"),
         ({"transform": from_origin(5e5 + 3570, 5e6, 30, 30)}, "odd.tif overlaps t0_90.tif by 30 x 1 samples"),
-        ({"after": lambda tile: setattr(tile, "units", ("ft",))}, "the unit of t0_0.tif, .* expected, got ft"),
+        ({"after": lambda tile: setattr(tile, "units", ("ft",))}, "its unit is ft; the other tiles, such as t0_0.tif, have"),
         ({"transform": rasterio.Affine.identity(), "crs": None}, "tiles are put together by their georeference"),
     ],
 )

@@ -105,15 +105,15 @@ def _words(source: Path, options: ReadOptions) -> tuple[str, ...]:
     return volume_words() if _is_volume(source, options) else words_for(points=False)
 
 
-def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path]]) -> Iterator[tuple[Path, Told | Exception]]:
+def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path | None]]) -> Iterator[tuple[Path, Told | Exception]]:
     """Smooth the tiles of a survey with one choice; each with what is said of it, or its refusal.
 
     :raises InputError: for options that need the whole.
     """
     from meshflow.large.survey import smooth_together
 
-    if given["jobs"] != 1 or given["resume"]:
-        raise InputError("--together: the tiles are one run; leave out --jobs and --resume")
+    if given["jobs"] != 1:
+        raise InputError("--together: the tiles are one run; leave out --jobs")
     options, word, suiting = _reading(given), given["method"], words_for(points=False)
     options.must_belong("a raster of several", ("kind", "band", "nodata", "spacing", "crs", "unit", "allow_remote"))
     request = asked(given, plain_sample, suiting)

@@ -53,8 +53,8 @@ class Told:
     pictured: tuple[Any, Any] | None = None
 
 
-# Smooths tiles, pairs of paths, and tells each or refuses it.
-Together = Callable[[Given, Sequence[tuple[Path, Path]]], Iterator[tuple[Path, Told | Exception]]]
+# Smooths tiles, pairs of paths (None: nothing is written for it), and tells each or refuses it.
+Together = Callable[[Given, Sequence[tuple[Path, Path | None]]], Iterator[tuple[Path, Told | Exception]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,8 @@ class Line:
         if isinstance(result, Results):
             return (str(self.source), "", "", "", seconds, result.stopped_because)
         removed = result.to_dict()["removed"]
-        numbers = (f"{result.noise.sigma:.4g}", f"{result.parameters['time'].value:.4g}", f"{removed['rms']:.4g}")
+        rms = "" if removed is None else f"{removed['rms']:.4g}"
+        numbers = (f"{result.noise.sigma:.4g}", f"{result.parameters['time'].value:.4g}", rms)
         return (str(self.source), *numbers, seconds, result.stopped_because)
 
 
@@ -187,8 +188,11 @@ def _tiles(given: Given, work: Sequence[_Work], together: Together) -> Iterator[
     """The lines of the tiles of a survey."""
     targets = {one.source: one.target for one in work if isinstance(one.target, Path)}
     yield from (Line(one.source, None, why=one.target) for one in work if isinstance(one.target, str))
+    done = {source for source, target in targets.items() if given["resume"] and target.exists()}
+    yield from (Line(source, targets[source], skipped=True) for source in sorted(done))
     begun = monotonic()
-    for source, found in together(given, list(targets.items())):
+    pairs = [(source, None if source in done else target) for source, target in targets.items()]
+    for source, found in together({**given, "overwrite": given["overwrite"] and not given["resume"]}, pairs):
         if isinstance(found, Told):
             yield Line(source, targets[source], found, seconds=monotonic() - begun)
         else:

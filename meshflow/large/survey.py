@@ -1,5 +1,6 @@
 """Smooths the tiles of a survey with one choice: by their georeference, neighbours supply the halo of each."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -37,11 +38,12 @@ OFF, ROUNDING = 1e-3, 1e-6
 class Tile:
     """A raster of a survey.
 
-    :ivar origin: row and column of its first sample in the lattice of the first tile, then in the survey.
+    :ivar target: what is written for it; None: nothing, it is there for its neighbours.
+    :ivar origin: row and column of its first sample in the lattice of the survey.
     """
 
     path: Path
-    target: Path
+    target: Path | None
     file: Gridded
     census: Census
     origin: tuple[int, int]
@@ -52,6 +54,23 @@ class Tile:
         """Its window of the survey."""
         (top, left), (h, w) = self.origin, self.file.form.shape
         return slice(top, top + h), slice(left, left + w)
+
+
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    """A raster before it is known where it lies."""
+
+    path: Path
+    target: Path | None
+    file: Gridded
+    notes: tuple[str, ...]
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What the tiles of a survey have in common."""
+        form, transform = self.file.form, self.file.reader.frame.transform
+        steps = tuple(round(getattr(transform, name), 9) for name in "abde")
+        return self.file.reader.frame.crs, form.unit, form.channels, form.dtype, steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +106,7 @@ class Survey:
 
 
 def smooth_together(
-    pairs: Sequence[tuple[Path, Path]],
+    pairs: Sequence[tuple[Path, Path | None]],
     request: Request,
     options: ReadOptions,
     writing: Output,
@@ -95,23 +114,39 @@ def smooth_together(
 ) -> Iterator[tuple[Path, Outcome | Exception]]:
     """Smooth the tiles of a survey; together they equal the mosaic, smoothed by the same plan, bit for bit.
 
-    The first tile gives the lattice. A tile that does not suit it, or cannot be read or written, is refused, and where it lies
-    is then a border for the others.
+    The tiles that most of them are like give the lattice. A tile that does not suit it, or cannot be read, is refused, and where
+    it lies is then a border for the others. One whose file is there already is refused, and its neighbours take their halo from
+    it.
 
-    :param pairs: of paths: each tile, and the GeoTIFF that is written for it.
+    :param pairs: of paths: each tile, and the GeoTIFF that is written for it; None: it is there for its neighbours.
     :param options: of the reader.
     :returns: the path of each tile, and its outcome or the refusal.
     :raises InputError: for what cannot be done by windows.
     """
     with ExitStack() as stack, request.compute.running():
-        tiles: list[Tile] = []
+        found, refused = list[_Opened](), set[Path]()
         for path, target in pairs:
             try:
-                must_be_writable(target, writing)
-                tiles.append(_opened(stack, path, target, options, writing, tiles))
+                if target is not None:
+                    must_be_writable(target, writing)
             except (InputError, OSError) as refusal:
+                target = None
+                refused.add(path)
                 yield path, refusal
-        if not tiles:
+            try:
+                found.append(_opened(stack, path, target, options, writing))
+            except (InputError, OSError) as refusal:
+                if path not in refused:
+                    yield path, refusal
+        tiles: list[Tile] = []
+        for one in _most_alike_first(found):
+            try:
+                tiles.append(_placed(one, writing, tiles))
+            except (InputError, OSError) as refusal:
+                if one.path not in refused:
+                    yield one.path, refusal
+        to_write = [tile.target for tile in tiles if tile.target is not None]
+        if not to_write:
             return
         survey = _laid(tiles, options)
         census = joined(survey.counts(writing.budget.counted(survey.form)), survey.form)
@@ -119,11 +154,13 @@ def smooth_together(
         bound = bound_over(run.local, survey, request.constraints, census, at_once=writing.budget.counted(survey.form))
         shapes = [tile.file.form.shape for tile in tiles]
         largest = tuple(max(shape[axis] for shape in shapes) for axis in (0, 1))
-        room = Room(writing.budget, tiles[0].target.resolve().parent, writing.uncertainty is not None, largest)
+        room = Room(writing.budget, to_write[0].resolve().parent, writing.uncertainty is not None, largest)
         run, bound = stopped_by_all(run, bound, survey, request, room, progress)
         made = Run.of(bound, run, census, request, room)
         last = stack.enter_context(at_the_last_leg(survey, made, writing.budget, progress))
         for tile in survey.tiles:
+            if tile.target is None:
+                continue
             sheet, own = Sheet(tile.file, survey, tile.place), replace(last, census=tile.census)
             try:
                 outcome = written(sheet, own, tile.target, writing, progress)
@@ -132,19 +169,35 @@ def smooth_together(
                 yield tile.path, refusal
 
 
-def _opened(
-    stack: ExitStack, path: Path, target: Path, options: ReadOptions, writing: Output, tiles: Sequence[Tile]
-) -> Tile:
+def _opened(stack: ExitStack, path: Path, target: Path | None, options: ReadOptions, writing: Output) -> _Opened:
+    """A raster that is open until the stack ends.
+
+    :raises InputError: where it cannot be a tile; the message says why.
+    """
+    reader = stack.enter_context(raster_read(path, options))
+    if target is not None:
+        must_be_stored(reader, target, writing)
+    file, notes = gridded(reader, options)
+    if not file.reader.frame.georeferenced:
+        raise InputError(f"{path.name}: tiles are put together by their georeference, and it has none")
+    return _Opened(path, target, file, notes)
+
+
+def _most_alike_first(found: Sequence[_Opened]) -> list[_Opened]:
+    """The rasters with one of the largest group of like ones first, the first of it; none if nothing is to be written."""
+    if all(one.target is None for one in found):
+        return []
+    counts = Counter(one.kind for one in found)
+    first = next(one for one in found if counts[one.kind] == max(counts.values()))
+    return [first, *(one for one in found if one is not first)]
+
+
+def _placed(one: _Opened, writing: Output, tiles: Sequence[Tile]) -> Tile:
     """A tile that suits the first one.
 
     :raises InputError: where it does not; the message says in what.
     """
-    reader = stack.enter_context(raster_read(path, options))
-    must_be_stored(reader, target, writing)
-    file, notes = gridded(reader, options)
-    frame = file.reader.frame
-    if not frame.georeferenced:
-        raise InputError(f"{path.name}: tiles are put together by their georeference, and it has none")
+    path, file, frame = one.path, one.file, one.file.reader.frame
     origin = (0, 0)
     if tiles:
         first = tiles[0].file
@@ -156,9 +209,11 @@ def _opened(
             ("number type", file.form.dtype, first.form.dtype),
         ):
             if own != theirs:
-                raise InputError(f"{path.name}: the {word} of {tiles[0].path.name}, {theirs}, expected, got {own}")
+                raise InputError(
+                    f"{path.name}: its {word} is {own}; the other tiles, such as {tiles[0].path.name}, have {theirs}"
+                )
     file, census, more = counted(file, writing.budget, None)
-    made = Tile(path, target, file, census, origin, (*notes, *more))
+    made = Tile(path, one.target, file, census, origin, (*one.notes, *more))
     for other in tiles:
         overlap = [_common(one, two) for one, two in zip(made.place, other.place, strict=True)]
         if all(part.start < part.stop for part in overlap):
@@ -174,13 +229,13 @@ def _origin(path: Path, own: Affine, first: Affine) -> tuple[int, int]:
     size = max(abs(first.a), abs(first.b), abs(first.d), abs(first.e))
     if any(abs(getattr(own, name) - getattr(first, name)) > ROUNDING * size for name in "abde"):
         raise InputError(
-            f"{path.name}: samples {(first.a, first.e)} apart, as in the first tile, expected, got {(own.a, own.e)}; "
+            f"{path.name}: samples {(first.a, first.e)} apart, as in the other tiles, expected, got {(own.a, own.e)}; "
             "resample it (gdalwarp)"
         )
     column, row = ~first * (own.c, own.f)
     if max(abs(row - round(row)), abs(column - round(column))) > OFF:
         raise InputError(
-            f"{path.name}: it lies {row % 1:.3f} rows and {column % 1:.3f} columns off the grid of the first tile; "
+            f"{path.name}: it lies {row % 1:.3f} rows and {column % 1:.3f} columns off the grid of the other tiles; "
             "resample it (gdalwarp -tap)"
         )
     return round(row), round(column)
