@@ -100,6 +100,17 @@ def test_outliers_are_found_as_in_the_whole(k, outliers):
     same(meshflow.smooth(da.from_array(z, (40, 40, *z.shape[2:])), **given).compute(), meshflow.smooth(z, **given))
 
 
+def test_a_lazy_array_with_the_shape_of_something_else_is_refused_as_one_in_memory_is():
+    for shape, likeness in (
+        ((12, 60, 50), "a volume"),
+        ((3, 60, 50), "3 channels that come first"),
+        ((90, 3), "points"),
+    ):
+        for array in (np.zeros(shape), da.zeros(shape)):
+            with pytest.raises(InputError, match=f"looks like {likeness}"):
+                meshflow.smooth(array)
+
+
 def test_a_graph_is_built_without_reading_a_sample_where_all_is_given():
     lazy, reads = counting(heights(), (30, 40))
     done = meshflow.smooth(lazy, **FIXED)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import meshflow
 from meshflow.cli.commands import app
 from meshflow.cli.many import inputs_of
-from meshflow.errors import FormatError
+from meshflow.errors import FormatError, InputError
 from meshflow.surfaces.data import array_of
 
 FIXED = ("--method", "beltrami", "--contrast", "5", "--time", "900", "--noise", "2", "--outliers", "include")
@@ -57,6 +57,13 @@ def test_a_folder_goes_into_a_folder_each_file_as_if_it_were_alone(folder, tmp_p
         "t2.tif",
     ]
     assert done.stdout.splitlines()[0].split() == ["file", "noise", "time", "removed", "took", "ended"]
+
+
+@pytest.mark.parametrize("word", [("--together",), ("--resume",), ("--jobs", "2")])
+def test_what_is_for_several_files_is_refused_beside_a_single_one(word, folder, tmp_path):
+    with pytest.raises(InputError, match="are for several files; give --output FOLDER"):
+        smooth(folder / "t0.tif", tmp_path / "out.tif", *word)
+    assert not (tmp_path / "out.tif").exists()
 
 
 def test_files_patterns_and_meshes_are_taken_together(folder, tmp_path):

@@ -72,6 +72,9 @@ def test_a_series_is_smoothed_slice_by_slice_when_that_is_asked_for(tmp_path, sl
     out = back(tmp_path / "out.zarr")["smooth"]
     assert out.dims == ("time", "y", "x")
     assert np.sqrt(np.nanmean((out.values - truth) ** 2)) < 0.7
+    of_many = run(store, "--output", tmp_path / "folder", "--slices", slices, "--method", "quick")
+    assert of_many.exit_code == 0, of_many.output
+    np.testing.assert_array_equal(back(tmp_path / "folder" / "in.zarr")["height"].values, out.values)
 
 
 def test_a_series_whose_chunks_hold_several_times_is_written_in_these_chunks(tmp_path):

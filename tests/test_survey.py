@@ -143,7 +143,10 @@ def test_the_lattice_is_that_of_most_tiles_whatever_their_names(tmp_path):
         ({"transform": from_origin(5e5 + 3600, 5e6, 10, 10)}, "samples .30.0, -30.0. apart, as in the other tiles"),
         ({"transform": from_origin(5e5 + 3610, 5e6, 30, 30)}, "0.000 rows and 0.333 columns off the grid"),
         ({"transform": from_origin(5e5 + 3570, 5e6, 30, 30)}, "odd.tif overlaps t0_90.tif by 30 x 1 samples"),
-        ({"after": lambda tile: setattr(tile, "units", ("ft",))}, "its unit is ft; the other tiles, such as t0_0.tif, have"),
+        (
+            {"after": lambda tile: setattr(tile, "units", ("ft",))},
+            "its unit is ft; the other tiles, such as t0_0.tif, have",
+        ),
         ({"transform": rasterio.Affine.identity(), "crs": None}, "tiles are put together by their georeference"),
     ],
 )

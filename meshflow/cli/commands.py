@@ -116,6 +116,8 @@ def smooth(given: Given) -> None:
     source, target, quiet = given["source"], given["target"], given["quiet"]
     if target is None:
         raise UsageError("Missing argument 'OUT'", context)
+    if given["together"] or given["resume"] or given["jobs"] != 1:
+        raise InputError("smooth: --together, --resume and --jobs are for several files; give --output FOLDER")
     if len(named) > 2:
         raise InputError(f"smooth: IN and OUT expected, got {len(named)} names; --output FOLDER takes several inputs")
     piped = target == STDIN

@@ -11,6 +11,7 @@ from meshflow.estimate.request import Request
 from meshflow.flow.steppers import Explicit
 from meshflow.geometry.validation import Array, real, spacing_of
 from meshflow.io.adapters.xarray import described
+from meshflow.io.formats.arrays import must_be_meant
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.chunk_graph import Chunked, Lazy, again, census_of_chunks, in_chunks_of, moved, stop_of_chunks
 from meshflow.large.chunk_work import gone_in
@@ -90,6 +91,8 @@ def _lazy(data: object, options: ReadOptions) -> Lazy:
     volume = options.kind == "volume"
     if _is_dask(data):
         options.must_belong("an array of dask", ("kind", "spacing", "missing", "nodata", "unit"))
+        if options.kind is None:
+            must_be_meant(data.shape)
         if options.kind not in (None, "terrain", "image", "volume") or (options.kind == "terrain" and data.ndim != 2):
             raise InputError(
                 f"kind: terrain of shape (h, w), image or volume expected, got {options.kind!r} of shape {data.shape}"

@@ -124,27 +124,8 @@ def smooth_together(
     :raises InputError: for what cannot be done by windows.
     """
     with ExitStack() as stack, request.compute.running():
-        found, refused = list[_Opened](), set[Path]()
-        for path, target in pairs:
-            try:
-                if target is not None:
-                    must_be_writable(target, writing)
-            except (InputError, OSError) as refusal:
-                target = None
-                refused.add(path)
-                yield path, refusal
-            try:
-                found.append(_opened(stack, path, target, options, writing))
-            except (InputError, OSError) as refusal:
-                if path not in refused:
-                    yield path, refusal
-        tiles: list[Tile] = []
-        for one in _most_alike_first(found):
-            try:
-                tiles.append(_placed(one, writing, tiles))
-            except (InputError, OSError) as refusal:
-                if one.path not in refused:
-                    yield one.path, refusal
+        tiles, refused = _gathered(stack, pairs, options, writing)
+        yield from refused.items()
         to_write = [tile.target for tile in tiles if tile.target is not None]
         if not to_write:
             return
@@ -167,6 +148,29 @@ def smooth_together(
                 yield tile.path, replace(outcome, notes=(*tile.notes, *outcome.notes))
             except (InputError, NotConverged, OSError, MemoryError) as refusal:
                 yield tile.path, refusal
+
+
+def _gathered(
+    stack: ExitStack, pairs: Sequence[tuple[Path, Path | None]], options: ReadOptions, writing: Output
+) -> tuple[list[Tile], dict[Path, Exception]]:
+    """The tiles that suit each other, open until the stack ends, and why others are not written."""
+    found, refused, tiles = list[_Opened](), dict[Path, Exception](), list[Tile]()
+    for path, target in pairs:
+        try:
+            if target is not None:
+                must_be_writable(target, writing)
+        except (InputError, OSError) as refusal:
+            refused[path], target = refusal, None
+        try:
+            found.append(_opened(stack, path, target, options, writing))
+        except (InputError, OSError) as refusal:
+            refused.setdefault(path, refusal)
+    for one in _most_alike_first(found):
+        try:
+            tiles.append(_placed(one, writing, tiles))
+        except (InputError, OSError) as refusal:
+            refused.setdefault(one.path, refusal)
+    return tiles, refused
 
 
 def _opened(stack: ExitStack, path: Path, target: Path | None, options: ReadOptions, writing: Output) -> _Opened:

@@ -30,7 +30,7 @@ from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.range_image import RangeImage
 from meshflow.surfaces.volume import Volume
 
-__all__ = ["can_write", "from_object", "key_of", "loaded", "read", "write"]
+__all__ = ["can_write", "from_object", "key_of", "loaded", "must_be_meant", "read", "write"]
 
 NAME: str = "an array file"
 READS: tuple[str, ...] = (
@@ -202,7 +202,7 @@ def from_object(data: object, options: ReadOptions) -> Imported:
     if options.kind in ("vectors", "tensors"):
         return field_from(data, options)
     if options.kind is None and options.camera is None:
-        _must_be_meant(data.shape)
+        must_be_meant(data.shape)
     kind = options.kind or ("depth" if options.camera is not None else "image" if data.ndim == 3 else "terrain")
     if kind not in _TAKES:
         raise InputError(
@@ -260,7 +260,7 @@ def _depths(data: Array, options: ReadOptions) -> Imported:
     return Imported(image, to_object, notes)
 
 
-def _must_be_meant(shape: tuple[int, ...]) -> None:
+def must_be_meant(shape: tuple[int, ...]) -> None:
     """Refuse an array whose shape is that of something else, unless its kind is said.
 
     :raises InputError: for points (n, 3), volumes, and channels that come first.
