@@ -114,21 +114,26 @@ inline i32 nth(i64 count, i64 n, const i32* keys) {
 // Whether a patch at a place, of the places 0 to last along an axis, is a reference: counted from both ends, as a mirror has it.
 INLINE bool is_reference(i64 at, i64 last, i64 stride) { return (2 * at <= last ? at : last - at) % stride == 0; }
 
+// The squared distances of a row of the reference to that of each of n patches, added. Compilers find SIMD over the patches where
+// the side is known, and where it is not only with the loop over it outside; the sums are the same.
 template <int SIDE, class T> LOOP void add_distances_of(i64 n, i64 side, const T* reference, const T* row, T* far) {
-    SIMD for (i64 c = 0; c < n; ++c) {
-        T sum = far[c];
-        if constexpr (SIDE > 0) {
+    if constexpr (SIDE > 0) {
+        SIMD for (i64 c = 0; c < n; ++c) {
+            T sum = far[c];
             UNROLL for (int j = 0; j < SIDE; ++j) {
                 const T step = row[c + j] - reference[j];
                 sum += step * step;
             }
-        } else {
-            for (i64 j = 0; j < side; ++j) {
-                const T step = row[c + j] - reference[j];
-                sum += step * step;
+            far[c] = sum;
+        }
+    } else {
+        for (i64 j = 0; j < side; ++j) {
+            const T own = reference[j];
+            SIMD for (i64 c = 0; c < n; ++c) {
+                const T step = row[c + j] - own;
+                far[c] += step * step;
             }
         }
-        far[c] = sum;
     }
 }
 template <class T> INLINE void add_distances(i64 n, i64 side, const T* reference, const T* row, T* far) {
