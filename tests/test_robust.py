@@ -146,6 +146,18 @@ def test_a_hot_pixel_of_a_stiff_image_costs_no_time():
     assert np.abs(found.data[20, 20] - 0.5).max() < 0.2
 
 
+def test_points_of_light_are_data_and_hot_pixels_of_their_height_are_none():
+    rng, (y, x) = np.random.default_rng(0), np.mgrid[0:128, 0:128]
+    noise, hot, stars = 5.0 * rng.normal(size=(128, 128)), np.zeros((128, 128)), np.zeros((128, 128))
+    for row, column in rng.integers(4, 124, (20, 2)):
+        hot[row, column] = 150.0
+        stars += 150.0 * np.exp(-((y - row) ** 2 + (x - column) ** 2) / (2 * 0.65**2))
+    found = outliers_of(20.0 + hot + noise, np.zeros(hot.shape, bool))
+    assert found is not None
+    assert found.mask[hot > 0].mean() > 0.9
+    assert outliers_of(20.0 + stars + noise, np.zeros(hot.shape, bool)) is None
+
+
 def test_thin_lines_blocks_and_dots_of_a_drawing_are_data():
     page = np.zeros((64, 64))
     page[10, 5:50] = page[20:40, 12] = 200.0

@@ -35,6 +35,10 @@ REACH = 2
 NEAR = np.array(
     [max(abs(r), abs(c)) == 1 for r in range(-REACH, REACH + 1) for c in range(-REACH, REACH + 1) if r or c]
 )
+DIRECT = np.array([abs(r) + abs(c) == 1 for r in range(-REACH, REACH + 1) for c in range(-REACH, REACH + 1) if r or c])
+# A point of light is blurred: three of its four direct neighbours at least are lifted by this share of its own height, and by so
+# many deviations.
+BLURRED, LIFTED = 0.1, 1.5
 
 
 @dataclass(frozen=True)
@@ -196,7 +200,8 @@ def _off(z: Array, known: Array, usual: float, places: Array) -> Array:
 
 
 def _unlike(z: Array, there: Array, usual: float, least: float, limit: tuple[float, Array]) -> tuple[Array, Array]:
-    """Samples that differ from the median around them and are like at most three neighbours; and those that are like none.
+    """Samples that differ from the median around them and are like at most three neighbours; and those that are like none and
+    lift none, as a blurred point does.
 
     :param usual: the usual deviation; ``least``: the least one, the step of quantized data.
     :param limit: the least difference, in deviations, of an impulse of the whole, and that of each sample (h, w).
@@ -217,7 +222,10 @@ def _unlike(z: Array, there: Array, usual: float, least: float, limit: tuple[flo
         like = (np.abs(around[:, NEAR] - own[:, None]) < 0.5 * off[:, None]).sum(axis=1)
         out = (off > limit[1][row, column] * scale) & (like <= LIKE)
         found[row[out], column[out]] = True
-        alone[row, column] = out & (like == 0)
+        height = np.sign(own - median) * (around[:, DIRECT].T - median)
+        alone[row, column] = (
+            out & (like == 0) & ~(np.sort(height, axis=0)[1] > np.maximum(BLURRED * off, LIFTED * scale))
+        )
     return found, alone
 
 
