@@ -154,7 +154,7 @@ def _check_kind(kind: str | None, array: "DataArray", layout: _Layout) -> None:
         )
     if kind == "terrain" and layout.channel:
         raise InputError(
-            f"{layout.channel}: one entry expected for a terrain, got {array.sizes[layout.channel]}; "
+            f"dimension {layout.channel}: one entry expected for a terrain, got {array.sizes[layout.channel]}; "
             f"choose one: array.isel({layout.channel}=0)"
         )
 
@@ -166,8 +166,8 @@ def _layout(array: "DataArray") -> _Layout:
     _, channel = several(array, (y, x))
     for name in further_dimensions(array):
         raise InputError(
-            f"{name}: one entry expected beside {y} and {x}, got {array.sizes[name]}; slices='each' smooths each slice by its "
-            "own choice, slices='alike' all by one; or rename it to band if these are channels of an image"
+            f"dimension {name}: one entry expected beside {y} and {x}, got {array.sizes[name]}; slices='each' smooths each slice "
+            "by its own choice, slices='alike' all by one; or rename it to band if these are channels of an image"
         )
     return _Layout(y, x, channel, tuple(name for name in array.dims if name not in (y, x, channel)))
 
