@@ -195,7 +195,7 @@ def test_feet_above_metres_need_nothing_and_are_told_once(tmp_path):
     feet = (z / 0.3048006).astype(np.float32)
     document = read(raster(tmp_path / "a.tif", feet, units=["US survey foot"]))
     assert said(document).count("US survey foot") == 1
-    assert "nothing is to be set" in said(document)
+    assert "nothing is to be set for smoothing" in said(document)
     metres = meshflow.smooth(read(raster(tmp_path / "b.tif", z))).data.z
     assert np.abs(meshflow.smooth(document).data.z * 0.3048006 - metres).max() < 0.02
 

@@ -102,7 +102,7 @@ def test_a_crs_in_feet_counts_feet_and_heights_in_metres_are_said(tmp_path):
     document = read(path)
     assert document.data.spacing == (30, 30)
     assert document.data.unit == "m"
-    assert "heights in m above a grid in US survey foot: nothing is to be set" in document.notes[0]
+    assert "heights in m above a grid in US survey foot: nothing is to be set for smoothing" in document.notes[0]
     assert units_disagree(feet, "US survey foot") == ()
     assert units_disagree(CRS.from_epsg(4326), "ft") != ()
     assert units_disagree(UTM, "metres") == ()
