@@ -206,11 +206,11 @@ def test_bands_of_unlike_size_are_smoothed_each_by_its_own_noise_and_so_it_is_to
     small = (0.05 * (other - flat)).astype(np.float32) + np.float32(0.3)
     path = raster(tmp_path / "a.tif", [z, small], names=["elevation", "uncertainty"])
     document = read(path)
-    assert "each is smoothed by itself" in said(document)
+    assert "each is smoothed separately" in said(document)
     result = meshflow.smooth(document, result=True)
     assert isinstance(result, Results)
     assert list(result) == ["elevation", "uncertainty"]
-    assert any("each is smoothed by itself" in word for word in result.warnings)
+    assert any("each is smoothed separately" in word for word in result.warnings)
     alone = meshflow.smooth(read(path, band=1)).data.z
     assert np.array_equal(result.data.data.values[..., 0], alone)
     assert np.std(result.data.data.values[..., 1] - 0.3) < 0.02

@@ -219,8 +219,8 @@ def units_disagree(crs: "CRS | None", unit: str) -> tuple[str, ...]:
         return ()
     return (
         Fact(
-            f"heights in {unit} above a grid in {name}: nothing is to be set for smoothing, the contrast is found from the noise; "
-            "but areas and slopes that are reported, and a mesh made of it (convert), mix the two units"
+            f"heights in {unit} above a grid in {name}: nothing is to be set for smoothing, the contrast is found from the "
+            "noise; but areas and slopes that are reported, and a mesh made of it (convert), mix the two units"
         ),
     )
 
