@@ -175,7 +175,7 @@ def test_each_scheme_is_turned_transposed_and_mirrored_with_its_data(kind, chann
 @pytest.mark.parametrize("kind", OWN, ids=lambda kind: kind.word)
 def test_each_scheme_refuses_rays_and_what_it_has_not_in_words(kind):
     depth = 2.0 + 0.01 * rough(0, (16, 16))
-    with pytest.raises(InputError, match=r"range image|values above a base"):
+    with pytest.raises(InputError, match=r"range image|values above a base|only for heights and channels"):
         meshflow.smooth(depth, method=kind.word, time=1.0, camera=meshflow.Pinhole(20.0, 20.0, 8.0, 8.0))
 
 

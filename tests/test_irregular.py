@@ -123,7 +123,7 @@ def test_spikes_are_left_out_and_kept_or_replaced_and_the_others_are_as_smooth_a
     found = meshflow.smooth(Scattered(PLACES, spiked), result=True)
     assert np.array_equal(found.data.values[spikes], spiked[spikes])
     assert np.std((found.data.values - truth)[~spikes]) < 1.15 * clean
-    assert found.warnings[0].startswith(f"{spikes.sum()} of 500 values are spikes, far from all around: left out")
+    assert found.warnings[0].startswith(f"{spikes.sum()} of 500 values are spikes, far from all around: excluded")
     repaired = meshflow.smooth(Scattered(PLACES, spiked), outliers="repair", result=True)
     assert np.abs(repaired.data.values - truth)[spikes].max() < 0.5
     assert "replaced by a plane" in repaired.warnings[0]

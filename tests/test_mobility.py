@@ -193,7 +193,7 @@ def test_the_pieces_of_a_large_mesh_are_searched_at_their_own_speed():
 
 BAD = [
     (np.ones(5), r"mobility: a number, or one per sample, shape \(400,\), expected, got \(5,\)"),
-    (np.full(400, 1.5), "between 0 .stays. and 1 .* got 1.5"),
+    (np.full(400, 1.5), "between 0 .fixed. and 1 .* got 1.5"),
     (np.full(400, np.nan), "got nan"),
     (1.5, "a number, zero to 1, or an array expected, got 1.5"),
     (np.array([object()] * 400), "a number or an array of numbers expected"),

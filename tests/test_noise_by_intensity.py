@@ -155,7 +155,7 @@ def test_it_is_refused_where_it_has_no_meaning():
     ball = shapes.sphere(2)
     with pytest.raises(InputError, match="does not clearly depend"):
         meshflow.smooth(np.random.default_rng(0).normal(size=(64, 64)), kind="image", domain="stabilized")
-    with pytest.raises(InputError, match="height fields and images only"):
+    with pytest.raises(InputError, match="only for height fields and images"):
         meshflow.smooth(meshflow.Mesh(ball.points, ball.faces), domain="stabilized")
 
 
@@ -170,7 +170,7 @@ def test_one_number_for_noise_that_depends_on_the_intensity_is_a_warning():
     for given, name in (({"noise": 6.0}, "noise"), ({"constraints": meshflow.MaxChange(9.0)}, "MaxChange")):
         with pytest.warns(meshflow.MeshflowWarning, match=f"as one number, since {name} is given"):
             meshflow.smooth(z, kind="image", **given)
-        with pytest.raises(InputError, match=f"{name} is in the unit of the values"):
+        with pytest.raises(InputError, match=f"{name} is in the unit of the original values"):
             meshflow.smooth(z, kind="image", domain="stabilized", **given)
 
 

@@ -113,7 +113,7 @@ def test_inverse_depth_is_of_pinholes():
 
 @pytest.mark.parametrize(("word", "value"), [("domain", "disparity"), ("min_component", 5)])
 def test_what_is_of_range_images_is_refused_elsewhere(word, value):
-    with pytest.raises(InputError, match="range images only"):
+    with pytest.raises(InputError, match="only for range images"):
         meshflow.smooth(np.random.default_rng(0).normal(size=(8, 8)), **parts(**{word: value}))
 
 

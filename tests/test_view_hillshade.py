@@ -314,7 +314,7 @@ def test_paths_that_cannot_be_written_are_refused_before_anything_is_drawn(tmp_p
     for name, says in (
         ("a.svg", r"ends in \.png"),
         ("a", "no extension"),
-        ("nowhere/a.png", "is not there"),
+        ("nowhere/a.png", "does not exist"),
         ("folder.png", "is a folder"),
     ):
         with pytest.raises(FormatError, match=says):

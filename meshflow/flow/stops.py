@@ -27,9 +27,9 @@ __all__ = [
     "unmet",
 ]
 
-# The place of a stop within a step is a multiple of this share of the step, so that sums in another order find the same one; and
-# the tolerance in which it is looked for before it is rounded.
-FINELY, FINER = 2.0**-13, 1e-8
+# The place of a stop within a step is a multiple of this share of the step, so that sums in another order find the same one; of
+# an area a coarser one, because windows interpolate it within the step. And the tolerance in which it is looked for before.
+FINELY, FINELY_BY_AREA, FINER = 2.0**-20, 2.0**-13, 1e-12
 
 
 def _same(values: Array) -> Array:
@@ -230,15 +230,16 @@ class Met:
     said: str
 
 
-def place_of(excess: Callable[[float], float]) -> float:
+def place_of(stop: Stop, excess: Callable[[float], float]) -> float:
     """The share of a step at which a stop is met, a multiple of :data:`FINELY`.
 
-    :param excess: at a share of the step, below zero at its beginning and not at its end.
+    :param excess: of the stop at a share of the step, below zero at its beginning and not at its end.
     """
     from scipy.optimize import root_scalar
 
+    finely = FINELY_BY_AREA if isinstance(stop, AreaLoss) else FINELY
     root = float(root_scalar(excess, bracket=(0.0, 1.0), method="brentq", xtol=FINER).root)
-    return round(root / FINELY) * FINELY
+    return round(root / finely) * finely
 
 
 def crossing(
@@ -266,7 +267,7 @@ def crossing(
             continue
         share = 0.0
         if over(0.0, stop) < 0:
-            share = place_of(partial(over, stop=stop))
+            share = place_of(stop, partial(over, stop=stop))
         if found is None or share < found[0]:
             found = share, stop
     if found is None:

@@ -191,7 +191,7 @@ class Sought:
                 if _over(stop, value(1.0)) < 0:
                     continue
                 late = _over(stop, value(0.0)) < 0
-                share = place_of(partial(_excess, stop, value)) if late else 0.0
+                share = place_of(stop, partial(_excess, stop, value)) if late else 0.0
                 if found is None or share < found[0]:
                     found = share, stop, value(share)
             if found is not None:
