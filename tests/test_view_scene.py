@@ -137,21 +137,6 @@ def test_a_mesh_is_drawn_in_its_own_colours_where_that_is_asked(tmp_path):
             assert ((picture[..., 0] > picture[..., 1] + 0.2).mean() > 0.1) == red
 
 
-def test_a_texture_is_taken_at_the_vertices_seams_and_all():
-    trimesh = pytest.importorskip("trimesh")
-    from PIL import Image as Pillow
-
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)  # two split at a seam
-    picture = Pillow.fromarray(np.array([[[0, 0, 255]] * 8] * 4 + [[[255, 0, 0]] * 8] * 4, np.uint8))
-    visual = trimesh.visual.TextureVisuals(uv=points[:, :2] * 0.98 + 0.01, image=picture)
-    mesh = trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5]], visual=visual, process=False)
-    data, _ = taken(mesh, own_colours=True)
-    assert len(data.points) == 4
-    assert data.moves == "points"
-    red = data.channels[:, 0] > data.channels[:, 2]
-    np.testing.assert_array_equal(red, data.points[:, 1] == 0)
-
-
 def test_files_can_be_shown_as_they_were_read(tmp_path):
     np.save(tmp_path / "a.npy", ROUGH.z)
     document = meshflow.read(tmp_path / "a.npy")

@@ -148,3 +148,15 @@ def test_the_texture_of_an_open3d_mesh_survives_and_is_drawn_the_right_way_up():
     texture = taken(done, own_colours=True)[0].texture
     np.testing.assert_array_equal(texture.picture[-1], picture[0])
     np.testing.assert_array_equal(texture.corners.reshape(-1, 2), mesh.triangle_uvs)
+
+
+def test_a_texture_is_taken_at_the_vertices_seams_and_all():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)  # two split at a seam
+    picture = Pillow.fromarray(np.array([[[0, 0, 255]] * 8] * 4 + [[[255, 0, 0]] * 8] * 4, np.uint8))
+    visual = trimesh.visual.TextureVisuals(uv=points[:, :2] * 0.98 + 0.01, image=picture)
+    mesh = trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5]], visual=visual, process=False)
+    data, _ = taken(mesh, own_colours=True)
+    assert len(data.points) == 4
+    assert data.moves == "points"
+    red = data.channels[:, 0] > data.channels[:, 2]
+    np.testing.assert_array_equal(red, data.points[:, 1] == 0)
