@@ -1,5 +1,6 @@
 """The command wherever it is installed, and whatever happens to it: other users, strange names, full disks, signals."""
 
+import atexit
 import os
 import shutil
 import signal
@@ -15,6 +16,7 @@ import rasterio
 import trimesh
 from helpers import warm_start
 
+from meshflow.__main__ import main
 from meshflow.io.files import read
 
 ROOT = Path(__file__).parents[1]
@@ -316,3 +318,18 @@ def test_words_of_other_tools_point_to_ours(heights, words, meant):
     assert done.returncode in (1, 2)
     assert len(words_of(done).strip().splitlines()) == 1
     assert meant in words_of(done)
+
+
+def test_ctrl_c_while_the_command_is_imported_ends_it_in_one_line(monkeypatch, capsys):
+    class Interrupting:
+        def find_spec(self, name, *_):
+            if name == "meshflow.cli.commands":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "meshflow.cli.commands", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
+    monkeypatch.setattr(atexit, "register", lambda function: function)  # no freeze at the end of the tests
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "meshflow: interrupted; nothing was done\n"
