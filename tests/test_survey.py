@@ -1,11 +1,16 @@
 """Tiles of a survey, put together by their georeference, equal their mosaic bit for bit."""
 
 import re
+from itertools import chain
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import rasterio
 from helpers.raster_files import make
+from helpers.windows import Sized
+from hypothesis import given
+from hypothesis import strategies as st
 from rasterio.transform import from_origin
 from typer.testing import CliRunner
 
@@ -17,7 +22,7 @@ from meshflow.large.memory import Budget
 from meshflow.large.outcome import Outcome
 from meshflow.large.outputs import Output
 from meshflow.large.rasters import smooth_raster
-from meshflow.large.survey import smooth_together
+from meshflow.large.survey import grouped, smooth_together
 
 H, W, SIDE = 90, 120, 30
 FIXED = Request.of(Beltrami(contrast=5.0), time=900.0, noise=2.0, outliers="include")
@@ -48,10 +53,10 @@ def tiled(folder, z, step=30, **profile):
     return sorted(folder.glob("*.tif"))
 
 
-def together(paths, folder, request=FIXED, **options):
+def together(paths, folder, request=FIXED, *, output=OUTPUT, **options):
     folder.mkdir(exist_ok=True)
     pairs = [(path, folder / path.name) for path in paths]
-    return dict(smooth_together(pairs, request, ReadOptions.of(options), OUTPUT))
+    return dict(smooth_together(pairs, request, ReadOptions.of(options), output))
 
 
 def mosaic_of(folder):
@@ -75,6 +80,32 @@ def test_tiles_equal_the_mosaic_bit_for_bit(request_, tmp_path):
     with rasterio.open(tmp_path / "smoothed.tif") as expected:
         assert mosaic_of(tmp_path / "out").tobytes() == expected.read(1).tobytes()
     assert len({str(one.parameters["contrast"].value) for one in outcomes.values()}) == 1
+
+
+@pytest.mark.parametrize("sides", [(30, 30), (61, 70), (29, 120), (90, 31)], ids=str)
+def test_tiles_that_are_run_as_one_window_equal_those_that_are_run_alone(sides, tmp_path):
+    paths = tiled(tmp_path / "in", heights())
+    one, two = tmp_path / "one", tmp_path / "two"
+    assert all(isinstance(found, Outcome) for found in together(paths, one).values())
+    assert len(together(paths, two, output=Output(Sized(1e9, sides)))) == len(paths)
+    assert mosaic_of(one).tobytes() == mosaic_of(two).tobytes()
+
+
+@given(
+    origins=st.lists(st.tuples(st.integers(0, 90), st.integers(0, 90)), min_size=1, max_size=30),
+    sizes=st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=30, max_size=30),
+    fit=st.tuples(st.integers(1, 60), st.integers(1, 60)),
+)
+def test_a_group_of_tiles_fits_into_a_window_wherever_they_lie(origins, sizes, fit):
+    tiles = [
+        SimpleNamespace(place=(slice(y, y + h), slice(x, x + w)))
+        for (y, x), (h, w) in zip(origins, sizes, strict=False)
+    ]
+    groups = grouped(tiles, (9, 9), fit)
+    assert sorted(map(id, chain(*groups))) == sorted(map(id, tiles))
+    for group in groups:
+        begin, end = ([[getattr(part, of) for part in tile.place] for tile in group] for of in ("start", "stop"))
+        assert len(group) == 1 or (np.max(end, axis=0) - np.min(begin, axis=0) <= fit).all()
 
 
 def test_in_degrees_rows_have_the_spacing_of_their_latitude(tmp_path):

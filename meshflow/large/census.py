@@ -156,11 +156,17 @@ def bands(form: Form, at_once: int) -> list[Window]:
     return list(tiled(form.shape, tuple(sides)))
 
 
-def census_of(source: Source, report: Callable[[float], object] | None = None, at_once: int = AT_ONCE) -> Census:
+def census_of(
+    source: Source,
+    report: Callable[[float], object] | None = None,
+    at_once: int = AT_ONCE,
+    seen: Callable[[Window, Array, Array], object] | None = None,
+) -> Census:
     """The count of a source, by windows.
 
     :param report: takes the share done.
     :param at_once: the number of samples that are read at a time.
+    :param seen: takes each window with its values and those that are missing.
     """
     form = source.form
     windows = bands(form, at_once)
@@ -168,7 +174,10 @@ def census_of(source: Source, report: Callable[[float], object] | None = None, a
     def counts() -> Iterable[Counted]:
         """The count of each window."""
         for i, window in enumerate(windows):
-            yield counted_in(window, *source.read(window), form)
+            values, missing = source.read(window)
+            yield counted_in(window, values, missing, form)
+            if seen is not None:
+                seen(window, values, missing)
             if report is not None:
                 report((i + 1) / len(windows))
 

@@ -85,8 +85,7 @@ class Legs:
         return tuple(replace(leg, held=held, ends=number == len(legs)) for number, leg in enumerate(legs, 1))
 
     def cheapest(self, sides: Sides, shape: Sequence[int]) -> tuple[Leg, ...]:
-        """The legs by which windows have the least to compute. The last one may be without work: where its windows are small, as
-        the tiles of a survey are, all is done before, in larger ones.
+        """The legs by which windows have the least to compute.
 
         :param sides: of the windows of a leg that fit into memory.
         :param shape: of the grid.
@@ -99,14 +98,13 @@ class Legs:
             if len(legs) in tried:
                 continue
             tried.add(len(legs))
-            for made in (legs, self._closed((*legs, Leg((), self.beside, 0.0)))):
-                try:
-                    price = sum(_price(leg, sides(leg), shape) for leg in made)
-                except InputError as why:
-                    refusal = why
-                    continue
-                if best is None or price < best[0]:
-                    best = price, made
+            try:
+                price = sum(_price(leg, sides(leg), shape) for leg in legs)
+            except InputError as why:
+                refusal = why
+                continue
+            if best is None or price < best[0]:
+                best = price, legs
         if best is None:
             raise refusal or InputError("memory: no window fits")
         return best[1]

@@ -153,7 +153,7 @@ class Room:
 
     :ivar folder: where its state lies between legs.
     :ivar alone: all is done in one leg.
-    :ivar tile: the sides of the windows of the last leg, at most; None: as they fit into memory.
+    :ivar tile: the sides of the tiles of which windows of the last leg hold some whole; None: it has any windows.
     """
 
     budget: Budget

@@ -111,7 +111,7 @@ class Outcome:
             many += f" with a halo of {self.halo} samples"
         if len(self.legs) > 1:
             many += f", in {len(self.legs)} legs with an exchange of the state between them"
-        steps = self.run.found.until.steps
+        steps = self.run.found.request.steps
         ended = f"reached time {self.run.found.time:.6g}" if steps is None else f"took all {steps} steps asked for"
         met = self.run.local.met
         if self.run.longer is not None:

@@ -19,7 +19,9 @@ from meshflow.io.formats.rasters import lossy, marking, must_suit, type_for
 from meshflow.io.rounding import mark_outside, rounded
 from meshflow.io.side_outputs import side_frame
 from meshflow.large.census import Census
+from meshflow.large.legs import Leg
 from meshflow.large.memory import Budget
+from meshflow.large.source import Form
 
 __all__ = ["Output", "Written", "must_be_stored", "must_be_writable", "opened_beside", "stored_as"]
 
@@ -48,6 +50,11 @@ class Output:
     def sides(self) -> dict[str, Path]:
         """The rasters beside the result, by what they hold."""
         return sides_of(self.removed, self.uncertainty)
+
+    def window(self, form: Form, leg: Leg) -> tuple[int, ...]:
+        """The sides of the windows of a leg."""
+        twice = 1 if self.uncertainty is None else 2  # runs on what a run makes
+        return self.budget.sides(form, twice * leg.halo, leg.held)
 
     @property
     def options(self) -> WriteOptions:

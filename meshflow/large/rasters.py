@@ -1,5 +1,6 @@
 """Smooths a raster file by windows: it is read, run and written in a bounded memory."""
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from meshflow.large.marks import marked
 from meshflow.large.memory import Budget, Room
 from meshflow.large.outcome import Outcome, Removed
 from meshflow.large.outputs import Output, Written, must_be_stored, must_be_writable, opened_beside, stored_as
-from meshflow.large.running import Run, at_the_last_leg, smoothed
+from meshflow.large.running import Block, Done, Run, at_the_last_leg, smoothed
 from meshflow.large.sample import ENOUGH, Sample, sample_of
 from meshflow.large.source import Form, Source, Window, moved_by, rows_and_columns, tiled
 from meshflow.large.stopping import stopped_by_all
@@ -127,9 +128,15 @@ def _form(reader: RasterReader, spacing: Spacing, unit: str, terrain: bool) -> F
     return Form(reader.shape, channels, reader.dtype, spacing, HeightField if terrain else Image, unit)
 
 
-def counted(source: Gridded, budget: Budget, progress: Progress) -> tuple[Gridded, Census, tuple[str, ...]]:
+def counted(
+    source: Gridded,
+    budget: Budget,
+    progress: Progress,
+    seen: Callable[[Window, Array, Array], object] | None = None,
+) -> tuple[Gridded, Census, tuple[str, ...]]:
     """The source with undeclared marks of missing samples, its count, and notes.
 
+    :param seen: takes each window with its values and those that are missing; once more where a mark was found.
     :raises NothingThere: where no sample is present.
     :raises InputError: for a memory in which no window fits.
     """
@@ -139,7 +146,7 @@ def counted(source: Gridded, budget: Budget, progress: Progress) -> tuple[Gridde
     windows = bands(source.form, at_once)
     while True:
         with reporting(progress, "reading") as report:
-            census = census_of(source, report, at_once)
+            census = census_of(source, report, at_once, seen)
         ends = _stored_ends(source, census, windows)
         reader, mark = marked(source.reader, ends, windows)
         if mark is None:
@@ -182,11 +189,26 @@ class Sheet:
 
     :ivar grid: the file itself, or all files of a survey.
     :ivar place: of the file in the grid.
+    :ivar block: the window that holds it and its neighbours; None: it is run by windows of its own.
     """
 
     file: Gridded
     grid: Source
     place: Window
+    block: Block | None = None
+
+    def windows(self, sides: tuple[int, ...]) -> list[Window]:
+        """By which the file is written.
+
+        :param sides: of windows that fit into memory.
+        """
+        shape = self.file.form.shape
+        return list(tiled(shape, sides if self.block is None else shape))
+
+    def smoothed(self, run: Run, window: Window, *, with_error: bool) -> Done:
+        """A window of the file, smoothed."""
+        place = moved_by(window, self.place)
+        return smoothed(self.grid, run, place, with_error=with_error) if self.block is None else self.block.part(place)
 
 
 def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Progress) -> Outcome:
@@ -196,9 +218,7 @@ def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Pro
     """
     form, reader = sheet.file.form, sheet.file.reader
     stored, notes = stored_as(reader, run.census, target, writing)
-    twice = 1 if writing.uncertainty is None else 2  # runs on what a run makes
-    leg = run.leg
-    windows = list(tiled(form.shape, writing.budget.sides(form, twice * leg.halo, leg.held)))
+    windows = sheet.windows(writing.window(form, run.leg))
     removed, threads = Removed(), run.request.compute.workers
     outcome = Outcome(run.found, len(windows), removed, legs=run.legs)
     clipped: dict[str, int] = {}
@@ -208,7 +228,7 @@ def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Pro
         sides = opened_beside(stack, reader, writing, threads, tags)
         for i, window in enumerate(windows):
             part = rows_and_columns(window)
-            done = smoothed(sheet.grid, run, moved_by(window, sheet.place), with_error=writing.uncertainty is not None)
+            done = sheet.smoothed(run, window, with_error=writing.uncertainty is not None)
             removed.add(done.before, done.after, done.missing)
             # A band may be missing where others are there.
             gone = done.missing[None] if form.channels is None else reader.values(part)[1]

@@ -20,7 +20,7 @@ from meshflow.large.source import Source, Window, grown, rows_and_columns, tiled
 from meshflow.large.windows import Begun, Bound, Windowed
 from meshflow.results.expected_error import spread_around
 
-__all__ = ["Done", "Run", "at_the_last_leg", "smoothed"]
+__all__ = ["Block", "Done", "Run", "at_the_last_leg", "smoothed"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,9 @@ class Run:
         def sides(leg: Leg) -> tuple[int, ...]:
             """Of the windows of a leg."""
             fit = room.budget.sides(form, leg.halo, leg.held)
-            return tuple(map(min, fit, tile)) if leg.ends and tile is not None else fit
+            if not leg.ends or tile is None:
+                return fit
+            return tuple(max(side // own, 1) * min(own, side) for side, own in zip(fit, tile, strict=True))
 
         legs = (cut.one,) if room.alone else cut.cheapest(sides, form.shape)
         return cls(run, bound, census, request, legs, Between(room.folder, form.shape))
@@ -74,6 +76,32 @@ class Done:
     def side(self, word: str) -> Array:
         """The values of a file beside the result."""
         return self.before.astype(np.float64) - self.after if word == "removed" or self.error is None else self.error
+
+    def part(self, at: Window) -> "Done":
+        """That of a window of it."""
+        error = None if self.error is None else self.error[at]
+        return Done(self.before[at], self.after[at], self.missing[at], error)
+
+
+@dataclass(eq=False)
+class Block:
+    """Neighbouring files of a grid that are run as one window, as soon as the first of them asks: one halo is around them all.
+
+    :ivar place: of the window in the grid.
+    :ivar with_error: estimate the error of each sample, too.
+    """
+
+    grid: Source
+    run: Run
+    place: Window
+    with_error: bool = False
+    _done: Done | None = None
+
+    def part(self, window: Window) -> Done:
+        """What becomes of a window of the grid that lies in it."""
+        if self._done is None:
+            self._done = smoothed(self.grid, self.run, self.place, with_error=self.with_error)
+        return self._done.part(within(window, self.place))
 
 
 def smoothed(grid: Source, run: Run, inner: Window, *, with_error: bool = False) -> Done:
