@@ -10,7 +10,7 @@ from meshflow.estimate.constraints import Constraints
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.xarray import Described
 from meshflow.large.census import joined
-from meshflow.large.chunk_work import Step, Task, counted_chunk, smoothed_chunk, stop_in, summed_chunk
+from meshflow.large.chunk_work import Step, Task, bound_by, counted_chunk, smoothed_chunk, stop_in, summed_chunk
 from meshflow.large.legs import Leg
 from meshflow.large.source import Form
 from meshflow.large.stopping import Sought
@@ -136,7 +136,7 @@ def overlapped(array: Chunked, depth: tuple[int, ...]) -> Chunked:
     return overlap(array, wide, boundary="none") if any(depth) else array
 
 
-def task_for(grid: Lazy, local: Local, free: Constraints, halo: int, sides: Iterable[str]) -> Task:
+def task_for(grid: Lazy, free: Constraints, halo: int, sides: Iterable[str]) -> Task:
     """What the chunks of a grid are told.
 
     :param halo: how many lines of their neighbours they have on each side.
@@ -145,7 +145,7 @@ def task_for(grid: Lazy, local: Local, free: Constraints, halo: int, sides: Iter
     chunks = grid.values.chunks[: len(grid.form.shape)]
     depth = tuple(halo if len(one) > 1 else 0 for one in chunks)
     names = ("values", *(() if grid.missing is None else ("missing",)), *sides)
-    return Task(local, chunks, grid.declared, free, depth, names)
+    return Task(grid.form.shape, chunks, grid.declared, free, depth, names)
 
 
 def moved(
@@ -161,14 +161,16 @@ def moved(
     :param of_all: the count of all chunks, and where they meet a stop (:func:`stop_of_chunks`), delayed; instead of the latter
         ``known``, where there is no stop, or its place is known.
     """
+    import dask
     import dask.array as da
 
     values, axes = grid.values, len(grid.form.shape)
+    bound = dask.delayed(bound_by)(of_all[0], local)  # type: ignore[attr-defined]
     numbers = [da.from_array(np.arange(count), (1,)) for count in values.numblocks[:axes]]  # type: ignore[arg-type]
     lines = [part for array, index in zip(numbers, LETTERS, strict=False) for part in (array, index)]
     held, names = list[Chunked](), ()
     for leg in legs:
-        last, task = leg is legs[-1], task_for(grid, local, free, leg.halo, sides)
+        last, task = leg is legs[-1], task_for(grid, free, leg.halo, sides)
         given = around(grid, sides, task.depth)
         pairs = [part for array in given.values() for part in (array, LETTERS[: array.ndim])]
         pairs += [part for array in held for part in (overlapped(array, task.depth), f"{LETTERS[:axes]}n")]
@@ -186,7 +188,7 @@ def moved(
             adjust_chunks=dict(zip(LETTERS[:axes], values.chunks, strict=False)),
             meta=np.zeros((0,) * len(index), values.dtype),
             task=task,
-            census=of_all[0],
+            bound=bound,
             step=Step(leg, names, after),
             met=of_all[1],
         )
@@ -201,8 +203,8 @@ def census_of_chunks(grid: Lazy, local: Local, free: Constraints, sides: dict[st
     count = dask.delayed(counted_chunk)  # type: ignore[attr-defined]
     rule = local.cleaning.rule is not None
     grid, sides, _ = in_chunks_of(grid, sides if rule else {}, local.reach if rule else 0)
-    task = task_for(grid, local, free, local.reach if rule else 0, sides)
-    counts = [count(at, *blocks, task=task) for at, blocks in _blocks(grid, sides, task)]
+    task = task_for(grid, free, local.reach if rule else 0, sides)
+    counts = [count(at, *blocks, task=task, local=local) for at, blocks in _blocks(grid, sides, task)]
     return dask.delayed(joined)(counts, grid.form)  # type: ignore[attr-defined]
 
 
@@ -223,7 +225,8 @@ def stop_of_chunks(
     import dask
 
     grid, sides, _ = in_chunks_of(grid, sides, local.halo)
-    task, sums = task_for(grid, local, free, local.halo, sides), dask.delayed(summed_chunk)  # type: ignore[attr-defined]
-    each = [sums(at, *blocks, task=task, census=census, sought=sought) for at, blocks in _blocks(grid, sides, task)]
+    task, sums = task_for(grid, free, local.halo, sides), dask.delayed(summed_chunk)  # type: ignore[attr-defined]
+    bound = dask.delayed(bound_by)(census, local)  # type: ignore[attr-defined]
+    each = [sums(at, *blocks, task=task, bound=bound, sought=sought) for at, blocks in _blocks(grid, sides, task)]
     lengths = local.legs.tracks[0].lengths
     return dask.delayed(stop_in)(each, sought, lengths)  # type: ignore[attr-defined]

@@ -16,9 +16,9 @@ from meshflow.large.census import Census, Counted, counted_in
 from meshflow.large.legs import Leg
 from meshflow.large.source import Window, grown, within
 from meshflow.large.stopping import Sought, Sums, Watching
-from meshflow.large.windows import Begun, Local
+from meshflow.large.windows import Begun, Bound, Local
 
-__all__ = ["Step", "Task", "counted_chunk", "gone_in", "smoothed_chunk", "stop_in", "summed_chunk"]
+__all__ = ["Step", "Task", "bound_by", "counted_chunk", "gone_in", "smoothed_chunk", "stop_in", "summed_chunk"]
 
 
 def gone_in(values: Array, declared: tuple[Any, ...], missing: Array | None, axes: int) -> Array:
@@ -37,12 +37,13 @@ def gone_in(values: Array, declared: tuple[Any, ...], missing: Array | None, axe
 class Task:
     """What every chunk is told.
 
+    :ivar shape: of the grid.
     :ivar chunks: of each axis.
     :ivar depth: of each axis, how many lines of its neighbours it has on each side.
     :ivar names: of what is given for each sample, the values first.
     """
 
-    local: Local
+    shape: tuple[int, ...]
     chunks: tuple[tuple[int, ...], ...]
     declared: tuple[Any, ...]
     free: Constraints
@@ -55,8 +56,7 @@ class Task:
         :param numbers: of the chunk along each axis.
         """
         inner = tuple(slice(sum(sizes[:i]), sum(sizes[: i + 1])) for sizes, i in zip(self.chunks, numbers, strict=True))
-        shape = self.local.form.shape
-        return inner, tuple(grown(inner, depth, shape)[axis] for axis, depth in enumerate(self.depth))
+        return inner, tuple(grown(inner, depth, self.shape)[axis] for axis, depth in enumerate(self.depth))
 
     def taken(self, parts: Sequence[Array]) -> tuple[Array, Array, Constraints]:
         """The values of a chunk, its missing samples, and its constraints.
@@ -83,11 +83,11 @@ class Step:
     after: tuple[str, ...]
 
 
-def summed_chunk(numbers: tuple[int, ...], *parts: Array, task: Task, census: Census, sought: Sought) -> Sums:
+def summed_chunk(numbers: tuple[int, ...], *parts: Array, task: Task, bound: Bound, sought: Sought) -> Sums:
     """What stops ask of the samples of a chunk, to the end of the steps that are known; parameters of :func:`counted_chunk`."""
-    bound, watching = task.local.over(census), Watching(sought.with_area)
+    watching = Watching(sought.with_area)
     compute: Compute = bound.plan.request.compute
-    leg = task.local.legs.one
+    leg = bound.local.legs.one
     with compute.running():
         bound.held(task.window(numbers), *task.taken(parts), Begun(leg), watching)
     return watching.sums or sought.nothing(leg)
@@ -102,20 +102,20 @@ def stop_in(sums: Sequence[Sums], sought: Sought, lengths: Sequence[float]) -> t
 
 
 def smoothed_chunk(
-    *parts: Array, task: Task, census: Census, step: Step, met: tuple[int, Met] | Literal["known"] | None = "known"
+    *parts: Array, task: Task, bound: Bound, step: Step, met: tuple[int, Met] | Literal["known"] | None = "known"
 ) -> Array:
     """The smoothed values of a chunk; before the last leg its state.
 
     :param parts: of each axis (1,), the number of the chunk along it; what is given for each sample; and the state before.
+    :param bound: what it runs.
     :param met: of :func:`stop_in`; ``known``: the end of the run was found before.
     """
     if met != "known":
-        task = replace(task, local=task.local.ended(task.local.legs.tracks[0], met))
+        bound = replace(bound, local=bound.local.ended(bound.local.legs.tracks[0], met))
     axes, given = len(task.chunks), len(task.names)
     windows = task.window([int(number[0]) for number in parts[:axes]])
     state = np.split(parts[-1], len(step.before), axis=-1) if step.before else ()
     begun = Begun(step.leg, dict(zip(step.before, state, strict=True)))
-    bound = task.local.over(census)
     compute: Compute = bound.plan.request.compute
     with compute.running():
         taken = task.taken(parts[axes : axes + given])
@@ -124,11 +124,11 @@ def smoothed_chunk(
         held = bound.held(windows, *taken, begun)
     if not held:
         sides = tuple(part.stop - part.start for part in windows[0])
-        return np.zeros((*sides, len(step.after) * (task.local.form.channels or 1)), task.local.form.dtype)
+        return np.zeros((*sides, len(step.after) * (bound.local.form.channels or 1)), bound.local.form.dtype)
     return np.concatenate([held[name] for name in step.after], axis=-1)
 
 
-def counted_chunk(numbers: tuple[int, ...], *parts: Array, task: Task) -> Counted:
+def counted_chunk(numbers: tuple[int, ...], *parts: Array, task: Task, local: Local) -> Counted:
     """The count of one chunk.
 
     :param numbers: of the chunk along each axis; ``parts``: what is given for each sample.
@@ -136,5 +136,10 @@ def counted_chunk(numbers: tuple[int, ...], *parts: Array, task: Task) -> Counte
     inner, outer = task.window(numbers)
     at = within(inner, outer)
     values, missing, constraints = task.taken(parts)
-    values, missing = task.local.cleaned(values, missing, outer[0], constraints)
-    return counted_in(inner, values[at], missing[at], task.local.form)
+    values, missing = local.cleaned(values, missing, outer[0], constraints)
+    return counted_in(inner, values[at], missing[at], local.form)
+
+
+def bound_by(census: Census, local: Local) -> Bound:
+    """What every chunk runs: found once, and smaller than the count."""
+    return local.over(census)
