@@ -11,6 +11,7 @@ from meshflow.flow.march import march
 from meshflow.flow.methods import normal_filter
 from meshflow.flow.methods.normal_filter import NormalFilter, NormalFilterFlow
 from meshflow.geometry import normals as facets
+from meshflow.geometry.fewer_sweeps import fewer_sweeps
 from meshflow.geometry.normals import mean_edge
 from meshflow.smoothing import smooth
 from meshflow.surfaces.free import Axes
@@ -46,6 +47,20 @@ def test_the_triangle_beyond_an_edge_shares_it():
 def test_a_border_and_an_edge_of_three_triangles_have_nothing_beyond():
     faces = np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]])
     assert (facets.beyond(faces) == -1).all()
+
+
+@pytest.mark.parametrize("sweeps", [1, 4, 5, 10, 20, 50, 300])
+def test_fewer_stages_lead_as_far_as_many_sweeps_and_never_away(sweeps):
+    means = np.linspace(-1.0, 1.0, 2001)  # the eigenvalues of any mean with positive weights
+    before, now, stages = np.ones_like(means), np.ones_like(means), fewer_sweeps(sweeps)
+    for keep, pull in stages:
+        before, now = now, now + keep * (before - now) + pull * (means * now - now)
+    assert len(stages) == min(sweeps, np.ceil(1.75 * np.sqrt(sweeps)))
+    assert np.abs(now).max() <= 1 + 1e-12
+    smooth_modes, alternating = sweeps * (1.0 - means) < 0.1, sweeps * (1.0 - means) > 8.0
+    np.testing.assert_allclose(now[smooth_modes], means[smooth_modes] ** sweeps, atol=0.003)
+    if len(stages) < sweeps:
+        assert np.abs(now[alternating]).max() < 0.1
 
 
 def test_planes_rest_wherever_they_lie():

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshflow.geometry.connectivity import Connectivity, shared_sides
+from meshflow.geometry.fewer_sweeps import fewer_sweeps
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_normals as kernels
 
@@ -93,13 +94,14 @@ def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array
 
     A dn/dt = sum of w g (n_beyond - n), g = (1 + |contrast (n_beyond - n)|^2)^(-q / 2), the flux of a variant of gamma -1 and
     sharpness q (2: Perona and Malik, (1)). Each step is implicit in the triangle itself: a mean with positive weights, which
-    is stable for every dt and keeps normals in the range of their neighbours.
+    is stable for every dt. It is computed by fewer stages (:func:`fewer_sweeps`).
 
     :param dt: squared length.
     """
-    one, other = normals.copy(), np.empty_like(normals)
-    for _ in range(sweeps):
-        kernels.spread_normals(one, by.areas, by.weights, by.across, dt, by.contrast**2, -0.5 * by.sharpness, other)
+    one, other = normals.copy(), normals.copy()
+    power = -0.5 * by.sharpness
+    for keep, pull in fewer_sweeps(sweeps):
+        kernels.spread_normals(one, by.areas, by.weights, by.across, dt, by.contrast**2, power, keep, pull, other)
         one, other = other, one
     return one
 
@@ -112,8 +114,8 @@ def followed(points: Array, connectivity: Connectivity, normals: Array, held: Ar
 
     :param held: (n,), points that stay.
     """
-    one, other, c = points.copy(), np.empty_like(points), connectivity
+    one, other, heights, c = points.copy(), np.empty_like(points), np.empty_like(normals), connectivity
     for _ in range(sweeps):
-        kernels.follow_normals(one, c.first, c.corners, c.faces, normals, held, other)
+        kernels.follow_normals(one, c.first, c.corners, c.faces, normals, held, heights, other)
         one, other = other, one
     return one

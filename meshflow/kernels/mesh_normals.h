@@ -30,29 +30,61 @@ inline i64 triangle_normals(i64, i64 m, const double* points, const i32* faces, 
     return 0;
 }
 
+// Triangles are gathered by so many, so that the loop over them is compiled to SIMD.
+constexpr int GATHERED = 64;
+
+// The corners of some triangles, and the far corners of the triangles beyond each side.
+struct Pairs { double at[3][3][GATHERED], beyond[3][3][GATHERED], there[3][GATHERED], conductance[3][GATHERED]; };
+
+LOOP inline void conductances_of_some(Pairs& of, int count) {
+    for (int c = 0; c < 3; ++c) {
+        const int d = (c + 1) % 3, e = (c + 2) % 3;
+        SIMD for (int i = 0; i < count; ++i) {
+            double side = 0.0, here = 0.0, there = 0.0;
+            UNROLL for (int k = 0; k < 3; ++k) {
+                const double a = of.at[d][k][i], b = of.at[e][k][i], middle = 0.5 * (a + b);
+                const double own = of.at[c][k][i] - middle, its = of.beyond[c][k][i] - middle;
+                side += (a - b) * (a - b), here += own * own, there += its * its;
+            }
+            // A centroid is a third of the way from the middle of a side to the corner opposite.
+            const double way = std::sqrt(here) + std::sqrt(there), wide = 3.0 * std::sqrt(side) / way;
+            of.conductance[c][i] = way > 0.0 ? of.there[c][i] * wide : 0.0;
+        }
+    }
+}
+
 // |e| / |d| (m, 3) of the edge e opposite to each corner, where |d| is the length of the path between the centroids over the
 // middle of e; zero if across (m, 3), the triangle on the other side, is negative.
-inline i64 edge_conductances(i64, i64 m, const double* points, const i32* faces, const i32* across, double* conductances,
+inline i64 edge_conductances(i64 n, i64 m, const double* points, const i32* faces, const i32* across, double* conductances,
                              i32 threads) {
-    const auto center = [&](i64 f) {
-        const Point a = vector_at(points, faces[3 * f]), b = vector_at(points, faces[3 * f + 1]);
-        const Point c = vector_at(points, faces[3 * f + 2]);
-        return Point{(a.x + b.x + c.x) / 3.0, (a.y + b.y + c.y) / 3.0, (a.z + b.z + c.z) / 3.0};
-    };
     return checked_blocks(m, threads, [&](i64 begin, i64 end) {
-        for (i64 f = begin; f < end; ++f) {
-            const Point own = center(f);
-            for (int c = 0; c < 3; ++c) {
-                const i64 g = across[3 * f + c];
-                if (g >= m) return false;
-                conductances[3 * f + c] = 0.0;
-                if (g < 0) continue;
-                const Point a = vector_at(points, faces[3 * f + (c + 1) % 3]), b = vector_at(points, faces[3 * f + (c + 2) % 3]);
-                const Point middle{0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.z + b.z)};
-                const Point edge = minus(a, b), here = minus(own, middle), there = minus(center(g), middle);
-                const double way = std::sqrt(dot(here, here)) + std::sqrt(dot(there, there));
-                if (way > 0.0) conductances[3 * f + c] = std::sqrt(dot(edge, edge)) / way;
+        Pairs of;
+        for (; begin < end; begin += GATHERED) {
+            const int count = static_cast<int>(end - begin < GATHERED ? end - begin : GATHERED);
+            bool sound = true;
+            for (int i = 0; i < count; ++i) {
+                const i32* face = faces + 3 * (begin + i);
+                for (int c = 0; c < 3; ++c) {
+                    const i64 g = across[3 * (begin + i) + c];
+                    i64 far = face[c];
+                    of.there[c][i] = 0.0;
+                    if (g >= 0 && g < m) {
+                        const i32* other = faces + 3 * g;
+                        far = i64(other[0]) + other[1] + other[2] - face[(c + 1) % 3] - face[(c + 2) % 3];
+                        of.there[c][i] = 1.0;
+                    }
+                    sound &= g < m && far >= 0 && far < n;
+                    far = sound ? far : 0;
+                    for (int k = 0; k < 3; ++k) {
+                        of.at[c][k][i] = points[3 * i64(face[c]) + k];
+                        of.beyond[c][k][i] = points[3 * far + k];
+                    }
+                }
             }
+            if (!sound) return false;
+            conductances_of_some(of, count);
+            for (int i = 0; i < count; ++i)
+                for (int c = 0; c < 3; ++c) conductances[3 * (begin + i) + c] = of.conductance[c][i];
         }
         return true;
     });
@@ -60,7 +92,7 @@ inline i64 edge_conductances(i64, i64 m, const double* points, const i32* faces,
 
 // stretch^power. SQUARINGS: the power is -2^SQUARINGS, for sharpness 2, 4 and 8, by products, because pow would dominate the
 // time.
-template <int SQUARINGS> double conducting(double stretch, double power) {
+template <int SQUARINGS> INLINE double conducting(double stretch, double power) {
     if constexpr (SQUARINGS < 0) return grid::raised(stretch, power);
     const double by = 1.0 / stretch;
     if constexpr (SQUARINGS == 1) return by * by;
@@ -68,43 +100,116 @@ template <int SQUARINGS> double conducting(double stretch, double power) {
     return by;
 }
 
+// How normals are spread: see spread_normals.
+struct Spreading { double dt, contrast2, power, keep, pull; };
+
+// Some triangles and those beyond their sides; the weight of a side without one is zero.
+struct Sides {
+    double own[3][GATHERED], its[3][3][GATHERED], weight[3][GATHERED], area[GATHERED], back[3][GATHERED];
+};
+
+template <int SQUARINGS> LOOP void spread_some(Sides& at, int count, Spreading by) {
+    SIMD for (int i = 0; i < count; ++i) {
+        const double x = at.own[0][i], y = at.own[1][i], z = at.own[2][i], area = at.area[i];
+        double sx = area * x, sy = area * y, sz = area * z;
+        UNROLL for (int c = 0; c < 3; ++c) {
+            const double u = at.its[c][0][i], v = at.its[c][1][i], w = at.its[c][2][i];
+            const double turn = (u - x) * (u - x) + (v - y) * (v - y) + (w - z) * (w - z);
+            const double much = by.dt * at.weight[c][i] * conducting<SQUARINGS>(1.0 + by.contrast2 * turn, by.power);
+            sx += much * u, sy += much * v, sz += much * w;
+        }
+        const double length = std::sqrt(sx * sx + sy * sy + sz * sz), one = length > 0.0 ? by.pull / length : 0.0;
+        const double stays = 1.0 - by.keep - (length > 0.0 ? by.pull : 0.0);
+        const double tx = stays * x + by.keep * at.back[0][i] + one * sx;
+        const double ty = stays * y + by.keep * at.back[1][i] + one * sy;
+        const double tz = stays * z + by.keep * at.back[2][i] + one * sz;
+        const double size = std::sqrt(tx * tx + ty * ty + tz * tz), unit = 1.0 / size;
+        at.back[0][i] = size > 0.0 ? tx * unit : x;
+        at.back[1][i] = size > 0.0 ? ty * unit : y;
+        at.back[2][i] = size > 0.0 ? tz * unit : z;
+    }
+}
+
 template <int SQUARINGS> i64 spread(i64 m, const double* normals, const double* areas, const double* weights, const i32* across,
-                                    double dt, double contrast2, double power, double* out, i32 threads) {
+                                    Spreading by, double* out, i32 threads) {
     return checked_blocks(m, threads, [&](i64 begin, i64 end) {
-        for (i64 f = begin; f < end; ++f) {
-            const Point own = vector_at(normals, f);
-            Point sum{areas[f] * own.x, areas[f] * own.y, areas[f] * own.z};
-            for (int c = 0; c < 3; ++c) {
-                const i64 g = across[3 * f + c];
-                if (g >= m) return false;
-                if (g < 0) continue;
-                const Point its = vector_at(normals, g), turn = minus(its, own);
-                const double w = dt * weights[3 * f + c] * conducting<SQUARINGS>(1.0 + contrast2 * dot(turn, turn), power);
-                sum.x += w * its.x, sum.y += w * its.y, sum.z += w * its.z;
+        Sides at;
+        for (; begin < end; begin += GATHERED) {
+            const int count = static_cast<int>(end - begin < GATHERED ? end - begin : GATHERED);
+            bool sound = true;
+            for (int i = 0; i < count; ++i) {
+                const i64 f = begin + i;
+                for (int k = 0; k < 3; ++k) at.own[k][i] = normals[3 * f + k], at.back[k][i] = out[3 * f + k];
+                at.area[i] = areas[f];
+                for (int c = 0; c < 3; ++c) {
+                    const i64 g = across[3 * f + c], there = g >= 0 && g < m ? g : f;
+                    sound &= g < m;
+                    at.weight[c][i] = g < 0 ? 0.0 : weights[3 * f + c];
+                    for (int k = 0; k < 3; ++k) at.its[c][k][i] = normals[3 * there + k];
+                }
             }
-            const double length = std::sqrt(dot(sum, sum));
-            put(out, f, length > 0.0 ? Point{sum.x / length, sum.y / length, sum.z / length} : own);
+            if (!sound) return false;
+            spread_some<SQUARINGS>(at, count, by);
+            for (int i = 0; i < count; ++i)
+                for (int k = 0; k < 3; ++k) out[3 * (begin + i) + k] = at.back[k][i];
         }
         return true;
     });
 }
 
-// One step dt of the diffusion of unit normals (m, 3), implicit in the triangle itself, to out:
-// A n+ = A n + dt sum of w (1 + contrast2 |n_beyond - n|^2)^power n_beyond, normalized.
+// One stage of the diffusion of unit normals (m, 3). Its sweep is a step dt that is implicit in the triangle itself:
+// A s = A n + dt sum of w (1 + contrast2 |n_beyond - n|^2)^power n_beyond, normalized. out holds the normals of the stage before n,
+// and becomes n + keep (out - n) + pull (s - n), normalized.
 inline i64 spread_normals(i64 m, const double* normals, const double* areas, const double* weights, const i32* across, double dt,
-                          double contrast2, double power, double* out, i32 threads) {
-    const auto with = [&](auto one) { return one(m, normals, areas, weights, across, dt, contrast2, power, out, threads); };
+                          double contrast2, double power, double keep, double pull, double* out, i32 threads) {
+    const Spreading by{dt, contrast2, power, keep, pull};
+    const auto with = [&](auto one) { return one(m, normals, areas, weights, across, by, out, threads); };
     if (power == -1.0) return with(spread<0>);
     if (power == -2.0) return with(spread<1>);
     if (power == -4.0) return with(spread<2>);
     return with(spread<-1>);
 }
 
+// The corners of some triangles with their normals, and n . (c - x) at each corner x, c the centroid.
+struct Corners { double at[3][3][GATHERED], normal[3][GATHERED], height[3][GATHERED]; };
+
+LOOP inline void heights_of_some(Corners& of, int count) {
+    for (int c = 0; c < 3; ++c) {
+        const int d = (c + 1) % 3, e = (c + 2) % 3;
+        SIMD for (int i = 0; i < count; ++i) {
+            // By differences, so that planes far from the origin do not move, up to the rounding of their edges.
+            const double x = (of.at[d][0][i] - of.at[c][0][i]) + (of.at[e][0][i] - of.at[c][0][i]);
+            const double y = (of.at[d][1][i] - of.at[c][1][i]) + (of.at[e][1][i] - of.at[c][1][i]);
+            const double z = (of.at[d][2][i] - of.at[c][2][i]) + (of.at[e][2][i] - of.at[c][2][i]);
+            of.height[c][i] = (of.normal[0][i] * x + of.normal[1][i] * y + of.normal[2][i] * z) / 3.0;
+        }
+    }
+}
+
+inline void heights_at_corners(i64 m, const double* points, const i32* faces, const double* normals, double* heights, i32 threads) {
+    parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
+        Corners of;
+        for (; begin < end; begin += GATHERED) {
+            const int count = static_cast<int>(end - begin < GATHERED ? end - begin : GATHERED);
+            for (int i = 0; i < count; ++i) {
+                const i64 f = begin + i;
+                for (int k = 0; k < 3; ++k) of.normal[k][i] = normals[3 * f + k];
+                for (int c = 0; c < 3; ++c)
+                    for (int k = 0; k < 3; ++k) of.at[c][k][i] = points[3 * i64(faces[3 * f + c]) + k];
+            }
+            heights_of_some(of, count);
+            for (int i = 0; i < count; ++i)
+                for (int c = 0; c < 3; ++c) heights[3 * (begin + i) + c] = of.height[c][i];
+        }
+    });
+}
+
 // Moves points (n, 3) by the mean of n_f n_f . (c_f - x_i) over the triangles f around each, with centroids c_f and normals n_f
-// (m, 3), to out. held (n,): points that do not move.
+// (m, 3), to out. held (n,): points that do not move. heights (m, 3): work space.
 inline i64 follow_normals(i64 n, i64 c, i64 m, const double* points, const i64* first, const i32* corners, const i32* faces,
-                          const double* normals, const u8* held, double* out, i32 threads) {
+                          const double* normals, const u8* held, double* heights, double* out, i32 threads) {
     if (c != 3 * m) return OUT_OF_RANGE;
+    heights_at_corners(m, points, faces, normals, heights, threads);
     return checked_blocks(n, threads, [&](i64 begin, i64 end) {
         if (!are_around(first, corners, begin, end, c)) return false;
         for (i64 i = begin; i < end; ++i) {
@@ -112,12 +217,9 @@ inline i64 follow_normals(i64 n, i64 c, i64 m, const double* points, const i64* 
             Point sum{0.0, 0.0, 0.0};
             const i64 count = first[i + 1] - first[i];
             for (i64 t = first[i]; t < first[i + 1]; ++t) {
-                const Corner at(corners[t]);
-                const Point normal = vector_at(normals, at.triangle());
-                const Point j = minus(vector_at(points, faces[at.b]), own), k = minus(vector_at(points, faces[at.d]), own);
-                // n . (c_f - x_i) by differences, so that planes far from the origin do not move, up to the rounding of their
-                // edges.
-                const double high = dot(normal, Point{j.x + k.x, j.y + k.y, j.z + k.z}) / 3.0;
+                const std::uint32_t corner = static_cast<std::uint32_t>(corners[t]);
+                const Point normal = vector_at(normals, corner / 3);
+                const double high = heights[corner];
                 sum.x += high * normal.x, sum.y += high * normal.y, sum.z += high * normal.z;
             }
             const double by = count > 0 && !held[i] ? 1.0 / static_cast<double>(count) : 0.0;

@@ -48,10 +48,14 @@ def spread_normals(
     dt: Annotated[float, real],
     contrast2: Annotated[float, real],
     power: Annotated[float, real],
+    keep: Annotated[float, real],
+    pull: Annotated[float, real],
     out: Annotated[Array, write("float64", "m", 3)],
     threads: Threads = None,
 ) -> None:
-    """One step of dt of A dn/dt = sum of w (1 + contrast2 |n_beyond - n|^2)^power (n_beyond - n), normalized.
+    """n + keep (out - n) + pull (s - n), normalized, replaces out, the normals of the stage before n.
+
+    s is one step of dt of A dn/dt = sum of w (1 + contrast2 |n_beyond - n|^2)^power (n_beyond - n), normalized.
 
     :param weights: w, of the edge opposite each corner.
     :param across: as in :func:`edge_conductances`.
@@ -66,12 +70,14 @@ def follow_normals(
     faces: Faces,
     normals: Normals,
     held: Annotated[Array, read("bool", "n")],
+    heights: Annotated[Array, write("float64", "m", 3)],
     out: Annotated[Array, write("float64", "n", 3)],
     threads: Threads = None,
 ) -> None:
     """Points moved by the mean of n_f n_f . (c_f - x) over the triangles f around each, c_f their centroids.
 
     :param held: points that stay.
+    :param heights: a work array, n_f . (c_f - x) at the corners.
     """
 
 
