@@ -81,7 +81,7 @@ def test_by_default_the_volume_is_that_of_the_noisy_mesh(shape, kind, level, mos
 
 
 @pytest.mark.parametrize("constraint", [meshflow.PreserveVolume(), meshflow.MaxChange(0.002)], ids=["volume", "change"])
-def test_constraints_of_the_caller_come_before_offsets(constraint):
+def test_constraints_of_the_caller_come_before_offsets_and_folds(constraint):
     shape = shapes.cube(10)
     points = shape.noisy("iso", 0.2)
     after = meshflow.smooth((points, shape.faces), constraints=[constraint])[0]

@@ -87,7 +87,7 @@ def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None)
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
         warnings += of_area(done, plan, start, end)
-        done, held = _without_harm(data, done, plan)
+        done, held = _without_harm(data, done, plan, end.flow)
         warnings += held
         warnings += held_back(plan, end) + of_lag(plan, end) + of_excess(data, done, plan)
     if isinstance(engine, GridFlow):
@@ -218,13 +218,16 @@ def steered(engine: Flow, plan: Plan) -> Flow:
     return flow if plan.pull is None else Faithful(flow, plan.pull, plan.most_pull)
 
 
-def _without_harm(data: Data, done: Data, plan: Plan) -> tuple[Data, tuple[str, ...]]:
-    """The result of a search on a mesh without new folds and crossings, and a sentence if points move less for that."""
+def _without_harm(data: Data, done: Data, plan: Plan, flow: Flow) -> tuple[Data, tuple[str, ...]]:
+    """The result of a search on a mesh without new folds and crossings, within the constraints of the caller, and a sentence if
+    points move less for that.
+    """
     if not isinstance(done, Mesh) or not isinstance(data, Mesh) or not plan.candidates or done.moves != "points":
         return done, ()
     points, less = moved_without_harm(data.points, done.points, done.faces, _free(plan, done) == 0)
-    if less and plan.request.constraints.max_change is not None and (limit := plan.limit(data.points)) is not None:
-        points = limit.hold(points)
+    asked = plan.request.constraints.max_change is not None or plan.preserve is not None
+    if less and asked and (hold := hold_of(replace(plan, recentred=False), flow)) is not None:
+        points = hold.hold(points.copy())
     said = f"{less} of {len(points)} points were moved differently from the method, to avoid folds and crossings of the surface"
     return replace(done, points=points), (said,) if less else ()
 
