@@ -50,6 +50,14 @@ def test_all_but_the_dome_are_closed_and_all_look_outwards(shape):
         assert np.linalg.norm(out, axis=1).min() > 1.0
 
 
+@pytest.mark.parametrize("spacing", [0.02, 0.03, 0.05, 0.09])
+def test_a_part_is_closed_however_coarse_it_is_and_its_rims_lie_on_its_walls(spacing):
+    for seed in range(3):
+        shape = part(spacing, seed)
+        assert is_closed(shape.faces)
+        assert volume(shape.points, shape.faces) == pytest.approx(PART, rel=30.0 * spacing**2)
+
+
 @EVERY
 def test_no_triangle_is_without_area_and_slivers_are_where_they_are_meant(shape):
     a, b, c = np.moveaxis(shape.points[shape.faces], 1, 0)

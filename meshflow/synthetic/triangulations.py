@@ -88,13 +88,29 @@ def part_mesh(body: LPart, spacing: float, seed: int) -> tuple[Array, Array]:
     rim = np.concatenate([wall(np.linspace(0.0, 1.0, steps + 1)[:-1]) for wall, _, steps in walls])
     inner = _shaken(np.zeros(2), np.array([1.0, body.height]), spacing, rng)
     inner = inner[body.from_outline(inner) < -NEAREST * spacing]
-    flat = np.concatenate([rim, inner])
-    found = _delaunay(flat)
-    found = found[body.from_outline(flat[found].mean(axis=1)) < 0]
+    flat, found = _within(body, rim, inner)
     pieces += [
         (np.column_stack([flat, np.full(len(flat), z)]), found[:, ::-1] if z < 0 else found) for z in (half, -half)
     ]
     return _welded(pieces, spacing)
+
+
+def _within(body: LPart, rim: Array, inner: Array) -> tuple[Array, Array]:
+    """Points (n, 2) and triangles (m, 3) between the points of a rim, with those of the inner ones that hide no edge of it.
+
+    A point just inside of a concave wall can be joined with points across the gap, so that an edge of the wall is missing.
+    """
+    while True:
+        flat = np.concatenate([rim, inner])
+        found = _delaunay(flat)
+        found = found[body.from_outline(flat[found].mean(axis=1)) < 0]
+        sides = np.sort(found[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        sides, uses = np.unique(sides, axis=0, return_counts=True)
+        hiding = np.unique(sides[uses == 1])
+        hiding = hiding[hiding >= len(rim)] - len(rim)
+        if not len(hiding):
+            return flat, found
+        inner = np.delete(inner, hiding, axis=0)
 
 
 def _straight(a: Array, b: Array, spacing: float) -> Wall:
