@@ -6,7 +6,7 @@ brings it, and it is asked where a user has installed it.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,14 +25,25 @@ WHOLE = 2.0
 
 @dataclass(frozen=True, eq=False)
 class OnFaces:
-    """A function of points and faces as the search asks for it: of values and their noise."""
+    """A function of points and faces as the search asks for it: of values and their noise.
+
+    :ivar kept: of a function whose rounds begin where those before have ended: points by the choice and the number of rounds.
+    """
 
     run: Callable[..., Array]
     faces: Array
+    kept: dict[Any, dict[int, Array]] = field(default_factory=dict)
 
     def __call__(self, points: Array, sigma: float, **choice: Any) -> Array:
         """The points (n, 3) smoothed; nobody asks for the noise."""
-        return self.run(points, self.faces, **choice)
+        if self.run not in _BY_ROUNDS:
+            return self.run(points, self.faces, **choice)
+        rounds = int(choice.pop("rounds"))
+        found = self.kept.setdefault((points.tobytes(), *sorted(choice.items())), {0: points})
+        begun = max(one for one in found if one <= rounds)
+        if begun < rounds:
+            found[rounds] = self.run(found[begun], self.faces, rounds=rounds - begun, **choice)
+        return found[rounds]
 
 
 def umbrella(points: Array, faces: Array, weight: float, steps: float) -> Array:
@@ -240,6 +251,8 @@ def mesh_peers(faces: Array) -> tuple[Peer, ...]:
     )
 
 
+# Functions whose rounds begin where those before have ended.
+_BY_ROUNDS = (two_steps, guided_normals, meshlib_denoise)
 _Grid = Mapping[str, tuple[Value, ...]]
 _STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 140, 200, 300)
 _BAND = (0.0005, 0.001, 0.003, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
