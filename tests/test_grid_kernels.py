@@ -225,7 +225,7 @@ def test_what_does_not_belong_together_is_refused():
     with pytest.raises(ValueError, match="shares memory"):
         kernels.grid_rate(out, *asked[1:], out, None, None, None, blend, 1)
     with pytest.raises(ValueError, match="do not belong together"):
-        kernels.grid_measured(*asked, 3, np.empty(2), 1)
+        kernels.grid_measured(*asked, 3, np.array([0, 1, 0, 1]), np.empty(2), 1)
 
 
 def test_rows_of_codes_that_are_alike_stand_once():

@@ -192,7 +192,6 @@ def test_noise_free_data_comes_back_as_it_is():
     [
         ({"stop": meshflow.Displacement(0.9)}, "stop: not in windows, any single sample may meet it"),
         ({"level": "rows"}, "level: not in windows"),
-        ({"method": Beltrami(gamma=-2.0, contrast=1.0), "time": 1.0}, "method='beltrami': the length of its steps"),
         ({"time": 1.0, "compute": Compute(stepper="semi-implicit")}, "stepper='semi-implicit': an implicit step"),
         ({"constraints": MaxChange("step")}, "max_change='step': not in windows"),
         ({"constraints": Mask(np.ones((3, 3), bool))}, "mask: one number per sample, shape"),

@@ -102,4 +102,4 @@ def test_what_no_window_can_know_is_refused():
         ({"constraints": Mask(np.ones((3, 3, 3), bool))}, "mask: one number per sample, shape"),
     ):
         with pytest.raises(InputError, match=why):
-            by_windows(volume(), Request.of(options.pop("method", None), **options), (9, 9, 9))
+            by_windows(volume(), Request.of(options.pop("method", None), **options), (9, 9, 9), enough=500)

@@ -213,11 +213,7 @@ def _longest(dt: float | None, flow: Flow, stepper: Stepper, u: Array, until: Un
         return first if np.isfinite(first) else 1.0  # nothing moves: any step will do
     largest = stepper.largest(flow, u)
     if dt is not None:
-        if dt > largest * (1.0 + 1e-9):
-            raise InputError(
-                f"dt: {dt:.6g} is not stable with the {stepper.name} stepper here; the largest stable "
-                f"step is {largest:.6g}. Take that, or stepper='semi-implicit'"
-            )
+        must_be_stable(dt, largest, stepper.name)
         return dt
     if np.isfinite(largest):
         return largest
@@ -226,3 +222,16 @@ def _longest(dt: float | None, flow: Flow, stepper: Stepper, u: Array, until: Un
             return 1.0  # nothing moves: any step will do
         raise InputError(f"dt: the {stepper.name} stepper takes steps of any length; give dt beside steps, or a time")
     return max(until.time / IMPLICIT_STEPS, np.finfo(float).tiny)
+
+
+def must_be_stable(dt: float, largest: float, name: str) -> None:
+    """Refuse a length of steps above the largest stable one.
+
+    :param name: of the stepper.
+    :raises InputError: it names that one.
+    """
+    if dt > largest * (1.0 + 1e-9):
+        raise InputError(
+            f"dt: {dt:.6g} is not stable with the {name} stepper here; the largest stable "
+            f"step is {largest:.6g}. Take that, or stepper='semi-implicit'"
+        )

@@ -35,7 +35,7 @@ INLINE bool alone(i64 numbers, i32 threads) { return threads == 1 || numbers < F
 // of threads. What is no sum does not depend on tiles: a thread alone takes all rows at once, since the first rows of a tile need
 // those above it, and its work space must be cleared.
 struct Cut {
-    i64 high, wide, rows, columns, h, w;
+    i64 high, wide, rows, columns, h, w, top = 0, left = 0;
     template <class T> static Cut of(i64 h, i64 w, bool all_rows) {
         constexpr i64 most_wide = WIDEST_TILE / static_cast<i64>(sizeof(T));
         const i64 columns = (w + most_wide - 1) / most_wide;
@@ -46,7 +46,7 @@ struct Cut {
     i64 parts() const { return rows * columns; }
     Tile tile(i64 part) const {
         const i64 r = part / columns * high, c = part % columns * wide;
-        return {r, least(r + high, h), c, least(c + wide, w)};
+        return {top + r, top + least(r + high, h), left + c, left + least(c + wide, w)};
     }
 };
 
@@ -138,20 +138,24 @@ i64 grid_rate(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const
     });
 }
 
-// The area (asked: 1), or the bound of the triangles (2). found[0]: the area; found[1]: for one channel without patches the
-// largest s M_flat / M, else the largest bound of a triangle times the factor of time at its corners.
+// The area (asked: 1), or the bound of the triangles (2), in a window: its first row, that after the last one, and its columns
+// likewise. found[0]: the area; found[1]: for one channel without patches the largest s M_flat / M, else the largest bound of a
+// triangle times the factor of time at its corners.
 template <class T>
 i64 grid_measured(i64 k, i64 h, i64 w, i64 m, i64 b, i64 l, i64 p, const T* u, const T* geometry, const u8* codes,
                   const u8* kinds, const i32* row_of, const u8* held, const T* lines, const i64* where, const T* pace,
-                  const T* taps, const GridOptions* options, i64 asked, double* found, i32 threads) {
+                  const T* taps, const GridOptions* options, i64 asked, const i64* window, double* found, i32 threads) {
     using namespace grid;
     Asking<T> asking(k, h, w, m, b, l, p, u, geometry, codes, kinds, row_of, held, lines, where, pace, taps, *options);
     if (asking.result) return asking.result;
     if (asked != AREA && asked != BOUND) return BAD_SIZES;
+    const i64 top = window[0], bottom = window[1], left = window[2], right = window[3];
+    if (top < 0 || top >= bottom || bottom > h || left < 0 || left >= right || right > w) return BAD_SIZES;
     const Task<T>& t = asking.task;
     const Asked what = static_cast<Asked>(asked);
-    const i64 numbers = k * h * w;
-    const Cut cut = Cut::of<T>(h, w, what == BOUND && alone(numbers, threads));
+    const i64 numbers = k * (bottom - top) * (right - left);
+    Cut cut = Cut::of<T>(bottom - top, right - left, what == BOUND && alone(numbers, threads));
+    cut.top = top, cut.left = left;
     Memory<Measured> parts(cut.parts());
     if (!parts) return NO_MEMORY;
     i64 done;

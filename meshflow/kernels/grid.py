@@ -127,12 +127,14 @@ def grid_measured(
     taps: Annotated[Array, read("T", "p")],
     options: Annotated[GridOptions, struct(GridOptions)],
     asked: Annotated[int, integer],
+    window: Annotated[Array, read(np.int64, 4)],
     found: Annotated[Array, write(np.float64, 2)],
     threads: Annotated[int | None, threads] = None,
 ) -> None:
-    """Measure the surface; parameters as in :func:`grid_rate`.
+    """Measure the surface in a window; parameters as in :func:`grid_rate`.
 
     :param asked: AREA or BOUND.
+    :param window: its first row, that after the last one, and its columns likewise.
     :param found: the area; and for one channel without patches the largest s M_flat / M, else the largest bound of a triangle
         times the factor of time at its corners.
     """

@@ -21,11 +21,13 @@ from meshflow.large.sample import Places, Sample, places_in, sample_from
 from meshflow.large.source import Form
 from meshflow.large.stopping import Sought
 from meshflow.large.windows import Windowed, windowed
+from meshflow.results.given_steps import is_uniform
+from meshflow.results.run import engine_of
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.volume import Volume, steps_of
 
-__all__ = ["Chunked", "is_chunked", "run_of_given", "sample_of_chunked", "smooth_chunked"]
+__all__ = ["Chunked", "is_chunked", "run_of_given", "sample_of_chunked", "smooth_chunked", "unsteady"]
 
 
 def is_chunked(data: object) -> bool:
@@ -56,6 +58,8 @@ def smooth_chunked(
         known = free if most is None else replace(free, data_weights=most)
         run = run or (_unseen(grid.form, request, known) if _is_given(request) else None)
         run = run or windowed(grid.form, *_asked(grid, request, free, sides), most)
+    if run.unsteady:
+        raise unsteady(request)
     census, chunks = census_of_chunks(grid, run.local, free, sides), grid.values.chunks
     met: Any = "known"
     longer = run.longer
@@ -72,6 +76,14 @@ def smooth_chunked(
     found = replace(run.found, request=replace(run.found.request, compute=chosen))
     run = replace(run, found=found, warnings=(*grid.notes, *said, *run.warnings))
     return back, Outcome(run, int(np.prod(done.numblocks[: len(grid.form.shape)])), data=back, legs=legs)
+
+
+def unsteady(request: Request) -> InputError:
+    """The refusal of a method whose steps follow from samples that are computed later."""
+    return InputError(
+        f"method={request.heights.word!r}: the lengths of its steps follow from all samples, and so does their number; "
+        "compute() the array, smooth the file with the command (meshflow smooth), or take gamma of -1 or above"
+    )
 
 
 def _legs_for(grid: Lazy, run: Windowed) -> tuple[Leg, ...]:
@@ -160,7 +172,7 @@ def _unseen(form: Form, request: Request, free: Constraints) -> Windowed | None:
     groups = run.local.plan.groups
     seen = groups is not None and groups.axes is not None  # of the channels
     explicit = all(isinstance(track.stepper, Explicit) for track in run.local.legs.tracks)
-    return run if explicit and not seen else None
+    return run if explicit and not seen and is_uniform(engine_of(run.found)) else None
 
 
 def _asked(grid: Lazy, request: Request, free: Constraints, sides: dict[str, Chunked]) -> tuple[Sample, Request]:

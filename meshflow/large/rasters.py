@@ -24,6 +24,7 @@ from meshflow.large.outputs import Output, Written, must_be_stored, must_be_writ
 from meshflow.large.running import Block, Done, Run, at_the_last_leg, smoothed
 from meshflow.large.sample import ENOUGH, Sample, sample_of
 from meshflow.large.source import Form, Source, Window, moved_by, rows_and_columns, tiled
+from meshflow.large.step_lengths import lengths_by_all
 from meshflow.large.stopping import stopped_by_all
 from meshflow.large.windows import windowed
 from meshflow.results.expected_error import must_have_error
@@ -95,6 +96,7 @@ def smooth_raster(
             at_once = writing.budget.counted(source.form)
             bound = bound_over(run.local, source, request.constraints, census, report, at_once)
         room = Room(writing.budget, target.resolve().parent, alone=writing.uncertainty is not None)
+        run, bound = lengths_by_all(run, bound, source, request, room, progress)
         run, bound = stopped_by_all(run, bound, source, request, room, progress)
         made = Run.of(bound, run, census, request, room)
         with at_the_last_leg(source, made, writing.budget, progress) as last:

@@ -12,13 +12,15 @@ from meshflow.estimate.request import Request
 from meshflow.geometry.options import named_fields
 from meshflow.io.adapters.xarray import from_object, further_dimensions
 from meshflow.io.metadata import ReadOptions
-from meshflow.large.chunks import is_chunked, run_of_given, sample_of_chunked, smooth_chunked
+from meshflow.large.chunks import is_chunked, run_of_given, sample_of_chunked, smooth_chunked, unsteady
 from meshflow.large.cleaning import bound_over
 from meshflow.large.outcome import Outcome, Removed
 from meshflow.large.sample import ENOUGH, Places, Sample, part_of, sample_of
 from meshflow.large.source import Form, Held, OnGrid
 from meshflow.large.windows import Windowed, on_grid, windowed
+from meshflow.results.given_steps import is_uniform
 from meshflow.results.result import Result
+from meshflow.results.run import engine_of
 from meshflow.surfaces.data import array_of
 
 if TYPE_CHECKING:
@@ -177,6 +179,8 @@ def _run_of(slices: list["DataArray"], request: Request, options: ReadOptions) -
     samples = [_sample_of(part, options, ENOUGH // count) for part in some]
     form, whole = samples[0][0], len(some) == len(slices) and all(sample.is_whole for _, sample in samples)
     run = windowed(form, _side_by_side(form, [sample for _, sample in samples]), request)
+    if not whole and not is_uniform(engine_of(run.found)):
+        raise unsteady(request)
     said = () if whole else (f"noise and method were found on {len(some)} of {len(slices)} slices",)
     return replace(run, warnings=(*run.warnings, *said))
 

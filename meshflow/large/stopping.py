@@ -18,10 +18,10 @@ from meshflow.flow.stops import AreaLoss, Met, Residual, Stop, place_of
 from meshflow.geometry.validation import Array
 from meshflow.large.between import Between
 from meshflow.large.legs import Leg
-from meshflow.large.memory import Budget, Room
-from meshflow.large.sample import part_of
-from meshflow.large.source import Source, Window, grown, tiled
-from meshflow.large.windows import Begun, Bound, Local, Windowed
+from meshflow.large.memory import Room
+from meshflow.large.source import Source, Window
+from meshflow.large.sweeping import Swept
+from meshflow.large.windows import Bound, Local, Windowed
 from meshflow.results.given_steps import Track
 from meshflow.results.stretches import Seen
 from meshflow.surfaces.grid import Grid, Whole
@@ -232,7 +232,8 @@ def stopped_by_all(
     if track is None:
         return run, bound
     sought = Sought.of(request, run.found.noise.sigma, grid.form.channels)
-    sweep = _Sweep(replace(bound, local=sought.to_the_end(run.local, track)), grid, request, room.budget, sought)
+    swept = Swept(replace(bound, local=sought.to_the_end(run.local, track)), grid, request, room.budget)
+    sweep = _Sweep(swept, sought)
     with reporting(progress, "looking for where it stops") as report:
         found = sweep.met(room.folder, track.lengths, report)
     local = run.local.ended(track, found)
@@ -249,14 +250,11 @@ def stopped_by_all(
 class _Sweep:
     """Windows that are run to sum what stops ask for.
 
-    :ivar bound: with the legs to the end of the steps that are known.
+    :ivar swept: with the legs to the end of the steps that are known.
     :ivar sought: what the stops of the request ask.
     """
 
-    bound: Bound
-    grid: Source
-    request: Request
-    budget: Budget
+    swept: Swept
     sought: Sought
 
     def met(self, folder: Path, lengths: Sequence[float], report: Callable[[float], object]) -> tuple[int, Met] | None:
@@ -265,8 +263,8 @@ class _Sweep:
         :param folder: where the state lies; ``lengths``: of the steps.
         :param report: takes the share done.
         """
-        form = self.grid.form
-        legs = self.bound.local.legs.cheapest(lambda leg: self.budget.sides(form, leg.halo, leg.held), form.shape)
+        form, budget = self.swept.grid.form, self.swept.budget
+        legs = self.swept.bound.local.legs.cheapest(lambda leg: budget.sides(form, leg.halo, leg.held), form.shape)
         old, done, since, area = Between(folder, form.shape), 0, 0.0, None
         try:
             for number, leg in enumerate(legs):
@@ -295,14 +293,8 @@ class _Sweep:
 
         :param old: the state before it; ``new``: takes that after it.
         """
-        form, total = self.grid.form, None
-        windows = list(tiled(form.shape, self.budget.sides(form, leg.halo, leg.held)))
-        for i, inner in enumerate(windows):
-            outer = grown(inner, leg.halo, form.shape)
-            held = part_of(self.request.constraints, form.shape, outer)
-            watching = Watching(self.sought.with_area)
-            state = self.bound.held((inner, outer), *self.grid.read(outer), held, Begun(leg, old.read(outer)), watching)
-            new.write(inner, state if leg.held else {})
+        total = None
+        for watching, share in self.swept.by(leg, (old, new), partial(Watching, self.sought.with_area)):
             total = watching.sums if total is None else total if watching.sums is None else total + watching.sums
-            report((i + 1) / len(windows))
+            report(share)
         return self.sought.nothing(leg) if total is None else total

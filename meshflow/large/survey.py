@@ -22,6 +22,7 @@ from meshflow.large.rasters import Sheet, written
 from meshflow.large.running import Block, Run, at_the_last_leg
 from meshflow.large.sample import ENOUGH, sample_of
 from meshflow.large.source import Form, Window, within
+from meshflow.large.step_lengths import lengths_by_all
 from meshflow.large.stopping import stopped_by_all
 from meshflow.large.tiles import Pair, Tile, common, gathered
 from meshflow.large.windows import windowed
@@ -85,6 +86,7 @@ def smooth_together(
         shapes = [tile.file.form.shape for tile in tiles]
         largest = (max(h for h, _ in shapes), max(w for _, w in shapes))
         room = Room(writing.budget, folder, writing.uncertainty is not None, largest)
+        run, bound = lengths_by_all(run, bound, survey, request, room, progress)
         run, bound = stopped_by_all(run, bound, survey, request, room, progress)
         made = Run.of(bound, run, census, request, room)
         last = stack.enter_context(at_the_last_leg(survey, made, writing.budget, progress))

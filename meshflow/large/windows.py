@@ -255,12 +255,14 @@ class Windowed:
     :ivar local: what each window runs.
     :ivar warnings: sentences on what was left out, beside those of the plan.
     :ivar longer: the steps to beyond the stop that tiles meet; None: there is no stop, or the tiles are the whole.
+    :ivar unsteady: whether the lengths of its steps are still to be found, on all samples.
     """
 
     found: Plan
     local: Local
     warnings: tuple[str, ...] = ()
     longer: Track | None = None
+    unsteady: bool = False
 
     @property
     def halo(self) -> int:
@@ -297,7 +299,7 @@ def windowed(form: Form, sample: Sample, request: Request, most_weight: float | 
     whole, cleaning = _whole_of(form, found), AS_DATA if found.preparation is None else found.preparation.cleaning
     found = replace(found, most_pull=_most_pull(found, request, most_weight))
     bare = replace(found, whole=whole, preparation=None)
-    steps = tracks_of(bare, 1.0 if sample.is_whole else BEYOND)
+    steps = tracks_of(bare, None if sample.is_whole else BEYOND)
     tracks, met = steps.tracks, steps.met
     found = replace(found, noise=found.noise.oriented(found.orientation.inverse))
     if met is not None:
@@ -324,7 +326,7 @@ def windowed(form: Form, sample: Sample, request: Request, most_weight: float | 
     passes = () if groups is None else groups.reaches(len(form.shape))
     legs = Legs(tracks, tuple(run.variant.reach for run in runs), passes, beside)
     local = Local(form, plan, legs, met, found.base is not None, still, cleaning, stabilizer, _is_ragged(found))
-    return Windowed(found, local, warnings, None if sample.is_whole else steps.longer)
+    return Windowed(found, local, warnings, None if sample.is_whole else steps.longer, steps.unsteady)
 
 
 def _reach(cleaning: Cleaning, still: Level) -> int:

@@ -10,6 +10,7 @@ from meshflow.large.cleaning import bound_over
 from meshflow.large.memory import Budget, Room
 from meshflow.large.sample import part_of, sample_of
 from meshflow.large.source import Held, grown, tiled
+from meshflow.large.step_lengths import lengths_by_all
 from meshflow.large.stopping import stopped_by_all
 from meshflow.large.windows import Begun, windowed
 from meshflow.surfaces.data import array_of
@@ -63,7 +64,9 @@ def by_windows(data, request, sides, enough=1 << 22, side=16, legs=1):
     found = windowed(source.form, sample_of(source, enough, side), request)
     bound = bound_over(found.local, source, request.constraints, at_once=700)
     folder = Path(gettempdir())
-    found, bound = stopped_by_all(found, bound, source, request, Room(Sized(1e9, sides), folder))
+    room = Room(Sized(1e9, sides), folder)
+    found, bound = lengths_by_all(found, bound, source, request, room)
+    found, bound = stopped_by_all(found, bound, source, request, room)
     shape, cut = source.form.shape, found.local.legs
     *before, last = cut.cut(cut.beside + (cut.halo - cut.beside) / legs)
     held = {}

@@ -131,16 +131,20 @@ class GridFlow:
         m = self.variant
         return self.grid.lines is None and m.mass != "voronoi" and (m.gamma >= 0 or self._alone)
 
-    def _bound(self, u: Array) -> float:
-        """:meth:`bound`, measured anew."""
+    def bound_within(self, u: Array, window: tuple[slice, slice]) -> float:
+        """:meth:`bound` in a window: the greatest one of windows that cover the grid is that of the grid."""
+        return self._bound(u, window)
+
+    def _bound(self, u: Array, window: tuple[slice, slice] | None = None) -> float:
+        """:meth:`bound`, measured anew; in a window, or everywhere."""
         m = self.variant
         if self._by_gradients:
             if self.uniform:
                 return self._flat_bound / (3.0 if m.mass == "ring" else 1.0)
-            return self._flat_bound * max(self._measured(u, span, kernels.BOUND)[1] for span in self._spans)
+            return self._flat_bound * max(self._measured(u, span, kernels.BOUND, window)[1] for span in self._spans)
         # Where the indicator is left out, masses do not matter, and all triangles are asked at once.
         spans = [(self._spans[0][0], self._spans[-1][1])] if self._by_rays and m.gamma >= 0 else self._spans
-        return max(self._measured(u, span, kernels.BOUND)[1] for span in spans) / self._unit**2
+        return max(self._measured(u, span, kernels.BOUND, window)[1] for span in spans) / self._unit**2
 
     def system(self, u: Array, diagonal: int = 0) -> GridSystem:
         """Mass and stiffness of the present metric, as seven-point weights (nine with both diagonals); no matrix is made."""
@@ -275,10 +279,17 @@ class GridFlow:
         """An array of a blend, as planes."""
         return None if array is None else self._planes(array)
 
-    def _measured(self, u: Array, span: tuple[int, int], asked: int) -> Array:
-        """Area, and what bounds ask for: the greatest s M_flat / M of one channel, else the bound of the triangles times s."""
-        found = np.empty(2)
-        kernels.grid_measured(*self._asked(u, span), asked, found, self.threads)
+    def _measured(
+        self, u: Array, span: tuple[int, int], asked: int, window: tuple[slice, slice] | None = None
+    ) -> Array:
+        """Area, and what bounds ask for: the greatest s M_flat / M of one channel, else the bound of the triangles times s.
+
+        :param window: in which; None: everywhere.
+        """
+        found, (h, w) = np.empty(2), self.shape[1:]
+        rows, columns = window or (slice(0, h), slice(0, w))
+        ends = np.array([rows.start, rows.stop, columns.start, columns.stop], np.int64)
+        kernels.grid_measured(*self._asked(u, span), asked, ends, found, self.threads)
         return found
 
     def _planes(self, u: Array, writeable: bool = False) -> Array:
