@@ -77,6 +77,29 @@ def test_a_series_is_smoothed_slice_by_slice_when_that_is_asked_for(tmp_path, sl
     np.testing.assert_array_equal(back(tmp_path / "folder" / "in.zarr")["height"].values, out.values)
 
 
+def test_all_variables_of_a_store_are_smoothed_each_with_its_own_noise_and_the_rest_is_kept(tmp_path):
+    store, truth = made(tmp_path, times=2)
+    rng = np.random.default_rng(5)
+    rough = (truth + 4 * rng.normal(size=truth.shape)).astype(np.float32)
+    data = xarray.open_zarr(store).assign(dem=(("y", "x"), rough)).chunk({"y": 40, "x": 40}).drop_encoding()
+    data.to_zarr(tmp_path / "both.zarr")
+    words = ("--slices", "alike", "--method", "quick", "--json", "-q")
+    found = run(tmp_path / "both.zarr", tmp_path / "out.zarr", *words)
+    assert found.exit_code == 0, found.output
+    told = json.loads(found.stdout)["variables"]
+    assert {name: round(one["parameters"]["noise"]["value"]) for name, one in told.items()} == {"height": 1, "dem": 4}
+    out = back(tmp_path / "out.zarr")
+    np.testing.assert_array_equal(out["gauge"], np.arange(3.0))
+    for name, most in (("height", 0.7), ("dem", 1.5)):
+        assert np.sqrt(np.nanmean((out[name].values - truth) ** 2)) < most
+        alone = tmp_path / f"{name}.zarr"
+        alike = words[:2] if name == "height" else ()
+        assert run(tmp_path / "both.zarr" / name, alone, *alike, *words[2:]).exit_code == 0
+        np.testing.assert_array_equal(back(alone)[name], out[name])
+    named = run(tmp_path / "both.zarr", tmp_path / "other.zarr/height", *words)
+    assert "it names a variable, and" in str(named.exception)
+
+
 def test_a_series_whose_chunks_hold_several_times_is_written_in_these_chunks(tmp_path):
     store, _ = made(tmp_path, times=2)
     xarray.open_zarr(store).chunk({"time": 2, "y": 90, "x": 50}).drop_encoding().to_zarr(tmp_path / "both.zarr")

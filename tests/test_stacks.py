@@ -147,6 +147,21 @@ def test_each_variable_of_a_lazy_dataset_has_its_own_noise_and_stays_lazy():
     assert float(done["n"]) == 3.0
 
 
+def test_slices_of_a_dataset_are_those_of_the_variables_that_have_some():
+    pytest.importorskip("meshflow.accessors")
+    series = stack()
+    data = xarray.Dataset({"series": series, "dem": 3 * series.isel(time=0, drop=True)})
+    options = {"method": "beltrami", "time": 800.0}
+    found = data.meshflow.smooth(slices="each", result=True, **options)
+    assert list(found) == ["series", "dem"]
+    assert len(found["series"]) == series.sizes["time"]
+    same(found.data["dem"], meshflow.smooth(data["dem"], **options))
+    same(found.data["series"], meshflow.smooth(series, slices="each", **options))
+    assert found.data.identical(data.meshflow.smooth(slices="each", **options))
+    with pytest.raises(InputError, match="variable dem: slices: a dimension with several entries"):
+        data.meshflow.smooth("dem", slices="each", **options)
+
+
 def test_a_stack_of_pages_is_no_raster_of_the_first_one(tmp_path):
     pages = [Picture.fromarray(np.full((9, 8), 3.0 + i, np.float32)) for i in range(3)]
     pages[0].save(tmp_path / "stack.tif", save_all=True, append_images=pages[1:])

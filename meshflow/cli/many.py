@@ -85,9 +85,7 @@ class Line:
         if self.told is None:
             return (str(self.source), "", "", "", "", "done before" if self.skipped else spoken(self.why))
         result, seconds = self.told.result, f"{self.seconds:.1f} s"
-        if isinstance(result, Slices):
-            return (str(self.source), "", "", "", seconds, f"{len(result)} slices")
-        if isinstance(result, Results):
+        if isinstance(result, (Slices, Results)):
             return (str(self.source), "", "", "", seconds, result.stopped_because)
         removed = result.to_dict()["removed"]
         rms = "" if removed is None else f"{removed['rms']:.4g}"

@@ -1,4 +1,4 @@
-"""``meshflow smooth`` of a variable of a Zarr store: lazily, chunk by chunk."""
+"""``meshflow smooth`` of variables of a Zarr store: lazily, chunk by chunk."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -9,12 +9,15 @@ from meshflow.cli.flags import Given
 from meshflow.cli.inputs import plain_sample, read_options
 from meshflow.cli.many import Told
 from meshflow.errors import InputError, need
+from meshflow.estimate.request import Request
 from meshflow.flow.methods import words_for
 from meshflow.flow.progress import Progress, reporting
 from meshflow.io.adapters.xarray import further_dimensions
 from meshflow.io.atomic_write import must_be_free
-from meshflow.io.stores import Delayed, Place, in_store, opened_variable, written_variable
+from meshflow.io.stores import Delayed, Place, Stored, in_store, opened_store, written_variables
 from meshflow.kernels.library import default_threads
+from meshflow.large.outcome import Outcome
+from meshflow.large.stacks import Slices
 from meshflow.smoothing import smooth_lazily
 
 __all__ = ["is_of_stores", "smooth_store"]
@@ -34,7 +37,9 @@ def is_of_stores(given: Given) -> bool:
 
 
 def smooth_store(given: Given) -> Told:
-    """Smooth a variable of a store into another store.
+    """Smooth a variable of a store, or all of them one by one, into another store.
+
+    Beside all variables, the other store holds what else the group holds.
 
     :raises InputError: where only one of both is a store, and for options of other files.
     """
@@ -45,19 +50,41 @@ def smooth_store(given: Given) -> Told:
     if source.store.resolve() == target.store.resolve():
         raise InputError(f"{target}: it is the input; name another store")
     must_be_free(target.store, given["overwrite"])
-    data = opened_variable(source)
-    further = further_dimensions(data)
-    if further and given["slices"] is None:
-        raise InputError(
-            f"{source} has further dimensions: {', '.join(map(str, further))}; choose --slices each or --slices alike"
-        )
+    stored = opened_store(source)
+    if len(stored.names) > 1 and target.variable:
+        raise InputError(f"{target}: it names a variable, and {source.store} has {len(stored.names)}; name the store")
     word, suiting = given["method"], words_for(points=False)
     request = asked(given, plain_sample, suiting)
-    back, found = smooth_lazily(data, request, read_options({name: given[name] for name in READ}))
+    made, found = _smoothed(stored, source, request, given)
     threads = request.compute.threads or default_threads()
     computed = _Computed(threads, None if given["quiet"] else True)
-    written_variable(back, target, overwrite=given["overwrite"], compute=computed)
+    beside = stored.group if len(made) > 1 else None
+    written_variables(made, target, beside=beside, overwrite=given["overwrite"], compute=computed)
     return Told(found, (*narrowed(request, word, suiting), *found.warnings))
+
+
+def _smoothed(stored: Stored, source: Place, request: Request, given: Given) -> tuple[dict[str, Any], Slices | Outcome]:
+    """Variables, smoothed one by one and not computed yet, and what is known of them.
+
+    :raises InputError: for further dimensions without a word on them, and as for a single one, the variable named.
+    """
+    several, further = len(stored.names) > 1, {}
+    for name in stored.names:
+        further[name] = further_dimensions(stored.variable(name))
+        if further[name] and given["slices"] is None:
+            which = f"{source}: {name}" if several else source
+            raise InputError(
+                f"{which} has further dimensions: {', '.join(map(str, further[name]))}; choose --slices each or --slices alike"
+            )
+    made, found = dict[str, Any](), dict[str, Slices | Outcome]()
+    for name in stored.names:
+        # Beside series, what does not change with time has no slices.
+        options = {key: given[key] for key in READ if not (key == "slices" and several and not further[name])}
+        try:
+            made[name], found[name] = smooth_lazily(stored.variable(name), request, read_options(options))
+        except InputError as cause:
+            raise InputError(f"variable {name}: {cause}") from cause if several else cause
+    return made, Slices(made, found, "variable") if several else found[stored.names[0]]
 
 
 def _place(given: Given, name: str) -> Place:

@@ -1,9 +1,9 @@
 """Variables of Zarr stores, ``DATA.zarr`` or ``DATA.zarr/VARIABLE``: read lazily, and written chunk by chunk."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from meshflow.errors import FormatError, need
 from meshflow.io.atomic_write import folder_beside, must_be_free
@@ -11,7 +11,7 @@ from meshflow.io.atomic_write import folder_beside, must_be_free
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
-__all__ = ["Delayed", "Place", "in_store", "opened_variable", "written_variable"]
+__all__ = ["Delayed", "Place", "Stored", "in_store", "opened_store", "opened_variable", "written_variables"]
 
 SUFFIX = ".zarr"
 # The attribute that names the variable with the CRS (CF conventions).
@@ -51,24 +51,51 @@ def in_store(path: Path) -> Place | None:
     return None
 
 
-def opened_variable(place: Place) -> "DataArray":
-    """A variable of a store, of which no sample is read, with the variable of its CRS among its coordinates.
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """Variables of a group of a store, of which no sample is read.
 
-    :raises FormatError: where there is no such store or variable, and where several could be meant.
+    :ivar group: with all its variables.
+    :ivar names: of those that are meant: the one that was named, or all with two dimensions or more that hold real numbers.
+    """
+
+    group: "Dataset"
+    names: tuple[str, ...]
+
+    def variable(self, name: str) -> "DataArray":
+        """A variable with that of its CRS among its coordinates."""
+        found = self.group[name]
+        mapping = found.attrs.get(MAPPING, found.encoding.get(MAPPING))
+        return found.assign_coords({mapping: self.group[mapping]}) if mapping in self.group.variables else found
+
+
+def opened_store(place: Place) -> Stored:
+    """The variables of a store that a place names.
+
+    :raises FormatError: where there is no such store or variable.
     :raises MissingPackage: without zarr.
     """
     group, _, name = place.variable.rpartition("/")
     data = _opened(place.store, group)
-    names = [str(one) for one in data.data_vars if data[one].ndim >= 2]
-    if not name and len(names) == 1:
-        name = names[0]
-    if name not in names:
-        what = f"no variable {name!r}" if name else "several variables" if names else "no variable of two dimensions"
+    names = tuple(str(one) for one in data.data_vars if data[one].ndim >= 2 and data[one].dtype.kind in "fiu")
+    if name not in names and (name or not names):
         listed = f"; name one: {', '.join(str(place.store / group / one) for one in names)}" if names else ""
+        what = f"no variable {name!r}" if name else "no variable of two dimensions"
         raise FormatError(f"{place.store}: {what} in it{listed}")
-    found = data[name]
-    mapping = found.attrs.get(MAPPING, found.encoding.get(MAPPING))
-    return found.assign_coords({mapping: data[mapping]}) if mapping in data.variables else found
+    return Stored(data, (name,) if name else names)
+
+
+def opened_variable(place: Place) -> "DataArray":
+    """The one variable that a place names, with that of its CRS among its coordinates.
+
+    :raises FormatError: as :func:`opened_store`, and where several could be meant.
+    """
+    stored = opened_store(place)
+    first, *others = stored.names
+    if others:
+        listed = ", ".join(str(place.store / name) for name in stored.names)
+        raise FormatError(f"{place.store}: several variables in it; name one: {listed}")
+    return stored.variable(first)
 
 
 def _opened(store: Path, group: str) -> "Dataset":
@@ -88,25 +115,34 @@ def _opened(store: Path, group: str) -> "Dataset":
         raise FormatError(f"{where}no Zarr store of xarray ({' '.join(str(cause).split())})") from cause
 
 
-def written_variable(
-    data: "DataArray", place: Place, *, overwrite: bool, compute: Callable[[Delayed], object] | None = None
+def written_variables(
+    made: Mapping[str, "DataArray"],
+    place: Place,
+    *,
+    beside: "Dataset | None" = None,
+    overwrite: bool,
+    compute: Callable[[Delayed], object] | None = None,
 ) -> None:
-    """Write a variable as a store of its own, chunk by chunk; the store is complete, or as it was before.
+    """Write variables as a store of their own, chunk by chunk; the store is complete, or as it was before.
 
+    :param made: by their names; a single one takes the name of the place, if that has one.
+    :param beside: what else the store holds.
     :param compute: computes a delayed object of dask; None: as the caller's scheduler does.
     :raises FormatError: where a store is there already, and where it cannot be written.
     """
     need("zarr", "zarr")
+    xarray = need("xarray", "xarray")
     must_be_free(place.store, overwrite)
     group, _, name = place.variable.rpartition("/")
-    encoding = {key: value for key, value in data.encoding.items() if key in KEPT}
-    if "chunks" in encoding:  # a chunk of the store is written by one task
-        data = data.chunk(dict(zip(data.dims, encoding["chunks"], strict=True)))
-    whole = data.rename(name or data.name or "values").to_dataset()
+    whole, encodings = xarray.Dataset() if beside is None else beside, dict[str, dict[Any, Any]]()
+    for own, data in made.items():
+        named = (name or own) if len(made) == 1 else own
+        encodings[named] = {key: value for key, value in data.encoding.items() if key in KEPT}
+        if "chunks" in encodings[named]:  # a chunk of the store is written by one task
+            data = data.chunk(dict(zip(data.dims, encodings[named]["chunks"], strict=True)))
+        whole = whole.assign({named: data})
     with folder_beside(place.store, SUFFIX) as temporary:
-        delayed = whole.to_zarr(
-            temporary, group=group or None, mode="w", compute=False, encoding={name or data.name or "values": encoding}
-        )
+        delayed = whole.to_zarr(temporary, group=group or None, mode="w", compute=False, encoding=encodings)
         (compute or _computed)(delayed)
 
 

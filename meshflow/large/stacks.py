@@ -36,17 +36,19 @@ One = Callable[[Any, Request], tuple[Any, Result | Outcome]]
 
 @named_fields
 @dataclass(frozen=True, eq=False)
-class Slices(Mapping[str, Result | Outcome]):
-    """The results of a stack of slices, by their names. ``print`` shows them all.
+class Slices(Mapping[str, "Result | Outcome | Slices"]):
+    """The results of a stack of slices, or of the variables of a Dataset, by their names. ``print`` shows them all.
 
-    :ivar data: the smoothed stack.
+    :ivar data: the smoothed stack, or Dataset.
     :ivar slices: the result of each slice.
+    :ivar word: what the slices are called.
     """
 
     data: Any
-    slices: dict[str, Result | Outcome]
+    slices: "Mapping[str, Result | Outcome | Slices]"
+    word: str = "slice"
 
-    def __getitem__(self, name: str) -> Result | Outcome:
+    def __getitem__(self, name: str) -> "Result | Outcome | Slices":
         return self.slices[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -62,16 +64,21 @@ class Slices(Mapping[str, Result | Outcome]):
         for name, one in self.slices.items():
             for word in one.warnings:
                 found.setdefault(word, name)
-        return tuple(f"slice {name}: {word}" for word, name in found.items())
+        return tuple(f"{self.word} {name}: {word}" for word, name in found.items())
 
     @property
     def summary(self) -> str:
         """A line for each slice."""
         return "\n".join(f"{name}: {one.summary}" for name, one in self.slices.items())
 
+    @property
+    def stopped_because(self) -> str:
+        """A sentence with the number of slices."""
+        return f"{len(self)} {self.word}s, each smoothed separately"
+
     def to_dict(self) -> dict[str, Any]:
         """Everything but the data, in types of JSON."""
-        return {"slices": {name: one.to_dict() for name, one in self.slices.items()}}
+        return {f"{self.word}s": {name: one.to_dict() for name, one in self.slices.items()}}
 
     def __str__(self) -> str:
         return "\n".join(f"{name}: {one}" for name, one in self.slices.items())
