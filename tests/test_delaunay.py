@@ -7,7 +7,8 @@ from helpers.shapes import soup, sphere, square
 
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.delaunay import delaunay, length_cotangents, mollified, side_lengths
+from meshflow.geometry.delaunay import delaunay, length_cotangents, mollified
+from meshflow.geometry.normals import side_lengths
 
 
 def stretched(points):

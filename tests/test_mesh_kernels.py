@@ -14,10 +14,10 @@ from helpers import shapes
 
 from meshflow.flow.conjugate_gradients import conjugate_gradients, packed_matrix, rows_of
 from meshflow.geometry import blocks, curvature, delaunay, normals, operator
-from meshflow.geometry.connectivity import connect
+from meshflow.geometry.connectivity import connect, shared_sides
 from meshflow.geometry.crossings import crossing_pairs
 from meshflow.kernels import conjugate_gradients as cg_kernels
-from meshflow.kernels import mesh_blocks, mesh_connectivity, mesh_delaunay, mesh_normals, mesh_operator
+from meshflow.kernels import mesh_blocks, mesh_connectivity, mesh_crossings, mesh_delaunay, mesh_normals, mesh_operator
 from meshflow.kernels.library import environment, using_threads
 from meshflow.kernels.polynomials import chebyshev_degree
 from meshflow.synthetic.shapes import sphere
@@ -61,9 +61,12 @@ def everything(seed=0):
     for q in (2.0, 4.0, 8.0, 3.0):
         found[f"spread {q}"] = normals.spread(at, normals.NormalDiffusion(areas, weights, across, 2.0, q), 1e-4, 3)
     found["followed"] = normals.followed(points, c, at, held, 3)
+    found["shared"] = shared_sides(faces)[0]
+    diffusion = normals.NormalDiffusion(areas, weights, across, 8.0, 4.0)
+    found["offsets"] = normals.shifted(c, at, areas, normals.crease_weights(at, diffusion).sum(axis=1), 0.01)
     found["crossings"] = crossing_pairs(ball.noisy("iso", 0.5, 3), faces)
     found["directed"] = curvature.directed(points, faces, 2.0)
-    found["flipped"], lengths = delaunay.delaunay(faces, delaunay.side_lengths(points, faces))
+    found["flipped"], lengths = delaunay.delaunay(faces, normals.side_lengths(points, faces))
     found["of lengths"], _ = delaunay.length_cotangents(lengths)
     matrix = operator.stiffness(points, faces) + sparse.identity(n)
     for k in range(1, 9):
@@ -244,7 +247,10 @@ def sound_calls():
     held_by = mesh_blocks.count_blocks(faces, block, first)
     to, vertices = np.empty((n, 3)), np.empty(3 * held_by + n, np.int32)
     numbered = (vertices, np.empty(many + 1, np.int64), np.empty((held_by, 3), np.uint16))
-    sums = [np.ones(3) for _ in range(3)]
+    sums, start = [np.ones(3) for _ in range(3)], np.empty(n + 1, np.int64)
+    one = np.empty(mesh_connectivity.count_shared(*around, faces, start), np.int64)
+    other = np.empty_like(one)
+    mesh_connectivity.list_shared(*around, faces, start, one, other)
     return [
         (mesh_operator.triangle_angles, [points, faces, None, 1.0, threes, np.empty(m)], [1]),
         (mesh_operator.vertex_mass, [*around, cot, area, 0, np.empty(n)], [0, 1]),
@@ -259,6 +265,8 @@ def sound_calls():
         ),
         (mesh_connectivity.corners_around, [n, faces, np.empty(n + 1, np.int64), np.empty(3 * m, np.int32)], [1]),
         (mesh_connectivity.mark_border, [*around, faces, np.empty(3 * m, bool)], [0, 1, 2]),
+        (mesh_connectivity.count_shared, [*around, faces, start.copy()], [0, 1, 2]),
+        (mesh_connectivity.list_shared, [*around, faces, start, one.copy(), other.copy()], [0, 1, 2, 3]),
         (mesh_connectivity.pattern_rows, [*around, faces, np.empty(n + 1, np.int32)], [0, 1, 2]),
         (
             mesh_connectivity.pattern_entries,
@@ -290,7 +298,11 @@ def sound_calls():
         (mesh_normals.edge_conductances, [points, faces, across, threes], [1, 2]),
         (mesh_normals.spread_normals, [cot, area, cot, across, 0.1, 1.0, -1.0, 0.0, 1.0, threes], [3]),
         (mesh_normals.follow_normals, [points, *around, faces, cot, held, threes, to], [1, 2, 3]),
+        (mesh_normals.side_lengths, [points, faces, threes], [1]),
+        (mesh_normals.crease_weights, [cot, cot, across, 1.0, -1.0, threes], [2]),
+        (mesh_normals.shift_along_normals, [*around, cot, area, area, 0.1, to], [0, 1]),
         (mesh_normals.directed_weights, [points, faces, points, 1.0, threes], [1]),
+        (mesh_crossings.folded_pairs, [cot, np.stack([one, other], axis=1) // 3, 0.5, np.empty(len(one), bool)], [1]),
         (mesh_delaunay.flip_edges, [faces.copy(), cot.copy(), np.full(3 * m, -1, np.int32)], [2]),
         (cg_kernels.matrix_product, [*rows, points, to], [0, 1]),
         (chebyshev_degree, [*rows, 1.0, 2.0, np.ones((2, 2)), points, to, np.zeros((2, n, 3))], [0, 1]),

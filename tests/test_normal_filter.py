@@ -11,6 +11,7 @@ from meshflow.flow.march import march
 from meshflow.flow.methods import normal_filter
 from meshflow.flow.methods.normal_filter import NormalFilter, NormalFilterFlow
 from meshflow.geometry import normals as facets
+from meshflow.geometry.connectivity import shared_sides
 from meshflow.geometry.fewer_sweeps import fewer_sweeps
 from meshflow.geometry.normals import mean_edge
 from meshflow.smoothing import smooth
@@ -42,6 +43,19 @@ def test_the_triangle_beyond_an_edge_shares_it():
             edge = {SIDES[f, (c + 1) % 3], SIDES[f, (c + 2) % 3]}
             assert edge <= set(SIDES[across[f, c]])
             assert across[f, c] != f
+
+
+def test_edges_of_two_triangles_are_found_in_the_order_of_their_ends_and_no_others():
+    faces = np.random.default_rng(0).integers(0, 24, (80, 3))
+    beside = {}
+    for f, face in enumerate(faces):
+        for c in range(3) if len(set(face)) == 3 else ():
+            ends = sorted((face[(c + 1) % 3], face[(c + 2) % 3]))
+            beside.setdefault(tuple(ends), []).append(3 * f + c)
+    expected = [beside[ends] for ends in sorted(beside) if len(beside[ends]) == 2]
+    assert len(expected) > 20
+    assert max(map(len, beside.values())) > 2
+    assert np.array_equal(np.stack(shared_sides(faces), axis=1), expected)
 
 
 def test_a_border_and_an_edge_of_three_triangles_have_nothing_beyond():

@@ -27,7 +27,9 @@ def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
         return data, ~data.fixed, np.arange(len(data.points))
     across, m = beyond(data.faces), len(data.faces)
     taken = np.zeros(m, bool)
-    first = np.argsort(numbers_of(data.points, data.faces)[data.faces].sum(axis=1))[: 64 * PIECES]
+    drawn = numbers_of(data.points, data.faces)[data.faces].sum(axis=1)
+    some = np.argpartition(drawn, min(64 * PIECES, m - 1))[: 64 * PIECES]
+    first = some[np.argsort(drawn[some])]
     for _ in range(PIECES):
         left = first[~taken[first]]
         if not len(left):
@@ -40,8 +42,9 @@ def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
             front = np.unique(across[front][across[front] >= 0])
     faces = data.faces[taken]
     kept, inverse = np.unique(faces, return_inverse=True)
-    cut = np.isin(kept, data.faces[~taken])
-    faces = inverse.reshape(-1, 3)
+    beside = np.zeros(len(data.points), bool)
+    beside[data.faces[~taken]] = True
+    cut, faces = beside[kept], inverse.reshape(-1, 3)
     for _ in range(RINGS):
         cut[faces[cut[faces].any(axis=1)]] = True
     alone = data.channels is None or data.moves == "points"

@@ -4,7 +4,7 @@ the mesh.
 
 import numpy as np
 
-from meshflow.geometry.normals import mean_edge
+from meshflow.geometry.normals import mean_edge, side_lengths
 from meshflow.geometry.validation import Array
 
 __all__ = ["drawn", "numbers_of", "signs_of"]
@@ -23,10 +23,10 @@ def numbers_of(points: Array, faces: Array) -> Array:
 
     :param points: (n, 3).
     """
-    x = points.astype(np.float64)
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    lengths = np.linalg.norm(x[ends[:, 0]] - x[ends[:, 1]], axis=1) / mean_edge(x, faces)
-    around = np.bincount(ends.ravel(), np.repeat(lengths, 2), len(x))
+    lengths = side_lengths(points, faces)
+    step = float(lengths.mean()) if len(faces) else 1.0
+    beside = lengths.sum(axis=1, keepdims=True) - lengths  # of both sides at a corner
+    around = np.bincount(faces.ravel(), beside.ravel() / step, len(points))
     return np.mod(TURNS * around, 1.0)
 
 

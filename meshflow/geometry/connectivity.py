@@ -98,13 +98,14 @@ def _around(faces: Array, n: int) -> tuple[Array, Array]:
 
 
 def shared_sides(faces: Array) -> tuple[Array, Array]:
-    """Corners (e,) and (e,) opposite to the edges of exactly two triangles, one of each; corner c is ``c % 3`` of ``c // 3``."""
-    ends = np.sort(faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2).astype(np.int64), axis=1)
-    keys = ends[:, 0] * (int(faces.max(initial=0)) + 1) + ends[:, 1]
-    order = np.argsort(keys, kind="stable")
-    same = keys[order][1:] == keys[order][:-1]
-    pair = same.copy()
-    pair[1:] &= ~same[:-1]
-    pair[:-1] &= ~same[1:]
-    first = np.flatnonzero(pair)
-    return order[first], order[first + 1]
+    """Corners (e,) and (e,) opposite to the edges of exactly two triangles, one of each; corner c is ``c % 3`` of ``c // 3``.
+
+    They are in the order of the ends of the edges. Triangles with a repeated vertex have no edges.
+    """
+    faces = indices_of(faces)
+    n = int(faces.max(initial=-1)) + 1
+    around, start = _around(faces, n), np.empty(n + 1, np.int64)
+    one = np.empty(kernels.count_shared(*around, faces, start), np.int64)
+    other = np.empty_like(one)
+    kernels.list_shared(*around, faces, start, one, other)
+    return one, other

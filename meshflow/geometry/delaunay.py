@@ -12,17 +12,11 @@ from meshflow.geometry.connectivity import shared_sides
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_delaunay as kernels
 
-__all__ = ["THIN", "Triangles", "clamped", "delaunay", "is_thin", "length_cotangents", "mollified", "side_lengths"]
+__all__ = ["THIN", "Triangles", "clamped", "delaunay", "is_thin", "length_cotangents", "mollified"]
 
 Triangles = Literal["auto", "given", "delaunay", "clamped"]
 # The cotangent of a three hundredth of a degree; triangles with smaller angles would make steps hopelessly short.
 THIN = 2e4
-
-
-def side_lengths(points: Array, faces: Array) -> Array:
-    """Lengths (m, 3) of the sides opposite each corner, of triangles in R^d."""
-    corners = points[faces].astype(np.float64)
-    return np.linalg.norm(np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1), axis=2)
 
 
 def mollified(lengths: Array, share: float = 1e-5) -> Array:

@@ -3,7 +3,7 @@
 from functools import lru_cache
 from math import ceil, cosh, sqrt, tanh
 
-__all__ = ["fewer_sweeps"]
+__all__ = ["fewer_sweeps", "widest"]
 
 # Stages per root of the number of sweeps. With 1.75 what alternates between neighbours is left to 8 % by 20 sweeps in 8 stages,
 # as the normal filter takes them; with 1.5 to 20 %.
@@ -18,20 +18,24 @@ def fewer_sweeps(sweeps: int) -> tuple[tuple[float, float], ...]:
 
     The stages lead as far as so many sweeps Y := S Y, where S is a mean with positive weights, and are stable like these: errors
     are multiplied by T(w0 + w1 z) / T(w0), z = -sweeps (1 - s) with the eigenvalues s of S between -1 and 1, T the polynomial of
-    Chebyshev of the degree of the number of stages. w0 is the largest with which all of these are in its range; what S damps,
-    they damp.
+    Chebyshev of the degree of the number of stages. What S damps, they damp.
     """
     stages = ceil(STAGES * sqrt(sweeps))
     if stages >= sweeps:
         return ((0.0, 1.0),) * sweeps
-    low, high = 1e-9, 20.0  # of acosh(w0)
-    for _ in range(HALVED):
-        middle = 0.5 * (low + high)
-        reaches = stages * tanh(stages * middle) / tanh(0.5 * middle)  # (w0 + 1) T'(w0) / T(w0)
-        low, high = (middle, high) if reaches > 2.0 * sweeps else (low, middle)
-    w0 = cosh(low)
+    w0 = widest(sweeps, stages)
     found, before, last = [(0.0, 0.5 * (w0 + 1.0) / w0)], 1.0, w0
     for _ in range(stages - 1):
         before, last, first = last, 2.0 * w0 * last - before, before
         found.append((-first / last, (w0 + 1.0) * before / last))
     return tuple(found)
+
+
+def widest(sweeps: float, stages: int) -> float:
+    """The largest w0 with which z from -2 ``sweeps`` to 0 is in the range of T(w0 + w1 z), whose slope at 0 is T(w0)."""
+    low, high = 1e-9, 20.0  # of acosh(w0)
+    for _ in range(HALVED):
+        middle = 0.5 * (low + high)
+        reaches = stages * tanh(stages * middle) / tanh(0.5 * middle)  # (w0 + 1) T'(w0) / T(w0)
+        low, high = (middle, high) if reaches > 2.0 * sweeps else (low, middle)
+    return cosh(low)

@@ -6,6 +6,7 @@ from meshflow.geometry.connectivity import shared_sides
 from meshflow.geometry.laplacians import neighbour_means
 from meshflow.geometry.normals import measured
 from meshflow.geometry.validation import Array
+from meshflow.kernels import mesh_crossings as kernels
 
 __all__ = ["moved_without_folds", "new_folds", "unfolded_normals"]
 
@@ -72,5 +73,6 @@ def unfolded_normals(points: Array, faces: Array) -> Array:
 
 def _folded(points: Array, faces: Array, pairs: Array) -> Array:
     """Which pairs of triangles (k,) are folded; triangles without area are not."""
-    normals, _ = measured(points, faces)
-    return np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]]) < FOLDED
+    folded = np.empty(len(pairs), np.bool_)
+    kernels.folded_pairs(measured(points, faces)[0], pairs, FOLDED, folded)
+    return folded

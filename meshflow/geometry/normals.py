@@ -16,7 +16,8 @@ from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_normals as kernels
 
 __all__ = [
-    "NormalDiffusion", "beyond", "conductances", "followed", "mean_altitude", "mean_edge", "measured", "normals_at", "spread",
+    "NormalDiffusion", "beyond", "conductances", "corner_means", "crease_weights", "followed", "mean_altitude", "mean_edge",
+    "measured", "normals_at", "shifted", "side_lengths", "spread",
 ]  # fmt: skip
 
 
@@ -39,16 +40,27 @@ def mean_edge(points: Array, faces: Array) -> float:
     """h, the mean length of the edges of the triangles; 0 where there is none."""
     if not len(faces):
         return 0.0
-    corners = points[faces].astype(np.float64)
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+    return float(side_lengths(points, faces).mean())
+
+
+def corner_means(values: Array, faces: Array) -> Array:
+    """The mean (m, k) of the values (n, k) at the corners of each triangle."""
+    one, two, three = (values[faces[:, corner]] for corner in range(3))
+    return (one + two + three) / 3.0
+
+
+def side_lengths(points: Array, faces: Array) -> Array:
+    """Lengths (m, 3) of the sides opposite each corner, of triangles in R^d."""
+    lengths = np.empty((len(faces), 3))
+    kernels.side_lengths(np.ascontiguousarray(points, dtype=np.float64), indices_of(faces), lengths)
+    return lengths
 
 
 def mean_altitude(points: Array, faces: Array) -> float:
     """The mean altitude of the triangles on their longest sides, 0.87 edges if they are equilateral; tiny instead of 0."""
     if not len(faces):
         return float(np.finfo(float).tiny)
-    corners = points[faces].astype(np.float64)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    longest = side_lengths(points, faces).max(axis=1)
     twice = 2.0 * measured(points, faces)[1]
     altitudes = np.divide(twice, longest, out=np.zeros(len(faces)), where=longest > 0)
     return max(float(altitudes.mean()), float(np.finfo(float).tiny))
@@ -104,6 +116,26 @@ def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array
         kernels.spread_normals(one, by.areas, by.weights, by.across, dt, by.contrast**2, power, keep, pull, other)
         one, other = other, one
     return one
+
+
+def crease_weights(normals: Array, by: NormalDiffusion) -> Array:
+    """w g (m, 3) of :func:`spread` for each side; zero where there is no triangle beyond."""
+    out = np.empty(by.weights.shape)
+    kernels.crease_weights(normals, by.weights, by.across, by.contrast**2, -0.5 * by.sharpness, out)
+    return out
+
+
+def shifted(c: Connectivity, normals: Array, weights: Array, offsets: Array, ridge: float) -> Array:
+    """Motions (n, 3) of the vertices, so that the planes of the triangles around each move by offsets (m,) along their normals.
+
+    In a direction on which the normals around a vertex do not agree it moves less.
+
+    :param weights: (m,), of the triangles.
+    :param ridge: a share of the sum of the squares of the normals; directions that have less are left out.
+    """
+    out = np.empty((c.size, 3))
+    kernels.shift_along_normals(c.first, c.corners, normals, weights, offsets, ridge, out)
+    return out
 
 
 def followed(points: Array, connectivity: Connectivity, normals: Array, held: Array, sweeps: int) -> Array:

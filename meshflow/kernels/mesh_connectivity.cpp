@@ -2,5 +2,7 @@
 
 MESHFLOW_KERNEL_OF_ONE(corners_around)
 MESHFLOW_KERNEL_OF_ONE(mark_border)
+MESHFLOW_KERNEL_OF_ONE(count_shared)
+MESHFLOW_KERNEL_OF_ONE(list_shared)
 MESHFLOW_KERNEL_OF_ONE(pattern_rows)
 MESHFLOW_KERNEL_OF_ONE(pattern_entries)

@@ -50,10 +50,10 @@ inline i64 mark_border(i64 n, i64 c, i64 m, const i64* first, const i32* corners
 }
 
 // Sorts in place: short rows by insertion, long ones (the fan of an apex) by a heap.
-inline void sort(i32* numbers, i64 count) {
+template <class I> void sort(I* numbers, i64 count) {
     if (count <= 48) {
         for (i64 i = 1; i < count; ++i) {
-            const i32 number = numbers[i];
+            const I number = numbers[i];
             i64 at = i;
             for (; at > 0 && numbers[at - 1] > number; --at) numbers[at] = numbers[at - 1];
             numbers[at] = number;
@@ -61,7 +61,7 @@ inline void sort(i32* numbers, i64 count) {
         return;
     }
     const auto sift = [&](i64 at, i64 end) {
-        const i32 number = numbers[at];
+        const I number = numbers[at];
         for (i64 child; (child = 2 * at + 1) < end; at = child) {
             if (child + 1 < end && numbers[child] < numbers[child + 1]) ++child;
             if (numbers[child] <= number) break;
@@ -71,7 +71,7 @@ inline void sort(i32* numbers, i64 count) {
     };
     for (i64 at = count / 2; at-- > 0;) sift(at, count);
     for (i64 end = count; --end > 0;) {
-        const i32 greatest = numbers[0];
+        const I greatest = numbers[0];
         numbers[0] = numbers[end];
         sift(0, end);
         numbers[end] = greatest;
@@ -110,6 +110,63 @@ template <class F> i64 for_rows(i64 n, i64 c, const i64* first, const i32* corne
         return true;
     });
     return room.load(std::memory_order_relaxed) ? done : i64(NO_MEMORY);
+}
+
+// Calls visit(i, k, corner, corner) for every edge of exactly two triangles, with the corners opposite to it, the lower one first.
+// i is its lower vertex, and k its number there, in the order of the other ends.
+template <class F> i64 for_shared_sides(i64 n, i64 c, const i64* first, const i32* corners, const i32* faces, i32 threads,
+                                        const F& visit) {
+    std::atomic<bool> room{true};
+    const i64 done = checked_blocks(n, threads, [&](i64 begin, i64 end) {
+        if (!are_around(first, corners, begin, end, c)) return false;
+        i64 widest = 0;
+        for (i64 i = begin; i < end; ++i) widest = first[i + 1] - first[i] > widest ? first[i + 1] - first[i] : widest;
+        const Memory<i64> sides(2 * widest + 1);
+        if (!sides) {
+            room.store(false, std::memory_order_relaxed);
+            return true;
+        }
+        for (i64 i = begin; i < end; ++i) {
+            i64 many = 0;
+            for (i64 t = first[i]; t < first[i + 1]; ++t)
+                for_sides(i, Corner(corners[t]), faces, [&](i32 other, std::uint32_t opposite) {
+                    if (other > i) sides[many++] = (i64(other) << 32) + i64(opposite);
+                });
+            sort(sides.get(), many);
+            i64 k = 0;
+            for (i64 at = 0, next; at < many; at = next) {
+                for (next = at + 1; next < many && sides[next] >> 32 == sides[at] >> 32;) ++next;
+                if (next == at + 2 && !visit(i, k++, sides[at] & INT32_MAX, sides[at + 1] & INT32_MAX)) return false;
+            }
+        }
+        return true;
+    });
+    return room.load(std::memory_order_relaxed) ? done : i64(NO_MEMORY);
+}
+
+// The start of the edges of two triangles, by their lower vertices, start (n + 1,). Returns how many there are.
+inline i64 count_shared(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const i32* faces, i64* start, i32 threads) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    for (i64 i = 0; i <= n; ++i) start[i] = 0;
+    const i64 done = for_shared_sides(n, c, first, corners, faces, threads, [&](i64 i, i64 k, i64, i64) {
+        start[i + 1] = k + 1;
+        return true;
+    });
+    if (done < 0) return done;
+    for (i64 i = 0; i < n; ++i) start[i + 1] += start[i];
+    return start[n];
+}
+
+// The two corners opposite to each of these edges, one (e,) and other (e,).
+inline i64 list_shared(i64 n, i64 c, i64 m, i64 e, const i64* first, const i32* corners, const i32* faces, const i64* start,
+                       i64* one, i64* other, i32 threads) {
+    if (c != 3 * m || !are_rising(start, 0, n, e)) return OUT_OF_RANGE;
+    return for_shared_sides(n, c, first, corners, faces, threads, [&](i64 i, i64 k, i64 left, i64 right) {
+        const i64 at = start[i] + k;
+        if (at >= start[i + 1]) return false;
+        one[at] = left, other[at] = right;
+        return true;
+    });
 }
 
 // The start of the rows of the pattern, indptr (n + 1,): each vertex with all that share a triangle with it. Returns the number

@@ -8,7 +8,7 @@ from typing import Annotated
 from meshflow.kernels.gate import kernel
 from meshflow.kernels.parameters import Array, read, size, threads, write
 
-__all__ = ["corners_around", "mark_border", "pattern_entries", "pattern_rows"]
+__all__ = ["corners_around", "count_shared", "list_shared", "mark_border", "pattern_entries", "pattern_rows"]
 
 First = Annotated[Array, read("int64", "n+1")]
 Corners = Annotated[Array, read("int32", "c")]
@@ -32,6 +32,34 @@ def corners_around(
 @kernel
 def mark_border(first: First, corners: Corners, faces: Faces, lonely: Annotated[Array, write("bool", "c")]) -> None:
     """Mark the corners opposite to edges that belong to one triangle only."""
+
+
+@kernel
+def count_shared(
+    first: First,
+    corners: Corners,
+    faces: Faces,
+    start: Annotated[Array, write("int64", "n+1")],
+    threads: Threads = None,
+) -> int:
+    """The start of the edges of exactly two triangles, by their lower vertices; returns how many there are."""
+    raise NotImplementedError
+
+
+@kernel
+def list_shared(
+    first: First,
+    corners: Corners,
+    faces: Faces,
+    start: Annotated[Array, read("int64", "n+1")],
+    one: Annotated[Array, write("int64", "e")],
+    other: Annotated[Array, write("int64", "e")],
+    threads: Threads = None,
+) -> None:
+    """The corners opposite to each of these edges, the lower one and the other.
+
+    :param start: from :func:`count_shared`.
+    """
 
 
 @kernel

@@ -147,4 +147,16 @@ inline i64 crossing_pairs(i64 n, i64 m, i64 k, const double* points, const i32* 
     return found[cells];
 }
 
+// Whether (e,) the normals (m, 3) of the triangles of each pair (e, 2) have a cosine below a number.
+inline i64 folded_pairs(i64 m, i64 e, const double* normals, const i64* pairs, double cosine, u8* folded, i32 threads) {
+    return checked_blocks(e, threads, [&](i64 begin, i64 end) {
+        for (i64 at = begin; at < end; ++at) {
+            const i64 one = pairs[2 * at], other = pairs[2 * at + 1];
+            if (one < 0 || one >= m || other < 0 || other >= m) return false;
+            folded[at] = dot(vector_at(normals, one), vector_at(normals, other)) < cosine;
+        }
+        return true;
+    });
+}
+
 }  // namespace meshflow

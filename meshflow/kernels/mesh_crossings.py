@@ -1,11 +1,11 @@
-"""Triangles of a mesh that cross each other."""
+"""Triangles of a mesh that cross each other, or are folded."""
 
 from typing import Annotated
 
 from meshflow.kernels.gate import kernel
-from meshflow.kernels.parameters import Array, read, threads, write
+from meshflow.kernels.parameters import Array, read, real, threads, write
 
-__all__ = ["crossing_pairs"]
+__all__ = ["crossing_pairs", "folded_pairs"]
 
 
 @kernel
@@ -20,3 +20,14 @@ def crossing_pairs(
     Triangles with a common edge are left out.
     """
     raise NotImplementedError
+
+
+@kernel
+def folded_pairs(
+    normals: Annotated[Array, read("float64", "m", 3)],
+    pairs: Annotated[Array, read("int64", "e", 2)],
+    cosine: Annotated[float, real],
+    folded: Annotated[Array, write("bool", "e")],
+    threads: Annotated[int | None, threads] = None,
+) -> None:
+    """Whether the normals of each pair of triangles have a cosine below a number."""

@@ -1,6 +1,9 @@
 #include "mesh_normals.h"
 
 MESHFLOW_KERNEL_OF_ONE(triangle_normals)
+MESHFLOW_KERNEL_OF_ONE(side_lengths)
 MESHFLOW_KERNEL_OF_ONE(edge_conductances)
 MESHFLOW_KERNEL_OF_ONE(spread_normals)
 MESHFLOW_KERNEL_OF_ONE(follow_normals)
+MESHFLOW_KERNEL_OF_ONE(crease_weights)
+MESHFLOW_KERNEL_OF_ONE(shift_along_normals)

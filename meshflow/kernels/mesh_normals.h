@@ -30,6 +30,20 @@ inline i64 triangle_normals(i64, i64 m, const double* points, const i32* faces, 
     return 0;
 }
 
+// Lengths (m, 3) of the sides opposite to each corner, of triangles of points (n, d).
+inline i64 side_lengths(i64, i64 d, i64 m, const double* points, const i32* faces, double* lengths, i32 threads) {
+    parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
+        for (i64 f = begin; f < end; ++f)
+            for (int c = 0; c < 3; ++c) {
+                const double *a = points + d * i64(faces[3 * f + (c + 1) % 3]), *b = points + d * i64(faces[3 * f + (c + 2) % 3]);
+                double square = 0.0;
+                for (i64 k = 0; k < d; ++k) square += (a[k] - b[k]) * (a[k] - b[k]);
+                lengths[3 * f + c] = std::sqrt(square);
+            }
+    });
+    return 0;
+}
+
 // Triangles are gathered by so many, so that the loop over them is compiled to SIMD.
 constexpr int GATHERED = 64;
 
@@ -168,6 +182,71 @@ inline i64 spread_normals(i64 m, const double* normals, const double* areas, con
     if (power == -2.0) return with(spread<1>);
     if (power == -4.0) return with(spread<2>);
     return with(spread<-1>);
+}
+
+// weights (m, 3) times (1 + contrast2 |n_beyond - n|^2)^power, to out; zero where across (m, 3) is negative.
+template <int SQUARINGS> i64 weigh(i64 m, const double* normals, const double* weights, const i32* across, double contrast2,
+                                   double power, double* out, i32 threads) {
+    return checked_blocks(m, threads, [&](i64 begin, i64 end) {
+        for (i64 at = 3 * begin; at < 3 * end; ++at) {
+            const i64 g = across[at];
+            if (g >= m) return false;
+            const Point turn = minus(vector_at(normals, g < 0 ? at / 3 : g), vector_at(normals, at / 3));
+            out[at] = g < 0 ? 0.0 : weights[at] * conducting<SQUARINGS>(1.0 + contrast2 * dot(turn, turn), power);
+        }
+        return true;
+    });
+}
+
+inline i64 crease_weights(i64 m, const double* normals, const double* weights, const i32* across, double contrast2, double power,
+                          double* out, i32 threads) {
+    const auto with = [&](auto one) { return one(m, normals, weights, across, contrast2, power, out, threads); };
+    if (power == -2.0) return with(weigh<1>);
+    return with(weigh<-1>);
+}
+
+// The solution of a x = b, a (3, 3) symmetric and positive definite, packed as xx, xy, xz, yy, yz, zz.
+inline Point solved(const double* a, Point b) {
+    const double yz = a[3] * a[5] - a[4] * a[4], xz = a[2] * a[4] - a[1] * a[5], xy = a[1] * a[4] - a[2] * a[3];
+    const double by = 1.0 / (a[0] * yz + a[1] * xz + a[2] * xy);
+    const double zx = a[0] * a[5] - a[2] * a[2], zy = a[1] * a[2] - a[0] * a[4], zz = a[0] * a[3] - a[1] * a[1];
+    return {by * (yz * b.x + xz * b.y + xy * b.z), by * (xz * b.x + zx * b.y + zy * b.z), by * (xy * b.x + zy * b.y + zz * b.z)};
+}
+
+// Motions (n, 3) of the vertices, to out: the solution of least squares of n_f . x = offset_f over the triangles f around each, with
+// weights (m,); what lies in directions that hold less than the share ridge of the squares of the normals is small. The ridge is
+// refined away in the others.
+inline i64 shift_along_normals(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const double* normals, const double* weights,
+                               const double* offsets, double ridge, double* out, i32 threads) {
+    constexpr int REFINED = 3;
+    if (c != 3 * m) return OUT_OF_RANGE;
+    return checked_blocks(n, threads, [&](i64 begin, i64 end) {
+        if (!are_around(first, corners, begin, end, c)) return false;
+        for (i64 i = begin; i < end; ++i) {
+            double a[6] = {};
+            Point pull{0.0, 0.0, 0.0}, x{0.0, 0.0, 0.0};
+            for (i64 t = first[i]; t < first[i + 1]; ++t) {
+                const i64 f = static_cast<std::uint32_t>(corners[t]) / 3;
+                const Point k = vector_at(normals, f);
+                const double w = weights[f], p = w * offsets[f];
+                a[0] += w * k.x * k.x, a[1] += w * k.x * k.y, a[2] += w * k.x * k.z;
+                a[3] += w * k.y * k.y, a[4] += w * k.y * k.z, a[5] += w * k.z * k.z;
+                pull.x += p * k.x, pull.y += p * k.y, pull.z += p * k.z;
+            }
+            const double total = a[0] + a[3] + a[5], by = total > 0.0 ? 1.0 / total : 0.0;
+            for (double& entry : a) entry *= by;
+            double held[6] = {a[0] + ridge, a[1], a[2], a[3] + ridge, a[4], a[5] + ridge};
+            for (int round = 0; round < REFINED; ++round) {
+                const Point left{by * pull.x - (a[0] * x.x + a[1] * x.y + a[2] * x.z),
+                                 by * pull.y - (a[1] * x.x + a[3] * x.y + a[4] * x.z),
+                                 by * pull.z - (a[2] * x.x + a[4] * x.y + a[5] * x.z)};
+                const Point more = solved(held, left);
+                x = {x.x + more.x, x.y + more.y, x.z + more.z};
+            }
+            put(out, i, x);
+        }
+        return true;
+    });
 }
 
 // The corners of some triangles with their normals, and n . (c - x) at each corner x, c the centroid.

@@ -5,7 +5,10 @@ from typing import Annotated
 from meshflow.kernels.gate import kernel
 from meshflow.kernels.parameters import Array, read, real, threads, write
 
-__all__ = ["directed_weights", "edge_conductances", "follow_normals", "spread_normals", "triangle_normals"]
+__all__ = [
+    "crease_weights", "directed_weights", "edge_conductances", "follow_normals", "shift_along_normals", "side_lengths",
+    "spread_normals", "triangle_normals",
+]  # fmt: skip
 
 Points = Annotated[Array, read("float64", "n", 3)]
 Faces = Annotated[Array, read("int32", "m", 3, below="n")]
@@ -23,6 +26,16 @@ def triangle_normals(
     threads: Threads = None,
 ) -> None:
     """Unit normals and areas of triangles; a triangle without area has the normal zero."""
+
+
+@kernel
+def side_lengths(
+    points: Annotated[Array, read("float64", "n", "d")],
+    faces: Faces,
+    lengths: Annotated[Array, write("float64", "m", 3)],
+    threads: Threads = None,
+) -> None:
+    """The lengths of the sides opposite to each corner."""
 
 
 @kernel
@@ -59,6 +72,36 @@ def spread_normals(
 
     :param weights: w, of the edge opposite each corner.
     :param across: as in :func:`edge_conductances`.
+    """
+
+
+@kernel
+def crease_weights(
+    normals: Normals,
+    weights: Normals,
+    across: Across,
+    contrast2: Annotated[float, real],
+    power: Annotated[float, real],
+    out: Annotated[Array, write("float64", "m", 3)],
+    threads: Threads = None,
+) -> None:
+    """The weights times (1 + contrast2 |n_beyond - n|^2)^power; zero where there is no triangle beyond."""
+
+
+@kernel
+def shift_along_normals(
+    first: Annotated[Array, read("int64", "n+1")],
+    corners: Annotated[Array, read("int32", "c")],
+    normals: Normals,
+    weights: Annotated[Array, read("float64", "m")],
+    offsets: Annotated[Array, read("float64", "m")],
+    ridge: Annotated[float, real],
+    out: Annotated[Array, write("float64", "n", 3)],
+    threads: Threads = None,
+) -> None:
+    """Least squares of n_f . x = offset_f over the triangles f around each vertex.
+
+    :param ridge: the share of the squares of the normals below which a direction is left out.
     """
 
 

@@ -17,9 +17,8 @@ from meshflow.geometry.delaunay import (
     is_thin,
     length_cotangents,
     mollified,
-    side_lengths,
 )
-from meshflow.geometry.normals import normals_at
+from meshflow.geometry.normals import normals_at, side_lengths
 from meshflow.geometry.operator import MassKind
 from meshflow.geometry.validation import Array, positive
 from meshflow.surfaces.surface import Surface

@@ -20,6 +20,7 @@ from meshflow.geometry.laplacians import umbrella_generator
 from meshflow.geometry.nearness import nearest_first
 from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array, number, positive
+from meshflow.kernels.conjugate_gradients import pack_vectors
 from meshflow.surfaces.surface import Surface
 
 __all__ = ["ROUND", "NormalFilterFlow", "NormalFilter"]
@@ -138,19 +139,22 @@ class NormalFilterFlow(Dense):
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """The mean rate of a round; with a blend that keeps u, the normals diffuse for its dt and the points follow once."""
         round = blend.dt if blend.keep != 0.0 else ROUND * self.step**2
-        order = self._order
+        order, x = self._order, np.ascontiguousarray(u, dtype=np.float64)
         if order is None:
-            change = self._moved(u, round, diagonal == 0, self.held) - u
+            change = self._moved(x, round, diagonal == 0, self.held)
+            change -= x
         else:
-            change = np.empty(u.shape)
-            change[order] = self._moved(u[order], round, diagonal == 0, self.held[order]) - u[order]
+            near, change, ones = np.empty_like(x), np.zeros_like(x), np.ones(len(x))
+            pack_vectors(order, ones, x, near, 0)
+            moved = self._moved(near, round, diagonal == 0, self.held[order])
+            moved -= near
+            pack_vectors(order, ones, moved, change, 1)
         if blend.keep == 0.0:
             return blend.of_rate(u, change / round, out)
         return blend.of_change(u, change, out)
 
-    def _moved(self, u: Array, dt: float, first: bool, held: Array) -> Array:
+    def _moved(self, x: Array, dt: float, first: bool, held: Array) -> Array:
         """The points (n, 3) after a round, in the order of the loops."""
-        x = np.ascontiguousarray(u, dtype=np.float64)
         how = self.how
         if first and (how.regularize or 0.0) > 0:
             even = umbrella_generator(self._near, self.step, ~held, curve=True)
