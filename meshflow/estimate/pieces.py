@@ -98,7 +98,7 @@ def along_border(grid: Grid, count: int, side: int = SIDE) -> list[Window]:
     columns = sorted({int(c) for c in np.linspace(0, w - wide, max(2, -(-w // wide)))})
     places = [(r, c) for r in rows for c in columns if r in (rows[0], rows[-1]) or c in (columns[0], columns[-1])]
     windows = [(slice(r, r + high), slice(c, c + wide)) for r, c in places]
-    windows = [window for window in windows if not (grid.missing | grid.fixed)[window].all()]
+    windows = [window for window in windows if not (grid.missing[window] | grid.fixed[window]).all()]
     if len(windows) <= count:
         return windows
     return [windows[i] for i in np.linspace(0, len(windows) - 1, count).astype(int)]
@@ -134,9 +134,11 @@ def _piece(grid: Grid, label: Array, sigma: Array, limit: Array | None, speed: A
 
 def _unit(grid: Grid, sigma: Array) -> float:
     """The root mean square of the noise of the samples that are present."""
-    return float(
-        np.sqrt(np.mean(np.square(np.broadcast_to(sigma, grid.planes.shape)[:, ~grid.missing], dtype=np.float64)))
-    )
+    square = np.square(sigma, dtype=np.float64)
+    if sigma.shape[-2:] == (1, 1):
+        return float(np.sqrt(square.mean()))
+    there = np.broadcast_to(~grid.missing, grid.planes.shape)
+    return float(np.sqrt(np.mean(np.broadcast_to(square, there.shape), where=there)))
 
 
 def _joined(grid: Grid, windows: list[Window], sigma: Array, limit: Array | None, speed: Array | None) -> Piece:

@@ -169,31 +169,39 @@ class Result:
         """Root mean square and the largest of what was removed, in absolute value; of grids it is found by bands of rows."""
         if isinstance(self.before, Mesh):
             return float(np.sqrt(np.mean(self.counted**2))), float(np.abs(self.counted).max())
-        shape = array_of(self.before).shape
-        high = max(1, AT_ONCE // int(np.prod(shape[1:])))
         squares, count, largest = 0.0, 0, 0.0
-        for top in range(0, shape[0], high):
-            rows = slice(top, top + high)
+        for rows in self._bands:
             found = self._removed_from(rows)[~self.before.missing[rows]]
             squares, count = squares + float(np.square(found).sum()), count + found.size
             largest = max(largest, float(np.abs(found).max(initial=0.0)))
         return float(np.sqrt(squares / max(count, 1))), largest
 
+    @property
+    def _bands(self) -> list[slice]:
+        """Rows of a grid that are looked at together: what is made of all of them takes several times its memory."""
+        shape = array_of(self.before).shape
+        high = max(1, AT_ONCE // int(np.prod(shape[1:])))
+        return [slice(top, min(top + high, shape[0])) for top in range(0, shape[0], high)]
+
     @cached_property
     def _correlation(self) -> float | None:
-        if isinstance(self.before, (Mesh, TetMesh)) or not self.removed.any():
+        if isinstance(self.before, (Mesh, TetMesh)):
             return None
         there = ~self.before.missing
-        planes = self.removed.reshape(*there.shape, -1)
-        planes = np.where(there[..., None], planes - planes[there].mean(axis=0), 0.0)
-        power, found = float(np.mean(planes[there] ** 2)), []
-        for shift in SHIFTS if there.ndim == 2 else SHIFTS_OF_VOLUMES:
-            a = tuple(slice(max(0, -by), size - max(0, by)) for by, size in zip(shift, there.shape, strict=True))
-            b = tuple(slice(max(0, by), size + min(0, by)) for by, size in zip(shift, there.shape, strict=True))
-            both = there[a] & there[b]
-            if both.any():
-                found.append(float(np.mean(planes[a][both] * planes[b][both])) / power)
-        return float(np.sqrt(np.mean(np.square(found)))) if found and power > 0 else None
+        sums = np.array([self._removed_from(rows)[there[rows]].sum(axis=0) for rows in self._bands])
+        mean = sums.sum(axis=0) / max(int(there.sum()), 1)
+        shifts = SHIFTS if there.ndim == 2 else SHIFTS_OF_VOLUMES
+        # For no shift and for each one: the sum of the products of the samples that it joins, and their number.
+        found = np.zeros((1 + len(shifts), 2))
+        for rows in self._bands:
+            wide = slice(rows.start, rows.stop + max(shift[0] for shift in shifts))
+            own, high = there[wide], rows.stop - rows.start
+            planes = np.where(own[..., None], (self._removed_from(wide) - mean).reshape(*own.shape, -1), 0.0)
+            for sum_of, shift in zip(found, ((0,) * there.ndim, *shifts), strict=True):
+                sum_of += _products(planes, own, shift, high)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            power, *others = (found[:, 0] / found[:, 1])[found[:, 1] > 0]
+        return float(np.sqrt(np.mean(np.square(others)))) / float(power) if others and power > 0 else None
 
     @property
     def tags(self) -> dict[str, str]:
@@ -290,3 +298,18 @@ def release() -> str:
         return version("meshflow")
     except PackageNotFoundError:  # a checkout that is not installed
         return "unknown"
+
+
+def _products(planes: Array, there: Array, shift: tuple[int, ...], high: int) -> tuple[float, int]:
+    """The sum of the products of samples and those at a shift from them, and the number of such pairs.
+
+    :param planes: (r, c, k), of a volume (s, r, c, k), zero where samples are missing; ``there``: (r, c).
+    :param high: in how many of its first rows one of both lies.
+    """
+    shape = (high, *there.shape[1:])
+    a = tuple(
+        slice(max(0, -by), min(of, size - max(0, by))) for by, of, size in zip(shift, shape, there.shape, strict=True)
+    )
+    b = tuple(slice(part.start + by, part.stop + by) for part, by in zip(a, shift, strict=True))
+    channels = planes.shape[-1]
+    return float(np.vdot(planes[a], planes[b])), channels * int(np.count_nonzero(there[a] & there[b]))
