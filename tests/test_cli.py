@@ -81,6 +81,16 @@ def test_one_command_smooths_a_terrain_and_says_what_it_did(terrain, tmp_path):
     assert np.allclose(meshflow.smooth(library.data).z[valid], smoothed, rtol=1e-6)
 
 
+def test_info_says_the_type_that_a_file_has_and_the_one_that_is_smoothed(tmp_path):
+    z = np.random.default_rng(0).integers(0, 300, (20, 30)).astype(np.int16)
+    with rasterio.open(tmp_path / "z.tif", "w", driver="GTiff", count=1, height=20, width=30, dtype="int16") as file:
+        file.write(z, 1)
+    np.save(tmp_path / "z.npy", z.astype(float))
+    for name, said in (("z.tif", "int16, smoothed as float32"), ("z.npy", "float64")):
+        found = run("info", tmp_path / name, "--json")
+        assert json.loads(found.stdout)["type"] == said
+
+
 def test_info_says_what_a_file_is_in_words_and_in_json(terrain):
     done = run("info", terrain)
     assert done.returncode == 0, done.stderr

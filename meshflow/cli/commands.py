@@ -202,6 +202,12 @@ def info(given: Given) -> None:
         raise InputError("info: a file expected, or --environment")
     document = opened(given["source"], {name: given[name] for name in (*READING, *PLACING)})
     facts = {"file": str(given["source"]), **describe(document.data), **noise_facts(document.data)}
+    if (
+        "type" in facts
+        and facts["type"] != (stored := document.source.stored_as)
+        and stored.startswith(("int", "uint"))
+    ):
+        facts["type"] = f"{stored}, smoothed as {facts['type']}"
     if "spacing" in facts and document.source.ground_unit:
         facts["spacing"] = f"{facts['spacing']} {document.source.ground_unit}"
     table(facts, given["json"], document.notes)

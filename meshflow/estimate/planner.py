@@ -304,7 +304,7 @@ def excessive(data: Data, request: Request, noise: Noise) -> tuple[str, ...]:
     if request.noise is None:
         given, doubt = (
             f"strength {request.strength:g} times noise {noise.sigma:.4g}",
-            "little more than the mean remains",
+            "all that varies counts as noise",
         )
     else:
         given, doubt = f"noise {sigma:.4g}", "is it in their unit?"
