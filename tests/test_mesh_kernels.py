@@ -297,7 +297,7 @@ def sound_calls():
         (mesh_normals.triangle_normals, [points, faces, threes, np.empty(m)], [1]),
         (mesh_normals.edge_conductances, [points, faces, across, threes], [1, 2]),
         (mesh_normals.spread_normals, [cot, area, cot, across, 0.1, 1.0, -1.0, 0.0, 1.0, threes], [3]),
-        (mesh_normals.follow_normals, [points, *around, faces, cot, held, threes, to], [1, 2, 3]),
+        (mesh_normals.follow_normals, [points, *around, faces, cot, held, 0.0, 1.0, threes, to], [1, 2, 3]),
         (mesh_normals.side_lengths, [points, faces, threes], [1]),
         (mesh_normals.crease_weights, [cot, cot, across, 1.0, -1.0, threes], [2]),
         (mesh_normals.shift_along_normals, [*around, cot, area, area, 0.1, to], [0, 1]),

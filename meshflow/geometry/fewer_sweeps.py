@@ -13,21 +13,25 @@ HALVED = 64
 
 
 @lru_cache(maxsize=64)
-def fewer_sweeps(sweeps: int) -> tuple[tuple[float, float], ...]:
+def fewer_sweeps(sweeps: int, least: float = -1.0, stages: float = STAGES) -> tuple[tuple[float, float], ...]:
     """``keep`` and ``pull`` of each stage Y_j = Y_(j-1) + keep (Y_(j-2) - Y_(j-1)) + pull (S Y_(j-1) - Y_(j-1)).
 
     The stages lead as far as so many sweeps Y := S Y, where S is a mean with positive weights, and are stable like these: errors
-    are multiplied by T(w0 + w1 z) / T(w0), z = -sweeps (1 - s) with the eigenvalues s of S between -1 and 1, T the polynomial of
-    Chebyshev of the degree of the number of stages. What S damps, they damp.
+    are multiplied by T(w0 + w1 z) / T(w0), z = -sweeps (1 - s) with the eigenvalues s of S, T the polynomial of Chebyshev of the
+    degree of the number of stages. What S damps, they damp.
+
+    :param least: a lower bound of the eigenvalues; that of any mean is -1.
+    :param stages: per root of the number of sweeps with eigenvalues from -1 on.
     """
-    stages = ceil(STAGES * sqrt(sweeps))
-    if stages >= sweeps:
+    half = 0.5 * (1.0 - least)
+    count = ceil(stages * sqrt(half * sweeps))
+    if count >= sweeps:
         return ((0.0, 1.0),) * sweeps
-    w0 = widest(sweeps, stages)
-    found, before, last = [(0.0, 0.5 * (w0 + 1.0) / w0)], 1.0, w0
-    for _ in range(stages - 1):
+    w0 = widest(half * sweeps, count)
+    found, before, last = [(0.0, 0.5 * (w0 + 1.0) / (w0 * half))], 1.0, w0
+    for _ in range(count - 1):
         before, last, first = last, 2.0 * w0 * last - before, before
-        found.append((-first / last, (w0 + 1.0) * before / last))
+        found.append((-first / last, (w0 + 1.0) * before / (last * half)))
     return tuple(found)
 
 

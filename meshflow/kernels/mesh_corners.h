@@ -10,7 +10,7 @@
 
 namespace meshflow {
 
-constexpr i64 MESH_BLOCK = 1 << 13;  // least number of vertices or triangles for a thread
+constexpr i64 MESH_BLOCK = 1 << 11;  // least number of vertices or triangles for a thread
 
 // The corner c and the next ones of its triangle, b and d, as indices over all corners of the mesh.
 struct Corner {

@@ -283,10 +283,12 @@ inline void heights_at_corners(i64 m, const double* points, const i32* faces, co
     });
 }
 
-// Moves points (n, 3) by the mean of n_f n_f . (c_f - x_i) over the triangles f around each, with centroids c_f and normals n_f
-// (m, 3), to out. held (n,): points that do not move. heights (m, 3): work space.
+// One stage of a motion of points (n, 3). Its sweep adds the mean of n_f n_f . (c_f - x_i) over the triangles f around each, with
+// centroids c_f and normals n_f (m, 3). out holds the points of the stage before x, and becomes x + keep (out - x) + pull times that
+// mean. held (n,): points that do not move. heights (m, 3): work space.
 inline i64 follow_normals(i64 n, i64 c, i64 m, const double* points, const i64* first, const i32* corners, const i32* faces,
-                          const double* normals, const u8* held, double* heights, double* out, i32 threads) {
+                          const double* normals, const u8* held, double keep, double pull, double* heights, double* out,
+                          i32 threads) {
     if (c != 3 * m) return OUT_OF_RANGE;
     heights_at_corners(m, points, faces, normals, heights, threads);
     return checked_blocks(n, threads, [&](i64 begin, i64 end) {
@@ -301,8 +303,11 @@ inline i64 follow_normals(i64 n, i64 c, i64 m, const double* points, const i64* 
                 const double high = heights[corner];
                 sum.x += high * normal.x, sum.y += high * normal.y, sum.z += high * normal.z;
             }
-            const double by = count > 0 && !held[i] ? 1.0 / static_cast<double>(count) : 0.0;
-            put(out, i, {own.x + by * sum.x, own.y + by * sum.y, own.z + by * sum.z});
+            const bool moves = count > 0 && !held[i];
+            const double by = moves ? pull / static_cast<double>(count) : 0.0, kept = moves ? keep : 0.0;
+            const Point back = minus(vector_at(out, i), own);
+            put(out, i, {own.x + (kept * back.x + by * sum.x), own.y + (kept * back.y + by * sum.y),
+                         own.z + (kept * back.z + by * sum.z)});
         }
         return true;
     });

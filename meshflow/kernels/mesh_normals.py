@@ -113,11 +113,15 @@ def follow_normals(
     faces: Faces,
     normals: Normals,
     held: Annotated[Array, read("bool", "n")],
+    keep: Annotated[float, real],
+    pull: Annotated[float, real],
     heights: Annotated[Array, write("float64", "m", 3)],
     out: Annotated[Array, write("float64", "n", 3)],
     threads: Threads = None,
 ) -> None:
-    """Points moved by the mean of n_f n_f . (c_f - x) over the triangles f around each, c_f their centroids.
+    """x + keep (out - x) + pull s replaces out, the points of the stage before x.
+
+    s is the mean of n_f n_f . (c_f - x) over the triangles f around each point, c_f their centroids.
 
     :param held: points that stay.
     :param heights: a work array, n_f . (c_f - x) at the corners.
