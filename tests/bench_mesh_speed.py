@@ -5,9 +5,11 @@ smaller one (8: 655362 vertices); BENCH_PLOT=growth_meshes.png draws the growth;
 vertices); BENCH_SOLVERS=CG,pyamg asks these alone. Quality: tests/bench_meshes.py.
 """
 
+import cProfile
 import json
 import os
 import platform
+import pstats
 import subprocess
 import sys
 import textwrap
@@ -19,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import meshflow
 from meshflow.errors import need
 from meshflow.flow.blend import euler
 from meshflow.flow.engines.mesh import MeshFlow
@@ -28,7 +31,7 @@ from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
 from meshflow.kernels.library import default_threads
 from meshflow.surfaces.surface import Surface
-from meshflow.synthetic.shapes import sphere
+from meshflow.synthetic.shapes import part, sphere
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(3600)]
 THREADS = default_threads()
@@ -282,6 +285,26 @@ def test_semi_implicit_step_beside_what_a_user_writes_today(length):
     if peers:
         best = min(peers, key=peers.__getitem__)
         print(f"  the best of them, {best}: {peers[best] / found['ours']:.2f} x ours")
+
+
+# Parts of the default call, by the functions that do them.
+PARTS = {
+    "spikes": "without_spikes", "noise": "noise_by_parts", "search": "searched", "method": "march", "offsets": "without_offsets",
+    "folds and crossings": "moved_without_harm",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", [sphere(5), part(0.00485), sphere(8)], ids=["10k", "100k", "700k"])
+def test_default_call_and_its_parts(shape):
+    noisy_points, calls = shape.noisy("nrm", NOISE, SEED), cProfile.Profile()
+    meshflow.smooth((sphere(4).noisy("nrm", NOISE, SEED), sphere(4).faces))  # imports
+    begun, before = time.perf_counter(), time.process_time()
+    calls.runcall(meshflow.smooth, (noisy_points, shape.faces))
+    took, cpu = time.perf_counter() - begun, time.process_time() - before
+    found = pstats.Stats(calls).get_stats_profile().func_profiles
+    shares = ", ".join(f"{part} {found[name].cumtime / took:.0%}" for part, name in PARTS.items() if name in found)
+    print(f"\ndefault call, {shape.name} of {len(noisy_points)} vertices, {versions('meshflow')}")
+    print(f"  {took:.2f} s, {cpu:.2f} s of the processors; of the time: {shares}")
 
 
 MEASURED = """

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from meshflow.errors import InputError
-from meshflow.geometry.connectivity import Connectivity, shared_sides
+from meshflow.geometry.connectivity import Connectivity, Pattern, connect, shared_sides
 from meshflow.geometry.operator import fill_stiffness, stiffness
 from meshflow.geometry.validation import Array
 
@@ -97,6 +97,9 @@ def neighbour_means(faces: Array, n: int, border: Border) -> Any:
     :param faces: (m, 3).
     :param border: the neighbours of a border vertex: those along the border (``curve``), all (``free``), or none (``fixed``).
     """
+    connectivity = connect((faces,), n)
+    if border == "free" or not len(connectivity.border):
+        return _means_around(connectivity.pattern)
     ends = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
     low, high = ends.min(axis=1), ends.max(axis=1)
     edges, count = np.unique((low * n + high)[low != high], return_counts=True)
@@ -104,15 +107,25 @@ def neighbour_means(faces: Array, n: int, border: Border) -> Any:
     on_border = np.zeros(n, bool)
     on_border[low[single]] = on_border[high[single]] = True
     pairs = np.concatenate([low * n + high, high * n + low])
-    if border != "free":
-        along = np.concatenate([single, single]) & (border == "curve")
-        pairs = pairs[~on_border[pairs // max(n, 1)] | along]
+    along = np.concatenate([single, single]) & (border == "curve")
+    pairs = pairs[~on_border[pairs // max(n, 1)] | along]
     alone = np.flatnonzero(np.bincount(pairs // max(n, 1), minlength=n) == 0)
     pairs = np.sort(np.concatenate([pairs, alone * (n + 1)]))
     rows, columns = pairs // max(n, 1), pairs % max(n, 1)
     many = np.bincount(rows, minlength=n)
     first = np.concatenate([[0], np.cumsum(many)])
     return sparse.csr_matrix((1.0 / many[rows], columns, first), shape=(n, n))
+
+
+def _means_around(pattern: Pattern) -> Any:
+    """The matrix (n, n) of the mean of all neighbours, without the vertex itself if it has others."""
+    many = np.diff(pattern.indptr)
+    kept = np.ones(len(pattern.indices), bool)
+    kept[pattern.diagonal[many > 1]] = False
+    counts = np.maximum(many - 1, 1)
+    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    n = len(many)
+    return sparse.csr_matrix((np.repeat(1.0 / counts, counts), pattern.indices[kept], first), shape=(n, n))
 
 
 def means_over_diagonals(points: Array, faces: Array, normals: Array) -> Any:

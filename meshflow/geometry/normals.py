@@ -114,12 +114,12 @@ def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array
 
     :param dt: squared length.
     """
-    one, other = normals.copy(), normals.copy()
-    power = -0.5 * by.sharpness
+    before, now, power = normals, normals, -0.5 * by.sharpness
     for keep, pull in fewer_sweeps(sweeps):
-        kernels.spread_normals(one, by.areas, by.weights, by.across, dt, by.contrast**2, power, keep, pull, other)
-        one, other = other, one
-    return one
+        out = _room(before, now, normals)
+        kernels.spread_normals(now, by.areas, by.weights, by.across, dt, by.contrast**2, power, keep, pull, out)
+        before, now = now, out
+    return now
 
 
 def crease_weights(normals: Array, by: NormalDiffusion) -> Array:
@@ -150,8 +150,14 @@ def followed(points: Array, connectivity: Connectivity, normals: Array, held: Ar
 
     :param held: (n,), points that stay.
     """
-    one, other, heights, c = points.copy(), points.copy(), np.empty_like(normals), connectivity
+    before, now, heights, c = points, points, np.empty_like(normals), connectivity
     for keep, pull in fewer_sweeps(sweeps, SLOWEST, FOLLOWED):
-        kernels.follow_normals(one, c.first, c.corners, c.faces, normals, held, keep, pull, heights, other)
-        one, other = other, one
-    return one
+        out = _room(before, now, points)
+        kernels.follow_normals(now, c.first, c.corners, c.faces, normals, held, keep, pull, heights, out)
+        before, now = now, out
+    return now
+
+
+def _room(before: Array, now: Array, start: Array) -> Array:
+    """Where a stage writes: over the one before, which it reads, except for the first stage, and unless that is the start."""
+    return np.empty_like(start) if now is start else start.copy() if before is start else before

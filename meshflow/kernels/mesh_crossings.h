@@ -20,20 +20,21 @@ inline bool crosses(Point p, Point q, Point a, Point b, Point c) {
 }
 
 // The box of a triangle, and the cells of a regular grid that it touches.
-struct Box {
-    double low[3], high[3];
-    Box(const double* points, const i32* face) {
-        for (int k = 0; k < 3; ++k) {
-            const double a = points[3 * face[0] + k], b = points[3 * face[1] + k], c = points[3 * face[2] + k];
-            low[k] = least_of(a, least_of(b, c)), high[k] = most_of(a, most_of(b, c));
-        }
+struct Box { double low[3], high[3]; };
+
+inline Box box_of(const double* points, const i32* face) {
+    Box box;
+    for (int k = 0; k < 3; ++k) {
+        const double a = points[3 * face[0] + k], b = points[3 * face[1] + k], c = points[3 * face[2] + k];
+        box.low[k] = least_of(a, least_of(b, c)), box.high[k] = most_of(a, most_of(b, c));
     }
-};
+    return box;
+}
 
 struct CellGrid {
     double start[3], edge;
     i64 count[3];
-    i64 cells() const { return count[0] * count[1] * count[2]; }
+    i64 cell(i64 i, i64 j, i64 k) const { return (i * count[1] + j) * count[2] + k; }
     i64 along(double x, int k) const {
         const double at = (x - start[k]) / edge;
         return !(at > 0.0) ? 0 : at >= static_cast<double>(count[k]) ? count[k] - 1 : static_cast<i64>(at);
@@ -43,7 +44,7 @@ struct CellGrid {
         const i64 high[3] = {along(box.high[0], 0), along(box.high[1], 1), along(box.high[2], 2)};
         for (i64 i = low[0]; i <= high[0]; ++i)
             for (i64 j = low[1]; j <= high[1]; ++j)
-                for (i64 k = low[2]; k <= high[2]; ++k) visit((i * count[1] + j) * count[2] + k);
+                for (i64 k = low[2]; k <= high[2]; ++k) visit(cell(i, j, k));
     }
 };
 
@@ -64,10 +65,10 @@ inline bool are_crossing(const double* points, const i32* one, const i32* other)
 }
 
 // The smallest grid whose lists have at most 16 m entries, with cells of at least the mean size of the boxes.
-inline bool fit_grid(i64 m, const double* points, const i32* faces, CellGrid& grid) {
+inline bool fit_grid(i64 m, const Box* boxes, CellGrid& grid) {
     double high[3] = {}, size = 0.0;
     for (i64 f = 0; f < m; ++f) {
-        const Box box(points, faces + 3 * f);
+        const Box& box = boxes[f];
         double widest = 0.0;
         for (int k = 0; k < 3; ++k) {
             if (f == 0 || box.low[k] < grid.start[k]) grid.start[k] = box.low[k];
@@ -86,7 +87,7 @@ inline bool fit_grid(i64 m, const double* points, const i32* faces, CellGrid& gr
         }
         if (!(cells <= 64.0 * static_cast<double>(m) + 1e5)) continue;
         for (i64 f = 0; f < m; ++f) {
-            const Box box(points, faces + 3 * f);
+            const Box& box = boxes[f];
             double touched = 1.0;
             for (int k = 0; k < 3; ++k) touched *= static_cast<double>(grid.along(box.high[k], k) - grid.along(box.low[k], k) + 1);
             entries += touched;
@@ -95,56 +96,68 @@ inline bool fit_grid(i64 m, const double* points, const i32* faces, CellGrid& gr
     }
 }
 
-// The pairs of triangles that cross each other, in the order of the cells in which their boxes meet; those with a common edge are
-// left out. Returns how many there are; the first k of them are written to pairs (k, 2).
+// The pairs of triangles that cross each other, in the order of the lists of cells in which their boxes meet; those with a common
+// edge are left out. Returns how many there are; the first k of them are written to pairs (k, 2).
 inline i64 crossing_pairs(i64 n, i64 m, i64 k, const double* points, const i32* faces, i32* pairs, i32 threads) {
     if (n < 0 || m == 0) return 0;
+    const Memory<Box> boxes(m);
+    if (!boxes) return NO_MEMORY;
+    parallel_blocks(m, MESH_BLOCK, threads, [&](i64 begin, i64 end, i64, i32) {
+        for (i64 f = begin; f < end; ++f) boxes[f] = box_of(points, faces + 3 * f);
+    });
     CellGrid grid;
-    if (!fit_grid(m, points, faces, grid)) return 0;
-    const i64 cells = grid.cells();
-    const Memory<i64> first(cells + 1), found(cells + 1);
+    if (!fit_grid(m, boxes.get(), grid)) return 0;
+    // Most cells are empty. Several share a list, in which each triangle says by a number from which of them it is.
+    int bits = 10;
+    while ((i64(1) << bits) < 2 * m) ++bits;
+    const i64 lists = i64(1) << bits;
+    const Memory<i64> first(lists + 1), found(lists + 1);
     if (!first || !found) return NO_MEMORY;
-    for (i64 c = 0; c <= cells; ++c) first[c] = 0, found[c] = 0;
-    for (i64 f = 0; f < m; ++f) grid.for_cells(Box(points, faces + 3 * f), [&](i64 c) { ++first[c + 1]; });
-    for (i64 c = 0; c < cells; ++c) first[c + 1] += first[c];
-    const Memory<i32> list(first[cells]);
+    for (i64 c = 0; c <= lists; ++c) first[c] = 0, found[c] = 0;
+    for (i64 f = 0; f < m; ++f) grid.for_cells(boxes[f], [&](i64 c) { ++first[(c & (lists - 1)) + 1]; });
+    for (i64 c = 0; c < lists; ++c) first[c + 1] += first[c];
+    struct Entry { i32 triangle, which; };
+    const Memory<Entry> list(first[lists]);
     if (!list) return NO_MEMORY;
     for (i64 f = 0; f < m; ++f)
-        grid.for_cells(Box(points, faces + 3 * f), [&](i64 c) { list[first[c]++] = static_cast<i32>(f); });
-    for (i64 c = cells; c > 0; --c) first[c] = first[c - 1];
+        grid.for_cells(boxes[f], [&](i64 c) {
+            list[first[c & (lists - 1)]++] = {static_cast<i32>(f), static_cast<i32>(c >> bits)};
+        });
+    for (i64 c = lists; c > 0; --c) first[c] = first[c - 1];
     first[0] = 0;
-    const auto in_cell = [&](i64 c, const auto& visit) {
-        for (i64 s = first[c]; s < first[c + 1]; ++s) {
-            const Box one(points, faces + 3 * list[s]);
-            for (i64 t = s + 1; t < first[c + 1]; ++t) {
-                const Box other(points, faces + 3 * list[t]);
-                bool apart = false;
+    const auto in_list = [&](i64 at, const auto& visit) {
+        for (i64 s = first[at]; s < first[at + 1]; ++s) {
+            const Entry mine = list[s];
+            const Box& one = boxes[mine.triangle];
+            for (i64 t = s + 1; t < first[at + 1]; ++t) {
+                const i32 its = list[t].triangle;
+                const Box& other = boxes[its];
+                bool apart = mine.which != list[t].which;
                 for (int d = 0; d < 3; ++d) apart |= one.low[d] > other.high[d] || other.low[d] > one.high[d];
                 if (apart) continue;
                 // Boxes meet in several cells; the pair belongs to the one with the low corner of the common part.
-                const double at[3] = {most_of(one.low[0], other.low[0]), most_of(one.low[1], other.low[1]),
-                                      most_of(one.low[2], other.low[2])};
-                if ((grid.along(at[0], 0) * grid.count[1] + grid.along(at[1], 1)) * grid.count[2] + grid.along(at[2], 2) != c)
-                    continue;
-                if (are_crossing(points, faces + 3 * list[s], faces + 3 * list[t])) visit(list[s], list[t]);
+                i64 low[3];
+                for (int d = 0; d < 3; ++d) low[d] = grid.along(most_of(one.low[d], other.low[d]), d);
+                if (grid.cell(low[0], low[1], low[2]) != (i64(mine.which) << bits) + at) continue;
+                if (are_crossing(points, faces + 3 * mine.triangle, faces + 3 * its)) visit(mine.triangle, its);
             }
         }
     };
-    parallel_blocks(cells, 1 << 10, threads, [&](i64 begin, i64 end, i64, i32) {
-        for (i64 c = begin; c < end; ++c) in_cell(c, [&](i32, i32) { ++found[c + 1]; });
+    parallel_blocks(lists, 1 << 10, threads, [&](i64 begin, i64 end, i64, i32) {
+        for (i64 c = begin; c < end; ++c) in_list(c, [&](i32, i32) { ++found[c + 1]; });
     });
-    for (i64 c = 0; c < cells; ++c) found[c + 1] += found[c];
-    parallel_blocks(cells, 1 << 10, threads, [&](i64 begin, i64 end, i64, i32) {
+    for (i64 c = 0; c < lists; ++c) found[c + 1] += found[c];
+    parallel_blocks(lists, 1 << 10, threads, [&](i64 begin, i64 end, i64, i32) {
         for (i64 c = begin; c < end; ++c) {
             if (found[c + 1] == found[c]) continue;
             i64 at = found[c];
-            in_cell(c, [&](i32 one, i32 other) {
+            in_list(c, [&](i32 one, i32 other) {
                 if (at < k) pairs[2 * at] = one, pairs[2 * at + 1] = other;
                 ++at;
             });
         }
     });
-    return found[cells];
+    return found[lists];
 }
 
 // Whether (e,) the normals (m, 3) of the triangles of each pair (e, 2) have a cosine below a number.

@@ -146,6 +146,7 @@ template <int SQUARINGS> LOOP void spread_some(Sides& at, int count, Spreading b
 
 template <int SQUARINGS> i64 spread(i64 m, const double* normals, const double* areas, const double* weights, const i32* across,
                                     Spreading by, double* out, i32 threads) {
+    const double* from = by.keep != 0.0 ? out : normals;
     return checked_blocks(m, threads, [&](i64 begin, i64 end) {
         Sides at;
         for (; begin < end; begin += GATHERED) {
@@ -153,7 +154,7 @@ template <int SQUARINGS> i64 spread(i64 m, const double* normals, const double* 
             bool sound = true;
             for (int i = 0; i < count; ++i) {
                 const i64 f = begin + i;
-                for (int k = 0; k < 3; ++k) at.own[k][i] = normals[3 * f + k], at.back[k][i] = out[3 * f + k];
+                for (int k = 0; k < 3; ++k) at.own[k][i] = normals[3 * f + k], at.back[k][i] = from[3 * f + k];
                 at.area[i] = areas[f];
                 for (int c = 0; c < 3; ++c) {
                     const i64 g = across[3 * f + c], there = g >= 0 && g < m ? g : f;
@@ -173,7 +174,7 @@ template <int SQUARINGS> i64 spread(i64 m, const double* normals, const double* 
 
 // One stage of the diffusion of unit normals (m, 3). Its sweep is a step dt that is implicit in the triangle itself:
 // A s = A n + dt sum of w (1 + contrast2 |n_beyond - n|^2)^power n_beyond, normalized. out holds the normals of the stage before n,
-// and becomes n + keep (out - n) + pull (s - n), normalized.
+// which are not read if keep is zero, and becomes n + keep (out - n) + pull (s - n), normalized.
 inline i64 spread_normals(i64 m, const double* normals, const double* areas, const double* weights, const i32* across, double dt,
                           double contrast2, double power, double keep, double pull, double* out, i32 threads) {
     const Spreading by{dt, contrast2, power, keep, pull};
@@ -213,11 +214,11 @@ inline Point solved(const double* a, Point b) {
     return {by * (yz * b.x + xz * b.y + xy * b.z), by * (xz * b.x + zx * b.y + zy * b.z), by * (xy * b.x + zy * b.y + zz * b.z)};
 }
 
-// Motions (n, 3) of the vertices, to out: the solution of least squares of n_f . x = offset_f over the triangles f around each, with
-// weights (m,); what lies in directions that hold less than the share ridge of the squares of the normals is small. The ridge is
+// Motions (n, 3) of the vertices, to out: the solution of least squares of n_f . x = offset_f over the triangles f around each,
+// with weights (m,); what lies in directions that hold less than the share ridge of the squares of the normals is small. The ridge is
 // refined away in the others.
-inline i64 shift_along_normals(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const double* normals, const double* weights,
-                               const double* offsets, double ridge, double* out, i32 threads) {
+inline i64 shift_along_normals(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const double* normals,
+                               const double* weights, const double* offsets, double ridge, double* out, i32 threads) {
     constexpr int REFINED = 3;
     if (c != 3 * m) return OUT_OF_RANGE;
     return checked_blocks(n, threads, [&](i64 begin, i64 end) {
@@ -284,8 +285,8 @@ inline void heights_at_corners(i64 m, const double* points, const i32* faces, co
 }
 
 // One stage of a motion of points (n, 3). Its sweep adds the mean of n_f n_f . (c_f - x_i) over the triangles f around each, with
-// centroids c_f and normals n_f (m, 3). out holds the points of the stage before x, and becomes x + keep (out - x) + pull times that
-// mean. held (n,): points that do not move. heights (m, 3): work space.
+// centroids c_f and normals n_f (m, 3). out holds the points of the stage before x (not read if keep is zero), and becomes
+// x + keep (out - x) + pull times that mean. held (n,): points that do not move. heights (m, 3): work space.
 inline i64 follow_normals(i64 n, i64 c, i64 m, const double* points, const i64* first, const i32* corners, const i32* faces,
                           const double* normals, const u8* held, double keep, double pull, double* heights, double* out,
                           i32 threads) {
@@ -305,7 +306,7 @@ inline i64 follow_normals(i64 n, i64 c, i64 m, const double* points, const i64* 
             }
             const bool moves = count > 0 && !held[i];
             const double by = moves ? pull / static_cast<double>(count) : 0.0, kept = moves ? keep : 0.0;
-            const Point back = minus(vector_at(out, i), own);
+            const Point back = minus(vector_at(keep != 0.0 ? out : points, i), own);
             put(out, i, {own.x + (kept * back.x + by * sum.x), own.y + (kept * back.y + by * sum.y),
                          own.z + (kept * back.z + by * sum.z)});
         }
