@@ -80,6 +80,7 @@ class Plan:
     :ivar most_pull: the largest data weight of the whole of which ``data`` is a part, per time; None: it is the whole.
     :ivar preserve: what a mesh whose points move keeps.
     :ivar recentred: whether the mean offsets of a mesh from its data along the normals are removed after the run.
+    :ivar of_round_parts: the method and the time of a shorter run, of which the round parts of a mesh are taken; None: of none.
     :ivar orientation: how the caller's grid was turned to become ``data``; the request's arrays were turned with it.
     :ivar setting: of a mesh whose points move; None of everything else.
     :ivar groups: the second stage, of groups of similar patches; None: the flow alone.
@@ -107,6 +108,7 @@ class Plan:
     most_pull: float | None = None
     preserve: Keep | None = None
     recentred: bool = False
+    of_round_parts: tuple[PointMethod, float] | None = None
     orientation: Orientation = AS_IT_IS
     setting: PointSetting | None = None
     base: Array | None = None

@@ -145,6 +145,8 @@ def _of_constraints(plan: Plan) -> dict[str, Parameter]:
         found["preserve"] = _decided(plan, "preserve", plan.preserve)
     if plan.recentred:
         found["offsets"] = _decided(plan, "offsets", "removed")
+    if plan.of_round_parts is not None:
+        found["round_parts"] = _decided(plan, "round_parts", "of a short run")
     if asked.min_component is not None:
         found["min_component"] = Parameter(float(asked.min_component), "samples", "given")
     return found

@@ -23,11 +23,12 @@ from meshflow.flow.engines.tetrahedra import TetFlow
 from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import State, march
 from meshflow.flow.methods.beltrami import HeightMethod
-from meshflow.flow.methods.points import PointMethod
+from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.mobility import slowed
 from meshflow.flow.offsets import without_offsets
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
+from meshflow.flow.round_parts import with_round_parts
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
 from meshflow.geometry.crossings import moved_without_harm
 from meshflow.geometry.validation import Array, whole
@@ -281,11 +282,17 @@ def _grouped(end: State, plan: Plan, groups: PatchGroups) -> State:
 
 
 def _recentred(end: State, plan: Plan) -> State:
-    """The end of a run on a mesh without mean offsets from its data, within the largest change."""
+    """The end of a run on a mesh without mean offsets from its data, its round parts from a shorter run if the plan has one,
+    within the largest change.
+    """
     if not isinstance(plan.data, Mesh):
         return end
-    limit = plan.limit(end.flow.start())
-    u = without_offsets(end.u, plan.data.points, plan.data.faces, _free(plan, plan.data) == 0)
+    data, start, limit = plan.data, end.flow.start(), plan.limit(end.flow.start())
+    u = without_offsets(end.u, data.points, data.faces, _free(plan, data) == 0)
+    if plan.of_round_parts is not None and isinstance(plan.setting, PointSetting):
+        method, time = plan.of_round_parts
+        flow = method.engine(data.lifted(plan.lift), plan.setting)
+        u = with_round_parts(u, next(method.states(flow, start, (time,))), start, data.faces, plan.noise.sigma)
     return replace(end, u=u if limit is None else limit.hold(u), dt=0.0)
 
 
