@@ -1,5 +1,8 @@
 """Triangles of a mesh that cross each other, and how far points may move without new crossings."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from meshflow.geometry.connectivity import connect
@@ -40,8 +43,27 @@ def new_crossings(before: Array, after: Array, faces: Array) -> Array:
 
     :param before: points (n, 3), as ``after``.
     """
-    pairs = crossing_pairs(after, faces)
-    return pairs[~_crossed(before, faces)[pairs].all(axis=1)] if len(pairs) else pairs
+    return _Before(before, faces).new_crossings(after)
+
+
+@dataclass(frozen=True, eq=False)
+class _Before:
+    """Points (n, 3) before a motion, with their triangles (m, 3)."""
+
+    points: Array
+    faces: Array
+
+    @cached_property
+    def crossed(self) -> Array:
+        """Mask (m,) of the triangles that cross another one."""
+        found = np.zeros(len(self.faces), bool)
+        found[crossing_pairs(self.points, self.faces)] = True
+        return found
+
+    def new_crossings(self, after: Array) -> Array:
+        """The pairs (k, 2) of triangles that cross each other after the motion, unless both crossed something before."""
+        pairs = crossing_pairs(after, self.faces)
+        return pairs[~self.crossed[pairs].all(axis=1)] if len(pairs) else pairs
 
 
 def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -> tuple[Array, int]:
@@ -58,9 +80,9 @@ def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -
     :returns: the points, and how many of them are moved otherwise.
     """
     points, bad, mean = moved_without_folds(before, after, faces, held)[0], np.zeros(len(after), bool), None
-    best, fewest, went_back = points, np.inf, False
+    best, fewest, went_back, start = points, np.inf, False, _Before(before, faces)
     for turn in range(SMOOTHED + HALVED + STAYED + 1):
-        pairs = new_crossings(before, points, faces)
+        pairs = start.new_crossings(points)
         if turn > 0:
             pairs = np.concatenate([pairs, new_folds(before, points, faces)])
         if 0 < turn <= SMOOTHED and len(pairs) < fewest:
@@ -85,7 +107,7 @@ def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -
         points[less] = 0.5 * (before[less] + points[less]) if turn < SMOOTHED + HALVED else before[less]
     if went_back and _harm(best, faces) < _harm(points, faces):
         points = best
-    points = _fitted(before, after, points, faces)
+    points = _fitted(start, after, points)
     return points, int((points != after).any(axis=1).sum())
 
 
@@ -94,24 +116,21 @@ def _harm(points: Array, faces: Array) -> int:
     return len(crossing_pairs(points, faces)) + len(new_folds(np.zeros_like(points), points, faces))
 
 
-def _fitted(before: Array, after: Array, points: Array, faces: Array) -> Array:
+def _fitted(start: _Before, after: Array, points: Array) -> Array:
     """Points (n, 3) of which those that differ from ``after`` are moved to the planes of the triangles that were not folded."""
-    moved = (points != after).any(axis=1)
-    if not moved.any() or points is before:
+    moved, faces = (points != after).any(axis=1), start.faces
+    if not moved.any() or points is start.points:
         return points
-    normals = unfolded_normals(after, faces)
-    fitted = followed(np.ascontiguousarray(points, np.float64), connect((faces,), len(points)), normals, ~moved, FITTED)
+    around = moved[faces].any(axis=1)
+    used, near = np.unique(faces[around], return_inverse=True)
+    normals = np.ascontiguousarray(unfolded_normals(after, faces)[around])
+    fitted = points.astype(np.float64)
+    there = connect((near.reshape(-1, 3),), len(used))
+    fitted[used] = followed(np.ascontiguousarray(fitted[used]), there, normals, ~moved[used], FITTED)
     for _ in range(LEFT):
-        pairs = np.concatenate([new_crossings(before, fitted, faces), new_folds(points, fitted, faces)])
+        pairs = np.concatenate([start.new_crossings(fitted), new_folds(points, fitted, faces)])
         if not len(pairs):
             return fitted.astype(points.dtype)
         left = np.isin(faces, faces[pairs]).any(axis=1)
         fitted[faces[left]] = points[faces[left]]
     return points
-
-
-def _crossed(points: Array, faces: Array) -> Array:
-    """Mask (m,) of the triangles that cross another one."""
-    found = np.zeros(len(faces), bool)
-    found[crossing_pairs(points, faces)] = True
-    return found
