@@ -1,6 +1,6 @@
 """The default on meshes beside the best tuned peer and our own best options, in one table: normals, distances, volume.
 
-``python -m pytest -m bench -s tests/bench_mesh_table.py`` takes about ten minutes on one core: shapes of 600 to 1200 vertices,
+``python -m pytest -m bench -s tests/bench_mesh_table.py`` takes eight minutes of CPU: shapes of 500 to 2000 vertices,
 and coarse ranges of the parameters. Those of the peers that come near the best of :mod:`bench_meshes` are searched with the truth
 in hand, guided and bilateral normals among them; MeshLib where it is installed. A result that is further from the surface than
 what came in does not count. From the environment:
