@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.special import ndtri
 
-from meshflow.estimate.edge_noise import noise_at_edges
+from meshflow.estimate.edge_noise import bent_like_noise, noise_at_edges
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import MAD
 from meshflow.estimate.quantization import quantum_of
@@ -29,6 +29,11 @@ CLIPPED = 2.5
 # the correlation is 0 to 0.5. Coarse models, and irregular samplings of curved shapes, are between these.
 ALTERNATES, ALMOST, WHITE = 0.26, 0.08, -0.23
 CORRELATED, SIGNIFICANT = -0.11, 3.0
+# Surfaces that were simplified to few triangles (quadric error metrics) alternate as correlated noise does, at 0.21 to 0.34 of
+# their edges, and the correlation of their residuals is between the first two numbers of a line; but the edges of their triangles
+# are hardly bent against each other, by less than the third number times what those of white noise are (-0.9 to 0.08; white noise
+# of 0.1 edges 0.4 to 1, noise of one to three rounds 0.2 to 0.7, but -0.25 on balls, whose correlation is -0.21).
+SIMPLIFIED = ((-0.23, -0.205, -0.28), (-0.205, -0.08, 0.12))
 # The least number of edges without a flat edge at either end, and the least share of their vertices; otherwise no noise is
 # reported.
 EDGES, SHARE = 24, 0.04
@@ -138,8 +143,11 @@ def noise_of_points(points: Array, faces: Array, counted: Array | None = None) -
     inner = gain > 0 if counted is None else (gain > 0) & counted
     if not inner.any():
         return PointNoise(0.0, 0.0, (0.0,))
-    bend, rough = _along(umbrella, x, normals_at(x, faces), gain)
-    if not _is_noisy(umbrella, bend, rough, inner & ~beside_flat_edges(x, faces)):
+    upright = normals_at(x, faces)
+    bend, rough = _along(umbrella, x, upright, gain)
+    noisy, least = _is_noisy(umbrella, bend, rough, inner & ~beside_flat_edges(x, faces))
+    simplified = least is not None and bent_like_noise(x, faces, upright, _white(numbers_of(x, faces))) < least
+    if not noisy or simplified:
         return PointNoise(0.0, 0.0, (0.0,), how="differences")
     step = mean_edge(x, faces)
     even = umbrella_generator(connect((faces,), n), step, gain > 0, True)
@@ -184,15 +192,18 @@ class _Graph:
         return np.divide(self.umbrella @ (self.umbrella @ values), gain, out=np.zeros_like(values), where=gain > 0)
 
 
-def _is_noisy(umbrella: Any, bend: Array, rough: Array, free: Array) -> bool:
-    """Whether residuals alternate as noise does, on enough vertices without flat edges, mask ``free`` (n,)."""
+def _is_noisy(umbrella: Any, bend: Array, rough: Array, free: Array) -> tuple[bool, float | None]:
+    """Whether residuals alternate as noise does, on enough vertices without flat edges, mask ``free`` (n,); and the least number
+    of :func:`.edge_noise.bent_like_noise` with which they are noise, where they may also be the shape of few triangles.
+    """
     if free.sum() < SHARE * len(free):
-        return False
+        return False, None
     alternating, correlation, edges = _alternation(umbrella, bend, rough, free)
+    least = next((bent for low, high, bent in SIMPLIFIED if low < correlation <= high), None)
     if alternating >= ALTERNATES:
-        return True
+        return True, least
     chance = SIGNIFICANT / np.sqrt(max(edges, 1))  # of few edges a correlation says less
-    return correlation <= (max(CORRELATED - chance, WHITE) if alternating >= ALMOST else WHITE)
+    return correlation <= (max(CORRELATED - chance, WHITE) if alternating >= ALMOST else WHITE), least
 
 
 def _spread(
@@ -204,9 +215,7 @@ def _spread(
     :param graph: in which neighbours are correlated; ``whole``: of the residuals.
     :param found: the answer of :func:`_alternation`.
     """
-    # multiples of uniform numbers, modulo 1, are uniform and hardly correlated with them
-    draws = np.mod(numbers[:, None] * 17.0 ** np.arange(DRAWS), 1.0)
-    made = ndtri(np.clip(draws, 1e-6, 1.0 - 1e-6))
+    made = _white(numbers)
     _, correlation, edges = found
     chance = BY_CHANCE / np.sqrt(max(edges, 1))
     before, share, white = (np.nan, 1.0), 1.0, np.nan
@@ -221,6 +230,13 @@ def _spread(
         before = here, share
         made = made - 0.5 * (graph.umbrella @ made)
     return SPREAD, share
+
+
+def _white(numbers: Array) -> Array:
+    """DRAWS samples (n, DRAWS) of white noise, from uniform numbers (n,)."""
+    # multiples of uniform numbers, modulo 1, are uniform and hardly correlated with them
+    draws = np.mod(numbers[:, None] * 17.0 ** np.arange(DRAWS), 1.0)
+    return ndtri(np.clip(draws, 1e-6, 1.0 - 1e-6))
 
 
 def _spread_out(umbrella: Any, values: Array, rounds: int) -> Array:
