@@ -190,6 +190,47 @@ def test_missing_samples_may_be_lazy():
     same(done.compute(), meshflow.smooth(z, missing=gone, **FIXED))
 
 
+MASKED = {
+    "a mask": lambda z, gone: (np.ma.masked_array(z, mask=gone), da.ma.masked_array(da.from_array(z, 31), mask=gone)),
+    "invalid": lambda z, _: (np.ma.masked_invalid(z), da.ma.masked_invalid(da.from_array(z, 31))),
+    "nothing": lambda z, _: (np.ma.masked_array(z), da.from_array(np.ma.masked_array(z), 31)),
+    "unsaid": lambda z, gone: (
+        np.ma.masked_array(z, mask=gone),
+        da.from_array(z, 31).map_blocks(np.ma.masked_greater, 9e3, meta=np.zeros((0,) * z.ndim, z.dtype)),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    "options", [FIXED, {"method": "quick"}, {**FIXED, "time": 20.0}], ids=["given", "found", "long"]
+)
+@pytest.mark.parametrize("kind", [{}, {"dtype": "float64"}, {"k": 3}], ids=["float32", "float64", "three"])
+@pytest.mark.parametrize("made", MASKED.values(), ids=MASKED)
+def test_masked_arrays_come_back_masked_and_equal_the_whole(made, kind, options):
+    z = heights(**kind)
+    gone = np.random.default_rng(6).random(z.shape) < 0.05
+    gone[:31, 31:62] = True  # a chunk
+    z[gone] = 9999.0
+    whole, lazy = made(z, gone)
+    done = meshflow.smooth(lazy, **options)
+    assert done.chunks == lazy.chunks
+    found, expected = done.compute(), meshflow.smooth(whole, **options)
+    assert isinstance(found, np.ma.MaskedArray)
+    assert found.dtype == expected.dtype
+    same(np.ma.getmaskarray(found), np.ma.getmaskarray(expected))
+    same(found.data, expected.data)
+
+
+def test_a_masked_lazy_data_array_has_nan_where_it_was_masked():
+    xr = pytest.importorskip("xarray")
+    z, gone = heights(), np.random.default_rng(6).random((H, W)) < 0.1
+    dims = ("y", "x")
+    whole = meshflow.smooth(xr.DataArray(np.ma.masked_array(z, mask=gone), dims=dims), **FIXED)
+    done = meshflow.smooth(xr.DataArray(da.ma.masked_array(da.from_array(z, 30), mask=gone), dims=dims), **FIXED)
+    assert np.isnan(done.values[gone]).all()
+    same(done.values, whole.values)
+
+
 @pytest.mark.parametrize(
     ("options", "why"),
     [

@@ -163,6 +163,7 @@ def moved(
     """
     import dask
     import dask.array as da
+    from dask.array.utils import meta_from_array
 
     values, axes = grid.values, len(grid.form.shape)
     bound = dask.delayed(bound_by)(of_all[0], local)  # type: ignore[attr-defined]
@@ -186,7 +187,7 @@ def moved(
             concatenate=True,
             new_axes=None if last else {"m": len(after) * (grid.form.channels or 1)},
             adjust_chunks=dict(zip(LETTERS[:axes], values.chunks, strict=False)),
-            meta=np.zeros((0,) * len(index), values.dtype),
+            meta=meta_from_array(values, ndim=len(index)) if last else np.zeros((0,) * len(index), values.dtype),
             task=task,
             bound=bound,
             step=Step(leg, names, after),

@@ -24,11 +24,15 @@ __all__ = ["Step", "Task", "bound_by", "counted_chunk", "gone_in", "smoothed_chu
 def gone_in(values: Array, declared: tuple[Any, ...], missing: Array | None, axes: int) -> Array:
     """Missing samples of a chunk.
 
+    :param values: also masked ones (numpy.ma).
     :param axes: of the samples, 2 or 3; one more of the values is that of their channels.
     """
-    gone = ~np.isfinite(values)
+    numbers = np.ma.getdata(values)
+    gone = ~np.isfinite(numbers)
+    if isinstance(values, np.ma.MaskedArray):
+        gone |= np.ma.getmaskarray(values)
     for value in declared:
-        gone |= values == values.dtype.type(value)
+        gone |= numbers == numbers.dtype.type(value)
     gone = gone if gone.ndim == axes else np.logical_or.reduce(gone, axis=axes)
     return gone if missing is None else gone | missing
 
@@ -66,7 +70,7 @@ class Task:
         own = dict(zip(self.names, parts, strict=True))
         values = own.pop("values")
         missing = gone_in(values, self.declared, own.pop("missing", None), len(self.chunks))
-        return values, missing, replace(self.free, **own)
+        return np.ma.getdata(values), missing, replace(self.free, **own)
 
 
 @dataclass(frozen=True)
@@ -120,12 +124,22 @@ def smoothed_chunk(
     with compute.running():
         taken = task.taken(parts[axes : axes + given])
         if not step.after:
-            return bound.moved(windows, *taken, begun)
+            return _as_masked(parts[axes], within(*windows), bound.moved(windows, *taken, begun))
         held = bound.held(windows, *taken, begun)
     if not held:
         sides = tuple(part.stop - part.start for part in windows[0])
         return np.zeros((*sides, len(step.after) * (bound.local.form.channels or 1)), bound.local.form.dtype)
     return np.concatenate([held[name] for name in step.after], axis=-1)
+
+
+def _as_masked(given: Array, at: Window, values: Array) -> Array:
+    """Smoothed values with the mask of those that were given with a halo, if they had one.
+
+    :param at: where they are among these.
+    """
+    if not isinstance(given, np.ma.MaskedArray):
+        return values
+    return np.ma.MaskedArray(values, mask=np.ma.getmaskarray(given)[at])
 
 
 def counted_chunk(numbers: tuple[int, ...], *parts: Array, task: Task, local: Local) -> Counted:

@@ -127,7 +127,7 @@ def _lazy(data: object, options: ReadOptions) -> Lazy:
             f"an array of shape ({letters}) or ({letters}, k), at least {least} samples, expected, got {values.shape}"
         )
     dtype = real(np.zeros(1, values.dtype), "data").dtype
-    values = values.astype(dtype)
+    values = values.astype(dtype) if said is None else _filled(values.astype(dtype))
     if values.ndim > axes:
         values = values.rechunk({axes: -1})
     shape = values.shape[:axes]
@@ -142,6 +142,16 @@ def _lazy(data: object, options: ReadOptions) -> Lazy:
         if missing is None or is_mark
         else replace(grid, missing=_chunked_as(grid, missing, "missing").astype(bool))
     )
+
+
+def _filled(values: Chunked) -> Chunked:
+    """Values of a DataArray, which has no mask: what is masked is NaN, as it is where xarray takes a masked array."""
+    from dask.array.ma import filled
+    from dask.array.utils import meta_from_array
+
+    if not isinstance(meta_from_array(values), np.ma.MaskedArray):
+        return values
+    return filled(values, np.nan)
 
 
 def _chunked_as(grid: Lazy, given: Any, name: str) -> Chunked:
@@ -181,7 +191,7 @@ def _asked(grid: Lazy, request: Request, free: Constraints, sides: dict[str, Chu
     parts = _taken([grid.values, *([] if grid.missing is None else [grid.missing]), *sides.values()], places)
     values, missing = parts[0], parts[1] if grid.missing is not None else None
     gone = gone_in(values, grid.declared, missing, len(grid.form.shape))
-    sample = sample_from(grid.form, places, values, gone)
+    sample = sample_from(grid.form, places, np.ma.getdata(values), gone)
     own = dict(zip(sides, parts[len(parts) - len(sides) :], strict=True))
     return sample, replace(request, constraints=replace(free, **own))
 
@@ -203,7 +213,7 @@ def sample_of_chunked(data: object, options: ReadOptions, enough: int) -> tuple[
     places = places_in(grid.form, enough)
     parts = _taken([grid.values, *([] if grid.missing is None else [grid.missing])], places)
     gone = gone_in(parts[0], grid.declared, parts[1] if len(parts) > 1 else None, len(grid.form.shape))
-    return grid.form, sample_from(grid.form, places, parts[0], gone)
+    return grid.form, sample_from(grid.form, places, np.ma.getdata(parts[0]), gone)
 
 
 def _taken(arrays: list[Chunked], places: Places) -> list[Array]:
@@ -213,7 +223,7 @@ def _taken(arrays: list[Chunked], places: Places) -> list[Array]:
     if not places.is_whole:
         at = tuple(np.maximum(lines, 0) for lines in places.axes)
         arrays = [_cut(array, at) for array in arrays]
-    return [np.asarray(part) for part in dask.compute(*arrays)]  # type: ignore[attr-defined]
+    return [np.asanyarray(part) for part in dask.compute(*arrays)]  # type: ignore[attr-defined]
 
 
 def _cut(array: Chunked, at: tuple[Array, ...]) -> Chunked:
