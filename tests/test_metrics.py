@@ -7,6 +7,7 @@ from helpers import shapes
 from scipy.spatial import cKDTree
 
 from meshflow.errors import InputError
+from meshflow.evaluate import facts as module
 from meshflow.evaluate import metrics
 from meshflow.evaluate.facts import describe
 from meshflow.surfaces.camera import Pinhole
@@ -217,3 +218,18 @@ def test_facts_of_grids_name_size_spacing_and_what_is_missing():
     assert facts["missing"] == "1 of 20 samples (5.0%)"
     assert describe(RangeImage(np.ones((4, 5)), Pinhole(9, 9, 4, 4)))["kind"] == "range image"
     assert describe(Image(np.ones((4, 5, 3))))["channels"] == 3
+
+
+@pytest.mark.parametrize("k", [0, 2], ids=["heights", "image"])
+@pytest.mark.parametrize("at_once", [1, 40, 100])
+def test_the_facts_of_bands_of_rows_are_those_of_the_whole(k, at_once, monkeypatch):
+    rng = np.random.default_rng(0)
+    values, missing = rng.normal(size=(23, 11, k) if k else (23, 11)), rng.random((23, 11)) < 0.2
+    missing[9:14] = True
+    spacing = (np.linspace(1.0, 2.0, 23), 1.5)
+    data = Image(values, spacing, missing) if k else HeightField(values, spacing, missing)
+    whole = describe(data)
+    monkeypatch.setattr(module, "AT_ONCE", at_once)
+    parts = describe(data)
+    assert parts.pop("area") == pytest.approx(whole.pop("area"), rel=1e-12)
+    assert parts == whole

@@ -1,5 +1,7 @@
 """Facts about data: size, spacing, missing samples, area, quality of the triangles."""
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,9 @@ from meshflow.surfaces.tet_mesh import TetMesh
 from meshflow.surfaces.volume import Volume
 
 __all__ = ["describe"]
+
+# The number of samples whose triangles are looked at together.
+AT_ONCE = 1 << 19
 
 
 def describe(data: Data | Array) -> dict[str, Any]:
@@ -41,15 +46,73 @@ def describe(data: Data | Array) -> dict[str, Any]:
         return _of_volume(known)
     if isinstance(known, TetMesh):
         return _of_tetrahedra(known)
-    surface = known.lifted(Lift(diagonals="forward"))
-    faces = surface.triangulations[0]
-    facts = _of_mesh(known, faces) if isinstance(known, Mesh) else _of_grid(known)
-    if surface.charts:
-        forms, points = operator.forms(surface.charts[0]), surface.start
+    if isinstance(known, Mesh):
+        facts, triangles = _of_mesh(known, known.faces), _Triangles.of(known)
     else:
-        forms, points = None, surface.points
-    cot, area = operator.cotangents(points, faces, forms)
-    return facts | {"triangles": len(faces), "area": float(area.sum())} | _quality(cot, area)
+        facts, triangles = _of_grid(known), _Triangles.joined([_Triangles.of(part) for part in _bands(known)])
+    return facts | {"triangles": triangles.count, "area": triangles.area} | triangles.quality
+
+
+@dataclass(frozen=True)
+class _Triangles:
+    """What is told of triangles.
+
+    :ivar sound: those that have an area; ``smallest``: their smallest angles, degrees, float32.
+    """
+
+    count: int
+    area: float
+    sound: int
+    smallest: Array
+
+    @classmethod
+    def of(cls, data: Mesh | HeightField | Image | RangeImage) -> "_Triangles":
+        """Those of a surface."""
+        surface = data.lifted(Lift(diagonals="forward"))
+        faces = surface.triangulations[0]
+        if surface.charts:
+            forms, points = operator.forms(surface.charts[0]), surface.start
+        else:
+            forms, points = None, surface.points
+        cot, area = operator.cotangents(points, faces, forms)
+        sound = area > 0
+        smallest = np.degrees(np.arctan2(1.0, cot[sound].max(axis=1))) if sound.any() else np.zeros(0)
+        return cls(len(faces), float(area.sum()), int(sound.sum()), smallest.astype(np.float32))
+
+    @classmethod
+    def joined(cls, parts: "Sequence[_Triangles]") -> "_Triangles":
+        """All of them."""
+        smallest = np.concatenate([part.smallest for part in parts]) if parts else np.zeros(0, np.float32)
+        sums = [sum(getattr(part, name) for part in parts) for name in ("count", "area", "sound")]
+        return cls(int(sums[0]), float(sums[1]), int(sums[2]), smallest)
+
+    @property
+    def quality(self) -> dict[str, Any]:
+        """The number of degenerate triangles, and the smallest angles of the others."""
+        facts: dict[str, Any] = {"triangles without area": self.count - self.sound}
+        if self.smallest.size:
+            least, median = self.smallest.min(), np.median(self.smallest)
+            facts["smallest angle"] = f"{least:.3g} degrees (median of the triangles {median:.3g})"
+        return facts
+
+
+def _bands(data: HeightField | Image | RangeImage) -> Iterator[HeightField | Image | RangeImage]:
+    """Bands of rows of a grid, which have a row in common: the triangles of all take fifty times its memory."""
+    h, w = data.missing.shape
+    if isinstance(data, RangeImage) or data.missing.size <= AT_ONCE:
+        yield data
+        return
+    count = -(-(h - 1) // max(1, AT_ONCE // w))
+    ends = np.linspace(0, h - 1, count + 1).astype(int)
+    for top, bottom in zip(ends[:-1], ends[1:], strict=True):
+        rows, (dx, dy) = slice(top, bottom + 1), data.spacing
+        own = {"spacing": (dx if np.ndim(dx) == 0 else np.asarray(dx)[rows], dy), "missing": data.missing[rows]}
+        if data.missing[rows].all():
+            continue
+        if isinstance(data, HeightField):
+            yield HeightField(data.z[rows], **own)
+        else:
+            yield Image(data.values[rows], **own)
 
 
 def _of_grid(data: HeightField | Image | RangeImage) -> dict[str, Any]:
@@ -125,13 +188,3 @@ def _of_mesh(data: Mesh, faces: Array) -> dict[str, Any]:
         "boundary edges": len(boundary_edges(faces)),
         "non-manifold edges": int((uses > 2).sum()),
     }
-
-
-def _quality(cot: Array, area: Array) -> dict[str, Any]:
-    """The number of degenerate triangles, and the smallest angles of the others."""
-    sound = area > 0
-    smallest = np.degrees(np.arctan2(1.0, cot[sound].max(axis=1))) if sound.any() else np.zeros(0)
-    facts: dict[str, Any] = {"triangles without area": int((~sound).sum())}
-    if smallest.size:
-        facts["smallest angle"] = f"{smallest.min():.3g} degrees (median of the triangles {np.median(smallest):.3g})"
-    return facts
